@@ -1,6 +1,6 @@
 """The whole Pareto front of joint motions for a redundant arm.
 
-The public names stand in ``__init__.pyi``. Each is loaded when it is first used, so that ``import paretoik`` is quick.
+The public names are in ``__init__.pyi``. Each is loaded when it is first used, so that ``import paretoik`` is quick.
 """
 
 from typing import Any
@@ -17,6 +17,6 @@ def _keep_path(*arguments: Any, **named: Any) -> Any:
     return keep_path(*arguments, **named)
 
 
-_KEEPERS.append(_keep_path)  # a package that lies below ``api``
+_KEEPERS.append(_keep_path)  # its package is below ``api`` and cannot import it
 __version__ = "0.1.0"
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,6 +1,6 @@
-"""Array shapes, each named once, and arrays that are not written to.
+"""Array shapes, each with one name, and read-only arrays.
 
-The batch leads: ``*batch`` stands for any number of leading axes, none included. ``time`` counts samples, ``dof``
+The batch comes first: ``*batch`` is any number of leading axes, possibly zero. ``time`` counts samples, ``dof``
 joints, ``points`` the members of a front. ``Inexact`` shapes are real or complex: the robot kernels run on both.
 """
 
@@ -37,6 +37,6 @@ Points: TypeAlias = Float[np.ndarray, "points *point"]
 
 
 def read_only(array: np.ndarray) -> np.ndarray:
-    """Return an array, itself, that nobody can write to any more."""
+    """Return the same array, made read-only."""
     array.setflags(write=False)
     return array

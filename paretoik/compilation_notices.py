@@ -1,6 +1,6 @@
-"""Notices of what is about to be compiled and about how long that takes; numba is not needed to observe them.
+"""Notices of code that will be compiled and how long that takes; observers do not need numba.
 
-The clock that time limits go by stands still meanwhile: code is compiled once, and a limit is meant for any run.
+The clock of time limits stops meanwhile: code is compiled once, and a limit is meant for any run.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 
-SILENT = 1.0  # s: compilations that are estimated or seen to be shorter are not announced
+SILENT = 1.0  # s: shorter compilations, estimated or measured, are not announced
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,7 +30,7 @@ Observer = Callable[[CompilationNotice], object]
 
 
 def print_line(text: object) -> None:
-    """Print a line to stderr, where there is one that takes it: a full or closed one ends no computation."""
+    """Print a line to stderr, if it accepts text: a full or closed one ends no computation."""
     if sys.stderr is not None:
         with suppress(OSError, ValueError):
             print(text, file=sys.stderr, flush=True)
@@ -38,7 +38,7 @@ def print_line(text: object) -> None:
 
 @contextmanager
 def observe_compilation(observer: Observer) -> Iterator[None]:
-    """Let ``observer`` receive notices instead of ``print_line``, or of an observer before it."""
+    """Send notices to ``observer`` instead of ``print_line`` or a former observer."""
     _OBSERVERS.append(observer)
     try:
         yield
@@ -55,7 +55,7 @@ _OBSERVERS: list[Observer] = [print_line]
 
 
 _TIME: list[tuple[float, float | None]] = [(0.0, None)]
-"""Seconds of compilations that have ended, and when the present one began: both at once, as other threads read them."""
+"""Seconds of finished compilations, and the start of the present one: one pair, as other threads read both."""
 
 
 def begin_compilation() -> None:
@@ -66,13 +66,13 @@ def begin_compilation() -> None:
 
 
 def end_compilation() -> None:
-    """Let the clock go on, if a compilation is under way."""
+    """Start the clock again if a compilation is under way."""
     seconds, since = _TIME[0]
     if since is not None:
         _TIME[0] = seconds + time.monotonic() - since, None
 
 
 def computing_clock() -> float:
-    """Return a monotonic time [s] in which compilations of this process take none."""
+    """Return a monotonic time [s] without the compilations of this process."""
     seconds, since = _TIME[0]
     return (time.monotonic() if since is None else since) - seconds

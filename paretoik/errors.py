@@ -3,7 +3,7 @@
 ::
 
     ParetoikError
-    ├── InvalidInput (also ValueError)   what was given cannot be used           exit code 2
+    ├── InvalidInput (also ValueError)   an input cannot be used                 exit code 2
     │   ├── InvalidRobot                 a robot description with its faults
     │   ├── OutOfReach                   a path that the arm cannot follow
     │   └── InvalidRun                   a run folder that is damaged or not ours
@@ -11,7 +11,7 @@
     ├── EvaluationFailed                 no evaluation gave a usable number      exit code 4
     └── SolverFailed                     a solver ended without a solution       exit code 4
 
-Every message is one line: the name of the thing, what was wanted, what was found.
+Every message is one line: the name of the thing, what it must be, what it is.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ import sys
 import warnings
 from collections.abc import Sequence
 
-# Warnings to users, each at the line of theirs that led to it.
+# Warnings to users, each at the line of their code that led to it.
 
 
-BETWEEN = ("paretoik", "contextlib", "functools")  # modules whose frames are no user's
+BETWEEN = ("paretoik", "contextlib", "functools")  # modules whose frames are never a user's
 
 
 def warn_user(text: str) -> None:
-    """Warn with a RuntimeWarning, whose place is the innermost line outside of this package."""
+    """Warn with a RuntimeWarning at the innermost line outside of this package."""
     level, frame = 2, sys._getframe(1)
     while frame.f_back is not None and str(frame.f_globals.get("__name__")).partition(".")[0] in BETWEEN:
         level, frame = level + 1, frame.f_back
@@ -35,19 +35,19 @@ def warn_user(text: str) -> None:
 
 
 class ParetoikError(Exception):
-    """Base of everything that paretoik raises on purpose; ``partial`` is what a verb had found by then, if anything."""
+    """Base of every error that paretoik raises on purpose; ``partial`` is the result of a verb so far, if any."""
 
     partial: object = None
 
     exit_code = 1
 
     def __init__(self, message: str = "") -> None:
-        line = " ".join(message.split())  # what a foreign error says may have several lines, and bytes of a file
+        line = " ".join(message.split())  # a foreign error's text may have several lines, and bytes of a file
         super().__init__("".join(letter if letter.isprintable() else "?" for letter in line))
 
 
 class InvalidInput(ParetoikError, ValueError):  # noqa: N818  the name says what it is; "Error" would add nothing
-    """What was given cannot be used; nothing was computed."""
+    """An input cannot be used; nothing was computed."""
 
     exit_code = 2
 
@@ -61,7 +61,7 @@ class InvalidRobot(InvalidInput):
         count = "1 fault" if len(self.faults) == 1 else f"{len(self.faults)} faults"
         more = [f"and {len(self.faults) - listed} more"] if len(self.faults) > listed else []
         text = "; ".join([*self.faults[:listed], *more])
-        super().__init__(f"{source}: a robot without faults wanted, got {count}: {text}")
+        super().__init__(f"{source} must be a robot without faults, got {count}: {text}")
 
 
 class OutOfReach(InvalidInput):
@@ -79,7 +79,7 @@ class InvalidRun(InvalidInput):
 class Infeasible(ParetoikError):  # noqa: N818
     """No motion satisfies every limit.
 
-    ``motion`` is the least-violating one (None where not even the path could be followed), ``limit`` names the limit
+    ``motion`` is the least-violating one (None if not even the path could be followed), ``limit`` names the limit
     that binds and ``violation`` says by how much, as a share of that limit's range.
     """
 
@@ -101,6 +101,6 @@ class EvaluationFailed(ParetoikError):  # noqa: N818
 
 
 class SolverFailed(ParetoikError):  # noqa: N818
-    """A solver ended without a solution, although one may exist; the message names it and how it ended."""
+    """A solver ended without a solution, although one may exist; the message has its name and how it ended."""
 
     exit_code = 4

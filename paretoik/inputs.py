@@ -1,7 +1,7 @@
-"""What users give: numbers, sizes, arrays, text, names, paths, flags, functions; or refused by name, in one line.
+"""Checks of user input: numbers, sizes, arrays, text, names, paths, flags, functions; errors have names and one line.
 
-Every constructor and verb reads what it is given by the functions here. ``shown`` is how a refused value stands in a
-message, whatever its own text is.
+Every constructor and verb reads its input by these functions. ``shown`` is a refused value as a message shows it,
+whatever its own text is.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from paretoik.compilation_notices import computing_clock
 from paretoik.errors import EvaluationFailed, InvalidInput, ParetoikError, warn_user
 from paretoik.stop_flag import Interrupted
 
-# Functions of users, which may raise anything: what they raise becomes one line that names them.
+# Functions of users, which may raise anything: the error becomes one line with their name.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,7 +59,7 @@ CALLS = CallLimitOptions()
 
 
 def function_name(function: Callable[..., Any], nameless: str = "lambda") -> str:
-    """Return the name of a function, of a partial one that of the whole, and of another callable that of its class.
+    """Return a function's name; of a partial one that of the whole, of another callable that of its class.
 
     A lambda is called ``nameless``.
     """
@@ -71,9 +71,9 @@ def function_name(function: Callable[..., Any], nameless: str = "lambda") -> str
 
 @contextmanager
 def user_function(name: str, failure: type[ParetoikError] = EvaluationFailed) -> Iterator[None]:
-    """Call a user's function in the body: what it raises is raised as ``failure``, by ``name`` and with its cause.
+    """Call a user's function in the body: raise its errors as ``failure``, with ``name`` and their cause.
 
-    Our own errors and Ctrl-C pass; sys.exit and whatever else a user's code raises do not.
+    Our own errors and Ctrl-C pass; sys.exit and all other errors of a user's code do not.
     """
     try:
         yield
@@ -100,7 +100,7 @@ class CallLimit:
 
 
 class _Late(BaseException):
-    """Ends a call, also one that catches every Exception."""
+    """Ends a call, even one that catches every Exception."""
 
     def __init__(self, limit: CallLimit) -> None:
         self.limit = limit
@@ -166,7 +166,7 @@ def is_ctrl_c(error: BaseException) -> bool:
     code, trace = getattr(handler, "__code__", None), error.__traceback__
     while trace is not None and trace.tb_next is not None:
         trace = trace.tb_next
-        if code is not None and trace.tb_frame.f_code is code:  # a handler in Python, as asyncio has one
+        if code is not None and trace.tb_frame.f_code is code:  # a handler in Python, as in asyncio
             return True
     if isinstance(error, Interrupted) or not isinstance(error, KeyboardInterrupt) or trace is None:
         return isinstance(error, Interrupted)
@@ -182,43 +182,41 @@ def attribute_of(value: object, name: str, default: object = None) -> Any:
 
 
 def cause_of(error: BaseException, where: str = "") -> str:
-    """Return what was raised in one line: its type, ``where``, and its text if it has one."""
+    """Return an error in one line: its type, ``where``, and its text if it has one."""
     kind = f"{type(error).__name__}{where}"
     try:
         text = " ".join(str(error).split())
-    except BaseException:  # a user's exception may have a text that raises
+    except BaseException:  # the text of a user's exception may raise an error
         return kind
     return f"{kind}: {text}" if text else kind
 
 
 def warn_of_odd_objectives(names: Sequence[str], values: Objectives, again: Objectives) -> None:
-    """Warn of objectives that are the same for all arguments, or not the same for the same ones, and of duplicates.
+    """Warn of objectives that are constant, that differ for the same arguments, or that are duplicates.
 
-    ``values`` are in the user's own sign, ``again`` those of the first arguments computed once more.
+    ``values`` are in the user's own sign, ``again`` are those of the first arguments, computed once more.
     """
     for name, column, repeated in zip(names, values.T, again.T, strict=True):
         first = column[: len(repeated)]
         differ = ~np.isclose(first, repeated, rtol=GUARD_OPTIONS.rounding, atol=0, equal_nan=True)
         finite = column[np.isfinite(column)]
         if differ.any():
-            text = f"one value for one argument wanted, got {first[differ][0]:.6g} and then {repeated[differ][0]:.6g}"
-            text += ": what is found by it is a matter of chance"
+            text = f"must have one value for one argument, got {first[differ][0]:.6g} and then "
+            text += f"{repeated[differ][0]:.6g}: results that use it are random"
         elif len(finite) > 1 and np.ptp(finite) == 0:
-            text = (
-                f"different values wanted, got {finite[0]:.6g} for each of the first {len(finite)}: it may be constant"
-            )
+            text = f"must vary, got {finite[0]:.6g} for each of the first {len(finite)}: it may be constant"
         else:
             text = _duplicate(names, values, names.index(name))
         if text:
-            warn_user(f"objective {name}: {text}")
+            warn_user(f"objective {name} {text}")
 
 
 def _duplicate(names: Sequence[str], values: Objectives, column: int) -> str:
-    """Return which objective before one has its values, "" where none has."""
+    """Return which objective before one has the same values, "" if none."""
     finite = np.isfinite(values).all(axis=1)
     for before in range(column if finite.sum() > 1 else 0):
         if np.allclose(values[finite, before], values[finite, column], rtol=GUARD_OPTIONS.rounding, atol=0):
-            text = f"other values than those of {names[before]} wanted, got the same for each of the first"
+            text = f"must have other values than {names[before]}, got the same for each of the first"
             return f"{text} {finite.sum()}: it may be a duplicate"
     return ""
 
@@ -231,14 +229,15 @@ else:
 
 @dataclass(frozen=True, kw_only=True)
 class InputOptions:
-    """Sizes of what users give, and of what is shown of it.
+    """Sizes of user input, and of what messages show of it.
 
-    A count is at most ``largest_count``: more of anything does not fit any memory; a seed at most ``largest_seed``, as
-    large as NumPy draws them itself. A quantity in SI units is at most ``largest_quantity`` and, where it must be
-    positive, at least its inverse: squares and quotients of such are still numbers. A value is shown by at most so many
-    characters (``shown``), a list by at most so many ``items``. File systems take names of at most so many bytes
-    (``longest_name``). Angles of more than ``turned`` [rad], two turns, are probably degrees: no joint of a robot on
-    sale turns further; of more than ``largest_angle`` [rad] numbers no longer tell them apart to 1e-9 rad.
+    largest_count, largest_seed: larger counts do not fit any memory; NumPy itself draws seeds of this size
+    largest_quantity: of quantities in SI units; positive ones are at least its inverse, so that squares and quotients
+        remain finite
+    shown, items: most characters of a value and most items of a list in a message
+    longest_name: most bytes of a name that file systems accept
+    turned: larger angles [rad], more than two turns, are probably degrees: no joint of a robot on sale turns further
+    largest_angle: numbers cannot tell larger angles [rad] apart to 1e-9 rad
     """
 
     largest_count: int = 2**31 - 1
@@ -258,33 +257,33 @@ _REPR.maxlist = _REPR.maxtuple = _REPR.maxdict = _REPR.maxset = OPTIONS.items
 
 
 def shown(value: object) -> str:
-    """Return a value as an error shows it: its representation, short and on one line, whatever class it is of."""
+    """Return a value as an error shows it: its representation, short and on one line, for any class."""
     try:
         text = _REPR.repr(value)
-    except BaseException:  # such as an integer of more digits than Python writes, or an object whose text raises
+    except BaseException:  # an integer of more digits than Python writes, or an object whose text raises an error
         text = f"a {type(value).__name__}"
     return clipped(" ".join(text.split()))
 
 
 def clipped(text: str) -> str:
-    """Return a text as an error shows it: no more than its beginning where it is long."""
+    """Return a text as an error shows it: only its beginning if it is long."""
     return text if len(text) <= OPTIONS.shown else f"{text[: OPTIONS.shown]}..."
 
 
 def listed(names: Iterable[str]) -> str:
-    """Return names in a row, as many as a message has room for."""
+    """Return names in a row, as many as fit into a message."""
     every = list(names)
     more = len(every) - OPTIONS.items
     return ", ".join(every[: OPTIONS.items]) + (f" and {more} more" if more > 0 else "")
 
 
 def real_array(name: str, value: object) -> np.ndarray:
-    """Copy ``value`` into a new float array, or refuse by ``name`` what does not hold real numbers."""
+    """Return ``value`` as a new float array; raises InvalidInput, by ``name``, unless it has real numbers."""
     return _array(name, value, "iuf", "real numbers").astype(float)
 
 
 def integer_array(name: str, value: object) -> np.ndarray:
-    """Copy ``value`` into a new array of integers, or refuse by ``name`` what does not hold integers."""
+    """Return ``value`` as a new array of integers; raises InvalidInput, by ``name``, unless it has integers."""
     return _array(name, value, "iu", "integers").astype(np.int64)
 
 
@@ -304,7 +303,7 @@ def _array(name: str, value: object, kinds: str, wish: str) -> np.ndarray:
 
 
 def finite_array(name: str, value: object, shape: tuple[int, ...] | None = None) -> np.ndarray:
-    """Copy ``value`` into a new float array, or refuse by ``name`` what is not real, finite and of ``shape``."""
+    """Return ``value`` as a new float array; raises InvalidInput, by ``name``, unless it is finite and of ``shape``."""
     array = real_array(name, value)
     if shape is not None and array.shape != shape:
         raise InvalidInput(f"{name}: must have shape {shape}, got shape {array.shape}")
@@ -317,7 +316,7 @@ def finite_array(name: str, value: object, shape: tuple[int, ...] | None = None)
 
 
 def real_number(name: str, value: object) -> float:
-    """Return ``value`` as a float, or refuse by ``name`` what is not one number; infinite ones pass, NaN does not."""
+    """Return ``value`` as a float; raises InvalidInput, by ``name``, unless it is one number or infinite, not NaN."""
     array = real_array(name, value)
     if array.shape != () or np.isnan(array):
         fact = f"shape {array.shape}" if array.shape else "nan"
@@ -326,12 +325,12 @@ def real_number(name: str, value: object) -> float:
 
 
 def finite_number(name: str, value: object) -> float:
-    """Return ``value`` as a float, or refuse by ``name`` what is not one finite number."""
+    """Return ``value`` as a float; raises InvalidInput, by ``name``, unless it is one finite number."""
     return float(finite_array(name, value, shape=()))
 
 
 def positive_number(name: str, value: object, unit: str) -> float:
-    """Return ``value`` as a float; raises InvalidInput, by ``name``, where it is not positive."""
+    """Return ``value`` as a float; raises InvalidInput, by ``name``, unless it is positive."""
     number = finite_number(name, value)
     if number <= 0:
         raise InvalidInput(f"{name}: must be positive, got {number:g} {unit}")
@@ -340,56 +339,57 @@ def positive_number(name: str, value: object, unit: str) -> float:
 
 
 def check_magnitude(name: str, values: ArrayLike, unit: str, *, positive: bool = False) -> None:
-    """Raise InvalidInput, by ``name``, for quantities so large that squares of them overflow; infinite ones pass.
+    """Raise InvalidInput, by ``name``, for quantities whose squares overflow; infinite ones pass.
 
-    ``positive`` ones must not be so small either that their inverse is.
+    If they are ``positive``, their inverse must not be too large either.
     """
     sizes = np.abs(np.asarray(values, dtype=float))
     largest = float(np.max(sizes[np.isfinite(sizes)], initial=0.0))
     if largest > OPTIONS.largest_quantity:
-        raise InvalidInput(f"{name}: at most {OPTIONS.largest_quantity:g} {unit} wanted, got {largest:g} {unit}")
+        wish = f"at most {OPTIONS.largest_quantity:g} {unit}".rstrip()
+        raise InvalidInput(f"{name} must be {wish}, got {largest:g} {unit}")
     smallest = float(np.min(sizes, initial=np.inf))
     if positive and smallest < 1 / OPTIONS.largest_quantity:
-        wish = f"at least {1 / OPTIONS.largest_quantity:g} {unit}"
-        raise InvalidInput(f"{name}: {wish} wanted, got {smallest:g} {unit}")
+        wish = f"at least {1 / OPTIONS.largest_quantity:g} {unit}".rstrip()
+        raise InvalidInput(f"{name} must be {wish}, got {smallest:g} {unit}")
 
 
 def check_size(name: str, size: object, minimum: int) -> None:
-    """Raise InvalidInput unless ``size`` is an integer of at least ``minimum``, and none that no memory holds."""
+    """Raise InvalidInput unless ``size`` is an integer of at least ``minimum`` that fits some memory."""
     _check_integer(name, size, minimum, OPTIONS.largest_count)
 
 
 def check_count(name: str, count: object) -> None:
-    """Raise InvalidInput unless ``count`` is an integer of at least 1, or None, which leaves it open."""
+    """Raise InvalidInput unless ``count`` is an integer of at least 1, or None for an open count."""
     if count is not None:
         check_size(name, count, 1)
 
 
 def check_seed(name: str, seed: object) -> None:
-    """Raise InvalidInput unless ``seed`` is one for random numbers: an integer of at least 0 and at most 128 bits."""
+    """Raise InvalidInput unless ``seed`` is an integer of at least 0 and at most 128 bits."""
     _check_integer(name, seed, 0, OPTIONS.largest_seed)
 
 
 def is_integer(value: object) -> TypeGuard[SupportsInt]:
-    """Say whether a value is an integer, of Python or NumPy, and no truth value."""
+    """Return whether a value is an integer of Python or NumPy, and not a truth value."""
     return isinstance(value, Integral) and not isinstance(value, bool)
 
 
 def _check_integer(name: str, value: object, minimum: int, maximum: int) -> None:
     if not is_integer(value) or int(value) < minimum:
-        raise InvalidInput(f"{name}: an integer of at least {minimum} wanted, got {shown(value)}")
+        raise InvalidInput(f"{name} must be an integer of at least {minimum}, got {shown(value)}")
     if int(value) > maximum:
-        raise InvalidInput(f"{name}: an integer of at most {maximum} wanted, got {shown(value)}")
+        raise InvalidInput(f"{name} must be an integer of at most {maximum}, got {shown(value)}")
 
 
 def likely_spelling(name: object, names: Iterable[str]) -> str:
-    """Return a question for the one of ``names`` that is spelt much like ``name``; "" where none is."""
+    """Return a question for the one of ``names`` whose spelling is close to ``name``; "" without one."""
     near = get_close_matches(name, list(names), n=1) if isinstance(name, str) else []
     return f"; did you mean {near[0]!r}?" if near else ""
 
 
 def degrees_hint(angles: ArrayLike) -> str:
-    """Return that radians are wanted, where the largest of ``angles`` [rad] is more than two turns; else ""."""
+    """Return a hint to use radians if the largest of ``angles`` [rad] is more than two turns; else ""."""
     sizes = np.abs(np.asarray(angles, dtype=float))
     largest = float(np.max(sizes[np.isfinite(sizes)], initial=0.0))
     if largest <= OPTIONS.turned:
@@ -398,16 +398,16 @@ def degrees_hint(angles: ArrayLike) -> str:
 
 
 def check_angles(name: str, angles: ArrayLike) -> None:
-    """Warn, by ``name``, of angles [rad] that are probably degrees; raise InvalidInput for those too large for any."""
+    """Warn, by ``name``, of angles [rad] that are probably degrees; raise InvalidInput for too large ones."""
     largest = float(np.abs(np.asarray(angles, dtype=float)).max(initial=0.0))
     if largest > OPTIONS.largest_angle:
-        raise InvalidInput(f"{name}: angles of at most {OPTIONS.largest_angle:g} rad wanted, got {largest:g}")
+        raise InvalidInput(f"{name} must be angles of at most {OPTIONS.largest_angle:g} rad, got {largest:g}")
     if hint := degrees_hint(angles):
         warn_user(f"{name}: {hint}")
 
 
 def file_path(name: str, value: object) -> Path:
-    """Return ``value`` as a path, or refuse by ``name`` what is none that a file system can have."""
+    """Return ``value`` as a path; raises InvalidInput, by ``name``, unless a file system can have it."""
     try:
         path = os.fspath(value) if isinstance(value, str | PathLike) else None
         parts = os.fsencode(path).split(os.fsencode(os.sep)) if isinstance(path, str) else []
@@ -415,25 +415,25 @@ def file_path(name: str, value: object) -> Path:
             return Path(path)
     except Exception:  # text that has no bytes, or a foreign path
         pass
-    raise InvalidInput(f"{name}: a path wanted, got {shown(value)}")
+    raise InvalidInput(f"{name} must be a path, got {shown(value)}")
 
 
 def check_flag(name: str, value: object) -> None:
     """Raise InvalidInput unless ``value`` is True or False."""
     if not isinstance(value, bool | np.bool_):
-        raise InvalidInput(f"{name}: True or False wanted, got {shown(value)}")
+        raise InvalidInput(f"{name} must be True or False, got {shown(value)}")
 
 
 def check_function(name: str, value: object) -> None:
     """Raise InvalidInput unless ``value`` is a function or None."""
     if value is not None and not callable(value):
-        raise InvalidInput(f"{name}: a function wanted, got {shown(value)}")
+        raise InvalidInput(f"{name} must be a function, got {shown(value)}")
 
 
 def check_text(name: str, value: object) -> None:
-    """Raise InvalidInput unless ``value`` is text on one line, as tables and files can hold it."""
+    """Raise InvalidInput unless ``value`` is text on one line, as tables and files need it."""
     if not isinstance(value, str) or not value.isprintable():
-        raise InvalidInput(f"{name}: printable text wanted, got {shown(value)}")
+        raise InvalidInput(f"{name} must be printable text, got {shown(value)}")
 
 
 def check_choice(name: str, value: object, choices: Iterable[object]) -> None:
@@ -448,54 +448,54 @@ def check_choice(name: str, value: object, choices: Iterable[object]) -> None:
 def check_instance(
     name: str, value: object, kind: type | UnionType | tuple[type, ...], wish: str, *, example: str = ""
 ) -> None:
-    """Raise InvalidInput unless ``value`` is of a ``kind``; ``wish`` says what is wanted, with an ``example``."""
+    """Raise InvalidInput unless ``value`` is of a ``kind``; ``wish`` is its name, with an ``example``."""
     if not isinstance(value, kind):
-        raise InvalidInput(f"{name}: {wish} wanted{_such_as(example)}, got {shown(value)}")
+        raise InvalidInput(f"{name} must be {wish}{_such_as(example)}, got {shown(value)}")
 
 
 def read_list(name: str, value: object, kind: type | UnionType | tuple[type, ...], wish: str) -> tuple[Any, ...]:
     """Return the items, of a ``kind``, of a list or the like; raises InvalidInput, by ``name``, for others.
 
-    Generators are refused: they have their items only once.
+    Generators are refused: they give their items only once.
     """
-    refusal = InvalidInput(f"{name}: {wish} wanted, got {shown(value)}")
+    refusal = InvalidInput(f"{name} must be {wish}, got {shown(value)}")
     if isinstance(value, str | bytes | Mapping | Iterator):
         raise refusal
     try:
         items: tuple[Any, ...] = tuple(value)  # type: ignore[arg-type]
-    except Exception:  # whatever it says that it is, it is no list
+    except Exception:  # in spite of its type, it is no list
         raise refusal from None
     for place, item in enumerate(items):
         if not isinstance(item, kind):
-            raise InvalidInput(f"{name}: {wish} wanted, got {shown(item)} at index {place}")
+            raise InvalidInput(f"{name} must be {wish}, got {shown(item)} at index {place}")
     return items
 
 
 def check_mapping(name: str, value: object, wish: str, *, example: str = "") -> None:
-    """Raise InvalidInput unless ``value`` is a mapping whose keys are text; ``wish`` says of what."""
+    """Raise InvalidInput unless ``value`` is a mapping with text as keys; ``wish`` names its content."""
     if not isinstance(value, Mapping):
-        raise InvalidInput(f"{name}: {wish} wanted{_such_as(example)}, got {shown(value)}")
+        raise InvalidInput(f"{name} must be {wish}{_such_as(example)}, got {shown(value)}")
     strange = [key for key in value if not isinstance(key, str)]
     if strange:
-        raise InvalidInput(f"{name}: {wish} wanted{_such_as(example)}, got the key {shown(strange[0])}")
+        raise InvalidInput(f"{name} must be {wish}{_such_as(example)}, got the key {shown(strange[0])}")
 
 
 def _such_as(example: str) -> str:
     return f", such as {example}" if example else ""
 
 
-# How users call: a name that no argument has, one too many or one too few, is refused in one line.
+# Calls by users: an unknown, missing or extra argument is refused in one line.
 #
-# Python's own TypeError says less, and a name spelt almost right is told the right one.
+# Python's own TypeError says less; here the message also suggests the right name for a misspelt one.
 
 
 Callee = TypeVar("Callee", bound=Callable[..., Any])
 
 
 def check_call(callee: Callee) -> Callee:
-    """Let a function, or the constructor and the public methods of a class, refuse calls that do not fit its signature.
+    """Return a function, or a class with its public methods, that refuses calls that do not fit its signature.
 
-    What is called raises InvalidInput then, before anything is done; a call that fits costs nothing more.
+    These calls raise InvalidInput before anything is done; a call that fits costs nothing more.
     """
     if not inspect.isclass(callee):
         return _checked(callee)  # type: ignore[return-value]
@@ -516,7 +516,7 @@ def _checked(function: Callable[..., Any]) -> Callable[..., Any]:
             return function(*arguments, **named)
         except TypeError:
             fault = _fault(function, arguments, named)
-            if not fault:  # it is the function's own
+            if not fault:  # the function itself raised it
                 raise
         raise InvalidInput(f"{function.__qualname__.removesuffix('.__init__')}: {fault}")
 
@@ -524,7 +524,7 @@ def _checked(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _fault(function: Callable[..., Any], arguments: tuple[Any, ...], named: Mapping[str, Any]) -> str:
-    """Return what does not fit a signature, "" where all of it does."""
+    """Return what does not fit a signature, "" if the call fits."""
     signature = inspect.signature(function)
     parameters = signature.parameters.values()
     try:
@@ -537,15 +537,15 @@ def _fault(function: Callable[..., Any], arguments: tuple[Any, ...], named: Mapp
     names = [name for name in names if name not in ("self", "cls")]
     if not any(each.kind is each.VAR_KEYWORD for each in parameters):
         for name in named.keys() - set(names):
-            return f"{_wish(names)} wanted, got {shown(name)}{likely_spelling(name, names)}"
+            return f"{_wish(names)}, got {shown(name)}{likely_spelling(name, names)}"
     positional = [each for each in parameters if each.kind in (each.POSITIONAL_ONLY, each.POSITIONAL_OR_KEYWORD)]
     own = sum(each.name in ("self", "cls") for each in positional[:1])
     if len(arguments) > len(positional) and not any(each.kind is each.VAR_POSITIONAL for each in parameters):
-        wish = f"no more than {len(positional) - own} by place" if len(positional) > own else "arguments by name"
-        return f"{wish} wanted, got {len(arguments) - own} by place"
+        wish = f"at most {len(positional) - own} by place" if len(positional) > own else "all by name"
+        return f"arguments must be {wish}, got {len(arguments) - own} by place"
     for each in positional[: len(arguments)]:
         if each.name in named:
-            return f"{each.name} wanted once, got it by place and by name"
+            return f"{each.name} must be given once, got it by place and by name"
     missing = [
         each.name
         for each in parameters
@@ -554,9 +554,9 @@ def _fault(function: Callable[..., Any], arguments: tuple[Any, ...], named: Mapp
         and each.name not in named
         and each.kind not in (each.VAR_POSITIONAL, each.VAR_KEYWORD)
     ]
-    return f"{listed(missing)} wanted, got none"
+    return f"{listed(missing)} must be given, got none"
 
 
 def _wish(names: Iterable[str]) -> str:
     every = list(names)
-    return f"arguments among {listed(every)}" if every else "no arguments"
+    return f"arguments must be among {listed(every)}" if every else "arguments must be none"

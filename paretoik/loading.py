@@ -1,4 +1,4 @@
-"""Opening a user's problem: 'problems/tringali_2020.py:energy_torque' → the object."""
+"""Opens a user's problem: 'problems/tringali_2020.py:energy_torque' → the object."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ LONGEST = 200  # characters of a reference that is shown whole
 
 
 def load_problem(reference: str) -> Any:
-    """Return the pymoo problem, or closed loop, that ``file.py:name`` or ``package.module:name`` stands for.
+    """Return the pymoo problem, or closed loop, of ``file.py:name`` or ``package.module:name``.
 
     For a file the folders with an ``__init__.py`` above it are its package. The folder that has the package, or the
-    current one for a module, goes *last* on sys.path, so that no file in it stands in for a module of Python or of a
-    library. A name that is not a problem is called if it is a function that the file defines, or one, or a class, that
-    says that it makes one, without arguments; what paretoik raises then passes through. Nothing else is called.
+    current one for a module, goes *last* on sys.path, so that no file in it replaces a module of Python or of a
+    library. A name that is not a problem is called without arguments if it is a function that the file defines, or a
+    function or class that says that it makes a problem; errors of paretoik then pass through. Nothing else is called.
 
     Raises InvalidInput if the file, the module or the name is missing, loading fails, or the name is no problem's.
     """
@@ -33,50 +33,50 @@ def load_problem(reference: str) -> Any:
     if not place or not name:
         file = [Path(reference)] if str(reference).endswith(".py") else []
         raise InvalidInput(
-            f"problem: wanted FILE.py:NAME or package.module:NAME, got {shown(reference)} "
+            f"problem must be FILE.py:NAME or package.module:NAME, got {shown(reference)} "
             f"({shell_command('paretoik', 'list', *file)} shows names)"
         )
     module = _import_module(place)
     value = attribute_of(module, name)
     if value is None:
-        raise InvalidInput(f"problem {_quoted(reference)}: wanted {_wish_and_fact(module, place, name)}")
+        raise InvalidInput(f"problem {_quoted(reference)} must be {_wish_and_fact(module, place, name)}")
     problem = _call(value, module, reference) if _is_factory(value, module) else value
     if not _is_problem(problem):
         raise InvalidInput(
-            f"problem {_quoted(reference)}: wanted a pymoo problem or a function that returns one, got {shown(problem)}"
+            f"problem {_quoted(reference)} must be a pymoo problem or a function that returns one, got {shown(problem)}"
         )
     return problem
 
 
 def load_value(what: str, reference: str) -> Any:
-    """Return the value that ``file.py:name`` or ``package.module:name`` stands for; nothing is called.
+    """Return the value of ``file.py:name`` or ``package.module:name``; nothing is called.
 
-    Raises InvalidInput, by ``what`` it is, where the file, the module or the name is missing, or loading fails.
+    Raises InvalidInput, with ``what`` as its name, if the file, the module or the name is missing, or loading fails.
     """
     place, _, name = reference.rpartition(":")
     module = _import_module(place, what)
     if not hasattr(module, name):
         names = [each for each in vars(module) if not each.startswith("_")]
         raise InvalidInput(
-            f"{what} {_quoted(reference)}: wanted a name of {place}, got {shown(name)}{likely_spelling(name, names)}"
+            f"{what} {_quoted(reference)} must be a name of {place}, got {shown(name)}{likely_spelling(name, names)}"
         )
     return getattr(module, name)
 
 
 def problems_in(place: str) -> dict[str, str]:
-    """Return the problems that a module or file offers, with the first line of each one's documentation.
+    """Return the problems that a module or file offers, each with the first line of its documentation.
 
     A problem is a pymoo problem, or a function without required arguments that is annotated to return one. Raises
-    InvalidInput where the module cannot be loaded.
+    InvalidInput if the module cannot be loaded.
     """
     offers = _offers(_import_module(place))
     return {name: (inspect.getdoc(value) or "").partition("\n")[0] for name, value in offers.items()}
 
 
 def unannotated_in(place: str) -> list[str]:
-    """Return names of functions that may make problems, but do not say so: without required arguments or annotation.
+    """Return names of functions that may make problems: without required arguments and without annotation.
 
-    Raises InvalidInput where the module or file cannot be loaded.
+    Raises InvalidInput if the module or file cannot be loaded.
     """
     return _unannotated(_import_module(place))
 
@@ -86,10 +86,10 @@ def _import_module(place: str, what: str = "problem") -> ModuleType:
     root, dotted = Path.cwd(), place
     if path.suffix == ".py":
         if not path.is_file():
-            raise InvalidInput(f"{what} file {place}: wanted a file, got {missing_file(path)}")
+            raise InvalidInput(f"{what} file {place} must be a file, got {missing_file(path)}")
         root, dotted = _root_and_name(path.resolve())
     elif not all(part.isidentifier() for part in dotted.split(".")):
-        raise InvalidInput(f"{what} file: wanted FILE.py or package.module, got {shown(place)}")
+        raise InvalidInput(f"{what} file must be FILE.py or package.module, got {shown(place)}")
     if str(root) not in sys.path:
         sys.path.append(str(root))
     importlib.invalidate_caches()
@@ -105,14 +105,14 @@ def _import_module(place: str, what: str = "problem") -> ModuleType:
         if dotted == missing or dotted.startswith(f"{missing}."):
             hint = likely_spelling(missing, [file.stem for file in root.glob("*.py")])
             raise InvalidInput(
-                f"module {shown(dotted)}: wanted FILE.py or a module, got no module {shown(missing)}{hint}"
+                f"module {shown(dotted)} must be FILE.py or a module, got no module {shown(missing)}{hint}"
             ) from error
-        raise InvalidInput(f"{what} file {place}: wanted to load it, got no module {missing!r} installed") from error
+        raise InvalidInput(f"{what} file {place} must load, got no module {missing!r} installed") from error
     except BaseException as error:  # a user's file may raise anything
         if is_ctrl_c(error):
             raise
         file = str(path.resolve()) if path.suffix == ".py" else None
-        raise InvalidInput(f"{what} file {place}: wanted to load it, got {_summary(error, file)}") from error
+        raise InvalidInput(f"{what} file {place} must load, got {_summary(error, file)}") from error
 
 
 def _root_and_name(path: Path) -> tuple[Path, str]:
@@ -124,22 +124,22 @@ def _root_and_name(path: Path) -> tuple[Path, str]:
 
 
 def _quoted(reference: str) -> str:
-    """Return a reference as an error shows it: whole where it has the length of a path, as it may be typed again."""
+    """Return a reference as an error shows it: whole if it is as short as a path, so that it can be typed again."""
     quoted = repr(reference)
     return quoted if len(quoted) <= LONGEST else shown(reference)
 
 
 def _import_package(root: Path, name: str) -> None:
-    """Import the module or package of a name from a folder, whatever else on sys.path has that name."""
+    """Import the module or package of a name from a folder, even if others on sys.path have that name."""
     folder, file = root / name, root / f"{name}.py"
     source, places = (folder / "__init__.py", [str(folder)]) if (folder / "__init__.py").is_file() else (file, None)
     if name in sys.stdlib_module_names:
-        raise InvalidInput(f"{source}: wanted a name that no module of Python has, got {name!r}; rename yours")
+        raise InvalidInput(f"{source} must have a name that no module of Python has, got {name!r}; rename yours")
     if name in sys.modules:
         imported = getattr(sys.modules[name], "__file__", None)
         if imported is None or Path(imported).resolve() != source:
             raise InvalidInput(
-                f"package {name!r}: wanted the one in {root}, got one already imported from "
+                f"package {name!r} must be the one in {root}, got one already imported from "
                 f"{imported or 'elsewhere'}; rename yours"
             )
         return
@@ -155,7 +155,7 @@ def _import_package(root: Path, name: str) -> None:
 
 
 def _wish_and_fact(module: ModuleType, place: str, name: str) -> str:
-    """Return what a file has in place of a name that it has not: its problems, and functions that may make some."""
+    """Return the problems of a file without the given name, and the functions that may make some, as words."""
     offered, others = list(_offers(module)), _unannotated(module)
     names = [listed(offered)] if offered else []
     names += [f"perhaps {listed(others)} (no return annotation)"] if others else []
@@ -179,7 +179,7 @@ def _unannotated(module: ModuleType) -> list[str]:
 
 
 def _is_factory(value: object, module: ModuleType) -> bool:
-    """Return whether a value may be called for a problem: the file's own function, or what says that it makes one."""
+    """Return whether a call may give a problem: of a problem class, the file's own function, or an annotated one."""
     if inspect.isclass(value):
         return hasattr(value, "evaluate")
     function = _function_of(value)
@@ -187,7 +187,7 @@ def _is_factory(value: object, module: ModuleType) -> bool:
 
 
 def _function_of(value: object) -> Callable[..., Any] | None:
-    """Return the function that a value is or, by its own account, wraps; None for anything else."""
+    """Return the function that a value is or says that it wraps; None for other values."""
     if not callable(value):
         return None
     try:
@@ -204,13 +204,13 @@ def _makes_problem(value: object, module: ModuleType) -> bool:
 def _returns_problem(value: Callable[..., Any]) -> bool:
     try:
         returned = inspect.signature(value, eval_str=True).return_annotation
-    except Exception:  # an annotation that means nothing outside a type checker
+    except Exception:  # an annotation that only a type checker understands
         return False
     return inspect.isclass(returned) and hasattr(returned, "evaluate")
 
 
 def _is_own_factory(value: object, module: ModuleType) -> TypeGuard[Callable[..., Any]]:
-    """Return whether a value is a function that the module defines and that can be called without arguments."""
+    """Return whether a value is a function of the module that can be called without arguments."""
     function = _function_of(value)
     return function is not None and function.__module__ == module.__name__ and not _required_arguments(value)
 
@@ -219,7 +219,7 @@ def _call(function: Any, module: ModuleType, reference: str) -> Any:
     required = _required_arguments(function)
     if required:
         raise InvalidInput(
-            f"problem {_quoted(reference)}: wanted a function without arguments, got one that needs "
+            f"problem {_quoted(reference)} must be a function without arguments, got one that needs "
             f"{', '.join(required)}"
         )
     try:
@@ -231,7 +231,7 @@ def _call(function: Any, module: ModuleType, reference: str) -> Any:
         if is_ctrl_c(error):
             raise
         summary = _summary(error, getattr(module, "__file__", None))
-        raise InvalidInput(f"problem {_quoted(reference)}: wanted to build it, got {summary}") from error
+        raise InvalidInput(f"problem {_quoted(reference)} must be built without error, got {summary}") from error
 
 
 def _required_arguments(function: Any) -> list[str]:

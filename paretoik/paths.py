@@ -1,4 +1,4 @@
-"""What a message says where a path leads to no file: what is missing of it, and which name near by may be meant."""
+"""Messages about a path without a file: the part that is missing, and a similar name that may be meant."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from string import ascii_letters, digits
 
 from paretoik.inputs import likely_spelling
 
-# Commands as they are printed: whoever pastes one into a shell runs just that, whatever its files are called.
+# Printed commands: a user who pastes one into a shell runs exactly that, even if names have special characters.
 
 
 PLAIN = f"{ascii_letters}{digits} /._,=:+@"
@@ -23,7 +23,7 @@ PLAIN = f"{ascii_letters}{digits} /._,=:+@"
 def shell_command(*words: str | PurePath) -> str:
     r"""Return a command in a line, quoted for POSIX shells; a path is never taken for an option.
 
-    What no line, or not this terminal, can hold is written by `printf` in octal.
+    Characters that a line, or this terminal, cannot show are written by `printf` in octal.
 
     >>> print(shell_command("paretoik", "show", PurePath("-x y")))
     paretoik show './-x y'
@@ -36,7 +36,7 @@ def shell_command(*words: str | PurePath) -> str:
 def _path_text(path: PurePath) -> str:
     text = str(path)
     text = f"./{text}" if text.startswith("-") else text
-    return f"{text}/" if text.endswith("\n") else text  # substituted output loses the newlines at its end
+    return f"{text}/" if text.endswith("\n") else text  # a shell drops newlines at the end of substituted output
 
 
 def _quoted(word: str) -> str:
@@ -44,7 +44,7 @@ def _quoted(word: str) -> str:
 
 
 def _can_be_printed(word: str) -> bool:
-    """Say whether both stdout and stderr have the letters of a word: where a command goes is not known here."""
+    """Return whether stdout and stderr can both show a word: either may print the command."""
     try:
         for stream in (sys.stdout, sys.stderr):
             word.encode(getattr(stream, "encoding", None) or "utf-8")
@@ -61,9 +61,10 @@ def _octal(word: str) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class MissingFileOptions:
-    """Of a folder at most so many ``entries`` are looked at for a name like the one that is missing.
+    """Limits of the search for a missing file.
 
-    The missing part of a path is named where that takes no more than ``longest`` characters.
+    entries: most entries of a folder that are compared with the missing name
+    longest: most characters of a missing part that a message shows
     """
 
     entries: int = 1000
@@ -74,16 +75,16 @@ OPTIONS = MissingFileOptions()
 
 
 def missing_file(path: Path) -> str:
-    """Return in words why there is no plain file at a path: the first part of it that is not there, or what is.
+    """Return in words why there is no plain file at a path: its first missing part, or what is there instead.
 
-    A relative path is looked for in the current folder, which is named. A question names what is spelt much like the
-    missing part in the same folder, not by its ending alone: of a file another file, of a folder another folder.
+    A relative path is searched in the current folder, whose name is shown. A question suggests a similar name in the
+    same folder, similar in more than its ending: a file for a file, a folder for a folder.
     """
     try:
         os.lstat(path)
     except (FileNotFoundError, NotADirectoryError):
         return _missing_part(path)
-    except (OSError, ValueError) as fault:  # too long, not to be looked into, with characters that no path has
+    except (OSError, ValueError) as fault:  # too long, not readable, or with characters that no path has
         return f"a path that cannot be followed, {getattr(fault, 'strerror', None) or fault}"
     return _kind(path)
 
@@ -114,7 +115,7 @@ def _is_short(path: Path) -> bool:
 
 
 def _names(folder: Path, *, folders: bool) -> list[str]:
-    """Return the names of a folder's files, or of its folders; none where nobody may look into it."""
+    """Return the names of a folder's files, or of its folders; none if it cannot be read."""
     with suppress(OSError), os.scandir(folder) as entries:
         return [each.name for each in islice(entries, OPTIONS.entries) if each.is_dir() == folders]
     return []

@@ -1,7 +1,7 @@
-"""Whether a signal asked the verb under way to stop: whatever takes long looks here, compiled code included.
+"""Tells whether a signal asked the verb under way to stop; long computations check it, compiled code included.
 
-``execution.interrupts`` sets it while a verb runs. Solvers then end with the iteration under way and raise
-``Interrupted``; a verb that has something done by then returns that.
+``execution.interrupts`` sets it while a verb runs. Solvers then end with the present iteration and raise
+``Interrupted``; a verb that has results by then returns them.
 """
 
 from __future__ import annotations
@@ -12,14 +12,14 @@ import numpy as np
 
 # Number of the signal, 0 without one; an array, so that compiled code sees it change.
 STOP = np.zeros(1, dtype=np.int64)
-watched = False  # whether a signal sets it at once, while compiled code runs in the main thread too
+watched = False  # whether a signal sets it at once, even while compiled code runs in the main thread
 
 
 class Interrupted(KeyboardInterrupt):
     """A signal came.
 
-    ``partial`` is what a solver had by then, if anything, ``reason`` which limits did not hold yet, of which
-    least-violating ``motion``.
+    ``partial`` is the result of a solver so far, if any, ``reason`` names the limits that are not satisfied yet, and
+    ``motion`` is the least-violating motion.
     """
 
     def __init__(self, partial: Any = None, reason: str = "") -> None:
@@ -29,6 +29,6 @@ class Interrupted(KeyboardInterrupt):
 
 
 def check_interruption() -> None:
-    """Raise Interrupted where a signal came."""
+    """Raise Interrupted if a signal came."""
     if STOP[0]:
         raise Interrupted

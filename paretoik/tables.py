@@ -16,9 +16,9 @@ Rows = Sequence[Sequence[str]]
 
 @dataclass(frozen=True, kw_only=True)
 class ScreenOptions:
-    """What is shown of an item: so many ``lines`` of so many characters, ``width``.
+    """How much is shown of an item: ``lines`` of ``width`` characters.
 
-    Of a field at most ``value`` characters, of an array at most so many ``numbers``, of longer ones the range.
+    A field shows at most ``value`` characters, an array at most ``numbers`` numbers, a longer array its range.
     """
 
     lines: int = 25
@@ -56,7 +56,7 @@ def html_text(text: str) -> str:
 
 
 def html_representation(item: object) -> str:
-    """Return what a notebook shows of an item: its text."""
+    """Return an item's text as a notebook shows it."""
     return html_text(repr(item))
 
 
@@ -98,14 +98,14 @@ def field_representation(item: object) -> str:
 
 
 def _fields(item: Any) -> dict[str, Any]:
-    """Return the fields of a dataclass that do not have their defaults, or all of a named tuple."""
+    """Return the fields of a dataclass that differ from their defaults, or all of a named tuple."""
     if not is_dataclass(item):
         return dict(item._asdict())
     return {each.name: value for each in fields(item) if not _is_default(each, value := getattr(item, each.name))}
 
 
 def _is_default(field: Field[Any], value: object) -> bool:
-    """Say whether a field has the default of its class; one that is made anew each time is told where it is empty."""
+    """Return whether a field has the default of its class; for a default made per object, whether it is empty."""
     if field.default is not MISSING:
         return value is field.default or (isinstance(value, int | float | str) and value == field.default)
     return field.default_factory is not MISSING and not (isinstance(value, np.ndarray) or value)
@@ -120,7 +120,7 @@ def _brief(value: object) -> str:
     text = repr(value)
     if "\n" not in text and len(text) <= SCREEN.value and "array(" not in text:
         return text
-    if is_dataclass(value) and "array(" in text:  # one that has no text of its own
+    if is_dataclass(value) and "array(" in text:  # a class without its own text
         return type(value).__name__
     if isinstance(value, Sequence | Mapping) and not isinstance(value, str):
         return f"{len(value)} of {type(value).__name__}"
@@ -138,7 +138,7 @@ def _brief_array(array: np.ndarray) -> str:
 
 
 def _wrap(line: str, width: int) -> list[str]:
-    """Return a line in parts of at most ``width``; those after the first stand below its second column."""
+    """Return a line in parts of at most ``width``; parts after the first begin below its second column."""
     if len(line) <= width:
         return [line]
     label = re.match(r"\s*\S+\s{2,}|\s*", line)

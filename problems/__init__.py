@@ -1,1 +1,1 @@
-"""The papers' problems and a few real arms, ready to solve; learn here how to write yours."""
+"""The papers' problems and a few real arms, ready to solve; examples of how to write yours."""

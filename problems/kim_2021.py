@@ -1,6 +1,6 @@
 """Kim, Choi & Jang 2021: a planar arm driven at its joints (JAM) or by sliders along its links (DAM), under gravity.
 
-What the paper asks for one by one, the highest speed in each direction, and least time alone, is here as trade-offs:
+The paper finds the highest speed in each direction, and the least time, one by one. Here they are trade-offs:
 directions, power and force against each other in one posture, time against energy from point to point. Masses, the
 base's angle and the way joints bend are assumptions, since the paper does not print them (``kim_3r``, ``kim_sliders``).
 """

@@ -1,4 +1,4 @@
-"""Marcos, Machado & Azevedo-Perdicoúlis 2012: two turns of a circle, the way searched for anew every millisecond.
+"""Marcos, Machado & Azevedo-Perdicoúlis 2012: two turns of a circle, with a search at every millisecond.
 
 Arms of three or four unit links, the circle's centre 0.7 or 2 m from the base, with or without the two obstacles of
 section 5.2. A closed loop is followed, not searched once::
@@ -30,7 +30,7 @@ Links = Literal[3, 4]
 
 
 def round_trip(distance: float, steps: int = STEPS) -> Path:
-    """Return the circle, as far as so many steps go: two turns take 0.2 ms more than a whole number of them."""
+    """Return the circle up to the last whole step: two turns take 0.2 ms more than a whole number of steps."""
     angle = RATE * STEP * steps
     return circle(
         (distance, 0.0), RADIUS, duration=STEP * steps, samples=steps + 1, turns=angle / (2 * np.pi), timing="uniform"
@@ -60,7 +60,7 @@ def loop(
 ) -> ClosedLoop:
     """Return the closed loop of the paper; ``weight`` is that of the displacement.
 
-    ``as_printed`` lets joints move at will, as the paper does: it can jump through an obstacle.
+    ``as_printed`` leaves joint steps unbounded, as the paper does: the arm can jump through an obstacle.
     """
     return ClosedLoop(
         arms.marcos_nr(links),
@@ -77,12 +77,12 @@ def loop(
 
 
 def circle_3r() -> ClosedLoop:
-    """Two turns of a circle with three links, displacement and error alike."""
+    """Two turns of a circle with three links, displacement and error weighted equally."""
     return loop(3, 0.7)
 
 
 def circle_4r() -> ClosedLoop:
-    """Two turns of a circle with four links, displacement and error alike."""
+    """Two turns of a circle with four links, displacement and error weighted equally."""
     return loop(4, 0.7)
 
 
@@ -102,7 +102,7 @@ def first_step(links: Links = 4, distance: float = 0.7, *, blocked: bool = True)
 
 
 def first_posture(links: Links = 4, distance: float = 0.7, *, blocked: bool = True) -> Posture:
-    """Return the search for the posture in which a loop begins, clear of the obstacles where it is (section 4.2)."""
+    """Return the search for a loop's first posture, clear of the obstacles there (section 4.2)."""
     return Posture(
         arms.marcos_nr(links), round_trip(distance, 3), obstacles=paper_obstacles(distance) if blocked else []
     )

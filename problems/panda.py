@@ -1,6 +1,6 @@
 """A Franka Emika Panda that moves its hand straight across a table: seven joints for six equations.
 
-The robot is ``robots/panda.urdf``; its origin and licence stand beside it in ``robots/README.md``.
+The robot is ``robots/panda.urdf``; ``robots/README.md`` has its origin and licence.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Tringali & Cocuzza 2020: the five simulations of section 3.2, and the trade-off of section 4.3.
 
-The arm is that of Table 1, as printed. Every problem is a function without arguments, so that only what is used is
+The arm is that of Table 1, as printed. Every problem is a function without arguments, so that only the one in use is
 built::
 
     paretoik solve problems/tringali_2020.py:energy_torque --out runs/first
@@ -22,7 +22,7 @@ POWER = 0.7
 
 
 def straight(samples: int = 101, *, length: float | None = None) -> Path:
-    """Return the rectilinear path, in 1 s: between the printed ends, 0.39977 m, or so long in the same direction [m].
+    """Return the rectilinear path, in 1 s: between the printed ends, 0.39977 m, or of a ``length`` that way [m].
 
     The text says 0.40 m.
     """

@@ -1,7 +1,7 @@
 """Tringali & Cocuzza 2021: the four trajectories of Table 4, ten seconds each, from one configuration.
 
-What the paper resolves step by step is here as the global problem it is compared with: the least kinetic energy. Its
-own method is ``pk.methods.PredictiveKineticEnergy``::
+The paper resolves step by step; here is the global problem that it compares with: the least kinetic energy. Its own
+method is ``pk.methods.PredictiveKineticEnergy``::
 
     pk.resolve(pk.arms.tringali_3r(), straight(0.4), pk.methods.PredictiveKineticEnergy(), start=START)
 """
@@ -15,20 +15,20 @@ from paretoik import Arm, Motion, Path, Tracking, Tuning, arms, circle, kinetic_
 START = (0.0, 0.327, -0.754)  # rad
 LENGTHS = (0.176, 0.176, 0.1375)
 DIRECTION = np.array([-0.3695, 0.1526]) / np.hypot(0.3695, 0.1526)  # that of the line of 2020
-MIRROR = np.array([1.0, -1.0])  # along the other one, least-squares velocities meet a singularity
+MIRROR = np.array([1.0, -1.0])  # along the unmirrored line, least-squares velocities meet a singularity
 RADIUS = 0.05
 DURATION = 10.0
 SAMPLES = 1001  # Δt = 0.01 s
 
 
 def begin() -> np.ndarray:
-    """Return where the tool is at the start."""
+    """Return the tool's position at the start."""
     angles = np.cumsum(START)
     return np.array(LENGTHS) @ np.stack([np.cos(angles), np.sin(angles)], axis=1)
 
 
 def straight(length: float, *, mirrored: bool = False, samples: int = SAMPLES) -> Path:
-    """Return a rectilinear trajectory of so many metres."""
+    """Return a rectilinear trajectory of a length [m]."""
     direction = DIRECTION * MIRROR if mirrored else DIRECTION
     return line(begin(), begin() + length * direction, duration=DURATION, samples=samples)
 
@@ -82,7 +82,7 @@ def schedule() -> Tuning:
 
 
 def schedule_along(number: int, *, optimum: Motion, arm: Arm | None = None, samples: int = 201) -> Tuning:
-    """Return the search for the numbers of predictive control; one objective is the distance from an optimum."""
+    """Return the search for the parameters of predictive control; one objective is the distance from an optimum."""
     return Tuning(
         arm or arms.tringali_3r(),
         trajectory(number, samples),

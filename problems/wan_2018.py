@@ -2,7 +2,7 @@
 
 Positions move along a line by the modified trapezoidal law, Euler angles by a polynomial of fifth order. The paper does
 not say which Euler angles: intrinsic ZYZ come nearest to its Table 2, extrinsic xyz to its Table 3 (rows of
-``studies.wan_2018``), and ZYZ are the default. Nor does it say how long the motions take, nor where they start:
+``studies.wan_2018``), and ZYZ are the default. It prints neither the duration of the motions nor their starts:
 durations are parameters with defaults that fit the times of its text, and starts are all over the self-motion of the
 first pose::
 
@@ -38,18 +38,18 @@ DAMPING_RANGE = methods.Parameter("damping", 1e-3, 1e-1, scale="log", fields=("r
 
 
 def simulation(duration: float = 0.3, euler: str = EULER) -> Path:
-    """Return the path of section 3.1, there in ``duration`` [s]; ``euler`` names the axes of its angles."""
+    """Return the path of section 3.1, one way in ``duration`` [s]; ``euler`` names the axes of its angles."""
     return _path("simulation", np.linspace(0.0, 1.0, round(duration / STEP) + 1), euler)
 
 
 def experiment(duration: float = 1.855, euler: str = EULER) -> Path:
-    """Return the path of section 3.2, there in ``duration`` [s] and back; ``euler`` names the axes of its angles."""
+    """Return the path of section 3.2, one way in ``duration`` [s] and back; ``euler`` names the axes of its angles."""
     fractions = np.linspace(0.0, 1.0, round(duration / STEP) + 1)
     return _path("experiment", np.concatenate([fractions, fractions[-2::-1]]), euler)
 
 
 def weighted_gains(judged_starts: int = 5) -> Tuning:
-    """Find the numbers of weighted gradient projection along the path of section 3.2, velocities limited."""
+    """Find the parameters of weighted gradient projection along the path of section 3.2, velocities limited."""
     method = methods.WeightedGradientProjection(criteria=[velocity_limit_nearness])
     names: list[str | methods.Parameter] = [
         "start",
@@ -64,7 +64,7 @@ def weighted_gains(judged_starts: int = 5) -> Tuning:
 
 
 def plain_gains(judged_starts: int = 5) -> Tuning:
-    """Find the numbers of gradient projection along the same path, positions and velocities limited."""
+    """Find the parameters of gradient projection along the same path, positions and velocities limited."""
     criteria = [velocity_limit_nearness, joint_limit_nearness]
     names: list[str | methods.Parameter] = [
         "start",
@@ -76,7 +76,7 @@ def plain_gains(judged_starts: int = 5) -> Tuning:
 
 
 def _tuning(method: methods.GradientProjection, names: list[str | methods.Parameter], judged_starts: int) -> Tuning:
-    """Return the search for a method's numbers; the path leaves the arm's reach, so that errors count, not a limit."""
+    """Return the search for a method's parameters; the path leaves the arm's reach: errors count and have no limit."""
     return Tuning(arms.wan_7r(), experiment(), method, parameters=names, judged_starts=judged_starts, tolerance=None)
 
 

@@ -1,1 +1,1 @@
-"""One study a paper, its numbers beside ours; ``reporting`` is what they share, ``benchmarks`` our peers."""
+"""One study per paper compares its numbers with ours; ``reporting`` is shared, ``benchmarks`` compares with peers."""

@@ -1,4 +1,4 @@
-"""Independent pieces of a study's work: in this process, in a process a core, or on a Dask cluster."""
+"""Independent pieces of a study's work: in this process, in one process per core, or on a Dask cluster."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ CORES = os.cpu_count() or 1
 
 @contextmanager
 def processes(cluster: str | None = None) -> Iterator[Executor]:
-    """Yield one process a core, each of which computes on one thread, or the workers of a Dask cluster at an address.
+    """Yield one process of one thread per core, or the workers of a Dask cluster at an address.
 
-    Workers of a cluster import the studies and the peers: they are started at the root of a checkout with the extra
-    ``bench``, and are like this machine where times are compared.
+    A cluster's workers import the studies and the peers: they are started at the root of a checkout with the extra
+    ``bench``, and are like this machine if times are compared.
     """
     if cluster is None:
         with closing(WorkerProcesses(CORES)) as here:
@@ -44,16 +44,16 @@ def processes(cluster: str | None = None) -> Iterator[Executor]:
 
 @contextmanager
 def workers_of(cluster: str | None) -> Iterator[Executor | None]:
-    """Yield the workers of a Dask cluster at an address; None, which stands for this process, where there is none."""
+    """Yield the workers of a Dask cluster at an address; None, which means this process, without one."""
     if cluster is None:
         yield None
         return
-    from paretoik.runs.cluster import Cluster  # here: it takes Dask
+    from paretoik.runs.cluster import Cluster  # imported here: it needs Dask
     from paretoik.runs.cluster_scheduler import OPTIONS
 
     try:
         check_workers(None, cluster)
-        there = Cluster(cluster, replace(OPTIONS, portion=0.0, overhead=0.0))  # a run a task
+        there = Cluster(cluster, replace(OPTIONS, portion=0.0, overhead=0.0))  # one run per task
     except InvalidInput as error:
         raise SystemExit(str(error)) from error
     with closing(there):
@@ -73,9 +73,9 @@ def run_seeds(
 ) -> dict[Key, list[Result]]:
     """Return the results of ``work(*arguments(seed)[key])`` of every seed by key, seeds outermost.
 
-    What ``load(key, seed)`` has is not computed, and what is computed is given to ``save(key, seed, result)`` at once.
-    What crashes, or does not end within ``limit`` seconds, counts as ``empty(key)``. Interrupted, it returns the seeds
-    that are done; nobody would wait hours to see nothing.
+    A result that ``load(key, seed)`` finds is not computed again; ``save(key, seed, result)`` gets each new one at
+    once. A run that crashes, or does not end within ``limit`` seconds, counts as ``empty(key)``. After an interrupt the
+    seeds that are done are returned, so that hours of work are not lost.
     """
     calls = {(seed, key): args for seed in range(seeds) for key, args in arguments(seed).items()}
     loaded = {(seed, key): load(key, seed) for seed, key in calls}
@@ -105,7 +105,7 @@ def run_seeds(
 def run_each(
     executor: Executor | None, calls: Mapping[Key, Callable[[], Result]], *, limit: float | None = None
 ) -> dict[Key, Result]:
-    """Return what calls without arguments return, by key, as ``each_result`` computes them; each is told as it ends."""
+    """Return the results of calls without arguments, by key, as ``each_result`` computes them; prints each."""
     results: dict[Key, Result] = {}
     for key, result in each_result(executor, calls, limit=limit):
         results[key] = result
@@ -116,10 +116,10 @@ def run_each(
 def each_result(
     executor: Executor | None, calls: Mapping[Key, Callable[[], Result]], *, limit: float | None = None
 ) -> Iterator[tuple[Key, Result]]:
-    """Yield what calls without arguments (``functools.partial`` of a module's function) return, as they end.
+    """Yield the results of calls without arguments (``functools.partial`` of a module's function), as they end.
 
-    Without an executor this process computes them in their order. ``limit`` [s] is for each. Raises SystemExit where
-    one crashes or takes longer, and what one raises.
+    Without an executor this process computes them in their order. ``limit`` [s] is for each. Raises SystemExit if one
+    crashes or takes longer, and whatever one raises.
     """
     if executor is None:
         yield from _bar(((key, compute()) for key, compute in calls.items()), len(calls))
@@ -134,13 +134,13 @@ def each_result(
 
 
 def call(_: None, job: bytes) -> Any:
-    """Call a function with its arguments: both are sent by name, for processes that remember what they have made."""
+    """Call a function with its arguments: both are sent by name, for processes that remember their objects."""
     work, args = pickle.loads(job)
     return work(*args)
 
 
 def _job(work: Callable[..., Any], args: Sequence[Any]) -> bytes:
-    """Return a call as bytes: functions of modules by name, what has none by its content."""
+    """Return a call as bytes: functions of modules by name, others by their content."""
     return bytes(cloudpickle.dumps((work, tuple(args))))
 
 
@@ -151,12 +151,12 @@ def _bar(results: Iterator[Result], total: int) -> Iterator[Result]:
 
 def _fault(reply: Reply) -> str:
     """Return why there is no value."""
-    if isinstance(reply, Raised):  # a peer may raise anything: hours of others' runs are not lost for it
+    if isinstance(reply, Raised):  # a peer may raise anything, and the runs of others must not be lost
         return f"raised {type(reply.error).__name__}: {reply.error}"
     return getattr(reply, "cause", "")
 
 
 def rotated(names: Sequence[str], turns: int) -> list[str]:
-    """Return names in an order that turns with every seed, so that none always comes first."""
+    """Return names in an order that rotates with every seed, so that none always comes first."""
     first = turns % len(names)
     return [*names[first:], *names[:first]]

@@ -1,4 +1,4 @@
-"""What all studies share: arguments, progress, rows of a table and their JSON, figures."""
+"""Shared parts of all studies: arguments, progress, rows of a table and their JSON, figures."""
 
 from __future__ import annotations
 
@@ -23,22 +23,22 @@ from rich.table import Table
 from paretoik.review.palette import PAPER
 
 REPORTED = Path(__file__).parent / "reported"
-WIDTH = 180  # of what is printed into a file or a pipe
+WIDTH = 180  # characters per line in a file or a pipe
 BEGIN = time.perf_counter()
 
 
 @cache
 def paper_numbers(study: str) -> dict[tuple[str, str, str], float]:
-    """Return what the paper of a study prints, by table, row and column."""
+    """Return the printed numbers of a study's paper, by table, row and column."""
     with (REPORTED / f"{study}.csv").open(encoding="utf-8") as file:
         return {(row["table"], row["row"], row["column"]): float(row["paper"]) for row in csv.DictReader(file)}
 
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """One number of a table: ours, a ``reference`` beside it where there is one, and a note.
+    """One number of a table: ours, a ``reference`` if there is one, and a note.
 
-    ``source`` says what the reference is: the paper's number, a goal, or a peer's, by name.
+    ``source`` names the reference: the paper's number, a goal, or a peer's, by name.
     """
 
     table: str
@@ -52,7 +52,7 @@ class Row:
 
 
 def study_parser(description: str, *, quick: str = "", out: str = "", cluster: str = "") -> argparse.ArgumentParser:
-    """Return a parser of --json, and where they are named of --quick, --out (a folder for pictures) and --cluster.
+    """Return a parser of --json and, if given, of --quick, --out (a folder for pictures) and --cluster.
 
     ``cluster`` says what the workers of a cluster compute.
     """
@@ -71,13 +71,13 @@ def study_parser(description: str, *, quick: str = "", out: str = "", cluster: s
 
 
 def tell(what: str) -> None:
-    """Say on stderr what is being done, and when."""
+    """Print on stderr what is being done, and when."""
     print(f"{time.perf_counter() - BEGIN:6.1f} s  {what}", file=sys.stderr, flush=True)
 
 
 def report(rows: Sequence[Row], *, json_file: Path | None = None) -> None:
-    """Print rows, a table for each ``table``, and write them as JSON where a file is named."""
-    console = Console(markup=False)  # "[nan, nan]" is no markup
+    """Print rows, one table per ``table``, and write them as JSON if a file is named."""
+    console = Console(markup=False)  # "[nan, nan]" must not be read as markup
     if not console.is_terminal:
         console.width = WIDTH
     for name in dict.fromkeys(row.table for row in rows):
@@ -93,7 +93,7 @@ def report(rows: Sequence[Row], *, json_file: Path | None = None) -> None:
 
 
 def save_rows(rows: Sequence[Row], file: Path) -> None:
-    """Write rows as JSON: strict, it has no infinities and no NaN, which are written as null."""
+    """Write rows as strict JSON: infinities and NaN are written as null."""
     file.write_text(json.dumps([_record(row) for row in rows], indent=2, allow_nan=False) + "\n")
 
 
@@ -106,7 +106,7 @@ def _record(row: Row) -> dict[str, str | float | None]:
 
 @contextmanager
 def drawing(file: Path, size: tuple[float, float]) -> Iterator[Figure]:
-    """Yield a figure of a size [inches] and write it into a file; its name is told."""
+    """Yield a figure of a size [inches], write it into a file and print its name."""
     tell(file.name)
     with matplotlib.rc_context({**PAPER.style, "font.size": 9.5, "axes.titlesize": 9.5}):
         figure = Figure(figsize=size, dpi=125, layout=ConstrainedLayoutEngine(w_pad=0.08, h_pad=0.08))

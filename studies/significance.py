@@ -14,7 +14,7 @@ from paretoik.arrays import Values
 
 @dataclass(frozen=True, kw_only=True)
 class SignificanceOptions:
-    """The ``level`` of tests, and the ``confidence`` of intervals that are from so many ``resamples``."""
+    """The ``level`` of tests, the ``confidence`` of intervals, and the number of ``resamples``."""
 
     level: float = 0.05
     confidence: float = 0.95
@@ -28,8 +28,8 @@ SIGNIFICANCE = SignificanceOptions()
 class SampleComparison:
     """Medians of two methods over seeds, their ``ratio`` with its bootstrap interval, and a Mann-Whitney test.
 
-    ``a12`` is the chance that a value of ours is better than one of theirs, ties counted half (Vargha & Delaney 2000);
-    ``p`` is that of no difference, not corrected for other tests.
+    ``a12`` is the probability that a value of ours is better than one of theirs, ties counted half (Vargha & Delaney
+    2000); ``p`` is that of no difference, not corrected for other tests.
     """
 
     ours: float
@@ -42,7 +42,7 @@ class SampleComparison:
 
 
 def compare_samples(ours: Values, theirs: Values, *, maximised: bool) -> SampleComparison:
-    """Compare values (seeds,) of ours with a peer's, of which large ones are better where ``maximised``."""
+    """Compare values (seeds,) of ours with a peer's; large ones are better if ``maximised``."""
     sign = 1.0 if maximised else -1.0
     test = mannwhitneyu(sign * ours, sign * theirs)
     low, high = bootstrap_interval(_ratio_of_medians, ours, theirs)
@@ -58,7 +58,7 @@ def compare_samples(ours: Values, theirs: Values, *, maximised: bool) -> SampleC
 
 
 def p_value(p: float) -> float:
-    """Return a p-value; 1 for NaN, which a test says of values that are all the same."""
+    """Return a p-value; 1 for NaN, the result of a test on equal values."""
     return 1.0 if np.isnan(p) else float(p)
 
 
@@ -71,14 +71,14 @@ def _ratio_of_medians(ours: np.ndarray, theirs: np.ndarray, axis: int = -1) -> V
 def bootstrap_interval(statistic: Callable[..., Values], *samples: Values) -> tuple[float, float]:
     """Return the percentile interval of a statistic of independent samples, which takes an ``axis``.
 
-    Not the bias-corrected one (BCa): its jackknife fails for medians (Efron & Tibshirani 1993, chapter 11), and it has
-    none where values are equal. The interval is NaN where a sample has fewer than two values, or where the statistic
-    of a resample is not finite.
+    Not the bias-corrected one (BCa): its jackknife fails for medians (Efron & Tibshirani 1993, chapter 11), and it does
+    not exist for equal values. The interval is NaN if a sample has fewer than two values, or if the statistic of a
+    resample is not finite.
     """
     if min(map(len, samples)) < 2:
         return float("nan"), float("nan")
     with np.errstate(invalid="ignore"), warnings.catch_warnings():
-        warnings.simplefilter("ignore", DegenerateDataWarning)  # of a NaN, which is returned
+        warnings.simplefilter("ignore", DegenerateDataWarning)  # about a NaN, which is returned
         result = bootstrap(
             samples,
             statistic,

@@ -1,7 +1,7 @@
 """Every class of wrong values, for every argument of every public name: refused in one good line, or taken with reason.
 
-What there is to try is read from the signatures (``studies.benchmarks.reliability.inputs``), so that a new argument is
-tried the day it is written. By default a part of it is; all of it, verbs included, is slow.
+The cases come from the signatures (``studies.benchmarks.reliability.inputs``), so that a new argument is tried on the
+day it is written. By default a part of them is tried; all of them, verbs included, take long.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from studies.benchmarks.reliability.inputs.surfaces import surfaces
 VERBS = ("solve", "plan", "epsilon_front", "refine", "resolve", "directional_maxima", "resume", "verify", "report")
 STORED = (*VERBS, "compare", "export", "load_front", "load_plan", "Front.navigate", "Front.refine_around", "Front.view")
 SURFACES = {surface.name: surface for surface in surfaces()}
-SHARE = 11  # of so many cases one is tried by default
+SHARE = 11  # by default one of this many cases is tried
 
 
 @pytest.fixture(scope="module")

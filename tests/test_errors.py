@@ -1,4 +1,4 @@
-"""A warning stands at the user's line that led to it, however many functions of ours are between."""
+"""A warning stands at the user's line that led to it, through any number of our functions."""
 
 from __future__ import annotations
 

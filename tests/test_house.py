@@ -26,7 +26,7 @@ def tracked() -> list[Path]:
 
 
 def test_how_a_class_is_made_is_not_told_in_the_words_of_a_library_below():
-    """An editor shows a constructor's text beside the class's own: pymoo's speaks of other arguments."""
+    """An editor shows a constructor's text next to the class's own: pymoo's speaks of other arguments."""
     classes = [value for value in (getattr(paretoik, name) for name in paretoik.__all__) if isinstance(value, type)]
     assert classes
     assert [each.__name__ for each in classes if "n_var:" in (inspect.getdoc(each.__init__) or "")] == []
@@ -42,7 +42,7 @@ def test_importing_paretoik_loads_nothing_heavy():
 def test_the_public_names_are_those_of_the_snapshot():
     snapshot = (Path(__file__).parent / "public_names.txt").read_text().split()
     assert sorted(paretoik.__all__) == snapshot
-    assert len(snapshot) <= 80  # more is too much to overlook: collections have namespaces
+    assert len(snapshot) <= 80  # more names are too many to overlook: collections have namespaces
 
 
 @pytest.mark.parametrize("name", sorted(paretoik.__all__))
@@ -64,7 +64,7 @@ def test_each_name_of_a_namespace_says_what_it_is(namespace):
 
 
 def raised(function: ast.FunctionDef) -> set[str]:
-    """Return the names of our own errors that a function raises with its own hands."""
+    """Return the names of our own errors that a function itself raises."""
     thrown = [node.exc for node in ast.walk(function) if isinstance(node, ast.Raise)]
     called = {node.func.id for node in thrown if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)}
     return {name for name in called if inspect.isclass(getattr(errors, name, None))}

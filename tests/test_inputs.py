@@ -1,4 +1,4 @@
-"""Numbers and arrays that users give: what passes is a copy, what does not is named."""
+"""Numbers and arrays of users: accepted ones are copied, others are refused by name."""
 
 from __future__ import annotations
 
@@ -77,14 +77,14 @@ def test_a_name_spelt_much_like_another_is_asked_after():
     assert likely_spelling("quite_another", ["left_gripper", "base"]) == ""
 
 
-# Whoever misspells an argument of a public name, leaves one out or gives one too many is told so in one line.
+# A misspelt, missing or extra argument of a public name is refused in one line.
 
 
 NAMESPACES = [name for name in pk.__all__ if inspect.ismodule(getattr(pk, name)) and name != "errors"]
 
 
 def callables() -> Iterator[tuple[str, object]]:
-    """Yield the public functions, the constructors of public classes, and their methods that have arguments' names."""
+    """Yield the public functions, the constructors of public classes, and their methods with argument names."""
     for name in pk.__all__:
         item = getattr(pk, name)
         for public, each in members(name, item) if name in NAMESPACES else [(name, item)]:
@@ -106,7 +106,7 @@ CALLABLES = {name: each for name, each in callables() if not name.startswith("ar
 
 
 def named(function: object) -> list[str]:
-    """Return the arguments that have names, but for a method's own object."""
+    """Return the arguments that have names, without a method's own object."""
     parameters = inspect.signature(function).parameters.values()
     kinds = inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY
     return [each.name for each in parameters if each.kind in kinds and each.name != "self"]
@@ -167,7 +167,7 @@ def test_what_a_function_itself_raises_passes():
         add(1)
 
 
-# Whatever a user's function raises is one line, but Ctrl-C and our own errors.
+# An error of a user's function becomes one line, except Ctrl-C and our own errors.
 
 
 class SpeechlessError(Exception):
@@ -205,7 +205,7 @@ def test_what_is_raised_is_a_failure_with_its_name_and_cause(error, words):
     assert failure.value.__cause__ is error
 
 
-@pytest.mark.parametrize("error", [Interrupted(), InvalidInput("shape (3,) wanted, got (4,)")])
+@pytest.mark.parametrize("error", [Interrupted(), InvalidInput("shape must be (3,), got (4,)")])
 def test_our_own_errors_pass(error):
     with pytest.raises(type(error)) as failure, user_function("objective mine"):
         raise error
@@ -234,7 +234,7 @@ def test_an_objective_with_the_values_of_another_is_said_to_be_a_duplicate_of_th
     F = np.random.default_rng(0).normal(size=(8, 3))
     F[:, 2] = F[:, 0] * again
     F[3] = np.nan  # failed
-    words = "^objective c: other values than those of a wanted, got the same for each of the first 7"
+    words = "^objective c must have other values than a, got the same for each of the first 7"
     with pytest.warns(RuntimeWarning, match=words) as told:
         warn_of_odd_objectives(["a", "b", "c"], F, F)
     assert len(told) == 1

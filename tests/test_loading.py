@@ -58,7 +58,7 @@ _hidden = ZDT1(n_var=7)
 
 @pytest.fixture(autouse=True)
 def as_before(monkeypatch, tmp_path):
-    """Forget what a test puts on sys.path, and the modules of its own files."""
+    """Forget the entries of sys.path that a test adds, and the modules of its own files."""
     monkeypatch.setattr(sys, "path", list(sys.path))
     modules_before = set(sys.modules)
     yield
@@ -99,14 +99,14 @@ def test_objects_functions_and_classes_without_required_arguments_are_problems(f
     [
         (
             "smal",
-            r"wanted one that .*simple\.py has, small, sized, broken, ready, perhaps unsaid, remembered "
+            r"must be one that .*simple\.py has, small, sized, broken, ready, perhaps unsaid, remembered "
             r"\(no return annotation\), got 'smal'; did you mean 'small'\?",
         ),
         ("remember", r"got 'remember'; did you mean 'remembered'\?"),
         ("x", "got 'x'$"),
-        ("needy", "wanted a function without arguments, got one that needs genes"),
-        ("text", "wanted a pymoo problem or a function that returns one, got 'no problem'"),
-        ("broken", r"wanted to build it, got ZeroDivisionError in line 26: division by zero"),
+        ("needy", "must be a function without arguments, got one that needs genes"),
+        ("text", "must be a pymoo problem or a function that returns one, got 'no problem'"),
+        ("broken", r"must be built without error, got ZeroDivisionError in line 26: division by zero"),
     ],
 )
 def test_a_name_that_is_no_problem_is_refused_with_the_reason(file, name, words):
@@ -119,9 +119,9 @@ def test_a_file_of_functions_that_say_nothing_proposes_them(file):
         "mine.py", "from os import getcwd\ndef reach():\n    ...\ndef _reech():\n    ...\ndef far(x):\n    ...\n"
     )
     wish = r"one that .*mine\.py has, perhaps reach \(no return annotation\)"
-    with pytest.raises(InvalidInput, match=rf"wanted {wish}, got 'reech'; did you mean 'reach'\?"):
+    with pytest.raises(InvalidInput, match=rf"must be {wish}, got 'reech'; did you mean 'reach'\?"):
         load_problem(f"{place}:reech")
-    with pytest.raises(InvalidInput, match=r"wanted a problem or function of .*, which has none, got"):
+    with pytest.raises(InvalidInput, match=r"must be a problem or function of .*, which has none, got"):
         load_problem(f"{file('empty.py', '')}:reach")
 
 
@@ -135,19 +135,19 @@ def test_objects_that_have_every_attribute_are_no_problems_and_do_not_keep_other
 
 @pytest.mark.parametrize("name", ["abort", "getcwd", "called", "Callable", "cache"])
 def test_what_is_neither_the_files_own_function_nor_says_that_it_makes_a_problem_is_not_called(file, name):
-    with pytest.raises(InvalidInput, match="wanted a pymoo problem or a function that returns one, got <"):
+    with pytest.raises(InvalidInput, match="must be a pymoo problem or a function that returns one, got <"):
         load_problem(f"{file('simple.py', SIMPLE)}:{name}")
 
 
 @pytest.mark.parametrize("reference", ["os:abort", "os:getcwd", "sys:exit"])
 def test_functions_of_other_modules_are_not_called(reference):
-    with pytest.raises(InvalidInput, match="wanted"):
+    with pytest.raises(InvalidInput, match="must"):
         load_problem(reference)
 
 
 @pytest.mark.parametrize("reference", ["", "mine.py", ":name", "mine.py:", "name"])
 def test_a_reference_without_file_or_name_is_refused(reference):
-    with pytest.raises(InvalidInput, match=r"wanted FILE\.py:NAME or package\.module:NAME, got "):
+    with pytest.raises(InvalidInput, match=r"must be FILE\.py:NAME or package\.module:NAME, got "):
         load_problem(reference)
 
 
@@ -165,8 +165,8 @@ def test_a_reference_without_file_or_name_is_refused(reference):
             "class A:\n    def __getattr__(self, name):\n        raise SystemExit(0)\nproblem = A()",
             "a pymoo problem or a",
         ),
-        ("def problem():\n    raise SystemExit(0)", "wanted to build it, got SystemExit in line 2: 0"),
-        ("def problem():\n    raise KeyboardInterrupt", "wanted to build it, got KeyboardInterrupt in line 2$"),
+        ("def problem():\n    raise SystemExit(0)", "must be built without error, got SystemExit in line 2: 0"),
+        ("def problem():\n    raise KeyboardInterrupt", "built without error, got KeyboardInterrupt in line 2$"),
     ],
 )
 def test_a_file_that_cannot_be_loaded_is_one_line_with_its_place(file, content, words):
@@ -211,7 +211,7 @@ def test_a_package_of_the_same_name_that_is_loaded_already_is_named(file):
     load_problem(f"{ROOT / 'problems' / 'tringali_2020.py'}:energy_torque")
     loaded = sys.modules["problems"].__file__
     place = file("problems/__init__.py", SIMPLE)
-    with pytest.raises(InvalidInput, match=f"package 'problems': .*already imported from {loaded}"):
+    with pytest.raises(InvalidInput, match=f"package 'problems' must be the one in .*already imported from {loaded}"):
         load_problem(f"{place}:small")
 
 
@@ -234,7 +234,7 @@ def test_a_file_with_the_name_of_an_installed_package_is_the_users(file):
 
 @pytest.mark.parametrize("name", ["queue", "tabnanny", "json"])
 def test_a_file_with_the_name_of_a_module_of_python_is_refused(file, name):
-    with pytest.raises(InvalidInput, match=f"wanted a name that no module of Python has, got '{name}'; rename yours"):
+    with pytest.raises(InvalidInput, match=f"a name that no module of Python has, got '{name}'; rename yours"):
         load_problem(f"{file(f'{name}.py', SIMPLE)}:small")
 
 

@@ -1,4 +1,4 @@
-"""What a pip user gets: a wheel with one top-level name, that installs and imports away from this checkout."""
+"""A pip user gets a wheel with one top-level name, which installs and imports away from this checkout."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is missing of a path is said in words, with the name near by that may be meant."""
+"""The missing part of a path is said in words, with a similar name that may be meant."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def folder(tmp_path):
         ("lost", "a link that leads to nothing"),
         ("linked", "a link"),
         ("ahead", "a link to a folder"),
-        ("x.urdf", "no such file"),  # whose ending alone is that of arm.urdf
+        ("x.urdf", "no such file"),  # only its ending is that of arm.urdf
         ("x" * 300, "a path that cannot be followed, File name too long"),
         ("a\0b", "a path that cannot be followed, embedded null byte"),
         ("pipe", "something else"),
@@ -61,7 +61,7 @@ def test_of_a_relative_path_the_folder_is_named_that_it_starts_from(folder, monk
 def test_of_a_folder_with_very_many_files_some_are_looked_at(tmp_path):
     count = min(OPTIONS.entries, 5000)
     for number in range(count + 1):
-        (tmp_path / sha256(b"%d" % number).hexdigest()).touch()  # no name is like another
+        (tmp_path / sha256(b"%d" % number).hexdigest()).touch()  # no name is similar to another
     with os.scandir(tmp_path) as entries:
         names = [entry.name for entry in entries]
     assert missing_file(tmp_path / f"{names[count - 1]}.urdf").endswith(f"did you mean '{names[count - 1]}'?")
@@ -90,7 +90,7 @@ ODD = (
 
 
 def arguments(shell: str, command: str) -> list[bytes]:
-    """Return what a program gets of a command that is pasted into a shell."""
+    """Return the arguments that a program gets from a command that is pasted into a shell."""
     ended = subprocess.run([shell, "-c", command], capture_output=True, check=True)
     return ended.stdout.split(b"\0")
 

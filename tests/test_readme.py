@@ -1,4 +1,4 @@
-"""What the README shows works as printed."""
+"""The README's examples work as printed."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def test_the_problem_of_the_problems_readme_can_be_solved(tmp_path):
 
 
 def test_where_the_papers_are_is_where_the_studies_say():
-    """Of ``file``: ``name``, ``name`` the file is there and defines the names."""
+    """In lines ``file``: ``name``, ``name`` the file is there and defines the names."""
     readme = (ROOT / "studies" / "README.md").read_text(encoding="utf-8")
     places = re.findall(r"`([\w/]+\.py)`((?:(?:: |, )`\w+`)*)", readme.partition("## Where the papers are")[2])
     assert len(places) > 50
@@ -59,13 +59,13 @@ def test_where_the_papers_are_is_where_the_studies_say():
             assert re.search(rf"^ *(def|class) {name}\b|^ *{name}(: |\b.*=)", code, re.MULTILINE), (file, name)
 
 
-def test_it_is_no_longer_than_150_lines_of_120_characters():
+def test_the_readme_has_at_most_150_lines_of_120_characters():
     lines = README.splitlines()
     assert len(lines) <= 150
     assert max(map(len, lines)) <= 120
 
 
-def test_its_picture_and_its_problem_exist():
+def test_the_picture_and_the_problem_of_the_readme_exist():
     (picture,) = re.findall(r"!\[.*?\]\((.*?)\)", README)
     assert (ROOT / picture).is_file()
     assert (ROOT / "problems" / "tringali_2020.py").is_file()

@@ -1,4 +1,4 @@
-"""What a user sees who types a name: one screen of text, and the same in a notebook."""
+"""A user who types a name sees one screen of text, and the same in a notebook."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def items():
 
 @pytest.fixture(scope="module")
 def nouns(items, tmp_path_factory):
-    """One of every public class, and of what users get from those, by name; also large ones."""
+    """One of every public class, and of the objects that users get from those, by name; also large ones."""
     arm, path = items["arm"], pk.line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=101)
     panda = pk.Arm.from_urdf(ROBOTS / "panda.urdf", base="panda_link0", tip="panda_hand_tcp")
     across = pk.line([0.45, -0.25, 0.3], [0.45, 0.25, 0.3], duration=1.5, samples=26)
@@ -76,7 +76,7 @@ def nouns(items, tmp_path_factory):
 
 
 def vars_of_capability(arm, path):
-    """Models of speeds, what is computed with them, and searches for a method's numbers and a posture."""
+    """Models of speeds, results computed with them, and searches for a method's parameters and a posture."""
     places = np.array([[x, y] for x in np.linspace(0.0, 1.0, 6) for y in np.linspace(0.0, 1.0, 6)])
     angles = np.linspace(0.0, np.pi, 8, endpoint=False)
     directions, speeds = np.stack([np.cos(angles), np.sin(angles)], axis=1), np.ones((len(places), 8))
@@ -113,7 +113,7 @@ OTHERS = (
 
 
 def public_classes():
-    """The public classes that users hold one of: neither errors nor protocols."""
+    """The public classes whose objects users hold: neither errors nor protocols."""
     names = [(pk, name) for name in pk.__all__] + [(pk.capability, name) for name in pk.capability.__all__]
     kinds = {getattr(space, name) for space, name in names}
     return {
@@ -167,7 +167,7 @@ SAID = {
 
 
 @pytest.mark.parametrize("name", SAID)
-def test_each_says_what_it_is(items, name):
+def test_each_object_says_what_it_is(items, name):
     text = repr(items[name])
     assert all(words in text for words in SAID[name]), text
 

@@ -1,9 +1,9 @@
-"""What commands do beside their work, as the system sees it: they write where they say, and talk to nobody.
+"""The side effects of commands, as the system sees them: they write where they say, and talk to nobody.
 
-They write into the run folder, into outputs that are named, into the temporary folder, /dev and /proc. Beside these
-there are caches, all of them outside of what a user works on: compiled functions and Python's own byte code in the
-``__pycache__`` folders of the installation (``paretoik.compilation``) and Matplotlib's list of fonts in the user's
-cache folder, made once on a machine.
+They write into the run folder, into named outputs, into the temporary folder, /dev and /proc. There are also caches,
+all of them outside of the user's work: compiled functions and Python's own byte code in the ``__pycache__`` folders of
+the installation (``paretoik.compilation``) and Matplotlib's list of fonts in the user's cache folder, made once on a
+machine.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from tests.traces import Trace, trace
 pytestmark = pytest.mark.slow
 SYSTEM = (Path("/dev"), Path("/proc"))
 PROGRAMS = {Path(sys.executable).name, "fc-list"}  # Matplotlib asks the latter for fonts, once on a machine
-BAIT = "import os; os.mkdir({place!r})\n"  # what would be there if it were run
+BAIT = "import os; os.mkdir({place!r})\n"  # this folder appears if the code runs
 MODULES = ("sitecustomize", "usercustomize", "numpy", "rerun", "matplotlib", "paretoik", "users_own", "pickle", "json")
 CODE = (".py", ".pyc", ".pkl", ".pickle", ".pth", ".so", ".nbi", ".nbc")
 LATEX = "text.usetex: True\n"
@@ -66,13 +66,13 @@ class Desk:
 
     @property
     def allowed(self) -> tuple[Path, ...]:
-        """Where anything may write: for the system, temporary files and caches."""
+        """Folders that any program may write: for the system, temporary files and caches."""
         installed = [folder / "__pycache__" for folder in Path(paretoik.__file__).parent.rglob("*") if folder.is_dir()]
         fonts = (self.home / ".cache" / "matplotlib", self.home / ".config" / "matplotlib")
         return (*SYSTEM, self.temporary, *installed, *fonts, self.project / "__pycache__")
 
     def run(self, *command: str | Path, folder: Path | None = None) -> Trace:
-        """Return what Python does with arguments, as a user starts it that has no screen."""
+        """Return what Python does with arguments, as a user starts it who has no screen."""
         names = ("PATH", "LANG", "LC_ALL", "VIRTUAL_ENV")
         environment = {name: os.environ[name] for name in names if name in os.environ}
         environment |= {"HOME": str(self.home), "TMPDIR": str(self.temporary), "PYTHONDONTWRITEBYTECODE": "1"}
@@ -88,7 +88,7 @@ class Desk:
     def strays(self, seen: Trace, *outputs: Path) -> set[Path]:
         """Return what was written elsewhere: neither an output, nor the part of one that is renamed to it when whole.
 
-        The folders that a home's caches are in are made where there are none.
+        The folders around the caches of a home are made if they are missing.
         """
         above = {self.home / ".cache", self.home / ".config"}
         strays = seen.outside(*self.allowed, *outputs) - above
@@ -97,7 +97,7 @@ class Desk:
 
 
 def check(seen: Trace, desk: Desk, *outputs: Path, code: int = 0, also: str = "") -> None:
-    """Hold what was seen against what a command may do that has ``outputs``; it may execute a program more."""
+    """Compare a trace with what a command may do that has ``outputs``; it may also execute one more program."""
     assert seen.ended.returncode == code, seen.ended.stderr
     assert not desk.strays(seen, *outputs)
     assert seen.executed <= PROGRAMS | {also}
@@ -116,7 +116,7 @@ def desk(tmp_path) -> Desk:
 
 
 def test_a_breach_of_each_kind_is_seen(desk):
-    """192.0.2.1 is nobody's (RFC 5737), and nothing is sent where a datagram's socket is connected."""
+    """192.0.2.1 is nobody's (RFC 5737), and connecting a datagram's socket sends nothing."""
     elsewhere = desk.top / "elsewhere"
     script = f"""
 import os, socket, subprocess
@@ -150,34 +150,34 @@ def test_a_search_writes_into_its_folder_and_talks_to_nobody(desk):
     solved(desk)
 
 
-def test_so_do_workers(desk):
+def test_a_search_with_workers_writes_into_its_folder_and_talks_to_nobody(desk):
     check(desk.solve("run", "--workers", "2"), desk, desk.project / "run")
 
 
-def test_so_does_a_plan(desk):
+def test_a_plan_writes_into_its_folder_and_talks_to_nobody(desk):
     seen = desk.paretoik("plan", "users_own.py:single", "--out", "run", "--starts", "2")
     check(seen, desk, desk.project / "run")
 
 
-def test_so_does_a_front_of_levels(desk):
+def test_a_front_of_levels_writes_into_its_folder_and_talks_to_nobody(desk):
     seen = desk.paretoik("front", "users_own.py:good", "--out", "run", "--points", "3", "--starts", "2")
     check(seen, desk, desk.project / "run")
 
 
-def test_so_does_a_closed_loop(desk):
+def test_a_closed_loop_writes_into_its_folder_and_talks_to_nobody(desk):
     check(desk.paretoik("solve", "users_own_loops.py:short", "--out", "run"), desk, desk.project / "run")
 
 
-def test_so_does_a_run_that_is_watched(desk):
-    """Without a screen: it serves its recording, on the loopback alone."""
+def test_a_watched_run_writes_into_its_folder_and_talks_to_nobody(desk):
+    """Without a screen it serves its recording, on the loopback only."""
     seen = desk.solve("run", "--live")
     check(seen, desk, desk.project / "run")
     assert "live, without a screen" in seen.ended.stderr
     assert seen.listening()
 
 
-def test_so_does_the_client_of_a_cluster(desk, tmp_path_factory):
-    """What scheduler and workers do is Dask's, and whoever starts them says where they listen."""
+def test_the_client_of_a_cluster_writes_into_its_folder_and_does_not_listen(desk, tmp_path_factory):
+    """Scheduler and workers do what Dask does, and the user who starts them says where they listen."""
     pytest.importorskip("distributed", reason="Dask is not installed: pip install paretoik[cluster]")
     with local_cluster(tmp_path_factory.mktemp("dask"), 1) as cluster:
         seen = desk.solve("run", "--cluster", cluster.address)
@@ -185,7 +185,7 @@ def test_so_does_the_client_of_a_cluster(desk, tmp_path_factory):
     assert not seen.listening()
 
 
-def test_so_does_a_run_that_is_stopped_and_goes_on(desk):
+def test_a_run_that_is_stopped_and_resumed_writes_into_its_folder_and_talks_to_nobody(desk):
     run = desk.project / "run"
     endless = "--population", "40", "--generations", "100000", "--time-limit", "2"
     seen = desk.paretoik("solve", "users_own.py:good", "--out", "run", *endless)
@@ -193,7 +193,7 @@ def test_so_does_a_run_that_is_stopped_and_goes_on(desk):
     check(desk.paretoik("resume", "run", "--time-limit", "4", *NAMED), desk, run, code=5)
 
 
-def test_so_do_the_commands_that_work_on_a_run(desk):
+def test_commands_that_work_on_a_run_write_only_their_outputs_and_talk_to_nobody(desk):
     search, run, other = solved(desk, "found"), desk.project / "run", desk.project / "other"
     check(desk.paretoik("refine", "found", "--out", "run", *NAMED), desk, run)
     shutil.copytree(search, other)
@@ -222,7 +222,7 @@ def first_point(run: Path) -> int:
 
 @pytest.fixture
 def hostile(desk) -> Path:
-    """A run from elsewhere: code in its folder, by all names that may be loaded, and its problem is in there."""
+    """A run from elsewhere: code in its folder, by all names that may be loaded, with its problem."""
     run = desk.top / "from_elsewhere"
     shutil.move(solved(desk), run)
     bait = BAIT.format(place=str(desk.top / "executed"))
@@ -231,18 +231,18 @@ def hostile(desk) -> Path:
     (run / "bait.pkl").write_bytes(b"cposix\nmkdir\n(S'executed'\ntR.")
     (run / "bait.pth").write_text(bait)
     (run / "matplotlibrc").write_text(LATEX)
-    (run / ".numba_config.yaml").write_text(f"cache_dir: {run}/compiled\n")  # where compiled code would be loaded from
+    (run / ".numba_config.yaml").write_text(f"cache_dir: {run}/compiled\n")  # numba would load code from there
     entries = json.loads((run / RUN).read_text())
     del entries["digest"]
     (run / RUN).write_bytes(run_bytes(entries))
     return run
 
 
-READERS: dict[str, tuple[int, tuple[str, ...]]] = {  # how each ends, and its words
+READERS: dict[str, tuple[int, tuple[str, ...]]] = {  # exit code and words of each
     "verify": (0, ("-m", "paretoik", "verify", ".")),
     "select": (0, ("-m", "paretoik", "select", ".", "--knee", "--picture", "../knee.png")),
     "report": (0, ("-m", "paretoik", "report", ".")),
-    "export": (2, ("-m", "paretoik", "export", ".", "--out", "../motion.csv")),  # which wants the arm
+    "export": (2, ("-m", "paretoik", "export", ".", "--out", "../motion.csv")),  # which needs the arm
     "compare": (0, ("-m", "paretoik", "compare", ".", ".", "--picture", "../both.png")),
     "own": (0, ("-m", "paretoik", "select", ".", "--knee", "--problem", "../project/users_own.py:good")),
     "load_front": (0, ("-c", FRONT, ".")),
@@ -258,9 +258,9 @@ def test_reading_a_run_from_elsewhere_executes_nothing_of_it(desk, hostile):
 
 
 def check_show(desk: Desk, run: Path) -> None:
-    """Open the viewer, which ends for want of a screen."""
+    """Open the viewer, which ends because there is no screen."""
     seen = desk.paretoik("show", ".", folder=run)
-    assert "wanted to open it in the Rerun viewer" in seen.ended.stderr
+    assert "must open in the Rerun viewer" in seen.ended.stderr
     check_reading(seen, desk, run, "show")
     check(seen, desk, code=2, also="rerun")
 

@@ -1,4 +1,4 @@
-"""The certified front of optimal points: limits kept between samples, every point certified, saddles left."""
+"""Certify the points of a front: keep limits between samples, and replace saddles."""
 
 from __future__ import annotations
 
@@ -34,17 +34,17 @@ from paretoik.runs.interruption import reserve_time, time_left
 from paretoik.runs.journal import without_journal
 from paretoik.task.limits import LIMIT_TOLERANCE
 
-# The time that certificates take: how long a verb will still take, and what its time limit leaves for them.
+# The time that certificates take, and the part of a time limit that is reserved for them.
 
 
 @dataclass(frozen=True, kw_only=True)
 class CertificateTime:
-    """Settings of the time that certificates, and so tightening limits, have.
+    """Settings of the time for certificates and for tightening limits.
 
-    share: share of a time limit
-    longest: most seconds of a time limit a point
-    trials: share of the time so far that trials of later stages may take
-    spread: share of a front between points that are tried, the golden ratio: any number of steps spreads evenly
+    share: share of a time limit that is reserved for each later stage
+    longest: most seconds reserved per point for each later stage
+    trials: largest share of the elapsed time for trials of later stages
+    spread: step between tried points as a share of the front, the golden ratio: any number of steps spreads evenly
     """
 
     share: float = 0.2
@@ -58,13 +58,13 @@ TIME_OPTIONS = CertificateTime()
 
 @dataclass(frozen=True, kw_only=True)
 class LaterStages:
-    """What follows once the points of a front are there: ``tightening`` of limits if there are any, certification."""
+    """The stages after points are found: tightening of limits (if ``tightening``), then certification."""
 
     tightening: bool = False
 
     @classmethod
     def of(cls, problem: Any) -> LaterStages:
-        """Return the stages of a problem: limits between samples are tightened of splines."""
+        """Return the stages of a problem; only splines need limits tightened between samples."""
         task = task_of(problem)
         return cls(tightening=task is not None and task.differences == "spline")
 
@@ -74,22 +74,22 @@ class LaterStages:
         return "tightening and certification" if self.tightening else "certification"
 
     def reserve(self, points: int) -> AbstractContextManager[None]:
-        """Return a context that ends before the time limit under way, so that the points found in it have them too."""
+        """Return a context that reserves part of the current time limit for these stages."""
         count = 2 if self.tightening else 1
         return reserve_time(count * TIME_OPTIONS.share, count * points * TIME_OPTIONS.longest)
 
 
 @dataclass(kw_only=True, eq=False)
 class LaterTime:
-    """How long the later stages of a formulation's points take, measured on some points as they come.
+    """Measures on some points how long the later stages take per point.
 
-    looks: seconds of each look at whether a point exceeds limits between samples
-    tightenings: seconds of each tightening of a point that does
+    looks: seconds of each check whether a point exceeds limits between samples
+    tightenings: seconds of each tightening of a point that exceeds limits
     certificates: seconds of each certification
-    exceeding: number of points looked at that exceed limits
-    seen: points looked at
-    spent: seconds that all of this took
-    after_cold: seconds of a sweep and its levels when its last cold start was done
+    exceeding: number of checked points that exceed limits
+    seen: points that were checked
+    spent: seconds of all measurements
+    after_cold: elapsed seconds and solved levels of a sweep when its last cold start was done
     """
 
     formulation: Differentiable
@@ -103,19 +103,19 @@ class LaterTime:
     after_cold: tuple[float, int] | None = None
 
     def per_point(self) -> float:
-        """Return the seconds that both stages take a point, as many at a time as there are workers."""
+        """Return the seconds per point of both stages, shared by all workers."""
         share = self.exceeding / max(len(self.looks), 1)
         tightening = _mean(self.looks) + share * _mean(self.tightenings)
         return tightening / max(workers(), 1) + self.per_certificate()
 
     def per_certificate(self) -> float:
-        """Return the seconds that certification takes a point, as many at a time as there are workers."""
+        """Return the seconds per point of certification, shared by all workers."""
         return _mean(self.certificates) / max(workers(), 1)
 
     def try_point(self, x: Point, ranges: Float[np.ndarray, " n_obj"], seconds: float) -> None:
-        """Look whether a point exceeds limits, and take it through both stages, if trials take little of ``seconds``.
+        """Measure both stages on a point, if trials have taken little of ``seconds`` so far.
 
-        Which points are tried depends on the clock, so that a run's journal has nothing of it.
+        The clock decides which points are tried, so the journal of a run does not record them.
         """
         key = x.tobytes()
         if key in self.seen or seconds < TIME_LEFT.seconds or sum(self.looks) > TIME_OPTIONS.trials * seconds:
@@ -135,7 +135,7 @@ class LaterTime:
             if is_first or (exceeds and self.spent <= TIME_OPTIONS.trials * seconds):
                 held, programs = self.formulation.hold_between(x[None], ranges, solver=self.solver)
                 self.tightenings += [lap()] if exceeds else []
-                if not self.certificates:  # the first one loads much
+                if not self.certificates:  # the first one loads much code
                     self._certify(programs, held, 2 * ranges)
                 lap()
                 self._certify(programs, held, ranges)
@@ -147,9 +147,9 @@ class LaterTime:
         certify(programs, x, ranges=ranges, signs=np.ones(len(ranges)), violation_between=between)
 
     def sweep_left(self, progress: SweepProgress, seconds: float) -> float | None:
-        """Return about how many seconds are left of a sweep that has taken so many, with later stages.
+        """Return an estimate of the seconds left of a sweep and its later stages.
 
-        It is None if that is not known.
+        The sweep has taken ``seconds`` so far. Return None if the time is unknown.
         """
         if progress.ahead is None:
             return None
@@ -166,11 +166,11 @@ def _mean(values: Sequence[float]) -> float:
     return float(np.mean(values)) if values else 0.0
 
 
-# What observers read of how an ε-sweep improves its front.
+# The phases of an ε-sweep in words, for observers.
 
 
 def phase_text(phase: SweepPhase) -> str:
-    """Return what is done in a phase of a sweep, "" before its first.
+    """Return a phase of a sweep in words, "" before the first one.
 
     >>> phase_text("jump search")
     'jumps searched'
@@ -188,9 +188,9 @@ def phase_text(phase: SweepPhase) -> str:
 class CertifiedFrontOptions:
     """Settings of certified fronts.
 
-    rounds: most times that better points beside saddles are refined
-    tolerance: share of an objective's range by which a point may be worse than it was
-    between: share of a limit's range by which a point may exceed it between samples
+    rounds: most rounds in which better points next to saddles are refined
+    tolerance: largest deterioration of a point, as a share of an objective's range
+    between: largest violation between samples, as a share of a limit's range
     """
 
     rounds: int = 3
@@ -203,7 +203,7 @@ OPTIONS = CertifiedFrontOptions()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _CertifiedPoints:
-    """Points with their certificates; beside a saddle stands a point that is ``better`` in every objective."""
+    """Points with their certificates; ``better`` has a point better in every objective for each saddle."""
 
     individuals: Individuals
     certificates: Certificates
@@ -223,12 +223,12 @@ def certified_front(
     observe: Observer | None = None,
     later: LaterTime | None = None,
 ) -> Front:
-    """Return the front of these points with their certificates, except those that others dominate.
+    """Return the front of the nondominated points among these, with certificates.
 
-    Points that are worse than on the front ``before`` are replaced by what they were there. Limits that they exceed
-    between samples are tightened where the problem can, and each is certified for the limits that it is optimal for. A
-    saddle gives way to what the better point beside it is refined to. Minima of the front ``before`` stay, with their
-    certificates, where that leads to no better point.
+    A point that is worse than on the front ``before`` is replaced by its former version. If a point exceeds limits
+    between samples and the problem supports it, these limits are tightened; the point is certified for the limits that
+    it is optimal for. A saddle is replaced by the refined better point next to it. Minima of the front ``before`` stay,
+    with their certificates, if no better point is found.
     """
     individuals = formulation.individuals(x)
     if before is not None:
@@ -265,7 +265,7 @@ def certified_front(
         points = _keep_minima(formulation, points, before, rows, ranges)
     individuals, ids = points.individuals, ids[rows]
     rows = front_rows(individuals.objectives / ranges)
-    final = ranges_of(individuals.objectives[rows]) if len(rows) else ranges  # of what the front has become
+    final = ranges_of(individuals.objectives[rows]) if len(rows) else ranges  # ranges of the final front
     confirmed = int((points.certificates.criticality[rows] <= CERTIFICATES.critical).sum())
     certificates = points.certificates[rows].rescale(ranges, final)
     method = chosen_solver(formulation.program(ranges), solver)
@@ -296,7 +296,7 @@ def _leave_saddles(
     ranges: Float[np.ndarray, " n_obj"],
     solver: Solver,
 ) -> _CertifiedPoints:
-    """Return points, saddles replaced by what the better points beside them are refined to, if no worse after all."""
+    """Return points in which saddles are replaced by refined better points that are nowhere worse."""
     for _ in range(OPTIONS.rounds):
         saddles = np.array([i for i, better in enumerate(points.better) if better is not None], dtype=int)
         if not len(saddles):
@@ -305,7 +305,7 @@ def _leave_saddles(
         refined = certified(refine(formulation.program(ranges), x, len(ranges), solver=solver)[0])
         rise = refined.individuals.objectives - points.individuals.objectives[saddles]
         allowed = np.maximum(points.certificates.violation_between[saddles], OPTIONS.between)
-        holds = refined.certificates.violation_between <= allowed  # not known after a signal
+        holds = refined.certificates.violation_between <= allowed  # NaN after a signal: unknown
         accepted = np.flatnonzero(holds & (rise <= OPTIONS.tolerance * ranges).all(axis=1))
         points = _replace_points(formulation, points, saddles[accepted], refined, accepted)
     return points
@@ -318,10 +318,10 @@ def _keep_minima(
     rows: Int[np.ndarray, " points"],
     ranges: Float[np.ndarray, " n_obj"],
 ) -> _CertifiedPoints:
-    """Return points, those that are no better than the minima they were on the front ``before`` replaced by these.
+    """Return points in which minima of the front ``before`` stay unless the new point is better.
 
-    Better is what is better in some objective and worse in none: limits that are tightened again, for another motion,
-    may make a point worse. ``rows`` are those that the points had there.
+    A point is better if it is better in some objective and worse in none: limits that are tightened again, for another
+    motion, may make a point worse. ``rows`` are the rows of the points on the front ``before``.
     """
     if before.certificates is None:
         return points
@@ -350,7 +350,7 @@ def _replace_points(
     refined: _CertifiedPoints,
     refined_rows: Int[np.ndarray, " rows"],
 ) -> _CertifiedPoints:
-    """Return points with some rows replaced by those of others; better points beside the rest are forgotten."""
+    """Return points with some rows replaced by rows of ``refined``; forget better points of the others."""
     order = np.arange(len(points.better))
     order[rows] = len(order) + refined_rows
     before, after = points.individuals, refined.individuals
@@ -373,7 +373,7 @@ def no_worse(
     before: Front,
     ranges: Float[np.ndarray, " n_obj"],
 ) -> Individuals:
-    """Return individuals, those that are worse by more than a share of a range as they were before, if feasible."""
+    """Return individuals; those that became worse by more than a tolerance are restored, if they were feasible."""
     worse = ~(individuals.objectives <= before.minimised + OPTIONS.tolerance * ranges).all(axis=1)  # also if NaN
     if before.violation is not None:
         worse &= before.violation <= REFINEMENT.violation

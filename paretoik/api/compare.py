@@ -15,13 +15,26 @@ from paretoik.runs.executor import computed_text
 
 @check_call
 def compare(*fronts: Front | Path | str, labels: Sequence[str] | None = None) -> Comparison:
-    """Return fronts, or runs in folders, side by side: hypervolume, coverage, additive epsilon, attainment.
+    """Compare fronts or run folders by hypervolume, coverage, additive epsilon and attainment.
 
-    Print it for the tables; ``.merged`` is all of them as one front. ``labels`` are by default the names of folders, or
-    "front 1", "front 2", ...; fronts with the same label count as runs of one method, such as its seeds.
+    Parameters
+    ----------
+    fronts
+        Two or more fronts, or folders of runs.
+    labels
+        One label per front: by default names of folders, or "front 1", "front 2", ... Equal labels mark one method.
 
-    Raises InvalidInput where fronts differ in objectives, units or senses, one is empty, or labels do not match;
-    InvalidRun for a folder that holds no run.
+    Returns
+    -------
+    Comparison
+        Measures of the fronts, printed as tables; ``.merged`` is all of them as one front.
+
+    Raises
+    ------
+    InvalidInput
+        If fronts differ in objectives, units or senses, one is empty, or labels do not match.
+    InvalidRun
+        If a folder contains no run.
 
     >>> import numpy as np, paretoik as pk
     >>> a, b = (pk.Front(ids=np.arange(2), objectives=np.array(values), names=["energy", "torque"],
@@ -37,7 +50,7 @@ def compare(*fronts: Front | Path | str, labels: Sequence[str] | None = None) ->
 
 
 def _with_computed_words(front: Front) -> Front:
-    """Return a front whose provenance says in words who computed it, as tables of what differs show it."""
+    """Return a front whose entry "computed" is in words, for tables of differences."""
     if "computed" not in front.provenance:
         return front
     words = computed_text(front.provenance["computed"])
@@ -45,7 +58,7 @@ def _with_computed_words(front: Front) -> Front:
 
 
 def _labels(fronts: Sequence[Front | Path | str]) -> tuple[str, ...]:
-    """Return a label for each front: its place, or the shortest end of its folder's path that no other has."""
+    """Return a label for each front: its number, or the shortest unique end of its folder's path."""
     paths = [None if isinstance(front, Front) else Path(front).absolute() for front in fronts]
     labels = [f"front {place}" if path is None else "" for place, path in enumerate(paths, 1)]
     folders = {path for path in paths if path is not None}
@@ -57,7 +70,7 @@ def _labels(fronts: Sequence[Front | Path | str]) -> tuple[str, ...]:
 
 
 def _distinct_end(path: Path, others: Set[Path], taken: Set[str]) -> str:
-    """Return the shortest end of a path that neither another one has nor ``taken`` holds."""
+    """Return the shortest end of a path that no other path has and that is not in ``taken``."""
     for count in range(1, len(path.parts)):
         end = str(Path(*path.parts[-count:]))
         if end not in taken and all(other.parts[-count:] != path.parts[-count:] for other in others):

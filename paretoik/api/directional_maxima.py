@@ -1,4 +1,4 @@
-"""Find how fast a tool can go, or how hard it can push, in every direction from a position."""
+"""Find the highest speed or force of a tool in every direction from a position."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from paretoik.robot.arm import Arm
 from paretoik.runs.files import DRAWING, POLYGON, write_result
 from paretoik.runs.fingerprint import fingerprint
 
-# The run of a polygon of directional maxima: what is asked for, and what is kept of it.
+# The run folder of directional maxima.
 
 
 HOLDS = f"directional maxima, their arrays in {POLYGON}"
@@ -29,12 +29,12 @@ ARRAYS = ("position", "directions", "values", "q", "dq", "torque", "motor_speeds
 
 
 def polygon_subject(query: DirectionalQuery) -> Subject:
-    """Return what is asked for as the subject of a run."""
+    """Return a query as the subject of a run."""
     return Subject(title=f"directional maxima of {query.arm.name}", fingerprint=fingerprint(query))
 
 
 def polygon_counts(polygon: PerformancePolygon, seconds: float) -> dict[str, Any]:
-    """Return how many directions there are, and of how many a maximum was found."""
+    """Return the numbers of directions and of maxima found, and the seconds."""
     maxima = int(np.isfinite(polygon.values).sum())
     return {"directions": len(polygon), "found": maxima, "seconds": round(seconds, 3)}
 
@@ -42,7 +42,7 @@ def polygon_counts(polygon: PerformancePolygon, seconds: float) -> dict[str, Any
 def save_polygon(polygon: PerformancePolygon, provenance: dict[str, Any], folder: Path) -> None:
     """Write a polygon into a folder, all of its files at once or none.
 
-    In `polygon.npz` are joint_names (dof,) and the arrays of the polygon by name.
+    `polygon.npz` has joint_names (dof,) and the arrays of the polygon by name.
     """
     arrays = {name: getattr(polygon, name) for name in ARRAYS}
     content = array_bytes(
@@ -53,25 +53,25 @@ def save_polygon(polygon: PerformancePolygon, provenance: dict[str, Any], folder
     write_result(folder, {**provenance, "holds": HOLDS, "unit": unit}, {POLYGON: content})
 
 
-# What the folder of directional maxima shows: a recording, and a picture.
+# The recording and the picture of directional maxima.
 
 
 def start_recording(query: DirectionalQuery, session: RunSession) -> None:
-    """Start the recording of what is asked for."""
+    """Start the recording of a query."""
     cell = workcell_of(query)
     assert cell is not None
-    alone = replace(cell, directions=np.zeros((0, 3)))  # one after the other
+    alone = replace(cell, directions=np.zeros((0, 3)))  # added one after the other
     session.start_recording(MaximaScene(workcell=alone, quantity=query.quantity))
 
 
 def review_polygon(polygon: PerformancePolygon, provenance: Mapping[str, Any], session: RunSession) -> None:
-    """Complete the recording, and, unless a signal came, draw the polygon."""
+    """Complete the recording; draw the polygon unless a signal came."""
     if session.folder is None:
         return
     session.finish_recording(maxima_end(polygon, provenance))
     if session.signal is not None:
         return
-    from paretoik.review.pictures.motions import polygon_picture  # here: matplotlib takes its time
+    from paretoik.review.pictures.motions import polygon_picture  # here: matplotlib loads slowly
 
     polygon_picture(polygon, session.folder / DRAWING)
 
@@ -90,49 +90,70 @@ def directional_maxima(
     overwrite: bool = False,
     observe: Observer | bool | None = None,
 ) -> PerformancePolygon:
-    """Return the highest speeds or forces of an arm along each direction while its tool is at a position.
+    """Return the highest speeds or forces of a tool per direction.
 
-    Speeds are those with which motors can hold the arm against gravity meanwhile (quasi-static); forces are those the
-    tool can exert at rest, in postures that can be held without them. In a posture with its sliders both are exact: a
-    closed form, the facet of a zonotope (a linear program gives the same). Sliders are searched where they can bear
-    their load, in 12 pieces of each stretch and by golden sections.
-
-    Postures of planar arms with three joints are evaluated on every branch, all around, at 360 places on each curve and
-    wherever limits begin or end to hold, and searched by golden sections from there: one of two maxima within a degree
-    may be missed. Other arms ascend from several of ``starts`` postures, over posture, sliders and speeds at once, by
-    interior points, until the best value was reached often: no proof.
-
-    These are speeds of an instant: the next may have left the posture that allows them. Sliders near a toggle turn
-    joints fast for a short way, and each direction has a posture and gears of its own. ``PointToPoint`` counts the way
-    there.
+    Speeds are those at which the motors can also hold the arm against gravity (quasi-static). Forces are those that the
+    tool can exert at rest, in postures that can be held without them.
 
     Parameters
     ----------
-    arm, actuation
-        The arm, its gravity as it is mounted, and its motors.
+    arm
+        Arm with gravity as it is mounted.
+    actuation
+        Motors of the arm.
     position
-        Of the tool, (2,) for planar arms, else (3,) [m].
+        Position of the tool [m]: (2,) for planar arms, else (3,).
     directions
-        How many, evenly around from the x axis (Eq. 2) or over the sphere; or vectors (directions, task), however long.
+        Number (default 16), evenly around from the x axis (Eq. 2) or over the sphere; or vectors (directions, task).
     quantity
-        "velocity" or "force".
-    starts, seed
-        Postures to start from (more are drawn where few can be held), and the seed of their chance; planar arms with
-        three joints need none.
+        Quantity: "velocity" (default) or "force".
+    starts
+        Number of start postures (default 20 000), more if few can be held; unused for planar arms with three joints.
+    seed
+        Seed of the start postures (default 0).
     out
-        Folder to keep the run in: run.json, polygon.npz with every array of the result, review.rrd, in which the
-        polygon grows direction by direction with the arm in each maximising posture, and picture.png. ``overwrite``
-        allows it to replace a run that is there.
+        Folder for the run (default: none): run.json, polygon.npz, review.rrd and picture.png.
+    overwrite
+        Whether to replace a run in ``out`` (default False).
     observe
-        Called with a ``RunProgress`` while something is compiled or saved; as for ``plan``.
+        Observer of compilation and saving, as for ``plan``.
 
-    Raises InvalidInput naming what cannot be used; OutOfReach where no posture reaches the position, SolverFailed where
-    none was found that does; Infeasible where none was found that can be held, naming the joint, its torque and what
-    its motor can hold, or the rod's angle, of the best one. Source: Kim, Choi & Jang 2021, Eq. 1.
+    Returns
+    -------
+    PerformancePolygon
+        Maximum of each direction, with its posture, torques, motors and sliders.
+
+    Raises
+    ------
+    InvalidInput
+        If an argument cannot be used.
+    OutOfReach
+        If no posture reaches the position.
+    SolverFailed
+        If no posture was found that reaches the position.
+    Infeasible
+        If none found can be held: names the best one's joint, torque and what its motor can hold, or the rod's angle.
+
+    Notes
+    -----
+    For a posture with its sliders both are exact: a closed form, the facet of a zonotope (a linear program gives the
+    same). Sliders are searched in the stretches that can bear their load: in 12 pieces each, and by golden sections.
+
+    Postures of planar arms with three joints are evaluated on every branch, all around, at 360 places on each curve and
+    at each place where a limit becomes active or inactive. Golden sections search from there: one of two maxima within
+    a degree may be missed. Other arms ascend from several of ``starts`` postures, over posture, sliders and speeds at
+    once, by interior points, until the best value was reached often: this is no proof.
+
+    Speeds hold for an instant: the next posture may not allow them. Sliders near a toggle turn joints fast for a short
+    way, and each direction has its own posture and gears. ``PointToPoint`` also counts the way there.
+
+    In review.rrd the polygon grows direction by direction, with the arm in each maximising posture.
+
+    Source: Kim, Choi & Jang 2021, Eq. 1.
     """
     query = directional_query(arm, actuation, position, directions, quantity=quantity, starts=starts, seed=seed)
     check_flag("overwrite", overwrite)
-    if out is None and observe is None:  # as where thousands are asked for in turn
+    if out is None and observe is None:  # as when thousands are computed one after the other
         return performance_polygon(query)
     with run_session(
         polygon_subject(query),

@@ -32,13 +32,13 @@ from paretoik.runs.executor import check_workers
 from paretoik.runs.interruption import check_time_limit
 from paretoik.task.motion import Motion
 
-# What observers and the recording see of an ε-sweep: its points as they come, and each level of ε.
+# Progress of an ε-sweep for observers and the recording.
 
 
 class SweepDisplay:
     """Shows a session each step of a sweep.
 
-    levels: number of steps under other bounds than the one before
+    levels: number of steps whose bounds differ from those of the step before
     later: time of later stages, measured for an observer
     """
 
@@ -49,16 +49,16 @@ class SweepDisplay:
         self._hypervolume = HypervolumeCurve()
         self._steps = self._points = 0
         self._level = b""
-        self._started: float | None = None  # of the sweep
+        self._started: float | None = None  # start of the sweep
         self._show_optima = count_observer(session.observe, "optimum")
 
     def show_optima(self, done: int, total: int, summary: str = "") -> None:
-        """Show the search for each objective's own optima; later ones, below an ε, are part of the sweep."""
+        """Show the search for each objective's own optima; later ones, below an ε, belong to the sweep."""
         if self._show_optima is not None and self._started is None:
             self._show_optima(done, total, summary)
 
     def show_step(self, progress: SweepProgress) -> None:
-        """Show a step in the user's own sign."""
+        """Show a step, with objectives in the user's own sign."""
         if self._started is None:
             self._started = computing_clock()
         level = b"" if progress.epsilon is None else progress.epsilon.tobytes()
@@ -71,7 +71,7 @@ class SweepDisplay:
             self._show(progress, is_news=is_news)
 
     def finish(self, front: Front) -> None:
-        """Record the front that the sweep led to, under no bound any more."""
+        """Record the final front, which has no bound ε."""
         if self._session.recorder is not None:
             generation = Generation(
                 number=self._steps,
@@ -83,7 +83,7 @@ class SweepDisplay:
             self._session.recorder.record(generation)
 
     def infeasible_end(self, nearest: LeastViolating) -> SearchEnd:
-        """Return the end of a sweep without a feasible motion, after a level that has the least-violating one."""
+        """Record a level with the least-violating motion; return the end of an infeasible sweep."""
         if self._session.recorder is not None and nearest.point is not None:
             n_obj = len(self._signs)
             generation = Generation(
@@ -161,52 +161,64 @@ def epsilon_front(
     reference: str | None = None,
     observe: Observer | bool | None = None,
 ) -> Front:
-    """Return a front of certified points: one objective minimised, the others kept below ε.
+    """Return a certified front: one objective minimised, the others bounded by ε.
 
     Parameters
     ----------
     problem
-        A ``Tracking`` with two or more integral objectives, a ``DirectionalMaxima`` or a ``PointToPoint``.
+        ``Tracking`` with two or more integral objectives, ``DirectionalMaxima`` or ``PointToPoint``.
     points
-        At most so many points, spread over the front; the best of every objective are always among them.
-    starts, seed
-        As for ``plan``, which finds each objective's own optima first; without a path each objective is minimised
-        from so many starts, 48 by default.
+        Most points, spread over the front (default 20); the best of every objective are always among them.
+    starts
+        Number of starts for each objective's own optima: by default as for ``plan``, without a path 48.
+    seed
+        Seed of all random numbers (default 0).
     initial
-        Solutions to start from as well: motions on the path, genes, or a front. No feasible one of them dominates a
-        point of the front.
+        Further starts: motions on the path, genes, or a front. No feasible one dominates a point of the result.
     solver
-        "interior-point" for smooth objectives and limits, "sqp" (convex subproblems by Clarabel) for any; "auto" takes
-        the first where it can.
+        Solver: "interior-point" for smooth functions, "sqp" (Clarabel) for any; "auto" (default): the first if it can.
     out
-        Folder to keep the run in: run.json, front.parquet, motions.npz, review.rrd with the levels of ε on the timeline
-        ``level``, and pictures (not after a signal). ``overwrite`` allows it to replace a run that is there.
+        Folder for the run (default: none): run.json, front.parquet, motions.npz, review.rrd and pictures.
     time_limit
-        Seconds of computing, as for ``solve``, after which the sweep ends and keeps what it has; up to two
-        fifths of them are left for certificates, half of these for limits between samples.
-    workers, cluster
-        As for ``solve``: starts are solved there, levels of ε that can be foretold, and points certified.
+        Seconds of computing, as for ``solve``, after which the sweep ends and keeps its points (default: no limit).
+    workers
+        Number of processes, as for ``solve``: for starts, levels of ε known in advance, and certificates.
+    cluster
+        Address of a Dask scheduler in place of ``workers``, as for ``solve``.
+    overwrite
+        Whether to replace a run in ``out`` (default False).
     reference
-        Where the problem can be loaded from (``file.py:name``), kept in the run for ``load_front``.
+        Name of the problem, ``file.py:name``, kept in the run for ``load_front``.
     observe
-        Called with a ``RunProgress`` while each objective's optima are sought, after every level of ε (``done`` of
-        ``points``), and after each point's certificate. By default a bar shows it where stderr is a terminal; True
-        prints lines elsewhere, False shows nothing.
+        Function called with a ``RunProgress``; default: a bar on a terminal; True: lines elsewhere too; False: nothing.
 
-    Ctrl-C, SIGTERM and the time limit end the sweep within a second: the points so far are returned, those that have no
-    certificate yet as "undetermined"; why it ended stands in ``front.provenance["status"]``.
-
-    Every point has its certificate in ``front.certificates``; "optimal" is meant locally. Source: Tringali & Cocuzza
-    2020, section 4.3.
+    Returns
+    -------
+    Front
+        Front with a certificate for each point in ``front.certificates``.
 
     Raises
     ------
     InvalidInput
-        Naming what cannot be used; OutOfReach where the path leaves what the arm can reach.
+        If an argument cannot be used.
+    OutOfReach
+        If the path leaves the reach of the arm.
     Infeasible
-        Where no motion within the limits was found, with the least-violating one and the limit that binds.
+        If no motion within the limits was found; has the least-violating motion and the limit that binds.
     SolverFailed
-        Where no start leads to an optimum of one of the objectives alone, or the time limit comes before one does.
+        If no start, or none within the time limit, leads to an optimum of one of the objectives.
+
+    Notes
+    -----
+    "Optimal" is meant locally. Ctrl-C, SIGTERM and the time limit end the sweep within a second. The points so far are
+    returned; those without a certificate are "undetermined". ``front.provenance["status"]`` says why the sweep ended.
+    Up to two fifths of a time limit are reserved for certificates, half of these for limits between samples.
+
+    ``observe`` is called while each objective's optima are sought, after every level of ε (``done`` of ``points``), and
+    after each point's certificate. In review.rrd the levels of ε are on the timeline ``level``. Pictures are not drawn
+    after a signal.
+
+    Source: Tringali & Cocuzza 2020, section 4.3.
     """
     check_size("points", points, 2)
     check_count("starts", starts)
@@ -216,7 +228,7 @@ def epsilon_front(
     check_flag("overwrite", overwrite)
     formulation = require_program("epsilon_front", problem)
     if len(formulation.names) < 2:
-        raise InvalidInput("epsilon_front: two objectives or more wanted, got one: plan finds its optima")
+        raise InvalidInput("problem must have two objectives or more for epsilon_front, got one; plan finds its optima")
     with computing(time_limit):  # users' functions are traced
         check_solver(formulation.program(), solver)
     starting = initial_points(formulation, initial)
@@ -250,7 +262,7 @@ def epsilon_front(
 
 
 def _sweep(problem: Any, formulation: Differentiable, initial: Points | None, session: RunSession) -> Front:
-    """Return the certified front of a sweep by the settings of a session, which sees its steps."""
+    """Return the certified front of a sweep with a session's settings; show the session its steps."""
     settings = session.provenance["settings"]
     session.start(
         names=formulation.names,

@@ -1,4 +1,4 @@
-"""Hand one motion to a robot: sampled at its controller's rate, checked against its limits, and written."""
+"""Export one motion to a robot: sample it, check it against the controller's limits, and write it."""
 
 from __future__ import annotations
 
@@ -36,26 +36,52 @@ def export(
     metadata: Mapping[str, Any] | None = None,
     overwrite: bool = False,
 ) -> JointTrajectory:
-    """Write one motion as a trajectory for a robot, and return what was written.
+    """Write one motion as a trajectory for a robot, and return it.
 
-    The motion's own curve is sampled at ``rate`` [Hz]: positions, velocities and accelerations, its duration rounded up
-    to whole periods. ``format`` is "csv", "parquet", "npz", "joint-trajectory" (ROS 2, as YAML) or "ros2-bag" (a
-    folder); else the ending of ``file`` says it. Columns are in the order of the arm's joints, or of ``joint_names``.
+    Parameters
+    ----------
+    motion
+        Motion, or choice from a front.
+    file
+        Path of the file to write; of a folder for "ros2-bag".
+    format
+        Format: "csv", "parquet", "npz", "joint-trajectory" (ROS 2 YAML), "ros2-bag"; default: the ending of ``file``.
+    rate
+        Samples per second [Hz]; default: the controller's rate, without one the motion's own number of samples.
+    controller
+        Controller with limits to keep, its name in ``pk.controllers``, "franka", "ur" or "kinova"; default: no check.
+    joint_names
+        Order of the joints in columns; default: that of the arm.
+    time_scale
+        Factor ≥ 1 by which the motion is slowed down (default 1).
+    slow_down
+        Whether to slow down further, as little as the limits require (default False).
+    ramp
+        Time [s] within which the motion starts from rest, and comes to rest (default 0).
+    metadata
+        Entries to keep in the file; of the entries that export writes, only a choice's ``objectives`` may be replaced.
+    overwrite
+        Whether to replace a file that exists (default False).
 
-    Without a ``rate`` it is the controller's, or as many samples as the motion has where there is no controller.
+    Returns
+    -------
+    JointTrajectory
+        Positions, velocities and accelerations of the motion's own curve; its duration is rounded up to whole periods.
 
-    The motion keeps the limits of ``controller``, one of ``pk.controllers`` or its name, or "franka", "ur" or "kinova":
-    positions; velocities, accelerations and jerks, as differences of what is sent and of the curve; torques of an arm
-    with masses; rest at both ends. Whatever ``rate`` is, all that is looked at at the controller's own; from samples at
-    a lower one it interpolates a motion of its own, which is not checked. Without a controller nothing is checked.
+    Raises
+    ------
+    InvalidInput
+        If an argument cannot be used, or the file exists and ``overwrite`` is False.
+    Infeasible
+        If the controller would refuse the motion; names joint, quantity, time, value and limit.
 
-    ``time_scale`` ≥ 1 slows the motion down; with ``slow_down`` it is slowed down further, as little as the limits ask
-    for; ``ramp`` [s] lets it start from rest and come to rest, each within that time. All three keep to the curve, and
-    change when the arm is where. ``metadata`` is kept in the file with what made it, which it may not say otherwise;
-    ``objectives`` of a choice may be named in it.
+    Notes
+    -----
+    Limits of a controller are: positions; velocities, accelerations and jerks, as differences of the samples and of the
+    curve; torques of an arm with masses; rest at both ends. They are checked at the controller's own rate. From samples
+    at a lower ``rate`` the controller interpolates a motion of its own, which is not checked.
 
-    Raises InvalidInput for what cannot be exported so, or a file that is there without ``overwrite``; Infeasible, by
-    joint, quantity, time, value and limit, where the controller would refuse.
+    ``time_scale``, ``slow_down`` and ``ramp`` keep the curve and change only its timing.
     """
     target = file_path("file", file)
     kind = find_format(target, format)
@@ -72,7 +98,7 @@ def export(
         check_target("export", target, overwrite=overwrite)
     if its is None:
         if slow_down:
-            raise InvalidInput("slow_down: a controller, whose limits say how much, wanted, got none")
+            raise InvalidInput("slow_down must come with a controller, whose limits say how much, got none")
         trajectory, uses = sample_motion(one, scaling), list[LimitUse]()
     else:
         trajectory, scaling, uses = fit_motion(one, scaling, its, slower=slow_down)
@@ -97,24 +123,24 @@ def _one_motion(motion: Choice | Motion) -> tuple[Motion, dict[str, Any]]:
         motion = motion.motion
         if motion is not None and not isinstance(motion, Motion):
             raise InvalidInput(
-                "motion: a choice whose front knows its arm wanted, got one without; open the run with its problem: "
+                "motion must be a choice whose front has its arm, got one without; load the run with its problem: "
                 "pk.load_front(folder, problem), or --problem FILE.py:NAME"
             )
     if not isinstance(motion, Motion):
-        raise InvalidInput(f"motion: a Motion or the Choice of one wanted, got {shown(motion)}")
+        raise InvalidInput(f"motion must be a Motion or the Choice of one, got {shown(motion)}")
     if motion.q.ndim != 2:
-        raise InvalidInput(f"motion: one motion wanted, got a batch of {motion.q.shape[:-2]}; pick one: motions[0]")
+        raise InvalidInput(f"motion must be one motion, got a batch of {motion.q.shape[:-2]}; pick one: motions[0]")
     return motion, about
 
 
 def _notes(metadata: Mapping[str, Any] | None, about: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a user's own metadata; raises InvalidInput where it has a name of ours, or what JSON cannot hold."""
+    """Return a user's metadata; raises InvalidInput for a reserved name, or what JSON cannot hold."""
     if metadata is not None:
         check_mapping("metadata", metadata, "entries by name")
     notes: dict[str, Any] = to_json(dict(metadata or {}), name="metadata")
     ours = next((name for name in notes if name in {*MADE, *about} - {"objectives"}), None)
     if ours is not None:
-        raise InvalidInput(f"metadata: wanted other names than those of what export says itself, got {shown(ours)}")
+        raise InvalidInput(f"metadata must not use the names of entries that export writes, got {shown(ours)}")
     return notes
 
 

@@ -26,14 +26,14 @@ from paretoik.runs.files import PICTURE, SEARCHES, STEPS
 SEARCH_SETTINGS = (
     *("initial", "evaluations", "target", "anchors", "algorithm", "refine", "solver"),
     *("islands", "workers", "cluster", "evaluation_timeout"),
-)  # not of a loop
+)  # settings that a closed loop does not have
 
 
 class LoopRun:
-    """The run of a closed loop, whose front has one point: the motion, with the mean of every objective over the steps.
+    """The run of a closed loop; its front has one point: the motion, with each objective's mean over the steps.
 
-    A signal or the time limit leaves the rest of the path: the motion is that of the steps that were taken.
-    Raises InvalidInput, naming the setting.
+    If a signal or the time limit ends the run early, the motion has the steps so far. Raises InvalidInput, naming the
+    setting, for a setting of a search.
     """
 
     def __init__(self, problem: ClosedLoop, settings: SolveSettings) -> None:
@@ -41,7 +41,7 @@ class LoopRun:
             value, default = getattr(settings, name), getattr(SolveSettings, name)
             if value is not default and not (isinstance(value, str | int | np.integer) and value == default):
                 raise InvalidInput(
-                    f"{name}: wants a search for a front, got a closed loop, which is followed step by step"
+                    f"{name} must be used with a search for a front, got a closed loop, which is followed step by step"
                 )
         self.problem = problem.changed(
             population=settings.population, generations=settings.generations, seed=settings.seed
@@ -63,7 +63,7 @@ class LoopRun:
         """Follow the loop and return its motion as a front of one point."""
         loop = self.problem
         steps = len(loop.task.times) - 1
-        session.show(RunProgress(stage="beginning"))  # the search for a start may take its time
+        session.show(RunProgress(stage="beginning"))  # the search for a start may take a while
         loop.prepare()
         units, maximised = zip(*((each.unit, each.maximise) for each in loop.objectives), strict=True)
         session.start(names=loop.names, units=units, maximised=maximised, timeline="step", workcell=workcell_of(loop))
@@ -90,15 +90,15 @@ class LoopRun:
         return self._run.front({**session.provenance, "status": status, "counts": counts})
 
     def review(self, front: Front, session: RunSession) -> None:
-        """Write the table of steps, and the searches of those that were recorded.
+        """Write the table of steps and the recorded searches.
 
-        Finish the recording with the motion, and, unless a signal came, draw it.
+        Complete the recording with the motion; draw the motion unless a signal came.
         """
         if session.folder is None:
             return
         run = self._run
         assert run is not None
-        ranges = run.ranges * run.loop.signs[:, None]  # best and worst (steps, n_obj, 2), in their own sign
+        ranges = run.ranges * run.loop.signs[:, None]  # best and worst (steps, n_obj, 2), in the user's own sign
         _write_steps(run, ranges, session.folder / STEPS)
         searched = [
             _searched_step(run, record.sample, record.generations)
@@ -110,13 +110,13 @@ class LoopRun:
         session.finish_recording(SearchEnd(front=None, choice=explain_choice(front), searched=searched))
         if session.signal is not None:
             return
-        from paretoik.review.pictures.motions import loop_picture  # here: matplotlib takes its time
+        from paretoik.review.pictures.motions import loop_picture  # here: matplotlib loads slowly
 
         loop_picture(run.motion, run.values, ranges, front, session.folder / PICTURE)
 
 
 def _write_steps(run: ClosedLoopRun, ranges: np.ndarray, file: Path) -> None:
-    """Write a row a step: sample, time, and of every objective what was chosen, the best and the worst on the front."""
+    """Write one row per step: sample, time, and per objective the chosen, best and worst value on the front."""
     import pyarrow as pa
     from pyarrow import parquet
 
@@ -131,7 +131,7 @@ def _write_steps(run: ClosedLoopRun, ranges: np.ndarray, file: Path) -> None:
 
 
 def _searched_step(run: ClosedLoopRun, sample: int, generations: Generations) -> SearchedStep:
-    """Return the search of a step in the user's own sign, with the front and the choice of every generation."""
+    """Return the search of a step in the user's own sign, with each generation's front and choice."""
     loop, fronts, chosen = run.loop, [], []
     for F in generations.F:
         front = nondominated_rows(F)
@@ -152,11 +152,11 @@ def _searched_step(run: ClosedLoopRun, sample: int, generations: Generations) ->
 
 
 def _write_searches(run: ClosedLoopRun, searched: Sequence[SearchedStep], file: Path) -> None:
-    """Write the recorded searches as plain arrays, a row a step.
+    """Write the recorded searches as plain arrays, one row per step.
 
     ``steps`` (steps,), ``names`` and ``units`` (n_obj,), ``objectives`` (steps, generations, individuals, n_obj) in
-    their own sign, ``q`` (steps, generations, individuals, dof), ``on_front`` (steps, generations, individuals) and
-    ``chosen`` (steps, generations), an individual, −1 where all failed.
+    the user's own sign, ``q`` (steps, generations, individuals, dof), ``on_front`` (steps, generations, individuals),
+    and ``chosen`` (steps, generations): index of an individual, −1 if all failed.
     """
     on_front = np.zeros((len(searched), *searched[0].q.shape[:2]), dtype=bool)
     for i, each in enumerate(searched):

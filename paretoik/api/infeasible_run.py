@@ -1,7 +1,8 @@
-"""A run on disk that found nothing feasible: why, and the motion that comes nearest, beside its `run.json`.
+"""A run on disk that found nothing feasible: why, and its least-violating motion.
 
 The entry "least_violating" of `run.json` has the constraints that are ``broken``, the ``objectives`` by name, unit,
-sense and value, and the SHA-256 digest of `least_violating.npz`, which has the motion as `motions.npz` has others.
+sense and value, and the SHA-256 digest of `least_violating.npz`. That file has the motion in the format of
+`motions.npz`.
 """
 
 from __future__ import annotations
@@ -27,24 +28,24 @@ ENTRY = "least_violating"
 
 @runtime_checkable
 class ObjectiveNames(Protocol):
-    """What has the objectives of a run: a formulation, or a search."""
+    """The objectives of a run, as a formulation or a search has them."""
 
     @property
     def names(self) -> Sequence[str]:
-        """Their names."""
+        """Names of the objectives."""
 
     @property
     def units(self) -> Sequence[str]:
-        """Their units."""
+        """Units of the objectives."""
 
     @property
     def maximised(self) -> Any:
-        """Which of them are maximised."""
+        """Whether each objective is maximised."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class InfeasibleFiles:
-    """What a run folder keeps of a run without a feasible point: ``entries`` of its `run.json`, and files by name."""
+    """Contents of a run folder without a feasible point: ``entries`` of its `run.json`, and files by name."""
 
     entries: Mapping[str, Any]
     contents: Mapping[str, bytes]
@@ -52,9 +53,11 @@ class InfeasibleFiles:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class InfeasibleRun:
-    """A run that found nothing feasible: the ``reason``, the constraints ``broken``, and what comes nearest.
+    """A run that found nothing feasible.
 
-    ``nearest`` has that as its only point, which is not feasible; it is empty where there is none.
+    reason: why nothing was found
+    broken: violated constraints
+    nearest: front with only the least-violating point; empty without one
     """
 
     reason: str
@@ -63,7 +66,7 @@ class InfeasibleRun:
 
 
 def infeasible_files(problem: ObjectiveNames, failure: Infeasible, nearest: LeastViolating) -> InfeasibleFiles:
-    """Return what is kept of a run that found nothing feasible."""
+    """Return what a run folder keeps of a run that found nothing feasible."""
     values = None if nearest.point is None else nearest.point.objectives
     objectives = [
         {
@@ -85,13 +88,13 @@ def infeasible_files(problem: ObjectiveNames, failure: Infeasible, nearest: Leas
 
 
 def is_infeasible(folder: Path) -> bool:
-    """Say whether a folder holds a run that found nothing feasible."""
+    """Return whether a folder contains a run that found nothing feasible."""
     run = read_run(folder / RUN) if is_run(folder / RUN) else {}
     return run.get("status") == "Infeasible" or (ENTRY in run and "files" not in run)  # a signal may have ended it
 
 
 def read_infeasible(folder: Path) -> InfeasibleRun:
-    """Return a run that found nothing feasible; raises InvalidRun where it is damaged."""
+    """Return a run that found nothing feasible; raises InvalidRun if it is damaged."""
     run = read_run(folder / RUN)
     check_digest(folder / RUN, run)
     reason, entry = str(run.get("reason", "")), run.pop(ENTRY, {"broken": [], "objectives": []})
@@ -113,7 +116,7 @@ def read_infeasible(folder: Path) -> InfeasibleRun:
     except (KeyError, TypeError, ValueError, AttributeError) as fault:
         if isinstance(fault, InvalidRun):
             raise
-        raise InvalidRun(f"{folder / RUN}: wanted what the least-violating motion breaks, got {fault}") from fault
+        raise InvalidRun(f"{folder / RUN} must say what the least-violating motion violates, got {fault}") from fault
     return InfeasibleRun(reason=reason, broken=broken, nearest=nearest)
 
 
@@ -127,6 +130,6 @@ def _read_motion(folder: Path, expected: object) -> StoredMotions:
     file = folder / NEAREST
     arrays = read_motions(file, read_verified(file, expected), np.zeros(1, dtype=int))
     if "q" not in arrays:
-        raise InvalidRun(f"{file}: wanted a motion, got none")
+        raise InvalidRun(f"{file} must contain a motion, got none")
     joints = StoredJoints(joint_names=tuple(str(joint) for joint in arrays["joint_names"]))
     return StoredMotions(arm=joints, time=arrays["time"], q=arrays["q"])

@@ -1,4 +1,4 @@
-"""Solutions to start from, a user's own genes, motions or a former front: as genes, and as points of a program."""
+"""Initial solutions (genes, motions or a former front), as genes and as points of a program."""
 
 from __future__ import annotations
 
@@ -21,20 +21,21 @@ from paretoik.task.motion import Motion
 
 
 def initial_genes(problem: Any, initial: Genes | Motion | Front | None, *, tolerance: float = 1e-6) -> Genes | None:
-    """Return genes (rows, n_var) of solutions to start from; warn of motions that they miss by more.
+    """Return genes (rows, n_var) of initial solutions.
 
-    Raises InvalidInput for a front of another problem without motions, and for motions that it cannot encode.
+    Warn of motions that the genes miss by more than ``tolerance`` [rad, m]. Raises InvalidInput for a front of another
+    problem without motions, and for motions that the problem cannot encode.
     """
     if isinstance(initial, Front):
         if initial.genes is not None and initial.provenance.get("fingerprint") == fingerprint(problem):
             return np.array(initial.genes)
         if initial.motions is None:
-            raise InvalidInput("initial: the front is of another problem and has no motions to start from")
+            raise InvalidInput("initial must be a front with motions or of this problem, got neither")
         initial = initial.motions  # type: ignore[assignment]  # a front of motions holds Motion
     if initial is None or isinstance(initial, np.ndarray | list):
         return initial
     if not isinstance(initial, Motion):
-        raise InvalidInput(f"initial: genes, motions or a front wanted, got {type(initial).__name__}")
+        raise InvalidInput(f"initial must be genes, motions or a front, got {type(initial).__name__}")
     genes, deviation = encode(problem, initial)
     inexact = deviation > tolerance
     if inexact.any():
@@ -46,33 +47,33 @@ def initial_genes(problem: Any, initial: Genes | Motion | Front | None, *, toler
 
 
 def initial_points(formulation: Differentiable, initial: Genes | Motion | Front | None) -> Points | None:
-    """Return solutions to start from as points of a formulation's program, None for none.
+    """Return initial solutions as points of a formulation's program, None if there are none.
 
-    Raises InvalidInput where they are not of the problem.
+    Raises InvalidInput if they do not belong to the problem.
     """
     if initial is None:
         return None
     if isinstance(initial, Front):
         if tuple(initial.names) != tuple(formulation.names):
-            raise InvalidInput(f"initial: a front of {', '.join(formulation.names)} wanted, got another")
+            raise InvalidInput(f"initial must be a front of {', '.join(formulation.names)}, got another")
         return formulation.front_points(initial)
     if isinstance(initial, Motion):
         return formulation.motion_points(initial)
     if not isinstance(initial, np.ndarray | list):
-        raise InvalidInput(f"initial: genes, motions or a front wanted, got {type(initial).__name__}")
+        raise InvalidInput(f"initial must be genes, motions or a front, got {type(initial).__name__}")
     return formulation.points(checked_genes(formulation, initial))
 
 
 def exact_points(problem: Any, initial: Genes | Motion | Front | None) -> Points | None:
-    """Return motions to start from as points, exactly as they are; None where genes say all there is."""
+    """Return initial motions as exact points; None if the initial solutions are genes."""
     has_motions = initial.motions is not None if isinstance(initial, Front) else isinstance(initial, Motion)
     return initial_points(problem, initial) if has_motions and isinstance(problem, Differentiable) else None
 
 
 def merge_front(front: Front, formulation: Differentiable, x: Points, first_id: int) -> Front:
-    """Return a front with those feasible points that none of its own dominates, without those that they dominate.
+    """Return the nondominated points of a front and of further feasible points.
 
-    Genes are None where a point comes in: they would only be near it.
+    Genes are None if a further point is on the front: genes would only approximate it.
     """
     individuals = formulation.individuals(x)
     violation = evaluate_points(formulation.program(), x).violation
@@ -98,36 +99,36 @@ def merge_front(front: Front, formulation: Differentiable, x: Points, first_id: 
 
 
 def _is_dominated(shares: np.ndarray, row: int, others: np.ndarray) -> bool:
-    """Return whether another point dominates one, or repeats it and comes before."""
+    """Return whether another point dominates one, or equals it and comes first."""
     off = shares[others] - shares[row]
     no_worse, better = (off <= 0).all(axis=1), (off < 0).any(axis=1)
     return bool((no_worse & (better | (others < row))).any())
 
 
-INITIAL = key_of("initial")  # what the journal of a run has the solutions under that it starts from
+INITIAL = key_of("initial")  # key of the initial solutions in the journal of a run
 
 
 def remembered_points(x: Points | None) -> Points | None:
-    """Return points to start from; of a run that goes on those that it began with."""
+    """Return initial points; for a resumed run those that it began with."""
     return remembered(INITIAL, lambda: {} if x is None else {"x": x}).get("x")
 
 
 def remembered_motions(problem: Any, motions: Motion | None) -> Motion | None:
-    """Return motions to start from; of a run that goes on those that it began with."""
+    """Return initial motions; for a resumed run those that it began with."""
     values = remembered(INITIAL, lambda: {"q": problem.motion_points(motions)} if isinstance(motions, Motion) else {})
     return motions if motions is not None or "q" not in values else problem.task.motion(values["q"])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class InitialSolutions:
-    """What a search starts from: ``genes`` (rows, n_var), and motions exactly as they are, as ``points``, if any."""
+    """The initial solutions of a search: ``genes`` (rows, n_var), and exact motions as ``points``, if any."""
 
     genes: Genes | None
     points: Points | None
 
     @classmethod
     def of(cls, problem: Any, initial: Genes | Motion | Front | None) -> InitialSolutions:
-        """Return solutions as a search of a problem needs them; of a run that goes on those that it began with."""
+        """Return the initial solutions of a search; for a resumed run those that it began with."""
         values = recalled(INITIAL)
         if values is not None:
             return cls(genes=values.get("genes"), points=values.get("points"))
@@ -136,6 +137,6 @@ class InitialSolutions:
         return cls(genes=None if genes is None else checked_genes(problem, genes), points=points)
 
     def remember(self) -> None:
-        """Write them into the journal of the run, if it has one."""
+        """Write the solutions into the journal of the run, if it has one."""
         arrays = {"genes": self.genes, "points": self.points}
         remembered(INITIAL, lambda: {name: array for name, array in arrays.items() if array is not None})

@@ -1,4 +1,4 @@
-"""Open the front of a run again."""
+"""Load the front or the plan of a run."""
 
 from __future__ import annotations
 
@@ -22,17 +22,15 @@ from paretoik.runs.interruption import TimeLimit, check_time_limit, limited_eval
 from paretoik.stop_flag import Interrupted
 from paretoik.trajectory.plan import Optimum, Plan
 
-# The problem of a stored run: the one that the user names, never the one that the run names.
-#
-# A run folder may come from anybody, and loading a problem runs its file. So a problem is loaded only from what the
-# user gives: ``problem=`` in Python, ``--problem FILE.py:NAME`` or a yes to the question on the command line.
+# The problem of a stored run: only the one that the user names (problem=, --problem, or yes to the question).
+# Loading a problem runs its file, and a run folder may come from anybody: what the run itself names is never run.
 
 
 def named_problem(problem: Any, *, time_limit: float | None = None, evaluation_timeout: float | None = None) -> Any:
-    """Return ``problem``, or the one that it names if it is text.
+    """Return ``problem``, or the problem that it names if it is text.
 
-    Loading one takes at most ``time_limit`` [s], and each call of a user's function ``evaluation_timeout`` [s]. Raises
-    as ``load_problem``; SolverFailed if the problem is not there in time; EvaluationFailed if several calls are ended.
+    Loading takes at most ``time_limit`` [s], and each call of a user's function ``evaluation_timeout`` [s]. Raises as
+    ``load_problem``; SolverFailed if loading takes longer; EvaluationFailed if several calls take longer.
     """
     if not isinstance(problem, str):
         return problem
@@ -50,34 +48,44 @@ def named_problem(problem: Any, *, time_limit: float | None = None, evaluation_t
 
 
 def how_to_name(reference: object) -> str:
-    """Return how the problem of a run that names a ``reference`` is given."""
+    """Return how to name the problem of a run that has a ``reference``."""
     words = problem_words(reference)
     if not words:
-        return "the run names none; problem=, or --problem FILE.py:NAME, gives it"
+        return "the run names none; give it by problem= or --problem FILE.py:NAME"
     return f"its file is run only if you name it: problem=, or {shell_command(*words)}"
 
 
 def check_problem_argument(problem: object) -> None:
-    """Raise InvalidInput unless this is a problem, the name of one, or None; of a polygon it is the arm."""
+    """Raise InvalidInput unless this is a problem (for a polygon the arm), a problem's name, or None."""
     timeline(problem)
     is_problem = not isinstance(problem, type) and (hasattr(problem, "n_obj") or hasattr(problem, "dof"))
     if problem is not None and not isinstance(problem, str) and not is_problem:
-        raise InvalidInput(f"problem: a problem or FILE.py:NAME wanted, got {shown(problem)}")
+        raise InvalidInput(f"problem must be a problem or FILE.py:NAME, got {shown(problem)}")
 
 
-# Open the plan of a run again.
+# The plan of a run.
 
 
 @check_call
 def load_plan(folder: str | Path, problem: Any = None) -> Plan:
-    """Return the plan of a run folder, its motions with the arm of ``problem``.
+    """Return the plan of a run folder.
 
-    ``problem`` is the problem or its name, "FILE.py:NAME", whose file is run; it is always needed.
+    Parameters
+    ----------
+    folder
+        Folder of a run of ``plan``.
+    problem
+        Problem that was planned, or its name, "FILE.py:NAME", whose file is run; always required.
+
+    Returns
+    -------
+    Plan
+        Plan, its motions with the arm of ``problem``.
 
     Raises
     ------
     InvalidRun
-        If the folder is no run of ``plan``, or damaged, or its motions are not on the path of the problem.
+        If the folder contains no run of ``plan``, or a damaged one, or its motions are not on the problem's path.
     InvalidInput
         If no problem is given, or another one than was planned.
     """
@@ -87,15 +95,15 @@ def load_plan(folder: str | Path, problem: Any = None) -> Plan:
     problem = named_problem(problem)
     if problem is None:
         how = how_to_name(run.get("problem"))
-        raise InvalidInput(f"{folder}: the problem wanted that was planned, got none; {how}")
-    check_fingerprint(problem, run.get("fingerprint"), wish=f"{folder}: wants the problem that was planned")
+        raise InvalidInput(f"problem must be the one that was planned in {folder}, got none; {how}")
+    check_fingerprint(problem, run.get("fingerprint"), wish=f"problem must be the one that was planned in {folder}")
     problem = at_samples_of(problem, stored.q)
     try:
         motions = motions_of_task(problem, stored, columns["id"])
     except InvalidRun as fault:
         raise InvalidRun(f"{folder / MOTIONS}: {fault}") from None
     if motions is None:
-        raise InvalidRun(f"{folder}: wanted motions at the samples of the problem, got others")
+        raise InvalidRun(f"{folder} must have motions at the samples of the problem, got others")
     return Plan(
         optima=tuple(
             Optimum(
@@ -127,7 +135,7 @@ def load_plan(folder: str | Path, problem: Any = None) -> Plan:
 
 
 def _starts(run: Mapping[str, Any]) -> int:
-    """Return the number of starts that a run says its plan had."""
+    """Return the number of starts that a run states for its plan."""
     counts = run.get("counts")
     starts = counts.get("starts") if isinstance(counts, Mapping) else None
     return starts if isinstance(starts, int) else 0
@@ -135,17 +143,30 @@ def _starts(run: Mapping[str, Any]) -> int:
 
 @check_call
 def load_front(folder: str | Path, problem: Any = None) -> Front:
-    """Return the front of a run folder; its motions have their arm if its problem is given.
+    """Return the front of a run folder.
 
-    ``problem`` is the problem or its name, "FILE.py:NAME", whose file is run. What a run folder names is never run: the
-    folder may come from anybody. Without ``problem`` motions have joint positions only, with a warning.
+    Parameters
+    ----------
+    folder
+        Folder of a run.
+    problem
+        Problem that the run solved, or its name, "FILE.py:NAME", whose file is run (default: none).
+
+    Returns
+    -------
+    Front
+        Front, its motions with the arm of ``problem``; without it with joint positions only, and a warning.
 
     Raises
     ------
     InvalidRun
-        If the folder is no run, or damaged, or its motions are not on the path of the problem.
+        If the folder contains no run, or a damaged one, or its motions are not on the problem's path.
     InvalidInput
         If ``problem`` is not the one that the run solved, or cannot be loaded.
+
+    Notes
+    -----
+    A run folder may come from anybody: the file that the folder itself names is never run.
     """
     folder = file_path("folder", folder)
     check_problem_argument(problem)
@@ -153,14 +174,14 @@ def load_front(folder: str | Path, problem: Any = None) -> Front:
 
 
 def with_problem(front: Front, folder: Path, problem: Any) -> Front:
-    """Return a front that was read from a folder with its problem, as ``load_front`` does, and raise what that does."""
+    """Return a loaded front with its problem; raises as ``load_front``."""
     whole, reference = named_problem(problem), front.provenance.get("problem")
     if whole is None:
         if reference is not None:
-            text = "motions come without their arm, as the problem is not at hand"
+            text = "motions come without their arm, because the problem is not given"
             warn_user(f"{folder}: {text}: {how_to_name(reference)}")
         return front
-    wish = f"{folder}: wants the problem that the run solved"
+    wish = f"problem must be the one that the run in {folder} solved"
     check_fingerprint(whole, front.provenance.get("fingerprint"), wish=wish)
     whole = at_samples_of(whole, getattr(front.motions, "q", None))
     try:

@@ -29,17 +29,48 @@ def navigate(
     overwrite: bool = False,
     problem: Any = None,
 ) -> tuple[Front, Choice, Path]:
-    """Return the front of a run with a new certified point, that point, and the folder that holds them now.
+    """Move along a run's front; return front, new point and folder.
 
-    That is the run itself, which loses nothing: where former points are dominated by the new one, they stay there and
-    the new front goes into a folder beside it; so it does where the run was stopped and can be resumed, since what
-    it comes to then replaces its front. ``out`` names another folder, ``overwrite`` replaces a run there;
-    ``problem`` is as for ``load_front``, the other arguments are those of ``Front.navigate``.
+    Parameters
+    ----------
+    run
+        Folder of the run.
+    point
+        Id of the point to move from; default: the present choice of the run.
+    improve
+        Name of the objective that gets better.
+    allow
+        Names of objectives that may get worse; default: all that are not in ``hold``.
+    hold
+        Names of objectives that get no worse (default: none).
+    by
+        Amount of the improvement, in the objective's unit; default: that of ``Front.navigate``.
+    to
+        Value to reach, in the objective's unit, in place of ``by``.
+    out
+        Folder for the new front; default: the run, or a new folder next to it (see Notes).
+    overwrite
+        Whether to replace a run in ``out`` (default False).
+    problem
+        Problem of the run or its name, as for ``load_front``.
 
-    It moves from a ``point``, by default from the present choice of the run. Where the run has a recording, that of
-    the folder opens on the present choice and the new point beside each other, or on the new point alone.
+    Returns
+    -------
+    tuple[Front, Choice, Path]
+        Front with the new certified point, that point, and the folder that contains them.
 
-    Raises InvalidInput for a run or a folder that cannot be used, and as ``Front.navigate`` does.
+    Raises
+    ------
+    InvalidInput
+        If a run or a folder cannot be used; also raises as ``Front.navigate``.
+
+    Notes
+    -----
+    The run loses nothing. The new front goes into a new folder next to it if the new point dominates former points, or
+    if the run was stopped and can be resumed: its result would then replace the front.
+
+    If the run has a recording, that of the folder opens on the present choice and the new point next to each other, or
+    only on the new point.
     """
     folder = file_path("run", run)
     if out is not None:
@@ -53,7 +84,7 @@ def navigate(
         moved.save(place)
         _draw(moved, folder, place)
     if (folder / RECORDING).exists():
-        from paretoik.review.drawing.choice_layer import show_choice_in_recording  # here: Rerun takes its time
+        from paretoik.review.drawing.choice_layer import show_choice_in_recording  # here: Rerun loads slowly
 
         show_choice_in_recording(moved, moved=choice, source=folder / RECORDING)
     return moved, choice, place
@@ -71,17 +102,17 @@ def _place(folder: Path, out: str | Path | None, overwrite: bool) -> Iterator[Pa
 
 
 def _dominated(front: Front) -> list[Any]:
-    """Return the ids of points that the last move has dominated."""
+    """Return the ids of points that the new point dominates."""
     return list(front.provenance[NAVIGATIONS][-1]["dominated"])
 
 
 def _goes_on(folder: Path) -> bool:
-    """Return whether a run was stopped and can be resumed, which would drop a point that joined it."""
+    """Return whether a run was stopped and can be resumed, which would drop a new point."""
     return read_run(folder / RUN).get("status") in STOPPED and can_resume(folder)
 
 
 def _beside(folder: Path, id: int) -> Path:
-    """Return a folder beside a run that is not there yet."""
+    """Return a new folder next to a run."""
     place, count = folder.with_name(f"{folder.name}-point-{id}"), 1
     while place.exists():
         count += 1
@@ -90,9 +121,9 @@ def _beside(folder: Path, id: int) -> Path:
 
 
 def _draw(front: Front, folder: Path, place: Path) -> None:
-    """Draw the pictures that the run had anew."""
+    """Draw the pictures of the run again."""
     if (folder / PICTURE).exists():
-        from paretoik.review.pictures.fronts import front_picture  # here: matplotlib takes its time
+        from paretoik.review.pictures.fronts import front_picture  # here: matplotlib loads slowly
 
         front_picture(front, place / PICTURE, front.navigated)
     if (folder / CERTIFICATES).exists():

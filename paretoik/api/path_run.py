@@ -1,4 +1,4 @@
-"""The run of a tool path: the fastest one, or time-optimal control along it."""
+"""The run of a tool path: the fastest path, or time-optimal control along one."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def keep_path(
         out=out,
         overwrite=overwrite,
         observe=observe,
-        catch_signals=False,  # a path is whole or none
+        catch_signals=False,  # a path is complete or missing
     ) as session:
         session.start_recording(PathScene(title=query.verb.replace("_", " "), start=query.start, target=query.target))
         path = compute()
@@ -54,8 +54,8 @@ def keep_path(
 def _save(path: Result, query: PathQuery, provenance: dict[str, Any], folder: Path) -> None:
     """Write a path into a folder, all of its files at once or none.
 
-    In `tool_path.npz` are the arrays and numbers of the result by name, ``start``, ``target``, and the box of the
-    model, ``lower`` and ``upper``.
+    `tool_path.npz` has the arrays and numbers of the result by name, ``start``, ``target``, and the box of the model,
+    ``lower`` and ``upper``.
     """
     arrays = {each.name: np.asarray(getattr(path, each.name)) for each in fields(path)}
     box = {"lower": query.model.lower, "upper": query.model.upper, "start": query.start, "target": query.target}
@@ -70,6 +70,6 @@ def _review(path: Result, query: PathQuery, provenance: dict[str, Any], session:
     tool, reference = (path.points, None) if isinstance(path, FastestPath) else (path.positions, path.references)
     end = PathEnd(times=path.times, tool=tool, reference=reference, target=query.target, provenance=provenance)
     session.finish_recording(end)
-    from paretoik.review.pictures.motions import path_picture  # here: matplotlib takes its time
+    from paretoik.review.pictures.motions import path_picture  # here: matplotlib loads slowly
 
     path_picture(end, session.folder / DRAWING)

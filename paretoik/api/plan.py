@@ -37,7 +37,7 @@ from paretoik.trajectory.levels import OPTIONS, LevelProgress
 from paretoik.trajectory.plan import Plan
 from paretoik.trajectory.program import joint_distance
 
-# What observers and the recording see of a plan, and its picture: its levels of samples, and its optima.
+# Progress of a plan for observers and the recording, and its picture.
 
 
 class PlanDisplay:
@@ -55,7 +55,7 @@ class PlanDisplay:
             session.start_recording(scene)
 
     def show_level(self, level: LevelProgress) -> None:
-        """Show a level that is done."""
+        """Show a finished level."""
         if self._session.folder is not None:
             self._levels.append(_planned_level(len(self._levels), level))
             self._session.record(self._levels[-1])
@@ -69,19 +69,19 @@ class PlanDisplay:
         return PlanEnd(least_violating=nearest)
 
     def review(self, plan: Plan) -> None:
-        """Complete the recording with the optima, and, unless a signal came, draw the plan."""
+        """Complete the recording with the optima; draw the plan unless a signal came."""
         if self._session.folder is None:
             return
         self._session.finish_recording(_plan_end(plan))
         if self._session.signal is not None:
             return
-        from paretoik.review.pictures.motions import plan_picture  # here: matplotlib takes its time
+        from paretoik.review.pictures.motions import plan_picture  # here: matplotlib loads slowly
 
         plan_picture(plan, self._levels, self._label, self._unit, self._session.folder / DRAWING)
 
 
 def _planned_level(number: int, level: LevelProgress) -> PlannedLevel:
-    """Return a level as it is drawn."""
+    """Return a level for drawing."""
     (objective,) = level.task.objectives
     kinds = (level.starts, level.ends, level.optima)
     starts, ends, optima = (np.asarray(objective(level.task.motion(q)), dtype=float) for q in kinds)
@@ -104,14 +104,14 @@ def _planned_level(number: int, level: LevelProgress) -> PlannedLevel:
 
 
 def _least_violating(level: LevelProgress) -> LeastViolating | None:
-    """Return what the best motion of a level breaks; None where it keeps all limits."""
+    """Return what the best motion of a level violates, None if it satisfies all limits."""
     if level.feasible:
         return None
     return LeastViolating(broken=limit_words(level.task, level.task.motion(level.optima[0])))
 
 
 def _nearest_optima(level: LevelProgress) -> np.ndarray:
-    """Return for each start the place of the optimum that it led to, −1 where it led to none of them."""
+    """Return for each start the index of the optimum that it led to, −1 if it led to none."""
     if not len(level.optima):
         return np.full(len(level.ends), -1)
     distance = np.stack([joint_distance(level.task, level.ends, optimum) for optimum in level.optima], axis=1)
@@ -120,7 +120,7 @@ def _nearest_optima(level: LevelProgress) -> np.ndarray:
 
 
 def _plan_end(plan: Plan) -> PlanEnd:
-    """Return the optima as they are drawn."""
+    """Return the optima for drawing."""
     optima = [
         PlannedOptimum(
             point=RecordedPoint(
@@ -153,53 +153,68 @@ def plan(
     reference: str | None = None,
     observe: Observer | bool | None = None,
 ) -> Plan:
-    """Return all distinct locally optimal motions of a ``Tracking`` with one objective that its starts lead to.
+    """Return all distinct locally optimal motions of a ``Tracking`` problem.
 
     Parameters
     ----------
     problem
-        A ``Tracking`` with one integral objective.
-    starts, seed
-        Number of starts for every degree of redundancy, and the seed of their chance: the same seed gives the same
-        plan. By default up to 48, until hardly a better optimum is unseen. With functions without kinks, peaks or
-        whole-motion parts more are tried: with one degree about three times as many while some optimum was reached from
-        one or two only, and ways through a grid of postures where optima stay rare or are many; with more degrees,
-        where optima are rare, starts near the best, while better ones come of it.
+        ``Tracking`` with one integral objective.
+    starts
+        Number of starts per redundant degree; by default up to 48, until a better optimum is unlikely.
+    seed
+        Seed of the starts (default 0); the same seed gives the same plan.
     initial
-        Motions of the problem, on its path, to start from as well.
+        Motions of the problem, on its path, as further starts.
     solver
-        "interior-point" for smooth objectives and limits, "sqp" (convex subproblems by Clarabel) for any; "auto" takes
-        the first where it can.
+        Solver: "interior-point" for smooth functions, "sqp" (Clarabel) for any; "auto" (default): the first if it can.
     out
-        Folder to keep the run in: run.json, optima.parquet and motions.npz (``load_plan`` opens them), review.rrd with
-        every start, what it led to and the optima, and picture.png (not after a signal). ``overwrite`` allows it to
-        replace a run that is there.
+        Folder for the run (default: none): run.json, optima.parquet, motions.npz, review.rrd and picture.png.
     time_limit
-        Seconds of computing, as for ``solve``, after which the search ends and keeps what it has.
-    workers, cluster
-        As for ``solve``: starts are solved there.
+        Seconds of computing, as for ``solve``, after which the search ends and keeps its optima (default: no limit).
+    workers
+        Number of processes that solve starts, as for ``solve``.
+    cluster
+        Address of a Dask scheduler in place of ``workers``, as for ``solve``.
+    overwrite
+        Whether to replace a run in ``out`` (default False).
     reference
-        Where the problem can be loaded from (``file.py:name``), kept in the run for ``load_plan``.
+        Name of the problem, ``file.py:name``, kept in the run for ``load_plan``.
     observe
-        Called with a ``RunProgress`` after every level of samples, coarse to fine: ``done`` of all samples. By default
-        a bar shows it where stderr is a terminal; True prints lines elsewhere, False shows nothing.
+        Function called with a ``RunProgress``; default: a bar on a terminal; True: lines elsewhere too; False: nothing.
 
-    ``plan.best.motion`` and ``plan.best.objective`` are the best, ``plan.optima`` all of them, best first. "Optimum" is
-    meant locally. Ctrl-C, SIGTERM and the time limit end the search within a second: the optima so far are returned, if
-    need be those of coarser samples with "interrupted" for a status; why it ended stands in
-    ``plan.provenance["status"]``. Source: Tringali & Cocuzza 2020, section 3.1.
+    Returns
+    -------
+    Plan
+        Plan with the ``optima`` that its starts led to, best first; ``best`` is the first of them.
 
     Raises
     ------
     InvalidInput
-        Naming what cannot be used: several objectives, or one whose derivative cannot be had; OutOfReach where the
-        path leaves what the arm can reach.
+        If an argument cannot be used, such as several objectives or one without a derivative.
+    OutOfReach
+        If the path leaves the reach of the arm.
     Infeasible
-        Where no motion within the limits was found, with the least-violating one and the limit that binds.
+        If no motion within the limits was found; has the least-violating motion and the limit that binds.
     SolverFailed
-        Where motions within the limits were found, but none of them could be made optimal, or none was found within
-        the time limit.
+        If no feasible motion could be made optimal, or none was found within the time limit.
 
+    Notes
+    -----
+    "Optimum" is meant locally. By default more starts are tried if functions have no kinks, peaks or whole-motion
+    parts. With one redundant degree, about three times as many are tried while some optimum was reached from only one
+    or two, and ways through a grid of postures if optima stay rare or are many. With more degrees, if optima are rare,
+    starts near the best one are tried while they lead to better ones.
+
+    Ctrl-C, SIGTERM and the time limit end the search within a second. The optima so far are returned, if need be those
+    of coarser samples with status "interrupted". ``plan.provenance["status"]`` says why the search ended.
+
+    ``observe`` is called after every level of samples, coarse to fine: ``done`` of all samples. ``load_plan`` opens the
+    folder. review.rrd has every start, what it led to, and the optima. The picture is not drawn after a signal.
+
+    Source: Tringali & Cocuzza 2020, section 3.1.
+
+    Examples
+    --------
     >>> import paretoik as pk
     >>> path = pk.line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=51)
     >>> optima = plan(pk.Tracking(pk.arms.tringali_3r(), path, objectives=[pk.kinetic_energy]), starts=24)
@@ -213,7 +228,7 @@ def plan(
     check_flag("overwrite", overwrite)
     check_solver_name(solver)
     find_optima = require_plan(problem)
-    if solver != "auto":  # which takes what there is, and looks at values before derivatives
+    if solver != "auto":  # "auto" takes what applies, and reads values before derivatives
         with computing(time_limit):  # users' functions are traced
             check_solver(problem.program(), solver)
     settings = {

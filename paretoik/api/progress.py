@@ -1,4 +1,4 @@
-"""How far a verb has come: the one record that every verb shows its observer."""
+"""The progress of a verb: the record that every verb shows its observer."""
 
 from __future__ import annotations
 
@@ -20,18 +20,23 @@ from paretoik.stop_flag import STOP
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RunProgress:
-    """What has been done of a verb's present stage.
+    """The progress of a verb in its current stage.
 
-    ``stage`` says what is counted: "generation" of a search, "step" of a closed loop, "sample" to which the levels of a
-    plan have come, "optimum" of the starts (or samples) of each objective's own plan, which ``summary`` names, "point"
-    of an ε-front (or, both, of a search with ``refine`` once its points are refined), "refinement", "tightening" (of
-    limits between samples),
-    "certification" of a front's points and their "verification". ``done`` of at most ``total`` are done; a stage
-    without counts ("beginning", "compilation", "saving", "recording") has a total of 0. ``seconds`` have passed since
-    the stage began, those of compilation not counted, about ``remaining`` will until the verb ends; None where that
-    cannot be told. ``summary`` says in words what there is so far; ``generation`` has the points of a generation or
-    step, None in other stages. What comes after the stage is named by ``then`` where ``remaining`` does not count it,
-    and by ``following`` where it does; both are "" before the end.
+        stage: name of what is counted, or of a stage without counts (see below)
+        done: number of items done
+        total: most items to do, 0 for a stage without counts
+        seconds: time since the stage began [s], without compilation
+        remaining: estimated time until the verb ends [s], None if unknown
+        summary: state so far in words; the objective in the stage "optimum"
+        generation: points of a generation or step, None in other stages
+        then: name of the next stage if ``remaining`` does not count it, "" in the last stage
+        following: names of the next stages if ``remaining`` counts them, "" in the last stage
+
+    Counted are each "generation" of a search, "step" of a closed loop, "sample" that the levels of a plan have reached,
+    "optimum" (start or sample of an objective's own plan), "point" of an ε-front, and in "refinement", "tightening" (of
+    limits between samples), "certification" and "verification" the points of a front. A search with ``refine`` counts
+    "optimum" and "point" after its points are refined. Stages without counts are "beginning", "compilation", "saving"
+    and "recording".
     """
 
     stage: str
@@ -57,10 +62,10 @@ def count_observer(
     then: str = "",
     following: str = "",
 ) -> Callable[..., object] | None:
-    """Return what tells an observer of counts (done, total, summary=""); None without one.
+    """Return a function (done, total, summary="") that shows counts to an observer; None without one.
 
-    If everything in the stage takes about as long (``uniform``), the observer learns about how long the verb will take:
-    this stage, and what the stages ``following`` take for each of its ``total``, ``later()`` seconds.
+    If all items of the stage take about the same time (``uniform``), the observer also learns how long the verb will
+    take: this stage, and the stages ``following``, which take ``later()`` seconds for each of ``total``.
     """
     if observe is None:
         return None
@@ -87,7 +92,7 @@ def count_observer(
 
 @contextmanager
 def show_compilation(observe: Observer | None) -> Iterator[None]:
-    """Show an observer what is compiled while the body runs, in place of a line on stderr."""
+    """Show an observer what is compiled while the body runs, instead of a line on stderr."""
     check_function("observe", observe)
     if observe is None:
         yield
@@ -97,17 +102,17 @@ def show_compilation(observe: Observer | None) -> Iterator[None]:
         yield
 
 
-# Progress on stderr: a bar on a terminal, else a line now and then for those who ask.
+# Progress on stderr: a bar on a terminal, else lines.
 
 
 @contextmanager
 def open_observer(observe: Observer | bool | None, *, time_limit: float | None = None) -> Iterator[Observer | None]:
     """Yield the observer of a verb, which also learns what is compiled.
 
-    That is ``observe`` itself; for None a bar where stderr is a terminal, else a line a minute, from the first on; for
-    True that bar, or else lines at once; for False none. An observer that raises asks the verb to stop, as a signal
-    does, so that what was found by then is kept; at the end of the body InvalidInput names it. Raises InvalidInput for
-    what cannot be called.
+    By default this is a bar if stderr is a terminal, else one line per minute, from the first minute on. With True this
+    is that bar, or else lines at once; with False nothing. An observer that raises asks the verb to stop, as a
+    signal does, so that what was found is kept; at the end of the body InvalidInput names the observer. Raises
+    InvalidInput for an observer that cannot be called.
     """
     if observe is None or observe is True:
         if sys.stderr is not None and sys.stderr.isatty():
@@ -131,7 +136,7 @@ def open_observer(observe: Observer | bool | None, *, time_limit: float | None =
 
 
 class NamedObserver:
-    """An observer of a user's; ``fault`` is what it raised, by name, and ends it."""
+    """A user's observer; ``fault`` is the named error that it raised, which ends it."""
 
     def __init__(self, observe: Observer) -> None:
         self._observe = observe
@@ -139,11 +144,11 @@ class NamedObserver:
 
     @property
     def is_due(self) -> bool:
-        """Whether it would say something now."""
+        """Whether the observer would report something now."""
         return self.fault is None and bool(attribute_of(self._observe, "is_due", True))
 
     def __call__(self, progress: RunProgress) -> object:
-        """Let it look on; if it raises, ask the verb to stop."""
+        """Call the observer; if it raises, ask the verb to stop."""
         if self.fault is not None:
             return None
         try:
@@ -174,9 +179,9 @@ def _bar(time_limit: float | None) -> Iterator[Observer]:
 
 
 class _LinePrinter:
-    """Prints a line of progress on stderr; of what is counted at most one in ``interval`` [s].
+    """Prints progress on stderr: of counted stages at most one line per ``interval`` [s].
 
-    A patient one waits as long for its first, and of the other stages prints only what is compiled.
+    A patient printer also waits for this time before its first line, and prints only compilation of other stages.
     """
 
     def __init__(self, time_limit: float | None, interval: float = 5.0, *, patient: bool = False) -> None:
@@ -185,7 +190,7 @@ class _LinePrinter:
 
     @property
     def is_due(self) -> bool:
-        """Whether what is counted would be printed now; one that is not patient prints other stages at any time."""
+        """Whether a counted stage would be printed now; always True if not patient."""
         return not self.patient or time.monotonic() >= self.due
 
     def __call__(self, progress: RunProgress) -> None:
@@ -197,10 +202,10 @@ class _LinePrinter:
 
 
 def progress_text(progress: RunProgress, time_limit: float | None = None) -> str:
-    """Return progress in a line: what is done of what, what there is so far, and the time that is left.
+    """Return progress as one line: counts, the state so far, and the time left.
 
-    A search or loop takes at most as long as what is done says. Elsewhere the time is what the verb estimates, and the
-    time so far where it cannot. Once all is done of a stage, the time that is left is that of what follows.
+    For a search or loop the time left is an upper bound from the part that is done. Otherwise it is the estimate of the
+    verb, or the time so far without an estimate. When a stage is done, the time left is that of the following stages.
 
     >>> from paretoik.api.progress import RunProgress
     >>> progress_text(RunProgress(stage="step", done=3, total=12, seconds=60.0, summary="front 9"))
@@ -221,7 +226,7 @@ def progress_text(progress: RunProgress, time_limit: float | None = None) -> str
 
 
 def _duration(progress: RunProgress, time_limit: float | None) -> str:
-    """Return the time that is left of what a stage counts, or has passed where nothing is left, or it is not known."""
+    """Return the time left of a stage, or its time so far if nothing is left or the time left is unknown."""
     if progress.done >= progress.total:
         return f"{_minutes(progress.seconds)} so far"
     if progress.stage in ("generation", "step"):

@@ -1,4 +1,4 @@
-"""Gradients for fronts: refine every point to a certified local optimum, and help a search on its way."""
+"""Refine every point of a front to a certified local optimum, and suggest genes to a search."""
 
 from __future__ import annotations
 
@@ -45,11 +45,11 @@ from paretoik.search.islands import Islands
 from paretoik.stop_flag import STOP
 from paretoik.trajectory.levels import on_more_samples
 
-# What the recording sees of a refinement: the front before it and after it, and where each point came from.
+# The recording of a refinement: the front before and after, and the origin of each point.
 
 
 class RefinementDisplay:
-    """Records a front as it was, at 0 of the timeline ``refinement``, and as it became, at 1."""
+    """Records a front before (0 of the timeline ``refinement``) and after refinement (1)."""
 
     def __init__(self, session: RunSession, front: Front, problem: Any) -> None:
         self._session, self._front, self._hypervolume = session, front, HypervolumeCurve()
@@ -90,25 +90,28 @@ def _marked(front: Front) -> tuple[RecordedPoint, ...]:
 
 
 def improved_points(before: Front, after: Front) -> int:
-    """Return how many points of a front are better in some objective than they were, by more than rounding."""
+    """Return how many points of a front became better in some objective, by more than rounding."""
     gain = before.minimised[_rows_before(before, after)] - after.minimised
     rounding = indicators.OPTIONS.rounding * indicators.ranges_of(before.minimised)
     return int((gain > rounding).any(axis=1).sum()) if len(after) else 0
 
 
 def _rows_before(before: Front, after: Front) -> np.ndarray:
-    """Return the rows at which the points of a front were before, by their ids."""
+    """Return the row of each point on the front before, found by its id."""
     rows = {int(number): row for row, number in enumerate(before.ids)}
     return np.array([rows[int(number)] for number in after.ids], dtype=int)
 
 
 @dataclass(frozen=True, kw_only=True)
 class RefinementOptions:
-    """Points are refined anew, up to so many ``rounds`` in all, where a range has become less than this ``shrinkage``.
+    """Settings of repeated refinement.
 
-    Criticality is measured in shares of the ranges: over those of a coarse search it is next to nothing at points that
-    are not critical over those of the front that they become. A range counts as at least a ``smallest_share`` of what
-    it was: less is near to what solvers leave open.
+        rounds: most rounds of refinement
+        shrinkage: share of its former size below which a range requires another round
+        smallest_share: smallest size of a range, as a share of its former size; less is near solver tolerances
+
+    Criticality is measured in shares of the ranges: over the wide ranges of a coarse search it is almost zero at points
+    that are not critical over the ranges of the final front.
     """
 
     rounds: int = 3
@@ -133,48 +136,57 @@ def refine(
     reference: str | None = None,
     observe: Observer | bool | None = None,
 ) -> Front:
-    """Return the front with every point refined to a local optimum no worse in any objective, and certified.
-
-    Only keeping limits between samples can make a point worse, by some 1e-4 of a range, and none that is certified.
-
-    Points keep their ids; those that another one has come to dominate are left out. Refined motions of a ``Tracking``
-    are no longer what genes can say: ``genes`` is None then.
+    """Refine every point of a front to a certified local optimum.
 
     Parameters
     ----------
-    front, problem
-        The front, and the problem that it solves: by default the one it came from.
+    front
+        Front to refine.
+    problem
+        Problem that the front solves; default: the problem that it came from.
     solver
-        "interior-point" for smooth objectives and limits, "sqp" (convex subproblems by Clarabel) for any; "auto" takes
-        the first where it can.
+        Solver: "interior-point" for smooth functions, "sqp" (Clarabel) for any; "auto" (default): the first if it can.
     out
-        Folder to keep the run in: run.json, front.parquet, motions.npz, review.rrd with the front before and after on
-        the timeline ``refinement``, and pictures (not after a signal). ``overwrite`` allows it to replace a run that is
-        there.
+        Folder for the run (default: none): run.json, front.parquet, motions.npz, review.rrd and pictures.
     time_limit
-        Seconds of computing, as for ``solve``, after which it ends and keeps what it has; up to two
-        fifths of them are left for certificates, half of these for limits between samples.
-    workers, cluster
-        As for ``solve``: points are refined and certified there.
+        Seconds of computing, as for ``solve``, after which refinement ends and keeps its points (default: no limit).
+    workers
+        Number of processes that refine and certify points, as for ``solve``.
+    cluster
+        Address of a Dask scheduler in place of ``workers``, as for ``solve``.
+    overwrite
+        Whether to replace a run in ``out`` (default False).
     reference
-        Where the problem can be loaded from (``file.py:name``), kept in the run for ``load_front``; by default what the
-        front's own run says.
+        Name of the problem, ``file.py:name``, kept for ``load_front``; default: what the front's own run has.
     observe
-        Called with a ``RunProgress`` after some points, refined or certified: ``done`` of ``total``. Where it returns
-        true for refined ones, the others stay as they are. By default a bar shows it where stderr is a terminal; True
-        prints lines elsewhere, False shows nothing.
+        Function called with a ``RunProgress``; default: a bar on a terminal; True: lines elsewhere too; False: nothing.
 
-    Ctrl-C, SIGTERM and the time limit end it within a second: points that are not refined by then stay as they were,
-    those that have no certificate are "undetermined".
-
-    A point from which no solver finds better stays as it was, and its certificate says so. In the provenance of what is
-    returned ``status`` says why it ended, ``counts`` how many points there were, converged and are better than they
-    were, ``parent`` what the provenance of the front was, with the folder of its ``run``.
+    Returns
+    -------
+    Front
+        Front with certificates. Points keep their ids; points that another one dominates are left out.
 
     Raises
     ------
     InvalidInput
-        Where the problem is not at hand or has no gradients, or an objective or limit has no derivative.
+        If the problem is not given or has no gradients, or an objective or limit has no derivative.
+
+    Notes
+    -----
+    No point becomes worse in any objective, except if limits between samples require it: then by about 1e-4 of a range,
+    and no certified point. If no solver finds a better point, the point stays and its certificate says so. Refined
+    motions of a ``Tracking`` have no ``genes`` (None), as genes cannot describe them.
+
+    Ctrl-C, SIGTERM and the time limit end refinement within a second: points not refined yet stay as they were, and
+    points without a certificate are "undetermined". Up to two fifths of a time limit are reserved for certificates,
+    half of these for limits between samples.
+
+    ``observe`` is called after some points are refined or certified: ``done`` of ``total``. If it returns true for
+    refined points, the others stay as they are. In review.rrd the front before and after is on the timeline
+    ``refinement``. Pictures are not drawn after a signal.
+
+    In the provenance of the result ``status`` says why refinement ended, ``counts`` how many points there were, how
+    many converged and how many became better; ``parent`` is the front's provenance, with the folder of its ``run``.
     """
     problem, formulation = _refinable(front, problem)
     former = {**front.provenance, **({} if front.folder is None else {"run": str(front.folder)})}
@@ -217,7 +229,7 @@ Complete: TypeAlias = Callable[
     [Differentiable, Points, Ids, Float[np.ndarray, " n_obj"], Observer | None, LaterTime],
     tuple[Points, Ids, Float[np.ndarray, " n_obj"]],
 ]
-"""Returns refined points with others, their ids and ranges; of a formulation, points, ids, ranges, observer, times."""
+"""Function of formulation, points, ids, ranges, observer and times: returns completed points, ids and ranges."""
 
 
 def refine_front(
@@ -228,7 +240,7 @@ def refine_front(
     observe: Observer | bool | None,
     complete: Complete | None = None,
 ) -> Front:
-    """Return the front refined and certified as ``refine`` does, its refined points completed where that is wanted."""
+    """Return a front refined and certified as by ``refine``, its points completed by ``complete``, if given."""
     problem, formulation = _refinable(front, problem)
     with verb_session(observe) as session:
         x, ranges = formulation.front_points(front), ranges_of(front.minimised)
@@ -247,7 +259,7 @@ def refine_front(
 
 
 class _Refined(NamedTuple):
-    """A front that was refined and certified, which points converged, and whether an observer ended it."""
+    """A refined and certified front, which points converged, and whether an observer ended it."""
 
     front: Front
     converged: Bool[np.ndarray, " points"]
@@ -266,7 +278,7 @@ def _refine_and_certify(
     before: Front | None = None,
     complete: Complete | None = None,
 ) -> _Refined:
-    """Return the front that points of a problem are refined to, completed where that is wanted."""
+    """Return the refined and certified front of points, completed by ``complete``, if given."""
     formulation: Differentiable = problem
     later = LaterTime(formulation=formulation, solver=solver)
     count = partial(_count_round, observe, problem, later, ranges, "" if complete is None else "optimum")
@@ -294,14 +306,14 @@ def _refine_and_certify(
 def resolve_front(front: Front, solver: Solver, observe: Observer | None) -> Front:
     """Return a certified front, on more samples if a value is under-resolved (``on_more_samples``).
 
-    All its points are refined and certified again there. The front stays as it is if one of them leaves the path
-    between its samples.
+    All points are refined and certified again on these samples. The front stays as it is if one of its points leaves
+    the path between samples.
     """
     return _resolve(_Refined(front, np.zeros(0, dtype=bool), False), None, solver, observe).front
 
 
 def _resolve(refined: _Refined, before: Front | None, solver: Solver, observe: Observer | None) -> _Refined:
-    """Return what ``resolve_front`` does; points that were better on the front ``before`` start from there."""
+    """Return the result of ``resolve_front``; points that were better on the front ``before`` start from there."""
 
     def refine(coarse: _Refined) -> _Refined | None:
         front = coarse.front
@@ -325,8 +337,8 @@ def _largest_error(front: Front) -> float:
 def _curves_at_samples(front: Front, before: Front | None, problem: Any) -> Points:
     """Return the curves of a front as points of a problem on more samples.
 
-    Those that are worse there than on the front ``before`` are as they were. Raises Infeasible if a curve of the front
-    leaves the path.
+    Curves that are worse there than on the front ``before`` are replaced by those of that front. Raises Infeasible if a
+    curve of the front leaves the path.
     """
     motions: Any = front.motions
     x: Points = motions.at(problem.task.times)
@@ -343,16 +355,16 @@ def _curves_at_samples(front: Front, before: Front | None, problem: Any) -> Poin
 
 
 def _show_samples(observe: Observer, samples: int, progress: RunProgress) -> object:
-    """Tell an observer of progress on how many samples it is."""
+    """Show an observer progress with the number of samples."""
     return observe(replace(progress, summary=", ".join(filter(None, (f"on {samples} samples", progress.summary)))))
 
 
 def _count_round(
     observe: Observer | None, problem: Any, later: LaterTime, ranges: Values, then: str, number: int
 ) -> Observe | None:
-    """Return what tells an observer how many points are refined, in a round of its own from the second on.
+    """Return a function that shows an observer how many points of a round are refined.
 
-    How long the verb will take is not told if other stages come first, ``then``.
+    It does not show the time left if other stages come first, ``then``.
     """
     show = count_observer(
         observe,
@@ -380,7 +392,7 @@ def _refine_over_own_ranges(
     solver: Solver,
     count: Callable[[int], Observe | None],
 ) -> tuple[Points, Bool[np.ndarray, " points"], Values, bool]:
-    """Return points refined, which are local optima, over what ranges, and whether an observer ended it.
+    """Return refined points, which of them converged, their ranges, and whether an observer ended it.
 
     The ranges are about those of the points' front. ``count`` returns the observer of each round.
     """
@@ -404,12 +416,12 @@ def _refine_over_own_ranges(
 
 
 def _refinable(front: Front, problem: Any) -> tuple[Any, Differentiable]:
-    """Return the problem of a front, which has gradients; raises InvalidInput where there is none."""
+    """Return the problem of a front with its gradients; raises InvalidInput if it has none."""
     if not isinstance(front, Front):
-        raise InvalidInput(f"refine: a front wanted, got {shown(front)}")
+        raise InvalidInput(f"front must be a Front, got {shown(front)}")
     problem = front.problem if problem is None else problem
     if problem is None:
-        raise InvalidInput("refine: a front with its problem wanted; refine(front, problem) names it")
+        raise InvalidInput("front must come with its problem, got none; refine(front, problem) gives it")
     formulation = require_program("refine", problem)
     _check_front(front, formulation, problem)
     problem = at_samples_of(problem, getattr(front.motions, "q", None))
@@ -418,16 +430,16 @@ def _refinable(front: Front, problem: Any) -> tuple[Any, Differentiable]:
 
 def _check_front(front: Front, formulation: Differentiable, problem: Any) -> None:
     if tuple(formulation.names) != tuple(front.names):
-        raise InvalidInput(f"refine: a problem with objectives {', '.join(front.names)} wanted, got another")
+        raise InvalidInput(f"problem must have the objectives {', '.join(front.names)}, got others")
     stored = front.provenance.get("fingerprint")
     if stored is not None:
-        check_fingerprint(problem, stored, wish="refine: the problem that the front solves wanted")
+        check_fingerprint(problem, stored, wish="problem must be the one that the front solves")
 
 
 class SearchImprover:
-    """Suggests genes to a search: those of points that a few iterations from its front lead to.
+    """Suggests genes to a search: points that a few iterations lead to from its front.
 
-    ``spent`` counts iterations, each as one evaluation. Raises InvalidInput where the problem has no gradients, or an
+    ``spent`` counts iterations, each as one evaluation. Raises InvalidInput if the problem has no gradients, or an
     objective or limit has no derivative.
     """
 
@@ -438,7 +450,7 @@ class SearchImprover:
         self._program = self._formulation.program()
 
     def __call__(self, progress: Progress) -> Genes | None:
-        """Return genes to be evaluated next, or None."""
+        """Return genes to evaluate next, or None."""
         front = self._search.archive.members
         due = progress.generation % IMPROVER.every == 0 and self.spent <= IMPROVER.share * progress.evaluations
         if not due or front is None or len(front) < 2:

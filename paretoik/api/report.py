@@ -39,18 +39,36 @@ STEP_PARTS = ("chosen", "best", "worst")  # columns of a closed loop's table of 
 def report(
     front: Front | Path | str, file: Path | str | None = None, *, overwrite: bool = False, problem: Any = None
 ) -> Path:
-    """Write a report of ``front``, or of the run in a folder, into ``file``, and return where it is.
+    """Write a report of a front or run as one HTML page.
 
-    Of a run without a feasible motion it says why, and shows the least-violating one with what it breaks.
+    Parameters
+    ----------
+    front
+        Front, or folder of a run.
+    file
+        Path of the page; default: report.html in the folder of the run that the front was loaded from or saved into.
+    overwrite
+        Whether to replace a file that is no report (default False); a report is always replaced.
+    problem
+        Problem of a folder's run or its name, as for ``load_front``.
 
-    One HTML page of at most 5 MB that loads nothing: the front with ids, every point's motion as far as there is room,
-    certificates, exchange rates, choices, settings and versions, of a closed loop its steps. Where no file is named it
-    goes into the folder of the run, also that of a front that was loaded from one or saved into one. Another report
-    there is replaced, any other file with ``overwrite`` only. ``problem`` is that of a folder's run, as for
-    ``load_front``.
+    Returns
+    -------
+    Path
+        Path of the page.
 
-    Raises InvalidInput where a front without a folder comes without a file, or a front with a problem, or the file
-    cannot be written; InvalidRun for a folder that holds no run, or a damaged one.
+    Raises
+    ------
+    InvalidInput
+        If a front without a folder comes without ``file``, a front with ``problem``, or the file cannot be written.
+    InvalidRun
+        If the folder contains no run with a front, or a damaged one.
+
+    Notes
+    -----
+    The page has at most 5 MB and loads nothing: the front with ids, the motion of every point if there is room,
+    certificates, exchange rates, choices, settings and versions, for a closed loop its steps. For a run without a
+    feasible motion it says why, and shows the least-violating motion and what it violates.
     """
     check_problem_argument(problem)
     infeasible: InfeasibleRun | None = None
@@ -60,13 +78,13 @@ def report(
         infeasible = read_infeasible(folder) if is_infeasible(folder) else None
         front = load_front(folder, problem) if infeasible is None else _nearest(infeasible, folder, problem)
     elif problem is not None:
-        raise InvalidInput(f"problem: wanted of a folder's run alone, got {shown(problem)} beside a front")
+        raise InvalidInput(f"problem must come with a run folder only, got {shown(problem)} with a front")
     if file is not None:
         place = file_path("file", file)
     elif front.folder is not None:
         place = front.folder / REPORT
     else:
-        raise InvalidInput("report: wanted a file to write into, got none, and a front that has no folder")
+        raise InvalidInput("file must be given for a front without a folder, got none")
     check_flag("overwrite", overwrite)
     check_target("report", place, overwrite=overwrite, mark=PAGE_MARK)
     if infeasible is None:
@@ -79,21 +97,22 @@ def report(
 
 
 def _check_has_page(folder: Path) -> None:
-    """Raise InvalidRun, with the command that shows it, for a run that holds something else than a front."""
+    """Raise InvalidRun, with the command that shows it, for a run that contains something else than a front."""
     holds = read_run(folder / RUN).get("holds") if is_run(folder / RUN) else None
     if holds is not None:
         command = shell_command("paretoik", "show", folder)
-        raise InvalidRun(f"{folder}: wanted a run with a front, got one that holds {holds}; {command} shows it")
+        raise InvalidRun(f"{folder} must be a run with a front, got one that contains {holds}; {command} shows it")
 
 
 def _nearest(run: InfeasibleRun, folder: Path, problem: Any) -> Front:
-    """Return what comes nearest to being feasible in a run that found nothing, with its problem where it is at hand."""
+    """Return the least-violating point of a run that found nothing feasible, with its problem if given."""
     return attach(with_problem(run.nearest, folder, problem), folder)
 
 
 def _broken(run: InfeasibleRun) -> list[str]:
-    """Return why a run found nothing feasible, and what the motion that comes nearest breaks."""
-    return [run.reason[:1].upper() + run.reason[1:], *(f"Of the least-violating one, {words}." for words in run.broken)]
+    """Return why a run found nothing feasible, and what its least-violating motion violates."""
+    reason = run.reason[:1].upper() + run.reason[1:]
+    return [reason, *(f"In the least-violating motion, {words}." for words in run.broken)]
 
 
 def _title(front: Front) -> str:
@@ -103,13 +122,13 @@ def _title(front: Front) -> str:
 
 
 def _notes(front: Front) -> list[str]:
-    """Return what a run's summary says of a front."""
+    """Return the sentences of a run's summary about its front."""
     notes = [status_text(front)] if "counts" in front.provenance else []
     if front.certificates is not None:
         notes.append(certificate_text(front.certificates))
     if isinstance(front.motions, StoredMotions):
         notes.append(
-            "Of motions there are joint positions alone, as the problem is not at hand: "
+            "Motions have joint positions only, because the problem is not given: "
             "pk.report(folder, problem=problem), or --problem FILE.py:NAME, shows the rest."
         )
     return [
@@ -120,7 +139,7 @@ def _notes(front: Front) -> list[str]:
 
 
 def _steps(front: Front, folder: Path | None) -> Steps | None:
-    """Return what a closed loop chose at every step, from its run folder; None of other runs."""
+    """Return what a closed loop chose at every step, from its run folder; None for other runs."""
     if folder is None or not is_loop(front) or not (folder / STEPS).is_file():
         return None
     from pyarrow import ArrowException
@@ -130,4 +149,4 @@ def _steps(front: Front, folder: Path | None) -> Steps | None:
         parts = [np.stack([table[f"{part} {name}"] for name in front.names], axis=1) for part in STEP_PARTS]
         return Steps(times=np.asarray(table["time"]), chosen=parts[0], best=parts[1], worst=parts[2])
     except (ArrowException, KeyError, ValueError, OSError) as fault:
-        raise InvalidRun(f"{folder / STEPS}: wanted the steps of a closed loop, got {fault}") from fault
+        raise InvalidRun(f"{folder / STEPS} must contain the steps of a closed loop, got {fault}") from fault

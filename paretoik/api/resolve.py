@@ -31,14 +31,14 @@ from paretoik.task.obstacles import Obstacle
 from paretoik.task.path import Path
 from paretoik.task.task import Task, error_unit
 
-# The run of one resolved motion: what is asked for, in words and numbers, and what is kept of it.
+# The run folder of one resolved motion.
 
 
 HOLDS = f"a resolved motion, its joint positions in {MOTIONS} and what its method did in {TRACES}"
 
 
 def resolution_settings(resolution: Resolution, seed: int) -> dict[str, Any]:
-    """Return the numbers of what is resolved by name."""
+    """Return the settings of a resolution by name."""
     return {
         "method": method_settings(resolution.method),
         "unreachable": resolution.unreachable,
@@ -48,13 +48,13 @@ def resolution_settings(resolution: Resolution, seed: int) -> dict[str, Any]:
 
 
 def resolution_subject(resolution: Resolution) -> Subject:
-    """Return what is resolved as the subject of a run."""
+    """Return a resolution as the subject of a run."""
     title = f"{type(resolution.method).__name__} of {resolution.task.arm.name}"
     return Subject(title=title, fingerprint=fingerprint(resolution))
 
 
 def method_settings(method: Method) -> dict[str, Any]:
-    """Return a method by its name and its numbers; of criteria their objective and gain."""
+    """Return the name and numbers of a method; for criteria their objective and gain."""
     settings: dict[str, Any] = {"name": type(method).__name__}
     for each in fields(method):
         value = getattr(method, each.name)
@@ -68,16 +68,16 @@ def method_settings(method: Method) -> dict[str, Any]:
 
 
 def motion_ending(motion: ResolvedMotion, seconds: float) -> dict[str, Any]:
-    """Return how a motion came out: how many steps had which status, and how far it is off its path at most."""
+    """Return the status of a motion, its number of steps by status, and its largest error."""
     steps = Counter(motion.traces.status.ravel().tolist())
     counts = {"motions": int(np.prod(motion.q.shape[:-2])), "steps": dict(steps), "seconds": round(seconds, 3)}
     return {"status": "resolved", "counts": counts, "largest_error": float(np.abs(motion.traces.errors).max())}
 
 
 def save_resolution(motion: ResolvedMotion, provenance: dict[str, Any], folder: pathlib.Path) -> None:
-    """Write a motion, or a batch of them, into a folder, all of their files at once or none.
+    """Write a motion, or a batch of them, into a folder, all of its files at once or none.
 
-    In `traces.npz` every array of ``motion.traces`` has one row a motion, as in `motions.npz`.
+    In `traces.npz` every array of ``motion.traces`` has one row per motion, as in `motions.npz`.
     """
     shape, dof = motion.q.shape[:-2], motion.arm.dof
     count = int(np.prod(shape))
@@ -95,17 +95,17 @@ def save_resolution(motion: ResolvedMotion, provenance: dict[str, Any], folder: 
 
 
 def _plain(value: Any) -> Any:
-    """Return a number or an array of numbers as JSON has it; others as they are."""
+    """Return a number or an array of numbers as JSON has it; other values as they are."""
     return value if value is None or isinstance(value, bool | str) else np.asarray(value).tolist()
 
 
-# What the folder of a resolved motion shows: a recording, and a picture.
+# The recording and the picture of a resolved motion.
 
 
 def resolve_recorded(resolution: Resolution, session: RunSession) -> ResolvedMotion:
-    """Return the motion that is asked for, while a recording is begun; where the path is lost, record how far it goes.
+    """Return the motion, with its recording begun; if the path is lost, record the motion up to there.
 
-    Raises what ``resolution.resolve`` does.
+    Raises as ``resolution.resolve``.
     """
     cell = workcell_of(resolution)
     assert cell is not None
@@ -134,11 +134,11 @@ def _finish_recording(motion: ResolvedMotion, provenance: Mapping[str, Any], ses
 
 
 def review_resolution(motion: ResolvedMotion, resolution: Resolution, session: RunSession) -> None:
-    """Complete the recording, and draw the first of the motions."""
+    """Complete the recording, and draw the first motion."""
     if session.folder is None:
         return
     _finish_recording(motion, {**session.provenance, "status": "resolved"}, session)
-    from paretoik.review.pictures.motions import resolution_picture  # here: matplotlib takes its time
+    from paretoik.review.pictures.motions import resolution_picture  # here: matplotlib loads slowly
 
     while motion.q.ndim > 2:
         motion = motion[0]
@@ -166,54 +166,71 @@ def resolve(
 
     Parameters
     ----------
-    arm, path
-        A redundant arm, and a path or tasks for it.
+    arm
+        Redundant arm.
+    path
+        Path, task, or several tasks for the arm.
     method
-        ``PseudoInverse``, ``DampedLeastSquares``, ``WeightedLeastNorm``, ``GradientProjection``,
-        ``WeightedGradientProjection``, ``ConstrainedQP``, ``LeastSquaresVelocity``, ``PredictiveKineticEnergy`` or
-        ``Nedungadi``.
+        Method of ``pk.methods``, such as ``PseudoInverse``, ``GradientProjection`` or ``ConstrainedQP``.
     start
-        Joint positions (*batch, dof) to start in; by default a posture on the path's first sample, within the limits if
-        one is found there, that is far from singular. Starts and the method's numbers are broadcast against each
-        other: one motion for each.
+        Joint positions (*batch, dof) to start in; default: a posture on the path, far from singular (see Notes).
     limits
-        Position limits that methods keep joints from; the arm's own by default. A joint with one limit counts as having
-        a range of 2π rad, or 1 m. ``ConstrainedQP`` alone promises to keep them, and those of velocity, acceleration
-        and clearance.
-    obstacles, link_radius
-        What criteria may look at, and what the links, capsules of this radius [m], stay clear of by ``ConstrainedQP``.
+        Position limits that methods keep joints away from; default: those of the arm.
+    obstacles
+        Obstacles that criteria can use, and that ``ConstrainedQP`` keeps the links away from (default: none).
+    link_radius
+        Radius of the capsules around links [m] (default 0).
     unreachable
-        What to do where the path is lost: to "refuse" it, or to "track" it as well as can be.
+        Reaction to a lost path: "refuse" it (default), or "track" it as well as possible.
     tolerance
-        The distance [m, rad] from the path at which it counts as lost; so far off nothing is predicted either.
+        Distance from the path [m, rad] at which it counts as lost; nothing is predicted farther from the path.
     seed
-        Of the postures that the default start is chosen from.
+        Seed of the postures that the default start is chosen from (default 0).
     out
-        Folder to keep the run in: run.json, motions.npz, traces.npz with everything in ``traces``, review.rrd, in which
-        the arm moves beside what the method does, and picture.png. Where the path is lost the recording shows how far
-        the arm came. ``overwrite`` allows it to replace a run that is there.
+        Folder for the run (default: none): run.json, motions.npz, traces.npz, review.rrd and picture.png.
+    overwrite
+        Whether to replace a run in ``out`` (default False).
     observe
-        Called with a ``RunProgress`` while something is compiled or saved; as for ``plan``.
+        Observer of compilation and saving, as for ``plan``.
 
-    ``Nedungadi`` takes starts on the path alone, less than 1e-6 off it; where its motion runs into a singularity it
-    stands still.
-
-    The task's velocity over a step is that of its target, with a pose the angular velocity of the target's frame, plus
-    feedback. The task is given up for a step ("held") where the Jacobian, its joints weighted, is singular and nothing
-    is damped, and a step is shortened where a joint were to go more than 1 rad or m in it. Where a path leaves what can
-    be reached, the arm follows as it can and returns with it; it takes more damping than the default, or less feedback,
-    to keep it calm meanwhile.
+    Returns
+    -------
+    ResolvedMotion
+        Motion with ``traces``: one for each start and each set of the method's numbers, broadcast against each other.
 
     Raises
     ------
     InvalidInput
-        Naming what cannot be used; OutOfReach where there is no start.
+        If an argument cannot be used.
+    OutOfReach
+        If there is no start.
     Infeasible
-        Where the path is lost and ``unreachable="refuse"``, with sample, error and the Jacobian's condition number, or
-        the limits that leave no way on.
+        If the path is lost and ``unreachable="refuse"``; names sample, error and condition number, or limits.
     EvaluationFailed
-        Where a criterion is not finite and ``unreachable="refuse"``.
+        If a criterion is not finite and ``unreachable="refuse"``.
 
+    Notes
+    -----
+    The methods are ``PseudoInverse``, ``DampedLeastSquares``, ``WeightedLeastNorm``, ``GradientProjection``,
+    ``WeightedGradientProjection``, ``ConstrainedQP``, ``LeastSquaresVelocity``, ``PredictiveKineticEnergy`` and
+    ``Nedungadi``. Only ``ConstrainedQP`` promises to keep limits of position, velocity, acceleration and clearance.
+    ``Nedungadi`` takes only starts less than 1e-6 off the path; it stops at a singularity.
+
+    The default start is on the path's first sample, and within the limits if such a posture is found. A joint with one
+    limit counts as having a range of 2π rad, or 1 m.
+
+    The task's velocity over a step is that of its target plus feedback; for a pose it includes the angular velocity of
+    the target's frame. The task is given up for a step ("held") if the Jacobian, with weighted joints, is singular and
+    nothing is damped. A step is shortened if a joint would move more than 1 rad or m. If a path leaves the reach of the
+    arm, the arm follows as well as it can and returns with it; more damping than the default, or less feedback, keeps
+    it calm meanwhile.
+
+    The Infeasible error names the condition number of the Jacobian, or the limits that leave no way to continue. In
+    review.rrd the arm moves next to what the method does; if the path is lost, up to there. traces.npz has all
+    ``traces``.
+
+    Examples
+    --------
     >>> import paretoik as pk
     >>> path = pk.line([0.4678, 0.0], [0.3678, 0.0], duration=1.0, samples=101)
     >>> motion = resolve(pk.arms.tringali_3r(), path, pk.methods.PseudoInverse(), start=[0.0, 0.327, -0.754])
@@ -233,7 +250,7 @@ def resolve(
         seed=seed,
     )
     check_flag("overwrite", overwrite)
-    if out is None and observe is None:  # as where thousands are resolved in turn
+    if out is None and observe is None:  # as when thousands are resolved one after the other
         return resolve_motion(resolution)
     with run_session(
         resolution_subject(resolution),
@@ -242,7 +259,7 @@ def resolve(
         out=out,
         overwrite=overwrite,
         observe=observe,
-        catch_signals=False,  # a motion is whole or none
+        catch_signals=False,  # a motion is complete or missing
     ) as session:
         motion = resolve_recorded(resolution, session)
         provenance = {**session.provenance, **motion_ending(motion, session.seconds)}

@@ -1,7 +1,7 @@
 """A plan on disk: `run.json`, `optima.parquet` and `motions.npz`, in the format of fronts (``front.storage``).
 
-`optima.parquet` has one row an optimum, best first: id, the objective by its name, violation_between, criticality,
-status, branch.
+`optima.parquet` has one row per optimum, best first: id, the objective by its name, violation_between, criticality,
+discretisation_error, status, branch.
 `motions.npz` has id, joint_names (dof,), time (optima, time), q (optima, time, dof).
 """
 
@@ -42,11 +42,11 @@ from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.plan import Plan
 
-# What a run comes to that has found nothing feasible: the least-violating individual or motion, and what it breaks.
+# Runs that found nothing feasible: the least-violating individual or motion, and what it violates.
 
 
 def infeasible_error(search: Search | Islands) -> Infeasible:
-    """Return the error of a search without a feasible point, with the least-violating motion and what it breaks."""
+    """Return the error of an infeasible search, with its least-violating motion and what it violates."""
     nearest = search.archive.least_violating
     if nearest is None:
         return Infeasible(f"no feasible point in {search.evaluations} evaluations, and none without a failure")
@@ -63,7 +63,7 @@ def infeasible_error(search: Search | Islands) -> Infeasible:
 def least_violating(search: Search | Islands) -> LeastViolating | None:
     """Return what a recording shows of the least-violating individual so far.
 
-    None as soon as there is a feasible point, and where all evaluations failed.
+    Return None if there is a feasible point, or if all evaluations failed.
     """
     nearest = search.archive.least_violating
     return None if nearest is None else LeastViolating(broken=violation_words(search.problem, nearest.G[0]))
@@ -81,7 +81,7 @@ def least_violating_end(search: Search | Islands, failure: Infeasible) -> LeastV
 
 
 def limit_words(task: MotionTask, motion: Motion) -> tuple[str, ...]:
-    """Return which limits a motion breaks and by how much, the worst first."""
+    """Return which limits a motion violates and by how much, the worst first."""
     return broken_words(task.limit_names, ["of its range"] * len(task.limit_names), task.violations(motion))
 
 
@@ -89,9 +89,9 @@ def limit_words(task: MotionTask, motion: Motion) -> tuple[str, ...]:
 def infeasible_recorded(
     session: RunSession, problem: Any, end: Callable[[LeastViolating], PlanEnd | SearchEnd]
 ) -> Iterator[None]:
-    """Let a body that finds no feasible motion complete the recording, with the ``end`` of the least-violating one.
+    """Complete the recording with the least-violating motion if the body finds no feasible one.
 
-    So it does if a signal or the time limit ends it before there is one.
+    This also happens if a signal or the time limit ends the body first. ``end`` makes the end of the recording.
     """
     try:
         yield
@@ -108,14 +108,14 @@ def infeasible_recorded(
 def finish_infeasible(
     session: RunSession, names: ObjectiveNames, failure: Infeasible, nearest: LeastViolating, end: PlanEnd | SearchEnd
 ) -> None:
-    """Complete the recording of a run that found nothing feasible, and keep what comes nearest in its folder."""
+    """Complete the recording of an infeasible run, and keep its least-violating motion in the folder."""
     session.infeasible = infeasible_files(names, failure, nearest)
     with session.reviewing():
         session.finish_recording(end)
 
 
 def nearest_motion(problem: Any, failure: Infeasible) -> LeastViolating:
-    """Return what a recording shows of the motion that an error has."""
+    """Return what a recording shows of the motion of an error."""
     task, motion = task_of(problem), failure.motion
     if task is None or not isinstance(motion, Motion):
         return LeastViolating(broken=(), reason=str(failure))
@@ -139,15 +139,15 @@ def save_plan(plan: Plan, folder: Path, *, name: str, unit: str, maximised: bool
 
 
 def holds_plan(folder: Path) -> bool:
-    """Say whether a folder holds the run of a plan, whole or not."""
+    """Return whether a folder contains the run of a plan, complete or not."""
     return is_run(folder / RUN) and read_run(folder / RUN).get("holds") == HOLDS
 
 
 def read_plan(folder: Path) -> tuple[dict[str, Any], dict[str, list[Any]], StoredMotions]:
     """Return the entries of a plan's `run.json`, the columns of its optima, and their motions.
 
-    Raises InvalidRun where a file is missing, damaged, a link, of another version, or of another run, and where the run
-    holds no plan.
+    Raises InvalidRun if a file is missing, damaged, a link, of another version or of another run, or if the run
+    contains no plan.
     """
     with without_writers(folder):
         return _read_plan(folder)
@@ -158,24 +158,24 @@ def _read_plan(folder: Path) -> tuple[dict[str, Any], dict[str, list[Any]], Stor
     if run.get("holds") != HOLDS:
         status = f" of status {run.get('status')!r}"
         note = unfinished_note(folder)
-        raise InvalidRun(f"{folder}: wanted a run with a plan, got one{'' if 'files' in run else status} without{note}")
+        raise InvalidRun(f"{folder} must be a run with a plan, got one{'' if 'files' in run else status} without{note}")
     check_digest(folder / RUN, run)
     files, objective, levels = run.get("files"), run.get("objective"), run.get("levels")
     if not (isinstance(files, dict) and files.keys() == {OPTIMA, MOTIONS} and _are_counts(levels)):
-        raise InvalidRun(f"{folder}: wanted the levels of a plan and the digests of its files, got other entries")
+        raise InvalidRun(f"{folder} must contain the levels of a plan and the digests of its files, got other entries")
     if not (isinstance(objective, dict) and objective.keys() == {"name", "unit", "maximised"}):
-        raise InvalidRun(f"{folder}: wanted an objective with name, unit and maximised, got {objective!r}")
+        raise InvalidRun(f"{folder} must have an objective with name, unit and maximised, got {objective!r}")
     contents = {file: read_verified(folder / file, expected) for file, expected in files.items()}
     columns = _read_optima(folder / OPTIMA, contents[OPTIMA], str(objective["name"]))
     arrays = read_motions(folder / MOTIONS, contents[MOTIONS], np.array(columns["id"]))
     if "q" not in arrays:
-        raise InvalidRun(f"{folder / MOTIONS}: wanted the motions of the optima, got none")
+        raise InvalidRun(f"{folder / MOTIONS} must contain the motions of the optima, got none")
     joints = StoredJoints(joint_names=tuple(str(joint) for joint in arrays["joint_names"]))
     return run, columns, StoredMotions(arm=joints, time=arrays["time"], q=arrays["q"])
 
 
 def _are_counts(levels: object) -> bool:
-    """Say whether levels are pairs of whole numbers."""
+    """Return whether levels are pairs of whole numbers."""
     return isinstance(levels, list) and all(
         isinstance(level, list) and len(level) == 2 and all(isinstance(count, int) for count in level)
         for level in levels
@@ -236,9 +236,9 @@ def _read_optima(file: Path, content: bytes, name: str) -> dict[str, list[Any]]:
             if key not in table.column_names:  # earlier runs have none
                 table = table.append_column(key, pa.array(np.full(len(table), np.nan)))
         columns = {key: table.column(key).cast(kind).to_pylist() for key, kind in kinds.items()}
-    except Exception as fault:  # whatever the parser trips over is the file's fault
+    except Exception as fault:  # any error of the parser is a fault of the file
         cause = (str(fault).splitlines() or [type(fault).__name__])[0]
-        raise InvalidRun(f"{file}: wanted columns {', '.join(kinds)}, got {cause}") from fault
+        raise InvalidRun(f"{file} must have the columns {', '.join(kinds)}, got {cause}") from fault
     if not columns["id"] or any(None in values for values in columns.values()):
-        raise InvalidRun(f"{file}: wanted optima with all their entries, got none or some that are missing")
+        raise InvalidRun(f"{file} must have optima with all entries, got none or missing entries")
     return {"objective" if key == name else key: values for key, values in columns.items()}

@@ -23,11 +23,11 @@ if TYPE_CHECKING:
     from paretoik.front.front import Front
     from paretoik.trajectory.plan import Plan
 
-# What a run came to, in a line; and the optima of a plan as text for people and entries for machines.
+# The result of a run in one line; the optima of a plan as text and as data.
 
 
 def status_text(front: Front) -> str:
-    """Return what a verb came to in what time, and what ended it if that came early."""
+    """Return the result of a verb, its time, and what ended it early, if anything."""
     provenance = front.provenance
     counts, status = provenance["counts"], provenance["status"]
     duration = f"{counts['seconds']:.1f} s"
@@ -51,16 +51,16 @@ def status_text(front: Front) -> str:
 
 
 def _ending(front: Front, status: str) -> str:
-    """Return why a search ended; of a time limit that left some time, for what."""
+    """Return why a search ended; for a time limit that was not used up, what the rest was reserved for."""
     settings, seconds = front.provenance.get("settings", {}), front.provenance["counts"]["seconds"]
     limit = settings.get("time_limit")
     if status != "time limit" or not settings.get("refine") or limit is None or seconds >= limit:
         return ending_words(status)
-    return f"the time limit of {limit:g} s was reached, less what certificates might have taken"
+    return f"the time limit of {limit:g} s was reached, less the time reserved for certificates"
 
 
 def plan_text(plan: Plan, name: str, unit: str, out: Path) -> str:
-    """Return the optima of a plan, and where they are pictured."""
+    """Return the optima of a plan, the place of their picture, and the next commands."""
     counts, status = plan.provenance["counts"], plan.provenance["status"]
     count = len(plan.optima)
     lines = [
@@ -100,7 +100,7 @@ def plan_text(plan: Plan, name: str, unit: str, out: Path) -> str:
 
 
 def resume_command(folder: Path, status: object = "interrupted") -> str | None:
-    """Return the command by which a run goes on that has a ``status``; None where it was not stopped, or cannot."""
+    """Return the command that resumes a run with a ``status``; None if the run cannot be resumed."""
     if status not in STOPPED or not can_resume(folder):
         return None
     return shell_command("paretoik", "resume", folder, *problem_words(read_run(folder / RUN).get("problem")))
@@ -123,22 +123,22 @@ def optima_entries(plan: Plan) -> list[dict[str, Any]]:
 
 
 def _kept(violation: float) -> str:
-    """Return whether limits are kept between samples; a stopped plan did not look."""
+    """Return whether limits are satisfied between samples; unknown for a stopped plan."""
     if math.isnan(violation):
         return "unknown"
     return "kept" if violation <= 0 else f"violated by {violation:.1e} of a range"
 
 
 def _stopped(status: str, usual: str) -> str:
-    """Return in brackets what ended a verb early, "" where it came to its own end."""
+    """Return in brackets what ended a verb early, "" if it ended by itself."""
     return "" if status == usual else f" (stopped by {status})"
 
 
-LINE = 100  # characters a line of running text
+LINE = 100  # characters per line of running text
 
 
 def result_text(front: Front, out: Path) -> str:
-    """Return a summary of a front, or of a closed loop's motion, and the commands that choose from it and replay it."""
+    """Return a summary of a front or closed loop, and the commands that choose from it and replay it."""
     lines = _loop_lines(front) if is_loop(front) else _front_lines(front)
     if (command := resume_command(out, front.provenance["status"])) is not None:
         lines.append(f"go on:   {command}")
@@ -149,7 +149,7 @@ def result_text(front: Front, out: Path) -> str:
 
 
 def _preference_words(front: Front) -> list[str]:
-    """Return equal weights as the command line has them, or a preference without names where these do not fit there."""
+    """Return equal weights for the command line, or a preference without names if the names do not fit."""
     if any(sign in name for name in front.names for sign in ",="):
         return ["--compromise"]
     return ["--weights", ",".join(f"{name}={1 / len(front.names):.2g}" for name in front.names)]
@@ -204,7 +204,7 @@ def choice_text(front: Front, choice: Choice) -> str:
 
 
 def choice_entry(front: Front, choice: Choice) -> dict[str, Any]:
-    """Return a chosen point as data: its entry, the reason, and all that the reason is made from."""
+    """Return a chosen point as data: its entry, the reason, and all facts of the reason."""
     return {
         **entries(front)[choice.index],
         "reason": choice.reason,
@@ -221,7 +221,7 @@ def choice_entry(front: Front, choice: Choice) -> dict[str, Any]:
 
 
 def gap_text(front: Front) -> str:
-    """Return where a front of two objectives jumps, and what hypervolume further points could add; "" if unknown."""
+    """Return the jumps of a front of two objectives, and the hypervolume that points could add; "" if unknown."""
     lines = [_jump_text(front.jumps)] if front.jumps else []
     if front.missing_hypervolume is not None:
         lines.append(f"further points could add about {100 * front.missing_hypervolume:.2g} % of the hypervolume")

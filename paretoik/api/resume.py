@@ -1,4 +1,4 @@
-"""Let a run go on that was stopped or killed, as if it had never been, or a finished search by more generations."""
+"""Resume a run that was stopped or killed, or continue a finished search by more generations."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ from paretoik.search.genes import check_algorithm
 from paretoik.trajectory.plan import Plan
 
 VERBS: dict[str, Callable[..., Front | Plan]] = {each.__name__: each for each in (solve, plan, epsilon_front, refine)}
-ENDINGS = {"evaluations": None, "target": None, "stagnation": False}  # settings of solve that end it; what lifts them
-OF_LOOP = {"weights", "warm_start"}  # settings of a closed loop's run that are the problem's own
+ENDINGS = {"evaluations": None, "target": None, "stagnation": False}  # endings of solve, lifted
+OF_LOOP = {"weights", "warm_start"}  # settings of a closed loop's run that belong to the problem
 
 
 @check_call
@@ -53,15 +53,7 @@ def resume(
     live: bool = False,
     observe: Observer | bool | None = None,
 ) -> Front | Plan:
-    """Let a run go on that was stopped or killed, or a finished search; return the result.
-
-    The result is, bit for bit, that of a run that never stopped: what was computed before is in the run's journal, the
-    rest is computed from it. A run that was stopped by its time limit has none unless one is given again.
-
-    A finished search goes on for more ``generations``, from exactly where it ended. The result is that of one run of
-    all these generations with the run's ``settings``, ``anchors`` among them; ``solve`` chooses these by the number of
-    generations if none are given. If the run reached its target, or ended by stagnation or after some evaluations, this
-    ending no longer holds.
+    """Resume a stopped or killed run, or continue a finished search.
 
     Parameters
     ----------
@@ -70,23 +62,40 @@ def resume(
     problem
         Problem that the run solves, or its name, "FILE.py:NAME", whose file is run.
     generations
-        Number of generations to add to a finished run of ``solve``; None for a run that was stopped.
+        Number of generations to add to a finished run of ``solve``; None (default) for a stopped run.
     algorithm
-        The pymoo algorithm, with the same settings, of a run of ``solve`` that was given one.
+        Algorithm of pymoo, with the same settings, if the run of ``solve`` was given one.
     time_limit
-        Seconds of computing, as for ``solve``, after which it stops again and keeps what it has.
-    workers, cluster
-        As for ``solve``; they may be others than before.
-    live, observe
-        As for ``solve``.
+        Seconds of computing, as for ``solve``, after which the run stops again (default: no limit, whatever it had).
+    workers
+        Number of processes, as for ``solve``; may differ from before.
+    cluster
+        Address of a Dask scheduler in place of ``workers``, as for ``solve``; may differ from before.
+    live
+        Whether to open a viewer on the recording, as for ``solve`` (default False).
+    observe
+        Observer of progress, as for ``solve``.
+
+    Returns
+    -------
+    Front or Plan
+        Result, bit for bit that of a run that never stopped.
 
     Raises
     ------
     InvalidRun
-        Where the folder is no run, or has a damaged journal, or what is computed anew is not what the journal has.
+        If the folder contains no run, its journal is damaged, or results computed again differ from the journal.
     InvalidInput
-        If the run is finished and no ``generations`` are given, or the other way round; if another process is at work
-        on it; if ``problem`` is not at hand or another than the run's, or a library has another version than it had.
+        If ``generations`` is missing for a finished run or given for a stopped one, ``problem`` is missing or another
+        one, another process works on the run, or a library has another version than before.
+
+    Notes
+    -----
+    The journal of the run has all that was computed before; the rest is computed from it.
+
+    A finished search continues from exactly where it ended. The result is that of one run of all these generations with
+    the run's ``settings``, ``anchors`` among them; ``solve`` chooses these by the number of generations if none are
+    given. An ending that the run reached (target, stagnation or evaluations) no longer applies.
     """
     folder = file_path("folder", folder)
     check_flag("live", live)
@@ -97,19 +106,19 @@ def resume(
     check_workers(workers, cluster)
     if not isinstance(observe, bool):
         check_function("observe", observe)
-    _read_resumable(folder, generations)  # what cannot go on is not locked
+    _read_resumable(folder, generations)  # a run that cannot be resumed is not locked
     with reclaim_folder(folder):
         verb, arguments = _call(folder, problem, algorithm, time_limit, generations)
         shown = {"live": live, "workers": workers, "cluster": cluster}
         if verb is not solve:
             del shown["live"]
-        if generations is not None:  # from now on it is a run that was stopped
+        if generations is not None:  # from now on this is a stopped run
             (folder / CHECKPOINT / FINISHED).replace(folder / CHECKPOINT / JOURNAL)
         with journalled(folder / CHECKPOINT / JOURNAL):
             if arguments.pop("initial", False) and recalled(INITIAL) is None:
                 raise InvalidRun(
-                    f"{folder}: wanted what the run started from in its journal, got none, so that it would come to "
-                    "another result; start it again"
+                    f"{folder} must have the initial solutions in its journal, got none: its result would be another; "
+                    "start the run again"
                 )
             return verb(**arguments, **shown, out=StoppedRun(folder), time_limit=time_limit, observe=observe)
 
@@ -117,21 +126,21 @@ def resume(
 def _call(
     folder: Path, problem: Any, algorithm: Any, time_limit: float | None, generations: int | None
 ) -> tuple[Callable[..., Front | Plan], dict[str, Any]]:
-    """Return the verb that a run began with, and its arguments; raises as ``resume`` does."""
+    """Return the verb of a run, and its arguments; raises as ``resume``."""
     run = _read_resumable(folder, generations)
     _check_versions(folder, run)
     problem = named_problem(problem, time_limit=time_limit)
     if problem is None:
         how = how_to_name(run.get("problem"))
-        raise InvalidInput(f"{folder}: the problem wanted that the run solves, got none; {how}")
-    check_fingerprint(problem, run.get("fingerprint"), wish=f"{folder}: wants the problem that the run solves")
+        raise InvalidInput(f"problem must be the one that the run in {folder} solves, got none; {how}")
+    check_fingerprint(problem, run.get("fingerprint"), wish=f"problem must be the one that the run in {folder} solves")
     verb, settings = VERBS.get(str(run.get("verb"))), run.get("settings")
     if verb is None:
-        raise InvalidRun(f"{folder}: wanted a run of solve, plan, front or refine, got one of {run.get('verb')!r}")
+        raise InvalidRun(f"{folder} must be a run of solve, plan, front or refine, got one of {run.get('verb')!r}")
     is_loop = timeline(problem) == "step"
     names = {*signature(verb).parameters} | (OF_LOOP if is_loop else set())
     if not (isinstance(settings, dict) and settings.keys() <= names):
-        raise InvalidRun(f"{folder}: wanted the settings of {run['verb']}, got {settings!r:.200}")
+        raise InvalidRun(f"{folder} must have the settings of {run['verb']}, got {settings!r:.200}")
     if generations is not None:
         settings = _longer(folder, run, settings, generations)
     arguments = {"problem": problem, "reference": run.get("problem"), **settings}
@@ -146,19 +155,18 @@ def _call(
 
 
 def _read_resumable(folder: Path, generations: int | None) -> dict[str, Any]:
-    """Return the entries of a run that can go on; raises InvalidRun for no run, InvalidInput for another one."""
+    """Return the entries of a resumable run; raises InvalidRun for no run, InvalidInput for another one."""
     run = read_run(folder / RUN)
     check_digest(folder / RUN, run)
     verb, status, checkpoint = run.get("verb"), run.get("status"), folder / CHECKPOINT
     is_finished = (checkpoint / FINISHED).is_file() and not checkpoint.is_symlink()
     if generations is not None and not is_finished:
         fact = f"a run of {verb} of status {status!r} that keeps no generations"
-        raise InvalidInput(f"generations: must be None but for a finished search by solve, got {fact}")
+        raise InvalidInput(f"generations must be None except for a finished search of solve, got {fact}")
     if generations is None and not can_resume(folder):
-        how = "; generations=, or --generations, continues it" if is_finished else " with nothing to go on from"
+        how = "; generations=, or --generations, continues it" if is_finished else " that cannot be resumed"
         raise InvalidInput(
-            f"{folder}: wanted a run of solve, plan, front or refine that was stopped, got one of status "
-            f"{status!r}{how}"
+            f"{folder} must be a stopped run of solve, plan, front or refine, got one of status {status!r}{how}"
         )
     return run
 
@@ -169,20 +177,20 @@ def _longer(folder: Path, run: Mapping[str, Any], settings: Mapping[str, Any], g
     try:
         return {**settings, **ended, "generations": int(run["counts"]["generations"]) + generations}
     except (KeyError, TypeError, ValueError) as fault:
-        raise InvalidRun(f"{folder}: wanted the number of its generations, got {run.get('counts')!r:.200}") from fault
+        raise InvalidRun(f"{folder} must have the number of its generations, got {run.get('counts')!r:.200}") from fault
 
 
 def _search_arguments(settings: Mapping[str, Any], algorithm: Any) -> dict[str, Any]:
-    """Return an algorithm and a target as ``solve`` takes them; raises InvalidInput for another kind of algorithm."""
+    """Return algorithm and target for ``solve``; raises InvalidInput for another kind of algorithm."""
     kind, before = None if algorithm is None else type(algorithm).__name__, settings.get("algorithm")
     if kind != before:
-        raise InvalidInput(f"algorithm: {before or 'none'} wanted, as the run has it, got {kind or 'none'}")
+        raise InvalidInput(f"algorithm must be {before or 'none'}, as in the run, got {kind or 'none'}")
     target = settings.get("target")
     return {"algorithm": algorithm, "target": None if target is None else [float(value) for value in target]}
 
 
 def _loop_arguments(arguments: dict[str, Any]) -> dict[str, Any]:
-    """Return the arguments of ``solve`` for a closed loop with the weights that its run had."""
+    """Return the arguments of ``solve`` for a closed loop, with the weights of its run."""
     loop, weights = arguments["problem"], arguments["weights"]
     if not np.array_equal(list(weights.values()), loop.weights):
         loop = loop.changed(weights=Weights(weights))
@@ -190,7 +198,7 @@ def _loop_arguments(arguments: dict[str, Any]) -> dict[str, Any]:
 
 
 def _source(folder: Path, problem: Any) -> Front:
-    """Return the front that a run of ``refine`` began with, in the folder that it had then."""
+    """Return the front that a run of ``refine`` began with, in its former folder."""
     front = Front.load(folder.joinpath(*SOURCE))
     provenance = dict(front.provenance)
     run = provenance.pop("run", None)
@@ -200,10 +208,10 @@ def _source(folder: Path, problem: Any) -> Front:
 
 
 def _check_versions(folder: Path, run: Mapping[str, Any]) -> None:
-    """Raise InvalidInput where a package has another version than a run had."""
+    """Raise InvalidInput if a package has another version than the run had."""
     before = run.get("versions")
     if not isinstance(before, Mapping):
-        raise InvalidRun(f"{folder}: wanted the versions that the run was made by, got {before!r:.200}")
+        raise InvalidRun(f"{folder} must have the versions that made the run, got {before!r:.200}")
     for name, now in versions().items():
         if before.get(name) != now:
-            raise InvalidInput(f"{folder}: wanted {name} {before.get(name)}, as the run has it, got {now}")
+            raise InvalidInput(f"{name} must be {before.get(name)}, as in the run {folder}, got {now}")

@@ -1,4 +1,4 @@
-"""Search for a front: an evolutionary search with its endings, refined where wanted, kept and drawn."""
+"""Search for a front: evolve it, refine it if asked, keep it and draw it."""
 
 from __future__ import annotations
 
@@ -48,15 +48,16 @@ from paretoik.search.genes import check_sizes
 from paretoik.search.islands import Islands
 from paretoik.stop_flag import Interrupted, check_interruption
 
-# The points of a generation that a recording shows for themselves, and their motions, as far as there is time.
+# The points of each generation that a recording marks, and their motions if there is time.
 
 
 @dataclass(frozen=True, kw_only=True)
 class MotionOptions:
-    """How many motions are decoded for a recording.
+    """Settings of motions that are decoded for a recording.
 
-    Decoding takes at most a ``share`` of the run's time. Those of so many generations as ``dense`` are decoded one
-    after the other, of as many after them every second, then every fourth, and so on. ``samples`` is the most of each.
+    share: largest share of the run's time for decoding
+    dense: number of motions decoded one generation after another, then as many every second, every fourth, ...
+    samples: most samples of a motion
     """
 
     share: float = 0.01
@@ -79,7 +80,7 @@ class GenerationMotions:
         self._moves = True
 
     def points(self, progress: Progress) -> tuple[RecordedPoint, ...]:
-        """Return the points, with motions where these have changed and there was time to decode them."""
+        """Return the points, with motions if these changed and there was time to decode them."""
         if not len(progress.front):
             return ()
         marked = marked_rows(progress.front, progress.ids)
@@ -116,14 +117,15 @@ class GenerationMotions:
         )
 
 
-# Complete a searched front: its points refined, the planner's ends added and its gaps filled, all of it certified.
+# Completion of a searched front: refine its points, add the planner's optima, fill gaps, certify all.
 
 
 @dataclass(frozen=True, kw_only=True)
 class CompletionOptions:
-    """From so many ``starts`` each objective is planned; so many points are sought from ``cold_points`` starts too.
+    """Settings of completion; fewer than without a search, as the search has looked already.
 
-    What a search has looked for need not be looked for as long as from nothing.
+    starts: number of starts from which each objective is planned
+    cold_points: number of points that are also sought from starts
     """
 
     starts: int = 24
@@ -136,10 +138,10 @@ COMPLETION_OPTIONS = CompletionOptions()
 def complete_front(
     front: Front, *, points: int, seed: int, first_id: int, solver: Solver, observe: Observer | None
 ) -> Front:
-    """Return a front as ``refine`` does, with at most so many ``points``, or its own where these are more.
+    """Return a front as ``refine`` does, with at most ``points`` points, or its own number if that is larger.
 
-    Among them are the ends that ``plan`` finds, and new ones where gaps gain the most; their ids begin at ``first_id``.
-    Where the planner finds nothing, the front is refined and no more.
+    The best points that ``plan`` finds are added, and new points in the gaps where they gain the most; new ids begin at
+    ``first_id``. If the planner finds nothing, the front is only refined.
     """
 
     def complete(
@@ -197,7 +199,7 @@ def _point_observer(observe: Observer | None, following: str, later: LaterTime) 
 
 
 def _ids(x: Points, before: Float[np.ndarray, " before *point"], ids: np.ndarray, first_id: int) -> np.ndarray:
-    """Return the ids of points: those that they had before, and new ones from ``first_id`` on."""
+    """Return the ids of points: former points keep theirs, new ones count from ``first_id``."""
     ids_before = {one.tobytes(): int(each) for one, each in zip(before, ids, strict=True)}
     return np.array([ids_before.get(one.tobytes(), first_id + i) for i, one in enumerate(x)], dtype=np.int64)
 
@@ -206,23 +208,23 @@ INTERRUPTED = tuple(status for status in STOPPED if status != "time limit")
 
 
 class FrontSearch:
-    """The search of a pymoo problem's front by ``settings``, checked before anything is computed or written.
+    """The search for the front of a pymoo problem with ``settings``.
 
-    Raises InvalidInput, naming the setting.
+    These are checked before anything is computed or written. Raises InvalidInput, naming the setting.
     """
 
     def __init__(self, problem: Any, settings: SolveSettings) -> None:
         check_sizes(problem)
         if read_steps(settings.record_steps):
             raise InvalidInput(
-                f"record_steps: a ClosedLoop wanted, whose steps are searches, got {type(problem).__name__}"
+                f"record_steps must come with a ClosedLoop, whose steps are searches, got {type(problem).__name__}"
             )
         if settings.refine:
             check_time_limit(settings.time_limit)
             with computing(settings.time_limit):  # users' functions are traced
                 check_solver(require_program("refine", problem).program(), settings.solver)
         elif settings.solver != "auto":
-            raise InvalidInput(f"solver: wants refine=True, got {shown(settings.solver)} without it")
+            raise InvalidInput(f"solver must come with refine=True, got {shown(settings.solver)} without it")
         self.problem = problem
         self.generations = DEFAULTS.generations if settings.generations is None else settings.generations
         check_size("generations", self.generations, 1)
@@ -265,12 +267,12 @@ class FrontSearch:
         }
 
     def run(self, session: RunSession) -> Front:
-        """Return the front that the search leads to, refined unless a signal came."""
+        """Return the front of the search, refined unless a signal came."""
         session.continues, started = True, computing_clock()
         front = self._evolve(session)
         if not self._solve_settings.refine or front.provenance["status"] in INTERRUPTED:
             return front
-        session.save_draft(front)  # refining takes its time, and the search is not to be lost
+        session.save_draft(front)  # refinement takes a while, and the search must not be lost
 
         def observe(progress: RunProgress) -> bool:
             session.show(progress)
@@ -294,7 +296,7 @@ class FrontSearch:
         return replace(front, provenance={**front.provenance, **ending})
 
     def review(self, front: Front, session: RunSession) -> None:
-        """Finish the recording and draw the front."""
+        """Complete the recording and draw the front."""
         review_front(front, session)
 
     def _evolve(self, session: RunSession) -> Front:
@@ -348,7 +350,7 @@ class FrontSearch:
         return front
 
     def _front(self, session: RunSession, status: str) -> Front:
-        """Return the front that the search has led to."""
+        """Return the front of the search so far."""
         search = self.search
         front = search.front_of(self._solve_settings.points)
         if self._initial.points is not None:
@@ -368,7 +370,7 @@ class FrontSearch:
         )
 
     def _show(self, session: RunSession, progress: Progress) -> None:
-        """Show a generation in the user's own sign."""
+        """Show a generation, with objectives in the user's own sign."""
         if not session.is_watched:
             return
         signs, front, failed = np.where(self.search.maximised, -1.0, 1.0), progress.front, progress.failed.count
@@ -411,7 +413,7 @@ class _Signal:
 
 
 class _Hopeless:
-    """Ends a search after its first generation if nothing is feasible and limits clearly cannot hold: ``failure``."""
+    """Ends a search after its first generation if limits clearly cannot be satisfied; ``failure`` says which."""
 
     memory = 0
 
@@ -433,7 +435,7 @@ class _Hopeless:
 
 
 def _anchors(problem: Any, settings: SolveSettings, generations: int) -> int:
-    """Return the generations for each objective alone: by default half of all, shared, where there are branches."""
+    """Return the generations for each objective alone; by default half of all, shared, if there are branches."""
     if settings.anchors is not None:
         return settings.anchors
     branches = settings.algorithm is None and problem.n_obj > 1 and has_branches(problem)
@@ -451,7 +453,7 @@ def _endings(search: Search | Islands, settings: SolveSettings, generations: int
         values = real_array("target", settings.target)
         if values.shape != (len(search.names),):
             raise InvalidInput(
-                f"target: wants {len(search.names)} numbers, one an objective, got {shown(settings.target)}"
+                f"target must be {len(search.names)} numbers, one per objective, got {shown(settings.target)}"
             )
         endings.append(Target(tuple(np.where(search.maximised, -values, values).tolist())))
     if settings.stagnation:
@@ -460,5 +462,5 @@ def _endings(search: Search | Islands, settings: SolveSettings, generations: int
 
 
 def _json_number(value: float) -> float | str:
-    """Return a number, which may be infinite, as strict JSON can hold it."""
+    """Return a number, which may be infinite, for strict JSON."""
     return float(value) if np.isfinite(value) else str(value)

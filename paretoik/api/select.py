@@ -1,4 +1,4 @@
-"""Choose one point of a front by a preference, or go back; a closed loop is followed anew where it needs to be."""
+"""Choose one point of a front by a preference, or undo a choice; a closed loop may be followed again."""
 
 from __future__ import annotations
 
@@ -27,31 +27,55 @@ def select(
     overwrite: bool = False,
     observe: Observer | bool | None = None,
 ) -> tuple[Front, Choice]:
-    """Return the point that a preference chooses, and the front that it belongs to.
+    """Return the front that a preference chooses from, and the chosen point.
 
-    That is ``front`` itself, or, of a closed loop and other weights than its own, the front of a new run with them at
-    every step, kept in ``out``. The choice is kept in the run folder of the front that it belongs to; that of a new run
-    names the ``former`` one and the choice that was the present one there. ``overwrite`` and ``observe`` are those of
-    ``solve``.
+    Parameters
+    ----------
+    front
+        Front to choose from.
+    preference
+        Preference, its name, weights by objective, or the id of a point.
+    out
+        Folder for the new run of a closed loop (default: none).
+    overwrite
+        Whether to replace a run in ``out``, as for ``solve`` (default False).
+    observe
+        Observer of progress, as for ``solve``.
 
-    Raises InvalidInput where the preference does not suit the front, its loop cannot be loaded, or ``out`` has no
-    new run to hold; InvalidRun where the file of choices is damaged; Infeasible where the front is empty or the loop
-    blocked.
+    Returns
+    -------
+    tuple[Front, Choice]
+        ``front`` itself and its point; for a closed loop with other weights the front of a new run.
+
+    Raises
+    ------
+    InvalidInput
+        If the preference does not suit the front, its loop cannot be loaded, or ``out`` is given without a new run.
+    InvalidRun
+        If the file of choices is damaged.
+    Infeasible
+        If the front is empty or the loop is blocked.
+
+    Notes
+    -----
+    A closed loop and weights other than its own lead to a new run with these weights at every step, kept in ``out``.
+    The choice is kept in the run folder of its front; that of a new run names the ``former`` run and its present
+    choice.
     """
     preference = as_preference(preference)
     if front.problem is None and is_loop(front):
         raise InvalidInput(
-            "select: wants the closed loop that the run followed, but its problem is not at hand: "
+            "front must come with the closed loop that its run followed, got none; load it with its problem: "
             "load_front(run, problem), or --problem FILE.py:NAME"
         )
     problem = reweigh(front.problem, front, preference)
     if problem is None:
         if out is not None:
-            raise InvalidInput("out: wants a closed loop and other weights than its own, to keep a new run in")
+            raise InvalidInput("out must come with a closed loop and other weights than its own, got no new run")
         return front, front.select(preference)
     if out is not None:
         check_other_folder("out", file_path("out", out), front.folder)
-    current = front.choices.current  # before the run, should its file be damaged
+    current = front.choices.current  # read before the run, in case its file is damaged
     reference = front.provenance.get("problem")
     selected = solve(problem, out=out, overwrite=overwrite, reference=reference, observe=observe)
     choice = selected.select(preference, keep=False)
@@ -65,8 +89,8 @@ def select(
 def undo(run: Path, problem: str | None = None) -> Choices:
     """Go back to the choice before the present one of a run, and return the choices; its recording follows.
 
-    ``problem`` is as for ``load_front``. A run whose front cannot be opened keeps its recording, with a warning. Raises
-    InvalidInput where there is no choice to go back from.
+    ``problem`` is as for ``load_front``. If the front of a run cannot be loaded, its recording stays, with a warning.
+    Raises InvalidInput if there is no choice to go back from.
     """
     choices = go_back(run)
     if (run / RECORDING).exists():

@@ -1,4 +1,4 @@
-"""What every run needs around its computation: folder, provenance, signals, clock, recorder and observer."""
+"""The surroundings of every run: folder, provenance, signals, clock, recorder and observer."""
 
 from __future__ import annotations
 
@@ -44,12 +44,12 @@ from paretoik.runs.journal import journalled
 from paretoik.runs.machine import single_blas_thread, versions
 from paretoik.stop_flag import STOP, Interrupted
 
-# What every verb needs around its computation: observer, clock, time limit, and the signals that may end it.
+# The surroundings of every verb: observer, clock, time limit, and the signals that may end it.
 
 
 @dataclass(kw_only=True, eq=False)
 class VerbSession:
-    """A verb at work: its observer, its clock, and the signals that may end it."""
+    """A running verb: its observer, its clock, and the signals that may end it."""
 
     observe: Observer | None
     interruption: Interruption
@@ -70,25 +70,25 @@ class VerbSession:
 
     @property
     def observer_fault(self) -> InvalidInput | None:
-        """What the observer raised, if anything."""
+        """Error that the observer raised, if any."""
         return self.observe.fault if isinstance(self.observe, NamedObserver) else None
 
     @property
     def stopped_by(self) -> str | None:
-        """What ended the computation early: the name of a signal, or "time limit"."""
+        """Cause that ended the computation early: the name of a signal, or "time limit"."""
         return self.signal or ("time limit" if self.limit.reached else None)
 
     def _given(self) -> str:
-        """Return in words how long was searched: what is reserved of a limit for certificates was not."""
+        """Return in words the time of the search, without the time reserved for certificates."""
         limit, left = self.limit.seconds, self.limit.remaining
         assert limit is not None
-        return f"{limit:g} s" if left <= 0 else f"{limit - left:.2g} s, what {limit:g} s leave beside certificates"
+        return f"{limit:g} s" if left <= 0 else f"{limit - left:.2g} s, the part of {limit:g} s that certificates leave"
 
     @contextmanager
     def computing(self, seconds: float | None) -> Iterator[None]:
-        """Let the body compute for so many seconds at most; it then returns what it has, as after a signal.
+        """Limit the body to ``seconds`` of computing; then it returns its results so far, as after a signal.
 
-        Raises InvalidInput for what is no time, SolverFailed where the body has nothing by then.
+        Raises InvalidInput for an invalid time, SolverFailed if the body has no result by then.
         """
         with time_limit(seconds) as self.limit:
             try:
@@ -102,7 +102,7 @@ class VerbSession:
 
 
 def computing(seconds: float | None) -> AbstractContextManager[None]:
-    """Return a context that computes as ``VerbSession.computing``, before there is a session."""
+    """Return the context of ``VerbSession.computing`` before there is a session."""
     return VerbSession(observe=None, interruption=Interruption()).computing(seconds)
 
 
@@ -110,11 +110,11 @@ def computing(seconds: float | None) -> AbstractContextManager[None]:
 def verb_session(
     observe: Observer | bool | None, *, time_limit: float | None = None, catch_signals: bool = True
 ) -> Iterator[VerbSession]:
-    """Open a verb: catch signals, show its progress, compute with one BLAS thread. Within another's, signals are its.
+    """Open a verb: catch signals, show its progress, and compute with one BLAS thread.
 
-    Where the body raises Interrupted, a signal came before there was anything to return: KeyboardInterrupt after
-    Ctrl-C, SystemExit(143) after SIGTERM. Without ``catch_signals`` these end the body as without a
-    verb. Raises InvalidInput for an observer that cannot be called.
+    Inside another verb, that one gets the signals. If the body raises Interrupted, a signal came before there was a
+    result: this raises KeyboardInterrupt after Ctrl-C, SystemExit(143) after SIGTERM. Without ``catch_signals`` they
+    end the body as without a verb. Raises InvalidInput for an observer that cannot be called.
     """
     signals = interruptible() if catch_signals else nullcontext(Interruption())
     with open_observer(observe, time_limit=time_limit) as observer, signals as interruption, single_blas_thread():
@@ -128,18 +128,18 @@ def verb_session(
 
 
 def _exit_of(interruption: Interruption) -> BaseException:
-    """Return what a signal would have raised, or ended Python with, had nobody caught it."""
+    """Return the exception that a signal would have raised if nobody had caught it."""
     if interruption.signal is None:  # another thread's
         return KeyboardInterrupt()
     return KeyboardInterrupt() if interruption.signal == SIGINT else SystemExit(interruption.exit_code)
 
 
-# What a user sets of a run, as one record that the ways of solving share.
+# The settings of a run that a user gives, shared by all ways of solving.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SolveSettings:
-    """The keywords of ``solve`` that say what is computed; None leaves a size to the problem or to the defaults."""
+    """The arguments of ``solve`` that say what is computed; None means the problem's or the default size."""
 
     population: int | None = None
     generations: int | None = None
@@ -161,7 +161,7 @@ class SolveSettings:
     evaluation_timeout: float | None = None
 
     def __post_init__(self) -> None:
-        """Check what means the same for every way of solving."""
+        """Check the settings that mean the same for every way of solving."""
         check_size("islands", self.islands, 1)
         check_flag("stagnation", self.stagnation)
         check_flag("refine", self.refine)
@@ -173,9 +173,12 @@ class SolveSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class SearchDefaults:
-    """Sizes of a search where a user gives none: individuals, generations at most, and the seed.
+    """Default sizes of a search.
 
-    Where the front is refined, too, the search has a share of the time limit, ``search_time``.
+    population: number of individuals
+    generations: most generations
+    seed: seed of all random numbers
+    search_time: share of the time limit for the search if the front is refined too
     """
 
     population: int = 200
@@ -187,19 +190,19 @@ class SearchDefaults:
 DEFAULTS = SearchDefaults()
 
 
-SOURCE = (CHECKPOINT, "source")  # folders, one within the other, in a run's
+SOURCE = (CHECKPOINT, "source")  # folders in the folder of a run, one in the other
 RESERVE = Path(CHECKPOINT, "reserve")
 
 
 class StoppedRun(PosixPath):
-    """The folder of a run that goes on, where else that of a new one stands."""
+    """The folder of a run to resume, in place of that of a new run."""
 
 
 @dataclass(kw_only=True, eq=False)
 class RunSession(VerbSession):
-    """A run under way: its provenance, its folder, its recorder and observer, and the signals that may end it.
+    """A run in progress: its provenance, folder, recorder and observer, and the signals that may end it.
 
-    ``entries`` are what is known of it from the beginning, ``former`` is who computed before it was stopped.
+    ``entries`` are known from the beginning; ``former`` is who computed before the run was stopped.
     """
 
     entries: Mapping[str, Any]
@@ -209,15 +212,15 @@ class RunSession(VerbSession):
     live: bool = False
     recorder: Recorder | None = None
     draft: Front | None = None
-    room: ReservedSpace | None = None  # on the disk, for the result
-    infeasible: InfeasibleFiles | None = None  # what comes nearest, where nothing is feasible
-    continues: bool = False  # whether the journal stays once the run has finished, to be continued
+    room: ReservedSpace | None = None  # reserved on the disk for the result
+    infeasible: InfeasibleFiles | None = None  # least-violating motion if nothing is feasible
+    continues: bool = False  # whether the journal of a finished run stays, to be continued
     finished: bool = False
-    result: object = None  # the final one, once it is kept
+    result: object = None  # final result, when it is kept
 
     @property
     def provenance(self) -> dict[str, Any]:
-        """What is known of the run, with who has computed until now."""
+        """Entries of the run, with who has computed until now."""
         return {**self.entries, "computed": computed(self.former)}
 
     def start(
@@ -229,7 +232,7 @@ class RunSession(VerbSession):
         timeline: Timeline,
         workcell: Workcell | None = None,
     ) -> None:
-        """Start, where the run has a folder, the recording of objectives along generations or steps."""
+        """Start the recording of objectives along generations or steps, if the run has a folder."""
         scene = SearchedFront(
             names=tuple(names),
             units=tuple(units),
@@ -240,7 +243,7 @@ class RunSession(VerbSession):
         self.start_recording(scene)
 
     def start_recording(self, scene: Scene) -> None:
-        """Start, where the run has a folder, the recording of a scene."""
+        """Start the recording of a scene, if the run has a folder."""
         if self.folder is not None:
             self.recorder = Recorder(self.folder / RECORDING, title=self.title, scene=scene, live=self.live)
 
@@ -251,12 +254,12 @@ class RunSession(VerbSession):
 
     @property
     def is_watched(self) -> bool:
-        """Whether a recorder or an observer looks on."""
+        """Whether there is a recorder, or an observer that is due."""
         return self.recorder is not None or self.is_observed
 
     @property
     def is_observed(self) -> bool:
-        """Whether there is an observer, and it is due: one that seldom says anything costs nothing meanwhile."""
+        """Whether there is an observer and it is due; one that is not due costs nothing."""
         return self.observe is not None and getattr(self.observe, "is_due", True)
 
     def show(self, progress: RunProgress) -> None:
@@ -274,22 +277,22 @@ class RunSession(VerbSession):
 
     @contextmanager
     def reviewing(self) -> Iterator[None]:
-        """Let the body complete the recording and draw pictures of what a run found; warn where it fails."""
+        """Warn if the body, which completes the recording and draws pictures, fails."""
         try:
             yield
-        except (Exception, Interrupted) as fault:  # a view may fail in any way, also by a function of a user's
+        except (Exception, Interrupted) as fault:  # a view may fail in any way, also in a user's function
             text = f"{self.folder}: not all views of this run could be made, which changes no result: {cause_of(fault)}"
             warn_user(text)
 
     def save_draft(self, front: Front) -> None:
-        """Save a front, should what follows fail."""
+        """Save a front in case a later stage fails."""
         if self.folder is not None:
             with self._using_room():
                 replace(front, provenance={**front.provenance, "status": "refining"}).save(self.folder, overwrite=True)
             self.draft = front
 
     def keep_found(self, front: Front, error: Exception) -> None:
-        """Save the front found before an error, which has it as its ``partial`` and says in a note where it is."""
+        """Save the front found before an error; the error has it as ``partial`` and notes its folder."""
         error.partial = front  # type: ignore[attr-defined]
         place = "the error's .partial"
         with suppress(OSError, InvalidInput):  # a full disk
@@ -302,9 +305,9 @@ class RunSession(VerbSession):
         self.keep(front, lambda folder: front.save(folder, overwrite=True), status=front.provenance.get("status"))
 
     def keep(self, result: object, save: Callable[[Path], object], *, status: object) -> None:
-        """Save the final result into the run's folder; keep the checkpoint of a stopped run, the journal of a search.
+        """Save the final result; keep the checkpoint of a stopped run and the journal of a search.
 
-        What a signal asked to stop has stopped by then: it does not hold for the pictures that follow.
+        A stop that a signal requested is done by then: it does not apply to the pictures that follow.
         """
         self.result, self.finished, STOP[0] = result, True, 0
         if self.folder is not None:
@@ -320,7 +323,7 @@ class RunSession(VerbSession):
                 shutil.rmtree(checkpoint, ignore_errors=True)
 
     def raise_observer_fault(self) -> None:
-        """Raise what the observer raised, if anything, with the result that was kept."""
+        """Raise the error of the observer, if any, with the result that was kept."""
         fault = self.observer_fault
         if fault is None:
             return
@@ -333,20 +336,20 @@ class RunSession(VerbSession):
         raise fault
 
     def fail(self, error: BaseException) -> None:
-        """Save why the run failed, beside the draft of its front if there is one."""
+        """Save why the run failed, with the draft of its front if there is one."""
         notes = getattr(error, "__notes__", ()) if isinstance(error, Interrupted) else ()
         reason = "; ".join([str(error), *notes])
         failure = {"status": self.signal or type(error).__name__, "reason": reason}
         if self.folder is None or self.finished:
             return
         self._leave_room()
-        if self.draft is None and not has_result(self.folder):  # one that goes on may have one from before
+        if self.draft is None and not has_result(self.folder):  # a resumed run may have a result from before
             self._write_failure(self.folder, {**self.provenance, **failure})
         elif self.draft is not None:
             replace(self.draft, provenance={**self.draft.provenance, **failure}).save(self.folder, overwrite=True)
 
     def _write_failure(self, folder: Path, entries: Mapping[str, Any]) -> None:
-        """Write why a run without a result failed, and what comes nearest where nothing is feasible."""
+        """Write why a run without a result failed, and its least-violating motion if nothing is feasible."""
         nearest = self.infeasible
         if nearest is not None:
             entries = {**entries, **nearest.entries}
@@ -360,17 +363,17 @@ class RunSession(VerbSession):
 
     @contextmanager
     def _using_room(self) -> Iterator[None]:
-        """Let the body write where room is held for the result, and hold it again."""
+        """Release the space reserved for the result while the body writes, then reserve it again."""
         self._leave_room()
         yield
         if self.room is not None:
-            with suppress(OSError):  # what is there now may have to do
+            with suppress(OSError):  # the space that is left may have to be enough
                 self.room.take()
 
 
 @dataclass(frozen=True, kw_only=True)
 class Subject:
-    """What a run is about: a ``title``, a ``fingerprint``, and the ``reference`` of its problem, if it has one."""
+    """The subject of a run: a ``title``, a ``fingerprint``, and the ``reference`` of its problem, if any."""
 
     title: str
     fingerprint: str
@@ -404,14 +407,14 @@ def run_session(
 ) -> Iterator[RunSession]:
     """Open a run: claim its folder, catch signals, and save why it failed if it does.
 
-    Without ``catch_signals`` a signal ends the body as it would have without a run. What one that is ``resumable``
-    computes goes into its journal; ``source`` is the front that it begins with, if any. ``workers``, ``cluster`` and
-    ``isolated`` say who computes, as ``open_executor`` has them. Raises InvalidInput where the folder cannot be used, a
-    setting cannot be JSON, what is to be seen live has no folder to be recorded in, or there are no such workers.
+    Without ``catch_signals`` a signal ends the body as without a run. A ``resumable`` run writes its computations into
+    its journal; ``source`` is the front that it begins with, if any. ``workers``, ``cluster`` and ``isolated`` are
+    those of ``open_executor``. Raises InvalidInput if the folder cannot be used, a setting cannot be JSON, ``live`` is
+    given without a folder, or there are no such workers.
     """
     check_flag("live", live)
     if live and out is None:
-        raise InvalidInput("live: a folder wanted that keeps the recording (out=), got none")
+        raise InvalidInput("live must come with a folder that keeps the recording (out=), got none")
     with ExitStack() as stack:
         opened = stack.enter_context(verb_session(observe, time_limit=time_limit, catch_signals=catch_signals))
         folder = stack.enter_context(_folder(out, overwrite=overwrite))
@@ -422,7 +425,7 @@ def run_session(
             "verb": verb,
             "problem": subject.reference,
             "fingerprint": subject.fingerprint,
-            "settings": {**settings, **given},  # a resumed run has what it started from in its journal
+            "settings": {**settings, **given},  # the journal of a resumed run has what it started from
             "versions": versions(),
         }
         session = RunSession(
@@ -438,12 +441,12 @@ def run_session(
             session.room = ReservedSpace(folder / RESERVE)
         if folder is not None and not has_result(folder):
             write_run(folder, {**session.provenance, "status": "running"})
-        elif folder is not None and stored:  # should this process be killed: what it computes stays in the journal
+        elif folder is not None and stored:  # if this process is killed, its results are in the journal
             now = {name: session.provenance[name] for name in ("settings", "computed")}
             write_run(folder, {**stored, **now})
         if folder is not None and resumable:
             if source is not None and not isinstance(out, StoppedRun):
-                _save_source(source, folder)  # before there is a journal: what has one can go on
+                _save_source(source, folder)  # before there is a journal: a run with one can be resumed
             stack.enter_context(journalled(folder / CHECKPOINT / JOURNAL))
         try:
             yield session
@@ -459,10 +462,10 @@ def run_session(
 
 @contextmanager
 def _folder(out: str | Path | None, *, overwrite: bool) -> Iterator[Path | None]:
-    """Claim the folder of a run, or that of one that goes on; None where there is none."""
+    """Claim the folder of a run, or that of a run to resume; yield None without a folder."""
     if out is None:
         yield None
-    elif isinstance(out, StoppedRun):  # whoever lets it go on has its lock
+    elif isinstance(out, StoppedRun):  # the process that resumes it has its lock
         yield out
     else:
         with claim_folder(file_path("out", out), overwrite=overwrite) as folder:
@@ -470,24 +473,24 @@ def _folder(out: str | Path | None, *, overwrite: bool) -> Iterator[Path | None]
 
 
 def _save_source(front: Front, folder: Path) -> None:
-    """Save the front that a run begins with, and where it is from, should the run be stopped: it goes on from there."""
+    """Save the front that a run begins with, and its folder, from which a stopped run is resumed."""
     run = {} if front.folder is None else {"run": str(front.folder)}
     files = front_files(replace(front, provenance={**front.provenance, **run}))
     with only_writer(folder, *SOURCE) as source:
         replace_files(source, files)
 
 
-# What a run's folder shows of its front: the end of the recording, and pictures.
+# The end of the recording and the pictures of a front.
 
 
 def review_front(front: Front, session: RunSession) -> None:
-    """Finish the recording with the compromise and its motion, and, unless a signal came, draw the front."""
+    """Complete the recording with the compromise and its motion; draw the front unless a signal came."""
     if session.folder is None or not len(front):
         return
     session.finish_recording(SearchEnd(front=front, choice=compromise(front)))
     if session.signal is not None:
         return
-    from paretoik.review.pictures.fronts import front_picture  # here: matplotlib takes its time
+    from paretoik.review.pictures.fronts import front_picture  # here: matplotlib loads slowly
 
     front_picture(front, session.folder / PICTURE)
     if front.certificates is not None:

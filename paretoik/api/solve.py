@@ -1,4 +1,4 @@
-"""Solve a problem into its Pareto front: search for it, or follow a closed loop."""
+"""Find the Pareto front of a problem: search for it, or follow a closed loop."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from paretoik.task.motion import Motion
 RUNS: dict[str, type[FrontSearch] | type[LoopRun]] = {
     "generation": FrontSearch,
     "step": LoopRun,
-}  # how a problem is solved, by what its run counts
+}  # ways of solving, by what their runs count
 
 
 @check_call
@@ -52,88 +52,107 @@ def solve(
     reference: str | None = None,
     observe: Observer | bool | None = None,
 ) -> Front:
-    """Search for the Pareto front of any pymoo problem and return it; follow a ``ClosedLoop``.
-
-    A closed loop becomes a front of one point: the motion, of which every objective is the mean over the steps. Its
-    ``front.select(Weights(...))`` follows the loop anew with other weights at every step.
+    """Return the Pareto front of a pymoo problem, or follow a ``ClosedLoop``.
 
     Parameters
     ----------
     problem
-        A ``Tracking``, ``PointToPoint``, ``DirectionalMaxima``, ``Tuning`` or ``ClosedLoop``, or any pymoo problem with
-        real genes (its front then has no motions).
-    population, generations, seed
-        Size of the population (200), most generations (500), and the seed of all chance (0): the same seed gives the
-        same front. A closed loop has its own where none are given.
+        Pymoo problem (``Tracking``, ``PointToPoint``, ``DirectionalMaxima``, ``Tuning``, yours), or ``ClosedLoop``.
+    population
+        Size of the population (default 200, or that of the closed loop).
+    generations
+        Most generations (default 500, or those of the closed loop).
+    seed
+        Seed of all random numbers (default 0, or that of the closed loop); the same seed gives the same front.
     islands
-        So many populations, each with chance of its own, of which every ten generations some of the best go to the
-        next, in a ring. Their rows are evaluated together, so that there is more for many ``workers`` to do at a time.
+        Number of populations (default 1). Every ten generations some of the best migrate to the next one, in a ring.
     out
-        Folder to keep the run in: run.json, front.parquet, motions.npz, review.rrd, front.png (not after a signal), of
-        a closed loop steps.parquet too. ``overwrite`` allows it to replace a run that is there.
+        Folder for the run (default: none): run.json, front.parquet, motions.npz, review.rrd and front.png.
     initial
-        Start from genes (rows, genes), motions on the path, or a former front.
-    time_limit, evaluations, target, stagnation
-        Further endings: seconds of computing (compiling code in this process, once for a copy of paretoik, is not
-        counted), of which ``refine`` has a part; a number of evaluations; values to be reached by one point (one an
-        objective, in its own sign); whether to stop when the front has not improved for 20 generations.
+        Genes (rows, genes), motions on the path, or a former front to start from.
+    time_limit
+        Seconds of computing after which the search ends (default: no limit), without compilation.
+    evaluations
+        Number of evaluations after which the search ends (default: no limit).
+    target
+        Values, one per objective in its own sign, that end the search when one point reaches them.
+    stagnation
+        Whether to stop if the front has not improved for 20 generations (default True).
     anchors
-        Generations spent on each objective alone before all are searched together; None takes half of all, shared
-        by the objectives, on problems with branches, where the ends of a front can lie in basins of their own.
+        Generations for each objective alone, before the common search; default: half of all if there are branches.
     algorithm
-        Any pymoo genetic algorithm in place of ``MaxiMinNSGA2``, with its own sizes.
+        Genetic algorithm of pymoo in place of ``MaxiMinNSGA2``, with its own sizes.
     points
-        Most points of the front: of more, those that MaxiMin spreads over it; None keeps all.
+        Most points of the front, spread by MaxiMin (default 200); None keeps all.
     refine
-        Whether gradients help: every ten generations a few iterations at the ends, in the widest gaps and in every
-        branch, up to 30 % of the evaluations; at the end every point is refined to a local optimum, the best of
-        every objective that the planner finds are added, and points where they gain more than others, at most so many
-        as ``points``; all are certified. Of a ``time_limit`` the search has half, unless it ends before. For a
-        ``Tracking``, ``DirectionalMaxima`` and ``PointToPoint``, as with ``refine(front)``.
+        Whether gradients help the search, refine its points and certify them (default False).
     solver
-        Which solver ``refine`` uses: "interior-point" for smooth objectives and limits, "sqp" (convex subproblems by
-        Clarabel) for any; "auto" takes the first where it can.
-    workers, cluster
-        So many processes on this machine that rows are evaluated in, or the address of a Dask scheduler,
-        "tcp://HOST:PORT", whose workers do it (``pip install "paretoik[cluster]"``; started by ``dask scheduler`` and
-        ``dask worker ADDRESS --nworkers 8 --nthreads 1``); without either it is this process. The front is the same,
-        bit for bit, but workers are worth it only where a row takes some milliseconds; a warning says when they are
-        not. A problem has to be one that can be sent: its code goes along, the files that it opens do not. A row that
-        ends four workers has failed.
+        Solver of ``refine``: "interior-point" (smooth functions), "sqp" (any); "auto" (default): the first if it can.
+    workers
+        Number of processes on this machine that evaluate rows (default: only this process).
+    cluster
+        Address of a Dask scheduler, "tcp://HOST:PORT", whose workers evaluate rows.
     evaluation_timeout
-        Seconds that the evaluation of one row may take: then it is ended and has failed, whatever it was doing. Rows
-        are evaluated one by one, in workers, one of them by default. The first row of a new worker has 5 s more, as
-        code is loaded then.
+        Seconds for the evaluation of one row, after which it is ended and has failed (default: no limit).
+    overwrite
+        Whether to replace a run in ``out`` (default False).
     record_steps
-        Steps of a closed loop, from 1 on, whose searches are kept generation by generation, in searches.npz and on the
-        recording's timelines ``generation`` and ``individual``: populations, fronts, what was chosen, and the arms.
+        Steps of a closed loop, from 1 on, whose searches are kept generation by generation (default: none).
     live
-        Whether a viewer opens that shows the recording, which wants ``out``, while the run goes on: on this machine
-        alone, and without a screen one can be attached at the address that stderr says.
+        Whether to open a viewer on the recording in ``out`` during the run (default False).
     reference
-        Where the problem can be loaded from (``file.py:name``), kept in the run for ``load_front``.
+        Name of the problem, ``file.py:name``, kept in the run for ``load_front``.
     observe
-        Called with a ``RunProgress`` after every generation, or step, and every point that is refined. By default a bar
-        shows it where stderr is a terminal; True prints lines elsewhere, False shows nothing.
+        Function called with a ``RunProgress``; default: a bar on a terminal; True: lines elsewhere too; False: nothing.
 
-    Of a closed loop ``islands``, ``initial``, ``evaluations``, ``target``, ``anchors``, ``algorithm``, ``refine``,
-    ``solver``, ``workers``, ``cluster`` and ``evaluation_timeout`` mean nothing and are refused; ``points`` and
-    ``stagnation`` have no effect.
-
-    Ctrl-C and SIGTERM end the search, or the refinement, within a second or after the generation under way, and keep
-    the result; why it ended stands in ``front.provenance["status"]``, what it took in its ``counts``.
-
-    An error that comes after the first generation, of an objective or of ``observe``, has the front found by then as
-    its ``partial``; with ``out`` it is in the folder, too.
+    Returns
+    -------
+    Front
+        Front of the search; for a closed loop one point: its motion, with the mean of each objective over the steps.
 
     Raises
     ------
     InvalidInput
-        Naming what cannot be used.
+        If an argument cannot be used.
     Infeasible
-        Where nothing satisfied the limits: with the least-violating motion and the limit that binds.
+        If nothing satisfied the limits; has the least-violating motion and the limit that binds.
     EvaluationFailed
-        Where every evaluation failed, with the first cause.
+        If every evaluation failed; names the first cause.
+
+    Notes
+    -----
+    Pymoo problems need real genes; the front of your own has no motions. ``front.select(Weights(...))`` on the front of
+    a closed loop follows the loop again with other weights at every step. Not for closed loops: ``islands``,
+    ``initial``, ``evaluations``, ``target``, ``anchors``, ``algorithm``, ``refine``, ``solver``, ``workers``,
+    ``cluster`` and ``evaluation_timeout``; ``points`` and ``stagnation`` have no effect on them.
+
+    Ctrl-C and SIGTERM end the search, or the refinement, within a second or after the current generation, and keep the
+    result. ``front.provenance["status"]`` says why it ended, ``counts`` there what it took. If an objective or
+    ``observe`` raises after the first generation, the error has the front so far as its ``partial``; the folder has it
+    too.
+
+    ``refine`` works for ``Tracking``, ``DirectionalMaxima`` and ``PointToPoint``, as ``refine(front)`` does. Every ten
+    generations a few iterations improve the best points of each objective, the widest gaps and every branch, up to 30 %
+    of the evaluations. At the end every point is refined to a local optimum, the best points of each objective that the
+    planner finds are added, and points that gain more than others, up to ``points``; all are certified. The search has
+    half of a ``time_limit``, unless it ends before. Compiling code in this process, once for a copy of paretoik, does
+    not count. "sqp" solves convex subproblems by Clarabel.
+
+    On problems with branches the best points of single objectives can lie in basins of their own: by default the
+    objectives share half of all generations as ``anchors``. Islands are evaluated together, which gives many
+    ``workers`` more to do at a time.
+
+    ``workers`` and ``cluster`` change no bit of the front. They pay only if a row takes some milliseconds; a warning
+    says when they do not. The problem is sent with its code, without files that it opens. A row that ends four workers
+    has failed. A cluster needs ``pip install "paretoik[cluster]"``, ``dask scheduler``, and ``dask worker ADDRESS
+    --nworkers 8 --nthreads 1``. With ``evaluation_timeout`` rows are evaluated one by one in workers, by default in
+    one; the first row of a new worker has 5 s more, to load code.
+
+    The folder of a closed loop also has steps.parquet, and searches.npz with the recorded steps: populations, fronts,
+    choices and arms, on the recording's timelines ``generation`` and ``individual``. Pictures are not drawn after a
+    signal. The viewer of ``live`` opens on this machine; without a screen, stderr says at which address to attach one.
+
+    ``observe`` is called after every generation or step, and every refined point.
     """
     check_flag("overwrite", overwrite)
     settings = SolveSettings(

@@ -19,19 +19,32 @@ if TYPE_CHECKING:
 
 @check_call
 def verify(folder: str | Path, problem: Any = None, *, observe: Observer | bool | None = None) -> Verification:
-    """Return a row for everything that was checked of a run folder, or was not.
+    """Check the folder of a run again; return one row per check.
 
-    Files, motions at their samples and between them, limits, collisions, objectives and certificates are checked by
-    SciPy and Pinocchio (``pip install "paretoik[verify]"``) against the limits of the problem. No kernel is shared with
-    what made the run. ``problem`` is the problem or its name, as for ``load_front``; its numbers and a user's functions
-    count. The problem of a polygon is the arm. ``passed`` says whether no check failed, ``unchecked`` what was not
-    checked and why, ``verified`` whether nothing is left to belief. ``observe`` learns how many points are checked, as
-    that of ``refine`` does.
+    Parameters
+    ----------
+    folder
+        Folder of a run.
+    problem
+        Problem or its name, as for ``load_front``, for a polygon the arm; its numbers and a user's functions count.
+    observe
+        Observer of the number of points checked, as for ``refine``.
+
+    Returns
+    -------
+    Verification
+        Rows; ``passed``: no check failed; ``unchecked``: checks left out, and why; ``verified``: all passed.
 
     Raises
     ------
     InvalidRun
-        If the folder is not a run with a result.
+        If the folder contains no run with a result.
+
+    Notes
+    -----
+    SciPy and Pinocchio (``pip install "paretoik[verify]"``) check files, motions at their samples and between them,
+    limits, collisions, objectives and certificates, against the limits of the problem. They share no kernel with the
+    code that made the run.
     """
     path, reason, same = file_path("folder", folder), "", None
     check_problem_argument(problem)
@@ -49,7 +62,7 @@ def verify(folder: str | Path, problem: Any = None, *, observe: Observer | bool 
     problem = at_samples_of(problem, run.motions.get("q"))
     try:
         import_pinocchio()
-    except InvalidInput as error:  # files and tables are checked without it
+    except InvalidInput as error:  # files and tables are checked without Pinocchio
         reason, problem = str(error), None
     with open_observer(observe) as observer:
         show = count_observer(observer, "verification", uniform=True)

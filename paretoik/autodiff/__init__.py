@@ -1,1 +1,1 @@
-"""Tracing of NumPy functions, exact derivatives, kinks, the compiled evaluator. Knows no robot."""
+"""Tracing of NumPy functions, exact derivatives, kinks and the compiled evaluator; independent of robots."""

@@ -1,7 +1,4 @@
-"""Derivatives of expressions, on the same tape: gradients by a reverse sweep, second derivatives forwards over it.
-
-The derivative of each operation stands in ``operation_derivatives``.
-"""
+"""Derivatives of expressions on the same tape: gradients in reverse mode, second derivatives forward over reverse."""
 
 from __future__ import annotations
 
@@ -11,13 +8,12 @@ from paretoik.autodiff.operations import NO_OPERAND, PIECEWISE, PIECEWISE_CONSTA
 from paretoik.autodiff.tape import Tape
 from paretoik.errors import InvalidInput
 
-# The derivative of every elementary operation, as entries of the same tape.
-#
-# At a kink, that of an absolute value, a maximum or a choice, it is the derivative of the piece that is taken there.
+# The derivative of every elementary operation, as entries of the same tape. At a kink (absolute value, maximum, choice)
+# it is the derivative of the active piece.
 
 
 def partial_derivatives(tape: Tape, i: int, wrt: Container[int] | None = None) -> list[tuple[int, int]]:
-    """Return (operand, entry of ∂entry i/∂operand) for each operand that is in ``wrt`` (None: all)."""
+    """Return (operand, entry of ∂entry i/∂operand) for each operand in ``wrt`` (None: all)."""
     op, a, b, c = tape.entries[i]
     apply, constant = tape.apply, tape.constant
     if op is Op.INPUT or op in PIECEWISE_CONSTANT:
@@ -56,7 +52,7 @@ def partial_derivatives(tape: Tape, i: int, wrt: Container[int] | None = None) -
 
 
 def unary_derivative(tape: Tape, op: Op, i: int, a: int) -> int:
-    """Return the entry of the derivative of a function of one number, entry i, at its operand a."""
+    """Return the entry of the derivative of a one-operand function, entry i, at its operand a."""
     apply, constant = tape.apply, tape.constant
     if op is Op.NEGATE:
         return constant(-1.0)
@@ -65,7 +61,7 @@ def unary_derivative(tape: Tape, op: Op, i: int, a: int) -> int:
     if op is Op.COSINE:
         return apply(Op.NEGATE, apply(Op.SINE, a))
     if op is Op.SQUARE_ROOT:
-        # 0 at 0: the norm of a zero vector increases in no direction more than in another.
+        # 0 at 0: the norm of a zero vector has no preferred direction.
         return apply(Op.WHERE, i, apply(Op.DIVIDE, constant(0.5), i), constant(0.0))
     if op is Op.EXPONENTIAL:
         return i
@@ -82,7 +78,7 @@ def unary_derivative(tape: Tape, op: Op, i: int, a: int) -> int:
 
 
 def dependencies(tape: Tape, outputs: Sequence[int]) -> list[int]:
-    """Return the entries that outputs depend on, themselves included, in order."""
+    """Return the entries that outputs depend on, including the outputs, in order."""
     visited, pending = set(outputs), list(outputs)
     while pending:
         op, *operands = tape.entries[pending.pop()]
@@ -96,7 +92,7 @@ def dependencies(tape: Tape, outputs: Sequence[int]) -> list[int]:
 def gradient(tape: Tape, output: int, wrt: Sequence[int]) -> list[int]:
     """Return the entries of ∂output/∂input for each input of ``wrt``."""
     adjoint: dict[int, int] = {output: tape.constant(1.0)}
-    masked: set[int] = set()  # reached through a piece that may not be taken, whose derivatives may be inf or NaN
+    masked: set[int] = set()  # entries behind a piece that may be inactive: its derivatives may be inf or NaN
     for i in reversed(dependencies(tape, [output])):
         seed = adjoint.get(i)
         if seed is None:
@@ -112,16 +108,16 @@ def gradient(tape: Tape, output: int, wrt: Sequence[int]) -> list[int]:
 
 
 def tangents(tape: Tape, outputs: Sequence[int], direction: Mapping[int, int]) -> list[int]:
-    """Return the entries of the directional derivatives of outputs; ``direction`` gives that of each input."""
+    """Return the entries of directional derivatives of outputs; ``direction``: tangent of each input."""
     zero = tape.constant(0.0)
     tangent: dict[int, int] = dict(direction)
     for i in dependencies(tape, outputs):
         if i in direction or tape.entries[i][0] in (Op.CONSTANT, Op.INPUT):
             continue
         op, a, b, c = tape.entries[i]
-        if op is Op.WHERE:  # the piece that is not taken may be inf or NaN
+        if op is Op.WHERE:  # the inactive piece may be inf or NaN
             total = tape.apply(op, a, tangent.get(b, zero), tangent.get(c, zero))
-        elif op is Op.MASKED_MULTIPLY:  # and so may the factor of a zero
+        elif op is Op.MASKED_MULTIPLY:  # the factor of a zero may be inf or NaN too
             terms = (tape.apply(op, tangent.get(a, zero), b), tape.apply(op, a, tangent.get(b, zero)))
             total = tape.apply(Op.ADD, *terms)
         else:

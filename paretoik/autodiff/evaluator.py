@@ -1,8 +1,8 @@
 """Evaluators of expressions: instructions on registers, interpreted for many points (samples, motions) at once.
 
-An evaluator is data. One compiled function interprets them all, so that nothing is compiled for a new arm or a new
-objective. A register is reused when its value is no longer needed. A product that only one sum or difference uses is
-fused with it: a third fewer instructions remain.
+An evaluator is data. One compiled function interprets all evaluators, so a new arm or objective needs no compilation. A
+register is reused when its value is no longer needed. A product that only one sum or difference uses is fused with it,
+which saves a third of the instructions.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from paretoik.autodiff.differentiation import dependencies
 from paretoik.autodiff.operations import NO_OPERAND, Op
 from paretoik.autodiff.tape import Tape
 
-BLOCK_SIZE = 128  # points: fewer cost more for reading the instructions, more no longer fit into the cache
+BLOCK_SIZE = 128  # points: fewer need more time to read instructions, more do not fit into the cache
 
 
 class Fused(IntEnum):
-    """Instructions besides the operations of a tape: a product in a sum or a difference, a sine with its cosine."""
+    """Additional instructions: a product in a sum or a difference, a sine with its cosine."""
 
     MULTIPLY_ADD = len(Op)  # first · second + third
     MULTIPLY_SUBTRACT = len(Op) + 1  # first · second − third
@@ -35,7 +35,7 @@ class Fused(IntEnum):
 
 @dataclass(frozen=True, eq=False)
 class Evaluator:
-    """Instructions (op, target, operands) on registers, which hold first the ``inputs`` in use, then the constants."""
+    """Instructions (op, target, operands) on registers; first registers: used ``inputs``, then constants."""
 
     code: Int[np.ndarray, "instructions 5"]
     constants: Float[np.ndarray, " constants"]
@@ -52,10 +52,10 @@ class Evaluator:
 
     @property
     def arrays(self) -> tuple[np.ndarray, ...]:
-        """Code, constants, inputs, outputs and new registers, as compiled code takes them."""
+        """Code, constants, inputs, outputs and new registers for compiled code."""
         size = self.registers * BLOCK_SIZE
         memory = np.empty(size + 7)
-        first = -memory.ctypes.data % 64 // 8  # vector instructions are slower on what crosses 64 bytes
+        first = -memory.ctypes.data % 64 // 8  # vector instructions are slower across a 64-byte boundary
         registers = memory[first : first + size].reshape(self.registers, BLOCK_SIZE)
         return self.code, self.constants, self.inputs, self.outputs, registers
 
@@ -83,7 +83,7 @@ def compile_evaluator(tape: Tape, outputs: Sequence[int]) -> Evaluator:
                 register[target], count = count, count + 1
         registers = [register[targets[0]], *(register[k] for k in operands), *(register[k] for k in targets[1:])]
         code.append((op, *registers, *[0] * (4 - len(registers))))
-        # Freed only now: targets and operands of an instruction must not overlap.
+        # Registers are freed only now: targets and operands of an instruction must not overlap.
         free += [register[k] for k in dict.fromkeys(operands) if last_use[k] == i and tape.entries[k][0] > Op.INPUT]
     return Evaluator(
         code=np.array(code, dtype=np.int32).reshape(-1, 5),
@@ -97,7 +97,7 @@ def compile_evaluator(tape: Tape, outputs: Sequence[int]) -> Evaluator:
 def _fuse(
     tape: Tape, order: Sequence[int], outputs: Sequence[int]
 ) -> tuple[dict[int, tuple[int, list[int]]], dict[int, tuple[int, int]]]:
-    """Return the instruction (op, operands) of every entry, in order, and the pairs of entries that share one."""
+    """Return every entry's instruction (op, operands) in order, and pairs of entries that share one."""
     operands = {
         i: [k for k in tape.entries[i][1:] if k != NO_OPERAND]
         for i in order
@@ -132,6 +132,6 @@ def _fuse(
 @cache
 def interpreter() -> Any:
     """Return the compiled function run(arrays, inputs, outputs)."""
-    from paretoik.autodiff.interpreter import run  # here: numba takes its time
+    from paretoik.autodiff.interpreter import run  # here: numba is slow to import
 
     return run

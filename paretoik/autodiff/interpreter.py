@@ -10,13 +10,13 @@ from paretoik.autodiff.evaluator import Fused
 from paretoik.autodiff.operations import Op
 from paretoik.compilation.numba_cache import c_function, carray, compiled
 
-# Sine and cosine of many numbers at once: without branches, so that a processor works on several together.
+# Sine and cosine of many numbers at once, without branches, so that a processor vectorises them.
 #
-# Reduction by multiples of π/2 in two parts, then the polynomials of fdlibm's kernels (Sun Microsystems 1993): right
-# within one unit in the last place, or 1e-20 where that is more.
+# Reduction by multiples of π/2 in two parts, then the polynomials of fdlibm's kernels (Sun Microsystems 1993). The
+# error is at most one unit in the last place, or 1e-20 if that is more.
 
 
-MAX_REDUCED = 1e5  # rad: up to here the reduction keeps all digits; beyond, math.sin and math.cos
+MAX_REDUCED = 1e5  # rad: the reduction keeps all digits up to here; above it, math.sin and math.cos are used
 ROUNDING = 6755399441055744.0  # 1.5 · 2⁵²: adding and subtracting it rounds to an integer
 QUARTERS = 6.36619772367581382433e-01  # 2 / π
 QUARTER, QUARTER_REST = 1.57079632673412561417e00, 6.07710050650619224932e-11  # π / 2 in two parts
@@ -102,7 +102,7 @@ def run(arrays, inputs, outputs):
 
 @compiled
 def run_first(arrays, inputs, outputs, points):
-    """Evaluate at the first ``points``."""
+    """Evaluate at the first ``points`` points."""
     code, constants, input_rows, output_registers, registers = arrays
     width, loaded = registers.shape[1], input_rows.shape[0]
     for j in range(constants.shape[0]):
@@ -110,7 +110,7 @@ def run_first(arrays, inputs, outputs, points):
             registers[loaded + j, k] = constants[j]
     for start in range(0, points, width):
         n = min(width, points - start)
-        whole = min((n + 7) & -8, width) if n > 8 else n  # vectors of eight: the last is filled with copies of a point
+        whole = min((n + 7) & -8, width) if n > 8 else n  # vectors of eight: copies of a point fill the last one
         for j in range(loaded):
             _copy(inputs[input_rows[j], start:], registers[j], n)
             for k in range(n, whole):
@@ -134,7 +134,7 @@ def run_block(code, registers, n):
 
 @compiled
 def _piecewise_operation(op, to, a, b, c, registers, n):
-    """Execute a choice, maximum, minimum or comparison; a loop without branches each, for vector instructions."""
+    """Execute a choice, maximum, minimum or comparison, each in a loop without branches (vectorised)."""
     if op == WHERE:
         for k in range(n):
             registers[to, k] = registers[b, k] if registers[a, k] != 0.0 else registers[c, k]

@@ -1,8 +1,10 @@
-"""Epigraph reformulation: new variables in place of absolute values, maxima and minima in objectives and constraints.
+"""Epigraph reformulation of absolute values, maxima and minima in objectives and constraints.
 
-Where a function to be minimised increases with |x| or max(x, y), that number may be replaced by any v ≥ x, −x (x, y):
-at an optimum v is the smallest of them, and what remains is smooth. Where the function decreases with it, the kink is
-concave and no minimiser lies there; where it is flat, there is no kink: both are left as they are.
+    minimise    f(x, max(x, y))    becomes    minimise    f(x, v)  subject to  v ≥ x,  v ≥ y
+
+|x| is the maximum of x and −x. This is valid if f increases with v: at an optimum v is the smallest possible, and the
+program is smooth. If f decreases with v, the kink is concave and is no minimiser; if f is constant in v, there is no
+kink. Both stay as they are.
 """
 
 from __future__ import annotations
@@ -20,11 +22,11 @@ from paretoik.autodiff.operations import NO_OPERAND, Op
 from paretoik.autodiff.tape import Tape
 from paretoik.errors import InvalidInput
 
-# Expressions rewritten: substitution, and functions as maxima, minima, sums and norms of smoother ones.
+# Rewriting of expressions: substitution, and functions as maxima, minima, sums and norms of smoother ones.
 
 
 def substitute(tape: Tape, outputs: Sequence[int], replacements: Mapping[int, int]) -> list[int]:
-    """Return outputs with entries replaced by others of the same tape, wherever they occur."""
+    """Return outputs with entries replaced everywhere by others of the same tape."""
     new = dict(replacements)
     for i in dependencies(tape, outputs):
         op, *operands = tape.entries[i]
@@ -37,7 +39,7 @@ def substitute(tape: Tape, outputs: Sequence[int], replacements: Mapping[int, in
 
 
 def copy_entries(source: Tape, outputs: Sequence[int], target: Tape, inputs: Mapping[int, int]) -> list[int]:
-    """Return outputs of one tape as entries of another, where ``inputs`` are the entries that its inputs stand for."""
+    """Return outputs of one tape as entries of another; ``inputs`` maps the first tape's inputs to entries."""
     copies = dict(inputs)
     for i in dependencies(source, outputs):
         op, *operands = source.entries[i]
@@ -51,7 +53,7 @@ def copy_entries(source: Tape, outputs: Sequence[int], target: Tape, inputs: Map
 
 
 def smooth_pieces(tape: Tape, i: int, sense: int = 1) -> list[int]:
-    """Return entries whose maximum (``sense`` 1) or minimum (−1) is entry i: itself where it is smooth.
+    """Return entries whose maximum (``sense`` 1) or minimum (−1) is entry i; only i if it is smooth.
 
     Maxima, minima and absolute values are expanded, also within sums and multiples, up to 64 pieces of a sum.
     """
@@ -75,7 +77,7 @@ def smooth_pieces(tape: Tape, i: int, sense: int = 1) -> list[int]:
 
 
 def summands(tape: Tape, i: int) -> list[int]:
-    """Return entries whose sum is entry i, expanded through sums, differences and multiples."""
+    """Return entries whose sum is entry i; sums, differences and multiples are expanded."""
     op, a, b, _ = tape.entries[i]
     if (multiple := _as_multiple(tape, i)) is not None:
         factor, other = multiple
@@ -90,7 +92,7 @@ def summands(tape: Tape, i: int) -> list[int]:
 
 
 def norm_terms(tape: Tape, i: int) -> tuple[float, list[int]] | None:
-    """Return (factor > 0, entries) where entry i is factor · √Σ entries², a Euclidean norm; else None."""
+    """Return (factor > 0, entries) if entry i is the norm factor · √Σ entries²; else None."""
     op, a, _, _ = tape.entries[i]
     if op is Op.SQUARE_ROOT:
         terms = [tape.entries[k] for k in _flatten(tape, a, Op.ADD)]
@@ -105,7 +107,7 @@ def norm_terms(tape: Tape, i: int) -> tuple[float, list[int]] | None:
 
 
 def _as_multiple(tape: Tape, i: int) -> tuple[int, int] | None:
-    """Return (constant, other factor) where entry i is a multiple; else None."""
+    """Return (constant, other factor) if entry i is a multiple; else None."""
     op, a, b, _ = tape.entries[i]
     if op is not Op.MULTIPLY or not (a in tape.values or b in tape.values):
         return None
@@ -133,10 +135,11 @@ NONSMOOTH = frozenset({Op.ABSOLUTE, Op.MAXIMUM, Op.MINIMUM})
 
 @dataclass(frozen=True, kw_only=True)
 class KinkOptions:
-    """When kinks count: derivatives, and differences between values, below ``rounding`` of the largest are 0.
+    """Tolerances of kinks.
 
-    The pieces of a choice may differ by ``jump``, relative to its values, where its condition changes; that place is
-    found in ``bisections``.
+    rounding: derivatives and differences of values below this share of the largest count as 0
+    jump: largest difference between pieces of a choice where its condition changes, relative to its values
+    bisections: number of bisections that find that place
     """
 
     rounding: float = 1e-12
@@ -149,10 +152,12 @@ OPTIONS = KinkOptions()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Reformulation:
-    """Smooth functions on a tape: inputs ``epigraph_variables`` stand for the entries ``nodes``.
+    """Smooth functions on a tape.
 
-    ``constraints`` are the entries that have to be ≥ 0, a pair a variable: variable − piece where its sign is 1, for a
-    maximum or absolute value, else piece − variable.
+    epigraph_variables: inputs that replace the entries ``nodes``
+    constraints: entries that must be ≥ 0, two per variable: variable − piece for a maximum or absolute value, else
+        piece − variable
+    signs: 1 for a maximum or absolute value, −1 for a minimum
     """
 
     functions: list[int]
@@ -171,13 +176,14 @@ def reformulate_kinks(
 ) -> Reformulation:
     """Return functions with epigraph variables in place of kinks.
 
-    ``senses`` are 1 for functions to be small, −1 large, 0 neither; derivatives are looked at where the inputs of the
-    tape are ``probes``. Entries ``excluded`` stay as they are.
+    senses: 1 for functions that should be small, −1 for large, 0 for neither
+    probes: values of the tape's inputs at which derivatives are tested
+    excluded: entries that stay as they are
     """
     count, all_senses, unchanged = len(functions), list(senses), set(excluded)
     current, variables, nodes, signs = list(functions), list[int](), list[int](), list[int]()
     while kinks := [i for i in dependencies(tape, current) if tape.entries[i][0] in NONSMOOTH and i not in unchanged]:
-        node = max(kinks)  # the outermost first: those inside it then belong to its constraints
+        node = max(kinks)  # the outermost first: kinks inside it then belong to its constraints
         variable = tape.input().index
         substituted = substitute(tape, current, {node: variable})
         if not _is_convex_kink(tape, node, variable, substituted, all_senses, probes):
@@ -208,9 +214,9 @@ def reformulate_choices(
     probes: Float[np.ndarray, "inputs points"],
     excluded: Collection[int] = (),
 ) -> list[int]:
-    """Return functions with maxima and minima in place of choices (np.where) between pieces that are equal to them.
+    """Return functions with choices (np.where) replaced by the maxima or minima that they equal.
 
-    Raises InvalidInput, naming the function, where the pieces do not meet where the condition changes.
+    Raises InvalidInput, naming the function, if the pieces do not meet where the condition changes.
     """
     replacements: dict[int, int] = {}
     for name, function in zip(names, functions, strict=True):
@@ -226,7 +232,7 @@ def reformulate_choices(
             size = np.nanmax(np.abs(value))
             if not np.nanmax(jumps, initial=0.0) <= OPTIONS.jump * size:
                 raise InvalidInput(
-                    f"{name}: jumps where the condition of np.where changes: pieces that meet are wanted"
+                    f"{name} must have pieces that meet where the condition of np.where changes, got a jump"
                 )
             if np.all(value >= np.maximum(one, other) - OPTIONS.rounding * size):
                 replacements[node] = tape.apply(Op.MAXIMUM, first, second)
@@ -238,9 +244,9 @@ def reformulate_choices(
 def remaining_kinks(
     tape: Tape, reformulation: Reformulation, excluded: Collection[int] = ()
 ) -> list[tuple[int, int, int]]:
-    """Return the kinks that functions still have: the number of the function and the two entries that meet there.
+    """Return the remaining kinks of functions: number of the function and the two entries that meet there.
 
-    Those of constraints count for every function that has their variables.
+    Kinks of constraints count for every function with their variables.
     """
     smooth = reformulation
     reached = [set(dependencies(tape, [entry])) for entry in (*smooth.functions, *smooth.constraints)]
@@ -260,7 +266,7 @@ def remaining_kinks(
 def _boundary(
     tape: Tape, condition: int, probes: Float[np.ndarray, "inputs points"]
 ) -> Float[np.ndarray, "inputs pairs"]:
-    """Return inputs where a condition changes, by bisection between pairs of probes."""
+    """Return inputs at which a condition changes, by bisection between pairs of probes."""
     holds = compile_evaluator(tape, [condition])
     true = holds(probes)[0] != 0
     pairs = min(int(true.sum()), int((~true).sum()))
@@ -280,7 +286,7 @@ def _is_convex_kink(
     senses: list[int],
     probes: Float[np.ndarray, "inputs points"],
 ) -> bool:
-    """Return whether functions get worse as the variable for a node does, and do so where its operands meet."""
+    """Return whether functions never improve as a node's variable grows, and worsen where its operands meet."""
     op, a, b, _ = tape.entries[node]
     operands = [a, b] if b >= 0 else [tape.constant(0.0)]
     values = compile_evaluator(tape, [node, *operands])(_pad(tape, probes))
@@ -299,5 +305,5 @@ def _is_convex_kink(
 
 
 def _pad(tape: Tape, probes: np.ndarray) -> np.ndarray:
-    """Return probes with zeros for inputs that the tape gained since."""
+    """Return probes with zeros for the tape's newer inputs."""
     return np.pad(probes, ((0, len(tape.inputs) - len(probes)), (0, 0)))

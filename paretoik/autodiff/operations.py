@@ -1,4 +1,4 @@
-"""The elementary operations that a tape holds, and the NumPy function that each computes."""
+"""The elementary operations of a tape and their NumPy functions."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ NO_OPERAND = -1
 
 
 class Op(IntEnum):
-    """What an entry of a tape does with its operands; comparisons give 1 or 0."""
+    """The operation of a tape's entry; comparisons give 1 or 0."""
 
     CONSTANT = 0
     INPUT = auto()
@@ -37,8 +37,8 @@ class Op(IntEnum):
     MINIMUM = auto()
     LESS = auto()
     LESS_EQUAL = auto()
-    MASKED_MULTIPLY = auto()  # first · second, 0 where first is 0 even if second is inf or NaN
-    WHERE = auto()  # second where first is not 0, else third
+    MASKED_MULTIPLY = auto()  # first · second, 0 if first is 0, even if second is inf or NaN
+    WHERE = auto()  # second if first is not 0, else third
 
 
 COMMUTATIVE = frozenset({Op.ADD, Op.MULTIPLY, Op.MAXIMUM, Op.MINIMUM})

@@ -1,6 +1,6 @@
-"""A tape: the operations that a piece of NumPy code performs, in the order in which they can be computed.
+"""A tape: the operations of NumPy code, in a computable order.
 
-Equal expressions are one entry, constants are folded, and products and sums with 0 and 1 are simplified away. An
+Equal expressions are one entry, constants are folded, and products and sums with 0 and 1 are simplified. An
 ``Expression`` is an entry of a tape that behaves like a number: Python's operators and NumPy's functions of numbers
 extend the tape instead of computing.
 """
@@ -21,7 +21,7 @@ Entry: TypeAlias = tuple[Op, int, int, int]
 
 
 class Tape:
-    """Operations in order; entry i may use only entries before it."""
+    """Operations in order; entry i uses only entries before it."""
 
     def __init__(self) -> None:
         self.entries: list[Entry] = []
@@ -86,7 +86,7 @@ class Tape:
         return None
 
     def _simplify_where(self, condition: int, first: int, second: int) -> int | None:
-        """Return the maximum, minimum or absolute value that a choice by comparison is."""
+        """Return the maximum, minimum or absolute value that a choice by comparison equals; else None."""
         op, low, high, _ = self.entries[condition]
         if op not in (Op.LESS, Op.LESS_EQUAL):
             return None
@@ -130,9 +130,9 @@ class Tape:
 
 
 class Expression:
-    """An entry of a tape, as a number that NumPy's functions of numbers accept.
+    """An entry of a tape as a number that NumPy's functions of numbers accept.
 
-    Raises InvalidInput where its value is needed, as in ``if``, ``float`` and unsupported functions.
+    Raises InvalidInput if its value is needed, as in ``if``, ``float`` and unsupported functions.
     """
 
     __slots__ = ("index", "tape")
@@ -142,9 +142,9 @@ class Expression:
         self.index = index
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **settings: Any) -> Any:
-        """Apply a NumPy function of numbers on the tape; to arrays of objects, element by element."""
+        """Apply a NumPy function of numbers on the tape, to arrays of objects element by element."""
         if method != "__call__" or settings:
-            raise InvalidInput(f"np.{ufunc.__name__}.{method}: a plain call is wanted where derivatives are taken")
+            raise InvalidInput(f"np.{ufunc.__name__}.{method} must be a plain call where derivatives are taken")
         if any(isinstance(value, np.ndarray) and value.ndim for value in inputs):
             arrays = np.broadcast_arrays(*(np.asarray(value, dtype=object) for value in inputs))
             result = np.empty(arrays[0].shape, dtype=object)
@@ -195,26 +195,28 @@ class Expression:
         return self.__array_ufunc__(np.power, "__call__", other, self)
 
     def __bool__(self) -> bool:
-        raise InvalidInput("a comparison cannot decide an `if` where derivatives are taken: np.where is wanted")
+        raise InvalidInput("a comparison cannot decide an `if` where derivatives are taken; use np.where")
 
     def __float__(self) -> float:
-        raise InvalidInput("a plain number was asked of a value that derivatives are taken of: NumPy functions only")
+        raise InvalidInput(
+            "a plain number was asked of a value that derivatives are taken of; use only NumPy functions"
+        )
 
 
 def as_entry(tape: Tape, value: Any) -> int:
-    """Return the entry of an expression or number on a tape; raise InvalidInput for what is neither."""
+    """Return the entry of an expression or number on a tape; raise InvalidInput for anything else."""
     if isinstance(value, np.ndarray):
         value = value[()]
     if isinstance(value, Expression):
         assert value.tape is tape, "expressions of two tapes met"
         return value.index
     if not isinstance(value, float | int | np.bool_ | np.integer | np.floating):
-        raise InvalidInput(f"real numbers are wanted where derivatives are taken, got {shown(value)}")
+        raise InvalidInput(f"values must be real numbers where derivatives are taken, got {shown(value)}")
     return tape.constant(float(value))
 
 
 def where(condition: Any, first: Any, second: Any) -> Any:
-    """Return ``first`` where the condition holds, else ``second``: np.where of numbers and expressions."""
+    """Return ``first`` if the condition is true, else ``second``: np.where of numbers and expressions."""
     tapes = [value.tape for value in (condition, first, second) if isinstance(value, Expression)]
     if not tapes:
         return first if condition else second
@@ -222,9 +224,8 @@ def where(condition: Any, first: Any, second: Any) -> Any:
     return Expression(tapes[0], tapes[0].apply(Op.WHERE, *operands))
 
 
-# NumPy's functions of numbers (ufuncs) that can be differentiated: each as operations of a tape.
-#
-# A function is one operation, whose derivative stands in ``operation_derivatives``, or is composed of others.
+# Differentiable NumPy functions of numbers (ufuncs) as operations of a tape: each is one operation, with its derivative
+# in ``differentiation.partial_derivatives``, or is composed of others.
 
 
 ELEMENTARY: dict[str, Op] = {
@@ -261,7 +262,7 @@ COMPOSED: dict[str, Callable[..., Any]] = {
     "logical_and": lambda x, y: np.not_equal(x, 0.0) * np.not_equal(y, 0.0),
     "logical_or": lambda x, y: np.maximum(np.not_equal(x, 0.0), np.not_equal(y, 0.0)),
     "logical_not": lambda x: np.equal(x, 0.0),
-    "bitwise_and": lambda x, y: x * y,  # these three only of booleans, as in NumPy
+    "bitwise_and": lambda x, y: x * y,  # these three only for booleans, as in NumPy
     "bitwise_or": lambda x, y: np.maximum(x, y),
     "invert": lambda x: 1.0 - x,
 }
@@ -272,7 +273,7 @@ BOOLEAN = COMPARISONS | {"logical_and", "logical_or", "logical_not", "bitwise_an
 def apply_ufunc(tape: Tape, name: str, operands: Sequence[Any]) -> Any:
     """Apply NumPy's function ``name`` to numbers and expressions on a tape; return the result.
 
-    Raises InvalidInput, naming the function, where its derivative is not known.
+    Raises InvalidInput, naming the function, if its derivative is not known.
     """
     arguments = [Expression(tape, as_entry(tape, value)) for value in operands]
     if name in COMPOSED:
@@ -286,12 +287,12 @@ def apply_ufunc(tape: Tape, name: str, operands: Sequence[Any]) -> Any:
 
 
 def differentiable_ufuncs() -> list[str]:
-    """Return the names of NumPy's functions of numbers that can be differentiated."""
+    """Return the names of differentiable NumPy functions of numbers."""
     return sorted({*ELEMENTARY, *COMPOSED, "power"})
 
 
 def _power(tape: Tape, base: Expression, exponent: Expression, *, largest_product: int = 8) -> Any:
-    """Return a power: a product for whole exponents up to ``largest_product``."""
+    """Return a power, as a product for whole exponents up to ``largest_product``."""
     number = tape.values.get(exponent.index, math.nan)
     if number.is_integer() and 0 < abs(number) <= largest_product:
         result = base

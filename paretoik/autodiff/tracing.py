@@ -1,7 +1,7 @@
-"""Arrays of expressions that NumPy code takes for arrays of numbers.
+"""Arrays of expressions that NumPy code treats as arrays of numbers.
 
-A ``TracedArray`` stands for an array (time, ...). Where ``samples`` is given, the time axis is hidden: the code runs
-once for all samples, and may not couple one sample to another. Where it is None, time is an axis like any other.
+A ``TracedArray`` represents an array (time, ...). If ``samples`` is given, the time axis is hidden: the code runs once
+for all samples and must not couple one sample to another. Without ``samples``, time is an axis like any other.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class NotLocal(InvalidInput):
 
 
 class Trace:
-    """A tape, and its ``parameters``: inputs whose numbers (samples,) are known but change from sample to sample."""
+    """A tape and its ``parameters``: inputs with known numbers (samples,) that differ between samples."""
 
     def __init__(self, samples: int | None) -> None:
         self.tape = Tape()
@@ -42,7 +42,7 @@ class Trace:
         return TracedArray(self, entries, shared=True)
 
     def parameter(self, values: np.ndarray) -> Expression:
-        """Return the input that has these values (samples,) at the samples."""
+        """Return the input with these values (samples,)."""
         key = np.ascontiguousarray(values, dtype=float).tobytes()
         if key not in self._by_values:
             self._by_values[key] = self.tape.input()
@@ -51,10 +51,11 @@ class Trace:
 
 
 class TracedArray(NDArrayOperatorsMixin):
-    """An array of expressions and numbers; ``entries`` is an array of objects without the hidden time axis.
+    """An array of expressions and numbers.
 
-    ``is_boolean`` says that it stands for True and False, ``shared`` that NumPy's array is read-only or may share its
-    memory with others, so that it cannot be changed in place here.
+    entries: array of objects without the hidden time axis
+    is_boolean: whether it represents True and False
+    shared: whether NumPy's array is read-only or may share memory, so that it cannot be changed in place here
     """
 
     def __init__(self, trace: Trace, entries: Any, *, is_boolean: bool = False, shared: bool = False) -> None:
@@ -65,28 +66,28 @@ class TracedArray(NDArrayOperatorsMixin):
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """The shape that the array stands for, time included."""
+        """Shape of the represented array, including time."""
         hidden = () if self.source.samples is None else (self.source.samples,)
         return (*hidden, *self.entries.shape)
 
     @property
     def ndim(self) -> int:
-        """Number of axes, time included."""
+        """Number of axes, including time."""
         return len(self.shape)
 
     @property
     def size(self) -> int:
-        """Number of elements, time included."""
+        """Number of elements, including time."""
         return int(np.prod(self.shape))
 
     @property
     def dtype(self) -> np.dtype[Any]:
-        """What the array stands for: real numbers, or booleans."""
+        """Type of the represented array: real numbers or booleans."""
         return np.dtype(bool if self.is_boolean else float)
 
     @property
     def T(self) -> TracedArray:  # noqa: N802  NumPy's name
-        """The array with its axes in reverse."""
+        """The array with its axes in reverse order."""
         return self.transpose()
 
     @property
@@ -108,7 +109,7 @@ class TracedArray(NDArrayOperatorsMixin):
             booleans: TracedArray = self != 0
             return booleans
         if np.dtype(dtype).kind != "f":
-            raise InvalidInput(f"astype({np.dtype(dtype)}) has no derivative here: float or bool is wanted")
+            raise InvalidInput(f"astype({np.dtype(dtype)}) has no derivative here; use float or bool")
         return TracedArray(self.source, self.entries, shared=not copy)
 
     def copy(self) -> TracedArray:
@@ -116,8 +117,8 @@ class TracedArray(NDArrayOperatorsMixin):
         return TracedArray(self.source, self.entries, is_boolean=self.is_boolean)
 
     def __getattr__(self, name: str) -> Any:
-        """Return a method that is as NumPy's function of that name; raise InvalidInput where there is none."""
-        if name.startswith("__"):  # what Python and NumPy ask to see what an object can do
+        """Return NumPy's function of that name as a method; raise InvalidInput without one."""
+        if name.startswith("__"):  # Python and NumPy probe the abilities of an object
             raise AttributeError(name)
         function = getattr(np, name, None) if hasattr(np.ndarray, name) else None
         if not callable(function):
@@ -130,16 +131,18 @@ class TracedArray(NDArrayOperatorsMixin):
         return self.shape[0]
 
     def __bool__(self) -> bool:
-        raise InvalidInput("a comparison cannot decide an `if` where derivatives are taken: np.where is wanted")
+        raise InvalidInput("a comparison cannot decide an `if` where derivatives are taken; use np.where")
 
     def __array__(self, *args: Any, **settings: Any) -> np.ndarray:
         raise InvalidInput(
-            "plain numbers were asked of an array that derivatives are taken of: NumPy functions only, np.stack for "
-            "np.array"
+            "plain numbers were asked of an array that derivatives are taken of; use only NumPy functions, "
+            "and np.stack for np.array"
         )
 
     def _refuse_number(self, *args: Any) -> Any:
-        raise InvalidInput("a plain number was asked of an array that derivatives are taken of: NumPy functions only")
+        raise InvalidInput(
+            "a plain number was asked of an array that derivatives are taken of; use only NumPy functions"
+        )
 
     __float__ = __int__ = __index__ = __complex__ = __round__ = __trunc__ = _refuse_number
 
@@ -148,14 +151,14 @@ class TracedArray(NDArrayOperatorsMixin):
 
     def __getitem__(self, key: Any) -> TracedArray:
         if any(isinstance(part, TracedArray) for part in (key if isinstance(key, tuple) else (key,))):
-            raise InvalidInput("an index cannot depend on the motion where derivatives are taken: np.where is wanted")
+            raise InvalidInput("an index cannot depend on the motion where derivatives are taken; use np.where")
         return rearrange("indexing", lambda numbers: numbers[key], self)
 
     def __setitem__(self, key: Any, value: Any) -> None:
-        raise InvalidInput("x[...] = y cannot be written where derivatives are taken: np.where or np.stack is wanted")
+        raise InvalidInput("x[...] = y cannot be written where derivatives are taken; use np.where or np.stack")
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **settings: Any) -> Any:
-        """Apply a NumPy function of numbers, element by element, or a sum, product, maximum or minimum of many."""
+        """Apply a NumPy function of numbers element by element, or a sum, product, maximum or minimum."""
         name = ufunc.__name__
         if method == "reduce" and ufunc in REDUCIBLE:
             _check_settings(f"np.{name}.reduce", settings, "axis", "keepdims")
@@ -174,14 +177,14 @@ class TracedArray(NDArrayOperatorsMixin):
         return result if out is None else _assign_out(name, out, result)
 
     def __array_function__(self, function: Callable[..., Any], types: Any, args: Any, settings: Any) -> Any:
-        """Apply NumPy's function of arrays, if its derivative is known.
+        """Apply a NumPy function of arrays.
 
-        Raises InvalidInput, naming the function, where it is not.
+        Raises InvalidInput, naming the function, if its derivative is not known.
         """
         return apply_function(self.source, function, args, settings)
 
     def entry_axes(self, axes: Any) -> tuple[int, ...]:
-        """Return axes (None: all) as axes of ``entries``; raise NotLocal where the hidden one is among them."""
+        """Return axes (None: all) as axes of ``entries``; raise NotLocal if the hidden one is among them."""
         try:
             normalized = normalize_axis_tuple(range(self.ndim) if axes is None else axes, self.ndim)
         except (TypeError, ValueError) as error:
@@ -196,7 +199,7 @@ class TracedArray(NDArrayOperatorsMixin):
 def apply_elementwise(trace: Trace, function: Callable[..., Any], *inputs: Any) -> TracedArray:
     """Return a function of numbers applied to arrays element by element, broadcast as NumPy does.
 
-    Raises InvalidInput where the shapes do not go together.
+    Raises InvalidInput if the shapes do not match.
     """
     axes = {value.entries.ndim for value in inputs if isinstance(value, TracedArray)}
     try:
@@ -219,15 +222,15 @@ def apply_elementwise(trace: Trace, function: Callable[..., Any], *inputs: Any) 
 def entries_of(trace: Trace, value: Any, axes: int) -> np.ndarray:
     """Return the entries of an array, traced or plain; plain ones with a time axis become inputs.
 
-    ``axes`` is the number of axes without time. Raises ValueError for a time axis that is not that of the samples,
-    InvalidInput for what are no real numbers.
+    ``axes`` is the number of axes without time. Raises ValueError if the time axis does not match the samples, and
+    InvalidInput for values that are not real numbers.
     """
     if isinstance(value, TracedArray):
         return value.entries
     array = np.asarray(value)
     if array.dtype.kind not in "fiub":
         got = array.dtype if array.ndim else repr(value)
-        raise InvalidInput(f"real numbers are wanted where derivatives are taken, got {got}")
+        raise InvalidInput(f"values must be real numbers where derivatives are taken, got {got}")
     if trace.samples is None or array.ndim <= axes:
         return np.asarray(array, dtype=object)
     if array.ndim > axes + 1 or len(array) not in (1, trace.samples):
@@ -240,9 +243,9 @@ def entries_of(trace: Trace, value: Any, axes: int) -> np.ndarray:
 
 
 def rearrange(name: str, function: Callable[..., Any], *arrays: TracedArray) -> TracedArray:
-    """Return the result of a function that only moves elements: it is applied to their numbers to see where they go.
+    """Return the result of a function that only moves elements, by applying it to their numbers.
 
-    Raises NotLocal where a sample gets elements of another, and InvalidInput, naming ``name``, where NumPy raises.
+    Raises NotLocal if a sample gets elements of another, and InvalidInput, naming ``name``, if NumPy raises.
     """
     trace = arrays[0].source
     pool = np.concatenate([array.entries.ravel() for array in arrays])
@@ -282,9 +285,9 @@ def _is_boolean(value: Any) -> bool:
 
 
 def _assign_out(name: str, out: Any, result: TracedArray) -> TracedArray:
-    """Return ``out`` with a result assigned; raise InvalidInput where other arrays might share its memory."""
+    """Return ``out`` with a result assigned; raise InvalidInput if other arrays might share its memory."""
     if not isinstance(out, TracedArray) or out.shared or out.shape != result.shape:
-        raise InvalidInput(f"np.{name} would change an array in place that others see: x = x + y is wanted for x += y")
+        raise InvalidInput(f"np.{name} would change an array in place that others see; use x = x + y instead of x += y")
     out.entries, out.is_boolean = result.entries, result.is_boolean
     return out
 
@@ -292,11 +295,11 @@ def _assign_out(name: str, out: Any, result: TracedArray) -> TracedArray:
 REDUCIBLE = frozenset({np.add, np.multiply, np.maximum, np.minimum})
 
 
-# NumPy's functions of arrays that can be differentiated, in terms of its operators, sums and indices.
+# Differentiable NumPy functions of arrays, in terms of operators, sums and indices.
 
 
 def apply_function(trace: Trace, function: Callable[..., Any], args: Any, settings: Any) -> Any:
-    """Return the result of NumPy's function; raise InvalidInput, naming it, where its derivative is not known."""
+    """Return the result of NumPy's function; raise InvalidInput, naming it, if its derivative is not known."""
     name = _name(function)
     traceable = FUNCTIONS.get(function)
     if traceable is None:
@@ -310,7 +313,7 @@ def apply_function(trace: Trace, function: Callable[..., Any], args: Any, settin
 
 
 def reduce_ufunc(ufunc: np.ufunc, array: TracedArray, *, axis: Any = None, keepdims: bool = False) -> TracedArray:
-    """Return an array reduced along axes, first to last."""
+    """Return an array reduced along axes from first to last."""
     trace, entries = array.source, array.entries
     if ufunc.identity is None and 0 in entries.shape:
         raise InvalidInput(f"np.{ufunc.__name__} of nothing has no value")
@@ -424,7 +427,7 @@ def _joining(join: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _as_traced(trace: Trace, array: np.ndarray) -> TracedArray:
-    """Return a plain array (time, ...) as a traced one."""
+    """Return a plain array (time, ...) as a traced array."""
     if trace.samples is not None and (array.ndim == 0 or len(array) != trace.samples):
         raise InvalidInput(f"an array of shape {array.shape} cannot be joined with one of {trace.samples} samples")
     return TracedArray(trace, entries_of(trace, array, max(array.ndim - 1, 0)))
@@ -434,14 +437,14 @@ def _dot(trace: Trace, a: Any, b: Any) -> Any:
     if np.ndim(a) == 0 or np.ndim(b) == 0:
         return a * b
     if np.ndim(b) > 2 and np.ndim(a) > 1:
-        raise InvalidInput("np.dot of stacks of matrices has no derivative here: a @ b is wanted")
+        raise InvalidInput("np.dot of stacks of matrices has no derivative here; use a @ b")
     return matmul(a, b)
 
 
 def _cross(trace: Trace, a: Any, b: Any, *, axis: int = -1) -> Any:
     a, b = (side if isinstance(side, TracedArray) else np.asarray(side) for side in (a, b))
     if axis != -1 or a.shape[-1:] != (3,) or b.shape[-1:] != (3,):
-        raise InvalidInput(f"np.cross wants vectors of 3 numbers along the last axis, got {a.shape} and {b.shape}")
+        raise InvalidInput(f"np.cross must get vectors of 3 numbers along the last axis, got {a.shape} and {b.shape}")
     (x, y, z), (u, v, w) = ([side[..., k] for k in range(3)] for side in (a, b))
     return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1)
 
@@ -465,7 +468,7 @@ def _einsum(trace: Trace, subscripts: str, *operands: Any, optimize: Any = False
 
 
 def _align_axes(term: str, operand: Any, order: list[str]) -> Any:
-    """Return an operand of np.einsum with an axis for each letter, after those that ``...`` stands for."""
+    """Return an operand of np.einsum with one axis per letter, after the axes of ``...``."""
     before, dots, after = term.partition("...")
     free = np.ndim(operand) - len(before) - len(after)
     if free < 0 or (free and not dots):
@@ -478,9 +481,9 @@ def _align_axes(term: str, operand: Any, order: list[str]) -> Any:
 
 
 def _determinant(trace: Trace, a: TracedArray) -> TracedArray:
-    """By Laplace's expansion, minors of the last rows first: no division, no choice of pivots."""
+    """Return the determinant by Laplace's expansion, minors of the last rows first: no division, no pivoting."""
     if a.shape[-1:] != a.shape[-2:-1]:
-        raise InvalidInput(f"np.linalg.det wants square matrices, got shape {a.shape}")
+        raise InvalidInput(f"np.linalg.det must get square matrices, got shape {a.shape}")
     a.entry_axes((-2, -1))
     size = a.entries.shape[-1]
     minors: dict[tuple[int, ...], Any] = {(): np.asarray(1.0, dtype=object)}

@@ -1,6 +1,6 @@
-"""What an arm can do: actuations, directional maxima, speed models and the fastest paths (Kim, Choi & Jang 2021).
+"""Capability of an arm: actuations, directional maxima, speed models and fastest paths (Kim, Choi & Jang 2021).
 
-The public names stand in ``__init__.pyi`` and are loaded when they are first used.
+The public names are in ``__init__.pyi``; each is loaded when it is first used.
 """
 
 import lazy_loader

@@ -1,4 +1,4 @@
-"""What drives an arm: motors at the joints, or sliders along the links; those of the paper.
+"""Actuations of an arm: motors at the joints, or sliders along the links.
 
 Source: Kim, Choi & Jang 2021, section 2.1. The geometry of rods and sliders is not in the paper: it follows from the
 rod's length.
@@ -20,9 +20,8 @@ from paretoik.inputs import check_call, check_choice, check_instance, finite_arr
 from paretoik.robot.arm import Arm
 from paretoik.tables import field_representation, html_representation
 
-# Motor curves: how fast a motor may run at an effort.
-#
-# Source: Kim, Choi & Jang 2021, Eqs. 3 and 4. As printed no motion can keep them; read as diamonds they can be kept.
+# Motor curves: how fast a motor may run at an effort. Source: Kim, Choi & Jang 2021, Eqs. 3 and 4.
+# No motion satisfies the curves as printed; they are read as diamonds here, which motions can satisfy.
 
 
 MotorShape = Literal["diamond", "strip", "box"]
@@ -32,15 +31,23 @@ SHAPES: tuple[MotorShape, ...] = get_args(MotorShape)
 @check_call
 @dataclass(frozen=True, init=False, eq=False)
 class MotorCurve:
-    """How fast motors may run at an effort, one motor a joint.
+    """Highest speeds of motors at an effort, one motor per joint.
 
-    ``stall`` (dof,) is the effort they can bear at most [N m, N], inf for any, ``fastest`` (dof,) their highest speed
-    [rad/s, m/s]. With t = effort / stall and u = speed / fastest, ``shape`` says where they may be: "diamond" (Eqs. 3
-    and 4, their signs put right), where |t| + |u| ≤ 1; "strip", where t, u and t + u are between −1 and 1, so that a
-    motor which its load drives loses no speed; "box", where t and u are.
+    Parameters
+    ----------
+    stall
+        Largest efforts (dof,) that motors can bear [N m, N]; inf: any effort.
+    fastest
+        Highest speeds (dof,) [rad/s, m/s].
+    shape
+        Region of t = effort / stall and u = speed / fastest: "diamond" (Eqs. 3 and 4, their signs corrected) is
+        |t| + |u| ≤ 1; "strip" is t, u and t + u in [−1, 1]: a motor driven by its load loses no speed; "box" is t and u
+        in [−1, 1].
 
-    Raises InvalidInput for what no motor can be.
-
+    Raises
+    ------
+    InvalidInput
+        For numbers that no motor can have.
     >>> MotorCurve(stall=[2.0], fastest=[3.0]).speeds(np.array([1.0]))
     (array([-1.5]), array([1.5]))
     """
@@ -56,21 +63,21 @@ class MotorCurve:
         check_choice("motor curve: shape", shape, SHAPES)
         efforts, speeds = (_positive(name, each) for name, each in (("stall", stall), ("fastest", fastest)))
         if len(speeds) != len(efforts):
-            raise InvalidInput(f"motor curve: {len(efforts)} fastest wanted, one for each stall, got {len(speeds)}")
+            raise InvalidInput(f"motor curve: fastest must be {len(efforts)}, one for each stall, got {len(speeds)}")
         if not np.isfinite(speeds).all():
-            raise InvalidInput(f"motor curve: fastest wants finite speeds, got {speeds.tolist()}")
+            raise InvalidInput(f"motor curve: fastest must be finite speeds, got {speeds.tolist()}")
         for name, value in (("stall", efforts), ("fastest", speeds), ("shape", shape)):
             object.__setattr__(self, name, value)
 
     def speeds(self, effort: Joints) -> tuple[Joints, Joints]:
-        """Return the lowest and highest speed at efforts (*batch, dof); NaN where they are more than ``stall``.
+        """Return the lowest and highest speeds at efforts (*batch, dof); NaN beyond ``stall``.
 
-        Raises InvalidInput for what is not of that shape.
+        Raises InvalidInput for another shape.
         """
         try:
             share = np.asarray(effort, dtype=float) / self.stall
         except (TypeError, ValueError):
-            raise InvalidInput(f"motor curve: efforts (..., {len(self.stall)}) wanted, got {shown(effort)}") from None
+            raise InvalidInput(f"motor curve: efforts must be (..., {len(self.stall)}), got {shown(effort)}") from None
         high, low = (
             np.maximum(0.0, 1.0 - np.abs(turned))
             if self.shape == "diamond"
@@ -83,10 +90,10 @@ class MotorCurve:
         return np.where(bearable, -low * self.fastest, np.nan), np.where(bearable, high * self.fastest, np.nan)
 
     def slacks(self, effort: Any, travel: Any, duration: Any = 1.0) -> Any:
-        """Return smooth numbers (*batch, dof, rows), four or six a motor, none negative where effort and travel fit.
+        """Return smooth slacks (*batch, dof, rows) of efforts and travels; none negative if they fit.
 
-        Travel [rad, m] in the duration [s], a speed where that is 1. All may be complex numbers or expressions, so that
-        derivatives can be had exactly.
+        There are four or six per motor. Travel [rad, m] is made in the duration [s]; it is a speed if the duration is
+        1. All arguments may be complex numbers or expressions, for exact derivatives.
         """
         d, t, u = duration, effort / self.stall, travel / self.fastest
         rows: tuple[Any, ...]
@@ -100,21 +107,21 @@ class MotorCurve:
 
 
 def _positive(name: str, value: object) -> Float[np.ndarray, " dof"]:
-    """Return positive numbers, one a joint, inf among them; raise InvalidInput for what is none."""
-    numbers = np.atleast_1d(real_array(f"motor curve: {name} wants positive numbers, one a joint", value))
+    """Return positive numbers, one per joint; inf is allowed. Raises InvalidInput for others."""
+    numbers = np.atleast_1d(real_array(f"motor curve: {name} must be positive numbers, one per joint", value))
     if numbers.ndim != 1 or not len(numbers) or not np.all(numbers > 0):
-        raise InvalidInput(f"motor curve: {name} wants positive numbers, one a joint, got {shown(value)}")
+        raise InvalidInput(f"motor curve: {name} must be positive numbers, one per joint, got {shown(value)}")
     return read_only(numbers)
 
 
-# Rods between two sliders: what geometry they may have, and which angles they reach. See ``actuation``.
+# Rods between two sliders: their geometry, and the angles that they reach.
 
 
 def angle_range(rod: float, front: np.ndarray, back: np.ndarray, least_angle: float) -> tuple[float, float]:
-    """Return the least and largest θ that sliders within bounds give, toggles left out; raise InvalidInput for none.
+    """Return the least and largest θ that sliders within bounds give, without toggles. Raises InvalidInput if none.
 
-    cos θ = (c² − s² − s_b²) / (2 s s_b) rises along each slider until its square is that of the other less c², and
-    falls from there: it is least at a corner, and most at a corner or such a place.
+    cos θ = (c² − s² − s_b²) / (2 s s_b) rises along each slider until its square is that of the other minus c², and
+    falls from there: its minimum is at a corner, and its maximum at a corner or at such a place.
     """
     places = [(s, b) for s in front for b in back]
     for fixed, (low, high), turned in ((front, back, False), (back, front, True)):
@@ -126,23 +133,23 @@ def angle_range(rod: float, front: np.ndarray, back: np.ndarray, least_angle: fl
     low, high = max(float(ends[0]), least_angle), min(float(ends[1]), np.pi - least_angle)
     if not fits or low > high:
         raise InvalidInput(
-            f"distributed actuation: sliders that reach a rod's angle away from its toggles wanted, got front "
+            f"distributed actuation: sliders must reach a rod's angle away from its toggles, got front "
             f"{front.tolist()} m and back {back.tolist()} m with a rod of {rod:g} m"
         )
     return low, high
 
 
 def broadcast(name: str, value: object, shape: tuple[int, ...]) -> np.ndarray:
-    """Return numbers broadcast to a shape, not to be written; raise InvalidInput, naming them, where they cannot be."""
+    """Return numbers broadcast to a shape, read-only. Raises InvalidInput, naming them, if that is impossible."""
     numbers = finite_array(f"distributed actuation: {name}", value)
     try:
         array = np.broadcast_to(numbers, shape).copy()
     except ValueError:
-        raise InvalidInput(f"distributed actuation: {name} wants shape {shape}, got {numbers.shape}") from None
+        raise InvalidInput(f"distributed actuation: {name} must have shape {shape}, got {numbers.shape}") from None
     return read_only(array)
 
 
-LONGEST = np.sqrt(np.finfo(float).max) / 4  # m: squares of lengths are numbers still
+LONGEST = np.sqrt(np.finfo(float).max) / 4  # m: squares of lengths are still finite
 
 
 def check_geometry(
@@ -154,31 +161,36 @@ def check_geometry(
     front_bounds: np.ndarray,
     back_bounds: np.ndarray,
 ) -> None:
-    """Raise InvalidInput, naming the joint (dof,), for lengths, bounds (dof, 2) and angles that cannot be."""
+    """Raise InvalidInput, naming the joint (dof,), for impossible lengths, bounds (dof, 2) and angles."""
 
     def refuse(wrong: np.ndarray, wish: str, fact: np.ndarray) -> None:
         if wrong.any():
             j = int(np.argmax(wrong))
             raise InvalidInput(f"distributed actuation, joint {j + 1}: {wish}, got {fact[j].tolist()}")
 
-    refuse((rod <= 0) | (rod > LONGEST), f"a rod longer than 0 and of at most {LONGEST:g} m wanted", rod)
-    refuse(~np.isin(bend, (-1.0, 1.0)), "bend 1 or −1 wanted", bend)
-    refuse((least_angle <= 0) | (least_angle >= np.pi), "a least angle between 0 and π wanted", least_angle)
+    refuse((rod <= 0) | (rod > LONGEST), f"rod must be longer than 0 and at most {LONGEST:g} m", rod)
+    refuse(~np.isin(bend, (-1.0, 1.0)), "bend must be 1 or −1", bend)
+    refuse((least_angle <= 0) | (least_angle >= np.pi), "least_angle must be between 0 and π", least_angle)
     for name, pairs in (("front", front_bounds), ("back", back_bounds)):
         wrong = (pairs[:, 0] <= 0) | (pairs[:, 0] > pairs[:, 1]) | (pairs[:, 1] > LONGEST)
-        refuse(wrong, f"{name} bounds 0 < lower ≤ upper wanted", pairs)
-    refuse(front_bounds[:, 1] > rod, "front sliders no farther than the rod is long wanted", front_bounds)
+        refuse(wrong, f"{name} bounds must be 0 < lower ≤ upper", pairs)
+    refuse(front_bounds[:, 1] > rod, "front bounds must be at most the rod's length", front_bounds)
 
 
-LEAST_ROD_ANGLE = float(np.deg2rad(10.0))  # rad: nearer to 0 or π sliders hardly turn the joint, or hardly hold it
+LEAST_ROD_ANGLE = float(np.deg2rad(10.0))  # rad: nearer to 0 or π, sliders turn or hold the joint poorly
 
 
 @check_call
 @dataclass(frozen=True, kw_only=True, eq=False)
 class JointActuation:
-    """A motor at every joint, its curve in ``motors``. Source: Kim, Choi & Jang 2021, Eq. 4 and Table 3.
+    """A motor at every joint. Source: Kim, Choi & Jang 2021, Eq. 4 and Table 3.
 
-    Raises InvalidInput where ``motors`` is no ``MotorCurve``.
+    Parameters
+    ----------
+    motors
+        Curve of the motors, one motor per joint.
+
+    Raises InvalidInput if ``motors`` is not a ``MotorCurve``.
     """
 
     motors: MotorCurve
@@ -188,18 +200,18 @@ class JointActuation:
 
     def __post_init__(self) -> None:
         if not isinstance(self.motors, MotorCurve):
-            raise InvalidInput(f"joint actuation: motors wants a MotorCurve, got {shown(self.motors)}")
+            raise InvalidInput(f"joint actuation: motors must be a MotorCurve, got {shown(self.motors)}")
 
     @classmethod
     def of(cls, arm: Arm, *, shape: MotorShape = "box") -> JointActuation:
         """Return motors with an arm's own torque and velocity limits.
 
-        Raises InvalidInput for what is no arm, and, naming the joint, where it has no velocity limit.
+        Raises InvalidInput if it is not an arm, and, naming the joint, if a joint has no velocity limit.
         """
         check_arm(arm)
         for name, fastest in zip(arm.joint_names, arm.velocity_limits, strict=True):
             if not np.isfinite(fastest):
-                raise InvalidInput(f"actuation of {arm.name}: {name} wants a velocity limit, has none")
+                raise InvalidInput(f"actuation of {arm.name}: {name} must have a velocity limit, got none")
         return cls(motors=MotorCurve(stall=arm.torque_limits, fastest=arm.velocity_limits, shape=shape))
 
     @property
@@ -209,16 +221,16 @@ class JointActuation:
 
     @property
     def curves(self) -> tuple[MotorCurve, ...]:
-        """The motors of every joint: one."""
+        """Motors of every joint: one curve."""
         return (self.motors,)
 
     def ratios(self, q: Joints, front: Joints) -> Float[np.ndarray, "*batch 1 dof"]:
-        """Return the joints' speeds per speed of their motors: 1."""
+        """Return the speeds of joints per speed of their motors: 1."""
         return np.ones((*q.shape[:-1], 1, q.shape[-1]))
 
     @cached_property
     def table(self) -> Float[np.ndarray, "dof columns"]:
-        """The columns of ``compiled.actuators``, a row a joint."""
+        """Columns of ``compiled.actuators``, one row per joint."""
         rows = np.zeros((self.dof, actuators.COLUMNS))
         rows[:, actuators.SHAPE] = SHAPES.index(self.motors.shape)
         rows[:, actuators.STALL], rows[:, actuators.FASTEST] = self.motors.stall, self.motors.fastest
@@ -228,32 +240,44 @@ class JointActuation:
 @check_call
 @dataclass(frozen=True, init=False, eq=False)
 class DistributedActuation:
-    """Two sliders a joint: a rod of length c joins one at s on the link to one at s_b on the link before.
+    """Two sliders per joint, joined by a rod.
 
+    A rod of length c joins a slider at s on the link to one at s_b on the link before:
     c² = s² + s_b² + 2 s s_b cos θ, so that θ̇ = A ṡ + B ṡ_b with A = (s + s_b cos θ)/(s s_b sin θ) and
-    B = (s_b + s cos θ)/(s s_b sin θ), and a torque τ asks for the forces A τ and B τ. Both sliders may be anywhere
+    B = (s_b + s cos θ)/(s s_b sin θ), and a torque τ needs the forces A τ and B τ. Both sliders may be anywhere
     within their bounds: they are gears to choose.
 
     Parameters
     ----------
-    front, back
-        Motors of the sliders on the link and on the link before [N, m/s], of one shape; ``back`` is ``front``
-        where it is not given.
+    front
+        Motors of the sliders on the link [N, m/s].
+    back
+        Motors of the sliders on the link before [N, m/s], of the same shape; default: ``front``.
     rod
-        c (dof,) [m].
-    front_bounds, back_bounds
-        Where sliders may be, (lower, upper) or (dof, 2) [m]; ``back_bounds`` are ``front_bounds`` where not given.
-        Front sliders stay within the rod's length.
-    zero, bend
-        Joint positions [rad] at which θ is 0, and the way (1 or −1) in which θ grows: θ = bend (q − zero).
+        Lengths c (dof,) of the rods [m].
+    front_bounds
+        Bounds of the front sliders, (lower, upper) or (dof, 2) [m], at most the rod's length.
+    back_bounds
+        Bounds of the back sliders, (lower, upper) or (dof, 2) [m]; default: ``front_bounds``.
+    zero
+        Joint positions [rad] at which θ is 0.
+    bend
+        Sign (1 or −1) of θ: θ = bend (q − zero).
     least_angle
-        How far θ stays from 0 and π at least [rad], 10° by default: these are toggles, where the rod comes to lie along
-        both links and sliders turn a joint ever faster, for an ever shorter way. It leaves out fast postures: with the
-        paper's sliders, at its nine positions, 10° cost 7 % of the speed in the mean and 46 % at most against 5°, and
-        9 % and 91 % against no floor (``studies.kim_2021`` prints them).
+        Least distance of θ from 0 and π [rad], 10° by default. 0 and π are toggles: the rod is along both links, and
+        sliders turn a joint ever faster, for an ever shorter way. The bound excludes fast postures: with the paper's
+        sliders, at its nine positions, 10° cost 7 % of the speed on average and 46 % at most compared with 5°, and 9 %
+        and 91 % compared with no bound (``studies.kim_2021`` prints them).
 
-    Raises InvalidInput naming what cannot be. Source: Kim, Choi & Jang 2021, section 2.1 and Table 2, for what it
-    prints; the formulae are derived, and ``zero``, ``bend``, ``least_angle`` and ``back_bounds`` are not in the paper.
+    Raises
+    ------
+    InvalidInput
+        Names the argument that is impossible.
+
+    Notes
+    -----
+    Source: Kim, Choi & Jang 2021, section 2.1 and Table 2, for what it prints; the formulae are derived, and ``zero``,
+    ``bend``, ``least_angle`` and ``back_bounds`` are not in the paper.
     """
 
     front: MotorCurve
@@ -283,11 +307,11 @@ class DistributedActuation:
         back = front if back is None else back
         for name, curve in (("front", front), ("back", back)):
             if not isinstance(curve, MotorCurve):
-                raise InvalidInput(f"distributed actuation: {name} wants a MotorCurve, got {shown(curve)}")
+                raise InvalidInput(f"distributed actuation: {name} must be a MotorCurve, got {shown(curve)}")
         dof = len(front.stall)
         if len(back.stall) != dof or back.shape != front.shape:
             raise InvalidInput(
-                f"distributed actuation: back wants {dof} motors of shape {front.shape}, "
+                f"distributed actuation: back must be {dof} motors of shape {front.shape}, "
                 f"got {len(back.stall)} of shape {back.shape}"
             )
         numbers = {"rod": rod, "zero": zero, "bend": bend, "least_angle": least_angle}
@@ -297,7 +321,7 @@ class DistributedActuation:
         check_geometry(**geometry)
         for name, value in {"front": front, "back": back, **geometry}.items():
             object.__setattr__(self, name, value)
-        _ = self.angle_bounds  # it refuses sliders that reach none
+        _ = self.angle_bounds  # raises if sliders reach no angle
 
     @property
     def dof(self) -> int:
@@ -306,12 +330,12 @@ class DistributedActuation:
 
     @property
     def curves(self) -> tuple[MotorCurve, ...]:
-        """The motors of every joint: those of the front and of the back slider."""
+        """Motors of every joint: the curves of the front and of the back slider."""
         return (self.front, self.back)
 
     @cached_property
     def table(self) -> Float[np.ndarray, "dof columns"]:
-        """The columns of ``compiled.actuators``, a row a joint."""
+        """Columns of ``compiled.actuators``, one row per joint."""
         rows = np.zeros((self.dof, actuators.COLUMNS))
         rows[:, actuators.SHAPE] = SHAPES.index(self.front.shape)
         rows[:, actuators.STALL], rows[:, actuators.FASTEST] = self.front.stall, self.front.fastest
@@ -324,26 +348,26 @@ class DistributedActuation:
 
     @cached_property
     def angle_bounds(self) -> Float[np.ndarray, "dof 2"]:
-        """The least and the largest rod's angle θ [rad] that sliders within their bounds can give."""
+        """Least and largest rod's angle θ [rad] that sliders within their bounds can give."""
         joints = zip(self.rod, self.front_bounds, self.back_bounds, self.least_angle, strict=True)
         return np.array([angle_range(*each) for each in joints])
 
     def angles(self, q: Joints) -> Joints:
-        """Return the rods' angles θ (*batch, dof) [rad] at joint positions, as they are: not brought to one turn."""
+        """Return the rods' angles θ (*batch, dof) [rad] at joint positions, not reduced to one turn."""
         return self.bend * (q - self.zero)
 
     def gears(self, q: Joints, front: Joints) -> tuple[Joints, Joints, Joints]:
         """Return s_b [m], A and B [rad/m], all (*batch, dof), at joint positions and front sliders [m].
 
-        A and B are per unit of the joint's own angle, ``bend`` in them. They run on complex numbers too, so that their
-        derivatives can be had exactly.
+        A and B are per unit of the joint's own angle and include ``bend``. Arguments may be complex numbers, for exact
+        derivatives.
         """
         angle = self.angles(q)
         back, a, b = actuators.gears.py_func(np.sin(angle), np.cos(angle), front, self.rod)
         return back, self.bend * a, self.bend * b
 
     def ratios(self, q: Joints, front: Joints) -> Float[np.ndarray, "*batch 2 dof"]:
-        """Return the joints' speeds per speed of their front and back sliders, A and B [rad/m]."""
+        """Return the ratios A and B of joints' speeds to sliders' speeds [rad/m]."""
         return np.stack(self.gears(q, front)[1:], axis=-2)
 
 
@@ -351,20 +375,20 @@ Actuation: TypeAlias = JointActuation | DistributedActuation
 
 
 def check_arm(arm: object) -> None:
-    """Raise InvalidInput for what is no arm."""
+    """Raise InvalidInput if it is not an arm."""
     check_instance("arm", arm, Arm, "an Arm")
 
 
 def check_actuation(actuation: object, arm: Arm) -> None:
-    """Raise InvalidInput unless ``arm`` is one, and ``actuation`` drives as many joints as it has."""
+    """Raise InvalidInput unless ``arm`` is an arm and ``actuation`` drives as many joints as it has."""
     check_arm(arm)
     if not isinstance(actuation, JointActuation | DistributedActuation):
-        raise InvalidInput(f"actuation: a JointActuation or DistributedActuation wanted, got {shown(actuation)}")
+        raise InvalidInput(f"actuation must be a JointActuation or DistributedActuation, got {shown(actuation)}")
     if actuation.dof != arm.dof:
-        raise InvalidInput(f"actuation: {arm.dof} joints of {arm.name} wanted, got {actuation.dof}")
+        raise InvalidInput(f"actuation must drive the {arm.dof} joints of {arm.name}, got {actuation.dof}")
     if isinstance(actuation, DistributedActuation) and not arm.periodic.all():
         sliding = arm.joint_names[int(np.argmin(arm.periodic))]
-        raise InvalidInput(f"actuation: rods turn joints, but {sliding} of {arm.name} slides")
+        raise InvalidInput(f"actuation must turn joints by rods, got {sliding} of {arm.name}, which slides")
 
 
 @check_call
@@ -379,12 +403,18 @@ def kim_joint_motors() -> JointActuation:
 
 @check_call
 def kim_sliders(base_angle: float = float(np.deg2rad(-120.0)), bend: Literal[-1, 1] = 1) -> DistributedActuation:
-    """Return the sliders (DAM-3R) of Kim, Choi & Jang 2021, Table 2; the first joint's upper speed is 1.8 mm/s.
+    """Return the sliders (DAM-3R) of Kim, Choi & Jang 2021, Table 2.
 
-    ``base_angle`` [rad] is where the link before the first joint points, ``bend`` the way in which all joints bend. The
-    paper has neither: by default most directions at its nine positions are faster than with motors at the joints, as it
-    says they are. Back sliders may be where front sliders may. Rods stay 10° from their toggles, which the paper does
-    not say and which costs speed (``least_angle`` of ``DistributedActuation``).
+    The first joint's upper speed is 1.8 mm/s. Back sliders have the bounds of front sliders. Rods stay 10° from their
+    toggles; this is not in the paper and costs speed (``least_angle`` of ``DistributedActuation``).
+
+    Parameters
+    ----------
+    base_angle
+        Direction [rad] of the link before the first joint. The paper has none: with the default, most directions at its
+        nine positions are faster than with motors at the joints, as the paper says.
+    bend
+        Sign (1 or −1) of the angles of all rods; the paper has none.
 
     >>> kim_sliders().front_bounds[0].tolist()
     [0.037, 0.077]

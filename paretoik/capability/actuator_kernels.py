@@ -1,7 +1,7 @@
-"""What actuators let a joint do, joint by joint: its highest speed under a torque, and the torque it can hold.
+"""Compiled capability of a joint: highest speed under a torque, and torque that it can hold.
 
-A row of the table (see ``actuation``) is a joint: its motors' curves and, where sliders drive it, the rod's geometry. A
-motor at an effort e may turn or slide between −h(−e) and h(e); so does a joint at a torque, and h is all there is here.
+A row of the table (see ``actuation``) is a joint: its motors' curves and, with sliders, the rod's geometry. A motor at
+an effort e may run between −h(−e) and h(e); so may a joint at a torque, and these kernels compute h.
 Source: Kim, Choi & Jang 2021, Eqs. 3 and 4, read as a diamond; the rod's geometry is derived, not printed there.
 """
 
@@ -13,10 +13,8 @@ import numpy as np
 
 from paretoik.compilation.numba_cache import compiled, inlined
 
-# Searches along a line, compiled into their callers: the least of a function, and where it changes sign.
-#
-# ``function(x, arguments)`` is compiled, and ``arguments`` a tuple of what it reads and writes. A caller keeps the
-# code that it was compiled with: delete its cache after a change here.
+# Searches along a line, compiled into their callers; ``arguments`` is a tuple of what ``function`` reads and writes.
+# After a change here, delete the caches of callers: they keep the code that they were compiled with.
 
 
 GOLDEN = 0.6180339887498949  # (√5 − 1) / 2
@@ -24,10 +22,10 @@ GOLDEN = 0.6180339887498949  # (√5 − 1) / 2
 
 @inlined
 def golden_section(function, arguments, low, high, iterations, tie=np.inf, target=-np.inf):
-    """Return (value, x) of the least between two places, by golden sections; exact where there is one local minimum.
+    """Return (value, x) of the minimum between two places by golden sections.
 
-    Where two values are equal the search goes on towards ``tie``. It ends at the first value at or below ``target``.
-    Source: Kiefer 1953, Sequential minimax search for a maximum.
+    It is exact if it is the only local one. If two values are equal, the search continues towards ``tie``. It ends at
+    the first value at or below ``target``. Source: Kiefer 1953, Sequential minimax search for a maximum.
     """
     a, b = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
     at_a, at_b = function(a, arguments), function(b, arguments)
@@ -47,7 +45,7 @@ def golden_section(function, arguments, low, high, iterations, tie=np.inf, targe
 
 @inlined
 def bisect(function, arguments, inside, outside, iterations):
-    """Return the place nearest to ``outside`` where the function is not negative; it is not at ``inside``."""
+    """Return the last place towards ``outside`` with a function that is not negative."""
     for _ in range(iterations):
         middle = 0.5 * (inside + outside)
         if function(middle, arguments) >= 0.0:
@@ -59,17 +57,17 @@ def bisect(function, arguments, inside, outside, iterations):
 
 DIAMOND, STRIP, BOX = range(3)
 SHAPE, STALL, FASTEST, BACK_STALL, BACK_FASTEST, ROD, ZERO, BEND, ANGLE, FRONT, BACK = 0, 1, 2, 3, 4, 5, 6, 7, 8, 10, 12
-COLUMNS = 14  # ANGLE, FRONT and BACK are two each: lower and upper
-SPEED, HOLD = range(2)  # the quantity that is maximised
+COLUMNS = 14  # ANGLE, FRONT and BACK have two each: lower and upper
+SPEED, HOLD = range(2)  # the maximised quantity
 
 
 class SliderOptions(NamedTuple):
     """Settings of the search over the front slider's position."""
 
     overload: float = 1e-9  # share of the stall effort by which rounding may exceed it
-    pieces: int = 12  # of each feasible stretch, looked at before the best are refined
-    bisections: int = 50  # to the end of a stretch that can bear a torque: 1e-15 of it
-    sections: int = 44  # golden sections: to 1e-9 of a piece, where a smooth maximum is flat to 1e-18
+    pieces: int = 12  # number of pieces of each feasible stretch, compared before the best are refined
+    bisections: int = 50  # for the end of a stretch that can bear a torque: 1e-15 of it
+    sections: int = 44  # golden sections, to 1e-9 of a piece: there a smooth maximum is flat to 1e-18
 
 
 OPTIONS = SliderOptions()
@@ -77,7 +75,7 @@ OPTIONS = SliderOptions()
 
 @compiled
 def motor_speed(shape, stall, fastest, effort):
-    """Return h(e), the highest speed of a motor at an effort; NaN where it is more than the motor can bear."""
+    """Return h(e), the highest speed of a motor at an effort; NaN if the motor cannot bear it."""
     share = effort / stall
     if not abs(share) <= 1.0 + OPTIONS.overload:
         return np.nan
@@ -90,7 +88,7 @@ def motor_speed(shape, stall, fastest, effort):
 
 @compiled
 def gears(sine, cosine, front, rod):
-    """Return (s_b, A, B): where the back slider is, and dθ = A ds + B ds_b, at the sine and cosine of θ."""
+    """Return (s_b, A, B): the back slider's place, and dθ = A ds + B ds_b, at the sine and cosine of θ."""
     back = -front * cosine + np.sqrt(rod * rod - front * front * sine * sine)
     across = front * back * sine
     return back, (front + back * cosine) / across, (back + front * cosine) / across
@@ -98,15 +96,15 @@ def gears(sine, cosine, front, rod):
 
 @compiled
 def slider_value(slider, sine, cosine, torque, front, quantity):
-    """Return the joint's highest speed with the front slider there, or the torque it can hold; NaN where it cannot.
+    """Return the joint's highest speed, or the torque it can hold, at a front slider; NaN if it cannot hold.
 
-    ``slider`` are the numbers of both motors and the rod: numba counts references to arrays, and that takes time.
+    ``slider`` are the numbers of both motors and the rod: not an array, since numba spends time counting references.
     """
     shape, stall, fastest, back_stall, back_fastest, rod = slider
     _, a, b = gears(sine, cosine, front, rod)
     if quantity == HOLD:
         return min(stall / abs(a), back_stall / abs(b))
-    ahead = motor_speed(shape, stall, fastest, torque * abs(a))  # a sign turns both effort and speed
+    ahead = motor_speed(shape, stall, fastest, torque * abs(a))  # a sign changes both effort and speed
     behind = motor_speed(shape, back_stall, back_fastest, torque * abs(b))
     return abs(a) * ahead + abs(b) * behind
 
@@ -125,7 +123,7 @@ def _torque_reserve(front, arguments):
 
 @compiled
 def _stretch_ends(row, sine, cosine, ends):
-    """Write where feasibility of the front slider may begin or end, and where A is zero, in order; return how many."""
+    """Write in order the places at which feasibility may begin or end, or A is zero; return how many."""
     low, high, rod = row[FRONT], row[FRONT + 1], row[ROD]
     ends[0], ends[1], count = low, high, 2
     for k in range(2):
@@ -159,9 +157,10 @@ def rod_angle(row, q):
 
 @compiled
 def joint_maximum(row, q, torque, quantity, ends):
-    """Return (highest speed, or torque it can hold; front slider) of a joint at its best; NaN where there is none.
+    """Return (highest speed, or torque it can hold; front slider) of a joint at its best; NaN without any.
 
-    A joint that the rod bends the other way turns at −θ̇ under −τ: its highest speed is the same function of its torque.
+    A joint with a rod that bends the other way turns at −θ̇ under −τ: its highest speed is the same function of its
+    torque.
     """
     if row[ROD] == 0.0:
         if quantity == HOLD:
@@ -196,9 +195,9 @@ def joint_maximum(row, q, torque, quantity, ends):
 
 @compiled
 def _bearable_stretch(slider, sine, cosine, torque, low, high):
-    """Return from where to where in a stretch the sliders can bear a torque; NaN where nowhere.
+    """Return the ends of the part of a stretch in which the sliders can bear a torque; NaN without any.
 
-    What they can hold rises to one maximum along a stretch and falls: |A| and |B| fall and rise.
+    The torque that they can hold rises to one maximum along a stretch and falls: |A| and |B| fall and rise.
     """
     arguments = (slider, sine, cosine, torque, HOLD)
     low_bears, high_bears = _torque_reserve(low, arguments) >= 0.0, _torque_reserve(high, arguments) >= 0.0
@@ -220,7 +219,7 @@ def _bearable_stretch(slider, sine, cosine, torque, low, high):
 def _stretch_maximum(slider, sine, cosine, torque, quantity, low, high):
     """Return (value, front slider) of the maximum in a stretch that can bear the torque.
 
-    Of places evenly spaced, it is refined about every one that its neighbours are not above.
+    Places are evenly spaced; the maximum is refined about each place that is not below its neighbours.
     """
     step = (high - low) / OPTIONS.pieces
     best, best_front = slider_value(slider, sine, cosine, torque, low, quantity), low
@@ -250,7 +249,7 @@ def _refined_maximum(slider, sine, cosine, torque, quantity, low, high):
 
 @compiled
 def joint_maxima(table, q, torque, quantity, maxima):
-    """Write (samples, dof, 2): of every joint what ``joint_maximum`` returns."""
+    """Write the results of ``joint_maximum`` for every joint (samples, dof, 2)."""
     ends = np.empty(7)
     for i in range(q.shape[0]):
         for j in range(q.shape[1]):

@@ -1,4 +1,4 @@
-"""Directional maxima: how fast a tool can go, or how hard it can push, in every direction from a position.
+"""Directional maxima: highest speed or greatest push of a tool in every direction.
 
 Source: Kim, Choi & Jang 2021, section 2, and Kim, Shin & Jang 2021.
 """
@@ -37,10 +37,10 @@ from paretoik.robot.arm import Arm
 from paretoik.robot.dynamics import gravity_torques
 from paretoik.tables import field_representation, html_representation
 
-# In which postures an arm is fastest or strongest: planar arms of three joints all around, others by ascent.
+# Best postures of an arm: a search all around for planar arms of three joints, ascent for others.
 
 
-TILT_TOLERANCE = 1e-12  # of 1 − cos: a base tilted less leaves an arm planar
+TILT_TOLERANCE = 1e-12  # of 1 − cos: with less tilt of the base, an arm is planar
 
 
 def best_postures(
@@ -53,7 +53,7 @@ def best_postures(
     samples: int,
     rng: np.random.Generator,
 ) -> Float[np.ndarray, "directions dof"]:
-    """Return for each direction the posture at a position in which speed or force along it is greatest.
+    """Return for each direction the posture with the highest speed or greatest force.
 
     Raises OutOfReach and Infeasible as ``directional_maxima`` does.
     """
@@ -73,7 +73,7 @@ def best_postures(
 
 @lru_cache(maxsize=64)
 def _planar_table(arm: Arm) -> tuple[np.ndarray, ...] | None:
-    """Return what ``planar_maxima`` reads of an arm; None unless it is planar with three turning joints."""
+    """Return the data of an arm for ``planar_maxima``; None unless it is planar with three turning joints."""
     upright = abs(arm.base.rotation[2, 2] - 1.0) <= TILT_TOLERANCE
     if not (arm.is_planar and arm.dof == 3 and arm.periodic.all() and upright):
         return None
@@ -92,13 +92,28 @@ def _planar_table(arm: Arm) -> tuple[np.ndarray, ...] | None:
 @check_call
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PerformancePolygon:
-    """The highest speeds or forces of an arm along each direction from a position, and how they are reached.
+    """Highest speeds or forces of an arm along each direction from a position, with their postures.
 
-    ``values`` (directions,) are speeds [m/s] or forces [N] along ``directions`` (directions, task), unit vectors, from
-    ``position`` (task,) [m]; task is 2 for planar arms, else 3. Each has its own posture ``q`` (directions, dof), joint
-    velocities ``dq`` (0 for forces) and ``torque``; ``motor_speeds`` and ``motor_efforts`` (directions, motors, dof)
-    are of the joints' motors (motors = 1), or of front and back ``sliders`` (directions, 2, dof) [m] (motors = 2;
-    None without).
+    Attributes
+    ----------
+    position
+        Position (task,) of the tool [m]; task is 2 for planar arms, else 3.
+    directions
+        Unit vectors (directions, task).
+    values
+        Speeds [m/s] or forces [N] (directions,) along the directions.
+    q
+        Postures (directions, dof), one per direction [rad, m].
+    dq
+        Joint velocities (directions, dof) [rad/s, m/s]; 0 for forces.
+    torque
+        Torques (directions, dof) of the joints [N m, N].
+    motor_speeds
+        Speeds (directions, motors, dof) of the joints' motors (motors = 1) or of front and back sliders (motors = 2).
+    motor_efforts
+        Efforts (directions, motors, dof) of the same motors [N m, N].
+    sliders
+        Front and back sliders (directions, 2, dof) [m]; None without sliders.
     """
 
     arm: Arm
@@ -122,13 +137,13 @@ class PerformancePolygon:
 
     @property
     def vertices(self) -> Float[np.ndarray, "directions task"]:
-        """The maxima as vectors [m/s, N]."""
+        """Maxima as vectors [m/s, N]."""
         return self.values[:, None] * self.directions
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DirectionalQuery:
-    """What ``paretoik.directional_maxima`` is asked for, checked; ``directions`` are unit vectors."""
+    """Checked arguments of ``paretoik.directional_maxima``; ``directions`` are unit vectors."""
 
     arm: Arm
     actuation: Actuation
@@ -149,7 +164,7 @@ def directional_query(
     starts: int,
     seed: int,
 ) -> DirectionalQuery:
-    """Return what is asked for; raises InvalidInput naming what cannot be used."""
+    """Return the checked arguments. Raises InvalidInput, naming the argument that cannot be used."""
     check_actuation(actuation, arm)
     check_choice("quantity", quantity, get_args(Quantity))
     check_size("starts", starts, 1)
@@ -167,7 +182,7 @@ def directional_query(
 
 
 def performance_polygon(query: DirectionalQuery) -> PerformancePolygon:
-    """Return the maxima that are asked for; raises OutOfReach, SolverFailed and Infeasible as the verb does."""
+    """Return the requested maxima. Raises OutOfReach, SolverFailed and Infeasible as the verb does."""
     arm, actuation, rng = query.arm, query.actuation, np.random.default_rng(query.seed)
     ways = query.position, query.directions
     q = best_postures(arm, actuation, *ways, query.quantity, samples=query.starts, rng=rng)
@@ -175,9 +190,9 @@ def performance_polygon(query: DirectionalQuery) -> PerformancePolygon:
 
 
 def unit_directions(directions: object, task: int) -> Float[np.ndarray, "directions task"]:
-    """Return unit vectors: as many as a number says, or ``directions`` brought to length 1.
+    """Return a number of evenly spread unit vectors, or ``directions`` scaled to length 1.
 
-    Raises InvalidInput for what is neither.
+    Raises InvalidInput for anything else.
     """
     if isinstance(directions, int | np.integer) and not isinstance(directions, bool):
         check_size("directions", directions, 1)
@@ -191,20 +206,20 @@ def unit_directions(directions: object, task: int) -> Float[np.ndarray, "directi
     if vectors.ndim != 2 or vectors.shape[1] != task or not len(vectors):
         fact = f"{directions!r}" if vectors.ndim == 0 else f"shape {vectors.shape}"
         raise InvalidInput(
-            f"directions: a whole number, or vectors (directions, {task}), at least one, wanted, got {fact}"
+            f"directions must be a whole number, or vectors (directions, {task}), at least one, got {fact}"
         )
     size = np.abs(vectors).max(axis=1, keepdims=True)
-    vectors = vectors / np.where(size > 0, size, 1.0)  # their squares may be too large or too small
+    vectors = vectors / np.where(size > 0, size, 1.0)  # scaled first: their squares may overflow or underflow
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
     if not length.all():
-        raise InvalidInput(f"directions: vectors longer than 0 wanted, got one of 0 at index {int(np.argmin(length))}")
+        raise InvalidInput(f"directions must be longer than 0, got one of 0 at index {int(np.argmin(length))}")
     return vectors / length
 
 
 def _polygon(
     arm: Arm, actuation: Actuation, quantity: Quantity, position: np.ndarray, directions: np.ndarray, q: np.ndarray
 ) -> PerformancePolygon:
-    """Return the maxima in postures, one a direction, with what every motor does."""
+    """Return the maxima in postures, one per direction, with the speed and effort of every motor."""
     columns, torque = kinematics.jacobian(arm, q)[:, : len(position), :], gravity_torques(arm, q)
     if quantity == "velocity":
         speeds = joint_speeds(actuation, q, torque)

@@ -1,10 +1,10 @@
-"""The nonlinear program of directional maxima: posture, sliders and speeds at once, for arms of any kind.
+"""The nonlinear program of directional maxima: posture, sliders and speeds together, for arms of any kind.
 
-Unknowns are joint positions q, front sliders s where there are any, for each direction d of speeds the motors' speeds u
-and the tool's speed v, for each of forces the force f, and on demand the power that speeds take. The tool stays where
-it is and moves along d, or pushes along d at rest with the torques g(q) + Jᵀ f d, and every motor keeps to its curve:
-all smooth, where maxima at their best sliders are not. Source: Kim, Choi & Jang 2021, Eq. 1, there for speeds alone and
-one direction at a time; the forces are their dual by virtual work.
+Unknowns are joint positions q, front sliders s if there are any, for each direction d of speeds the motors' speeds u
+and the tool's speed v, for each direction of forces the force f, and on demand the power that speeds take. The tool
+stays at its place and moves along d, or pushes along d at rest with the torques g(q) + Jᵀ f d, and every motor is
+within its curve. All of this is smooth; maxima at their best sliders are not. Source: Kim, Choi & Jang 2021, Eq. 1,
+there for speeds only and one direction at a time; forces are their dual by virtual work.
 """
 
 from __future__ import annotations
@@ -29,10 +29,11 @@ from paretoik.robot.body import TOOL_FRAME
 
 @dataclass(frozen=True, kw_only=True)
 class DirectionalProgram:
-    """The program of an arm along several directions in one posture; with ``power`` and its least upper bound too.
+    """The program of an arm along several directions in one posture.
 
-    ``quantities`` says of each direction what is wanted along it. Unknowns are counted in ``scale``: 1 rad (m), a rod's
-    length, a motor's fastest, and what ``sizes`` (directions,) say of speeds [m/s] or forces [N]; powers in W.
+    ``power`` adds the power and its upper bound. ``quantities`` are the quantities along the directions. Units of
+    unknowns (``scale``): 1 rad (m), a rod's length, a motor's highest speed, and ``sizes`` (directions,) of speeds
+    [m/s] or forces [N]; powers are in W.
     """
 
     arm: Arm
@@ -47,7 +48,7 @@ class DirectionalProgram:
 
     @cached_property
     def sizes(self) -> dict[str, tuple[int, ...]]:
-        """The shape of every part of the unknowns, in order."""
+        """Shape of every part of the unknowns, in order."""
         dof, several, moving = self.arm.dof, len(self.actuation.curves), self.quantities.count("velocity")
         return {
             "q": (dof,),
@@ -60,7 +61,7 @@ class DirectionalProgram:
 
     @cached_property
     def slices(self) -> dict[str, slice]:
-        """Where every part stands among the unknowns."""
+        """Slice of every part of the unknowns."""
         return consecutive_slices({name: int(np.prod(shape)) for name, shape in self.sizes.items()})
 
     @property
@@ -69,7 +70,7 @@ class DirectionalProgram:
         return int(self.slices["power"].stop)
 
     def scale(self, sizes: Float[np.ndarray, " directions"]) -> Float[np.ndarray, " unknowns"]:
-        """Return how much one of each unknown is."""
+        """Return the unit of each unknown."""
         scale = np.ones(self.unknowns)
         if isinstance(self.actuation, DistributedActuation):
             scale[self.slices["front"]] = self.actuation.rod
@@ -86,7 +87,7 @@ class DirectionalProgram:
         return {name: values[place].reshape(self.sizes[name]) for name, place in self.slices.items()}
 
     def initial_point(self, q: Float[np.ndarray, " dof"]) -> Float[np.ndarray, " unknowns"]:
-        """Return the unknowns of a posture, all at rest, sliders at their best."""
+        """Return the unknowns of a posture at rest, with sliders at their best."""
         z = np.zeros(self.unknowns)
         z[self.slices["q"]] = q
         if isinstance(self.actuation, DistributedActuation):
@@ -99,7 +100,7 @@ class DirectionalProgram:
         return z
 
     def posture_lanes(self, samples: int) -> LanesOf:
-        """Return how users' functions of motions that stand still hang on the unknowns."""
+        """Return how users' functions of motions that stand still depend on the unknowns."""
         joints = np.arange(self.slices["q"].start, self.slices["q"].stop)[None]
 
         def lanes(_: SmoothTerm, __: list[int]) -> list[Lanes]:
@@ -121,7 +122,7 @@ class DirectionalProgram:
 
 
 def consecutive_slices(sizes: Mapping[str, int]) -> dict[str, slice]:
-    """Return where parts of these sizes stand, one after the other."""
+    """Return the slices of parts of these sizes, one after the other."""
     ends = np.cumsum([0, *sizes.values()]).tolist()
     return {name: slice(a, b) for name, a, b in zip(sizes, ends[:-1], ends[1:], strict=True)}
 
@@ -147,7 +148,7 @@ def _transcribe(settings: DirectionalProgram) -> TracedRows:
         load = dynamics.torque_components(arm, q, [0.0] * arm.dof, [0.0] * arm.dof)
         equal: list[Any] = [place[a] - position[a] for a in range(task)]
         ratios, slacks = ratios_and_slacks(arm, settings.actuation, q, list(at["front"]))
-        if "velocity" not in settings.quantities:  # whose rows say it too
+        if "velocity" not in settings.quantities:  # rows of speeds contain it too
             slacks += _stall_slacks(settings.actuation, ratios, load)
         for k, (quantity, direction) in enumerate(zip(settings.quantities, directions, strict=True)):
             value, before = at["values"][k], settings.quantities[:k].count("velocity")
@@ -175,7 +176,7 @@ def _transcribe(settings: DirectionalProgram) -> TracedRows:
 
 
 def _stall_slacks(actuation: Actuation, ratios: list[tuple[Any, ...]], torque: list[Any]) -> list[Any]:
-    """Return the slacks of motors at rest under the joints' torques [N m, N]; motors that bear any have none."""
+    """Return the slacks of motors at rest under the joints' torques [N m, N]; none for motors without a stall."""
     slacks = list[Any]()
     for m, curve in enumerate(actuation.curves):
         for j in np.flatnonzero(np.isfinite(curve.stall)):
@@ -199,7 +200,7 @@ def ratios_and_slacks(
         ratios.append((actuation.bend[j] * a, actuation.bend[j] * b))
         for place, (low, high) in ((front[j], actuation.front_bounds[j]), (back, actuation.back_bounds[j])):
             slacks += [(place - low) / rod, (high - place) / rod]
-        slacks.append(np.sin(angle) - np.sin(actuation.least_angle[j]))  # away from both toggles, in any turn
+        slacks.append(np.sin(angle) - np.sin(actuation.least_angle[j]))  # away from both toggles, in every turn
     return ratios, slacks
 
 

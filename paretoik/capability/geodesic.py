@@ -1,7 +1,8 @@
-"""The fastest path between two points: the geodesic of a speed model, on a fine grid; and the time of any path.
+"""Fastest paths between two points, and the time of any path.
 
-Where the tool may have the velocities v with ‖R(p) v‖ ≤ 1, a path takes the time ∫ ‖R(p) dp‖: its length, measured by
-R. Source: Kim, Choi & Jang 2021, Eq. 6, with one interval in common and the limit in the middle of each piece.
+A fastest path is the geodesic of a speed model, on a fine grid. If the tool may have the velocities v with ‖R(p) v‖ ≤
+1, a path takes the time ∫ ‖R(p) dp‖: its length, measured by R. Source: Kim, Choi & Jang 2021, Eq. 6, with one common
+interval and the limit in the middle of each piece.
 """
 
 from __future__ import annotations
@@ -22,11 +23,11 @@ from paretoik.inputs import ArrayLike, check_call, check_size, finite_array
 from paretoik.nlp.convex_programs import Pieces
 from paretoik.tables import field_representation, html_representation
 
-# A speed model along paths: its roots, checked; the times of a path's pieces; whether points are in its box.
+# A speed model along paths: its roots, checked; the times of a path's pieces; points outside its box.
 
 
 def check_ends(model: SpeedModel, start: ArrayLike, target: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-    """Return both as arrays (task,); raise InvalidInput where they are not finite or outside the model's box."""
+    """Return both as arrays (task,). Raises InvalidInput if they are not finite or outside the model's box."""
     check_model(model)
     ends = [finite_array(name, end, np.shape(model.lower)) for name, end in (("start", start), ("target", target))]
     check_inside(model, "start", ends[0])
@@ -52,17 +53,17 @@ def is_outside(
 
 
 def evaluate_roots(model: SpeedModel, positions: Float[np.ndarray, "*batch task"]) -> tuple[np.ndarray, np.ndarray]:
-    """Return what the model does; raise InvalidInput where it is not finite, naming the position."""
+    """Return the roots of the model. Raises InvalidInput, naming the position, if they are not finite."""
     roots, slopes = model.roots(positions)
     if not (np.isfinite(roots).all() and np.isfinite(slopes).all()):
         wrong = ~(np.isfinite(roots).all(axis=(-1, -2)) & np.isfinite(slopes).all(axis=(-1, -2, -3)))
         place = " ".join(f"{number:.6g}" for number in positions[wrong][0])
-        raise InvalidInput(f"model: finite R and ∂R/∂p wanted, got others at [{place}] m")
+        raise InvalidInput(f"model must give finite R and ∂R/∂p, got others at [{place}] m")
     return roots, slopes
 
 
 def linearise_pieces(model: SpeedModel, points: Float[np.ndarray, "points task"], share: float) -> Pieces:
-    """Return the times of a path's pieces, R Δp with R taken where that ``share`` of each is done, to first order."""
+    """Return the times R Δp of a path's pieces to first order, R at a ``share`` of each."""
     change = points[1:] - points[:-1]
     roots, slopes = evaluate_roots(model, points[:-1] + share * change)
     derivative = np.einsum("lijk,lj->lik", slopes, change)
@@ -78,15 +79,15 @@ class GeodesicOptions:
     """Settings of the search for the fastest path and of the quadrature of times; no paper has them."""
 
     iterations: int = 200
-    energy_tolerance: float = 1e-14  # of the energy: the decrease that a step predicts at the end
-    time_tolerance: float = 1e-10  # of a time: the error of its quadrature
-    quadrature_nodes: int = 5  # Gauss-Legendre nodes of a panel
-    fewest_samples: int = 64  # of a path, before its time is accepted
+    energy_tolerance: float = 1e-14  # share of the energy: the predicted decrease at which the search ends
+    time_tolerance: float = 1e-10  # share of a time: the error of its quadrature
+    quadrature_nodes: int = 5  # Gauss-Legendre nodes per panel
+    fewest_samples: int = 64  # least samples of a path before its time is accepted
     most_samples: int = 2**18
-    start_amplitudes: tuple[float, ...] = (0.2, 0.45)  # of the distance: of the sine that bows a start sideways
-    difference_step: float = 1e-5  # of the distance: for second derivatives of R
-    active_multiplier: float = 1e-7  # of the energy: its increase over the distance where a bound is strongly active
-    perturbations: int = 20  # of a path on a saddle: 1/2, 1/4, ... of the distance
+    start_amplitudes: tuple[float, ...] = (0.2, 0.45)  # shares of the distance: the sines that bow starts sideways
+    difference_step: float = 1e-5  # share of the distance, for second derivatives of R
+    active_multiplier: float = 1e-7  # share of the energy: its increase over the distance if a bound is strongly active
+    perturbations: int = 20  # number of perturbations of a path on a saddle: 1/2, 1/4, ... of the distance
 
 
 OPTIONS = GeodesicOptions()
@@ -95,7 +96,15 @@ OPTIONS = GeodesicOptions()
 @check_call
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FastestPath:
-    """``points`` (n, task) [m] of a path, the ``times`` (n,) [s] it takes to each, and its ``duration`` [s]."""
+    """A path and its times.
+
+    Attributes
+    ----------
+    points
+        Points (n, task) of the path [m].
+    times
+        Times (n,) at the points [s].
+    """
 
     points: Float[np.ndarray, "n task"]
     times: Float[np.ndarray, " n"]
@@ -113,12 +122,22 @@ class FastestPath:
 def path_time(model: SpeedModel, points: ArrayLike, *, tolerance: float = OPTIONS.time_tolerance) -> float:
     """Return the least time [s] in which the tool can follow a path.
 
-    The path is straight between ``points`` (n, task) [m]. ``tolerance`` is the share of the time that it may be wrong
-    by: samples are doubled until no more changes.
+    Parameters
+    ----------
+    model
+        Model of the tool's speed.
+    points
+        Corners (n, task) of the path [m], with straight lines between them.
+    tolerance
+        Largest relative error of the time: samples are doubled until the time settles to it.
 
-    Raises InvalidInput for points that are not finite or outside the model's box, a tolerance that is not above zero,
-    and a model that is not finite at some point; SolverFailed where the time has not settled at the finest samples:
-    the model jumps.
+    Raises
+    ------
+    InvalidInput
+        For points that are not finite or outside the model's box, a tolerance that is not above zero, and a model that
+        is not finite at some point.
+    SolverFailed
+        If the time has not settled at the finest samples: the model jumps.
     """
     check_model(model)
     task, corners = len(model.lower), finite_array("points", points)
@@ -146,17 +165,36 @@ def fastest_path(
 ) -> FastestPath:
     """Return the fastest path from ``start`` to ``target`` (task,) [m] within the model's box.
 
-    Its pieces take nearly equal times: their limit is that of their middles, and Σ ‖R Δp‖² is minimised by Newton's
-    method from a straight start and others bowed sideways; the best optimum is returned. Times are those of a fine
-    quadrature, since a coarse sum can be below what the path really takes. Saddles are left: where the model is smooth,
-    locally fastest is certain, globally only as far as the starts reach.
+    Its pieces take nearly equal times. The limit of a piece is that of its middle, and Σ ‖R Δp‖² is minimised by
+    Newton's method from a straight start and others bowed sideways; the best optimum is returned. Times are those of a
+    fine quadrature, since a coarse sum can be below the true time. The search leaves saddles. If the model is smooth,
+    the path is certainly a local optimum; it is the global one only as far as the starts reach.
 
-    ``out`` is a folder to keep the run in: run.json, tool_path.npz with every array of the result, review.rrd, in which
-    the tool moves along the path, and picture.png. ``overwrite`` allows it to replace a run that is there. ``observe``
-    is called with a ``RunProgress`` while something is compiled or saved; as for ``plan``.
+    Parameters
+    ----------
+    model
+        Model of the tool's speed.
+    start
+        First position (task,) of the tool [m].
+    target
+        Last position (task,) of the tool [m].
+    intervals
+        Number of pieces of the path, at least one.
+    out
+        Folder for the run: run.json, tool_path.npz with every array of the result, review.rrd, in which the tool moves
+        along the path, and picture.png.
+    overwrite
+        Flag: whether to replace a run in ``out``.
+    observe
+        Function that is called with a ``RunProgress`` while something is compiled or saved, as for ``plan``.
 
-    Raises InvalidInput for ends that are not finite or outside the box, fewer than one interval, and a model that is
-    not finite somewhere; SolverFailed where no start leads to a minimum.
+    Raises
+    ------
+    InvalidInput
+        For ends that are not finite or outside the box, fewer than one interval, and a model that is not finite
+        somewhere.
+    SolverFailed
+        If no start leads to a minimum.
     """
     check_size("intervals", intervals, 1)
     first, last = check_ends(model, start, target)
@@ -169,11 +207,11 @@ def fastest_path(
 
 
 def _find_fastest(model: SpeedModel, first: np.ndarray, last: np.ndarray, intervals: int) -> FastestPath:
-    """Return the fastest path that the starts lead to; raises SolverFailed if none leads to a minimum."""
+    """Return the fastest path that the starts lead to. Raises SolverFailed if none leads to a minimum."""
     paths = [_minimise_energy(model, points) for points in _initial_paths(model, first, last, intervals)]
     optima = [path for path in paths if path is not None]
     if not optima:
-        raise SolverFailed(f"fastest_path: an optimum within {OPTIONS.iterations} iterations wanted, no start has one")
+        raise SolverFailed(f"fastest_path must reach an optimum within {OPTIONS.iterations} iterations, no start does")
     times = [_integrate_times(model, points, OPTIONS.time_tolerance) for points in optima]
     best = int(np.argmin([pieces.sum() for pieces in times]))
     return FastestPath(points=optima[best], times=np.append(0.0, np.cumsum(times[best])))
@@ -193,12 +231,12 @@ def _integrate_times(model: SpeedModel, points: np.ndarray, tolerance: float) ->
             return times
         panels, before = 2 * panels, times
     raise SolverFailed(
-        f"path_time: a time settled to {tolerance:g} wanted, got none with {OPTIONS.most_samples} samples"
+        f"path_time must settle to {tolerance:g}, got none that does with {OPTIONS.most_samples} samples"
     )
 
 
 def _initial_paths(model: SpeedModel, start: np.ndarray, target: np.ndarray, intervals: int) -> Iterator[np.ndarray]:
-    """Yield the straight line, and lines bowed to either side, in space to four, within the box."""
+    """Yield the straight line, and lines bowed to either side (four in space), within the box."""
     shares = np.linspace(0.0, 1.0, intervals + 1)[:, None]
     straight = (1 - shares) * start + shares * target
     yield straight
@@ -213,11 +251,11 @@ def _initial_paths(model: SpeedModel, start: np.ndarray, target: np.ndarray, int
 
 
 def _minimise_energy(model: SpeedModel, points: np.ndarray) -> np.ndarray | None:
-    """Return the path of least energy near one; None where it has not converged.
+    """Return the path of least energy near one; None if the search has not converged.
 
-    Damped Newton steps, projected onto the box: coordinates that are at a bound and would go beyond stay. A path
-    on a saddle is perturbed and goes on.
-    Source: Bertsekas 1982, Projected Newton methods for optimization problems with simple constraints.
+    Damped Newton steps are projected onto the box: coordinates that are at a bound and would exceed it stay. A path on
+    a saddle is perturbed and the search continues. Source: Bertsekas 1982, Projected Newton methods for optimization
+    problems with simple constraints.
     """
     pieces = linearise_pieces(model, points, 0.5)
     energy, damping = float(np.sum(pieces.values**2)), 0.0
@@ -253,7 +291,7 @@ def _minimise_energy(model: SpeedModel, points: np.ndarray) -> np.ndarray | None
 def _newton_system(model: SpeedModel, points: np.ndarray, pieces: Pieces) -> tuple[np.ndarray, np.ndarray]:
     """Return gradient (between, task) and lower bands (2 task, between · task) of the Hessian of Σ ‖R Δp‖² / 2.
 
-    Second derivatives of R are differences of its first.
+    Second derivatives of R are differences of first ones.
     """
     values, before, after = pieces.values, pieces.before, pieces.after
     change, middle = points[1:] - points[:-1], (points[1:] + points[:-1]) / 2
@@ -287,7 +325,7 @@ def _apply_step(model: SpeedModel, points: np.ndarray, step: np.ndarray) -> np.n
 
 
 def _fix_coordinates(bands: np.ndarray, fixed: np.ndarray) -> np.ndarray:
-    """Return bands with the rows and columns of ``fixed`` coordinates (between, task) those of the identity."""
+    """Return bands with the rows and columns of ``fixed`` coordinates (between, task) replaced by the identity."""
     free, result = ~fixed.ravel(), bands.copy()
     for below in range(len(bands)):
         result[below, : len(free) - below] *= free[: len(free) - below] & free[below:]
@@ -296,7 +334,7 @@ def _fix_coordinates(bands: np.ndarray, fixed: np.ndarray) -> np.ndarray:
 
 
 def _damped_step(gradient: np.ndarray, bands: np.ndarray, damping: float) -> tuple[np.ndarray, float]:
-    """Return the damped Newton step, and the decrease of the energy that it predicts.
+    """Return the damped Newton step, and the predicted decrease of the energy.
 
     A Hessian that is not positive definite is damped until it is.
     """
@@ -315,7 +353,7 @@ def _damped_step(gradient: np.ndarray, bands: np.ndarray, damping: float) -> tup
 def _leave_saddle(model: SpeedModel, points: np.ndarray, bands: np.ndarray, energy: float) -> np.ndarray | None:
     """Return the path of least energy, to either side, along the direction of most negative curvature.
 
-    None at a minimum: the curvature is positive, or negative by no more than rounding: no perturbation has less energy.
+    None at a minimum: the curvature is positive, or so slightly negative that no perturbation has less energy.
     """
     try:
         cholesky_banded(bands, lower=True)

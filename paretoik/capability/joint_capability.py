@@ -1,4 +1,4 @@
-"""What an actuation lets every joint do, and with them all the tool: speeds under a torque, torques, forces."""
+"""Capability of joints under an actuation, and of the tool: speeds under a torque, torques, forces."""
 
 from __future__ import annotations
 
@@ -19,20 +19,16 @@ from paretoik.nlp.convex_programs import furthest
 from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arm import Arm
 
-# How fast a tool can go in one posture: along a direction, the nearest facet of the zonotope of its velocities.
-#
-# Joints turn between their lowest and highest speed, each by itself, so that tool velocities J q̇ are a zonotope. The
-# normal of a facet is orthogonal to as many columns of J as span it: one in the plane, two in space. The axes, as
-# columns of joints that do not move, close the gaps where columns are parallel. Source: Kim, Shin & Jang 2021
-# (allowable polygons); Ziegler, Lectures on Polytopes, section 7.3.
+# Highest speed of a tool in one posture: along a direction, the nearest facet of the zonotope of its velocities.
+# Sources: Kim, Shin & Jang 2021 (allowable polygons); Ziegler, Lectures on Polytopes, section 7.3.
 
 
 @dataclass(frozen=True, kw_only=True)
 class FacetOptions:
-    """When columns count as orthogonal to the normal of a facet, and when a normal bounds a direction.
+    """Tolerances of facets.
 
-    ``orthogonal`` is the cosine of a column with a normal, and the share of a range or speed, below which there is
-    none. A normal that has less of a direction than ``crossing``, a share of its length, does not bound it.
+    ``orthogonal`` is the largest cosine of a column orthogonal to a normal, and the smallest share of a range or speed
+    that counts. A normal bounds a direction only if its share along it is at least ``crossing``.
     """
 
     orthogonal: float = 1e-9
@@ -43,7 +39,12 @@ OPTIONS = FacetOptions()
 
 
 def normals(columns: Float[np.ndarray, "*batch task dof"]) -> Float[np.ndarray, "*batch normals task"]:
-    """Return the normals that facets can have, not of length 1, some of them 0."""
+    """Return the normals that facets can have, not of length 1, some of them 0.
+
+    The speeds of joints are independent ranges, so that tool velocities J q̇ are a zonotope. The normal of a facet is
+    orthogonal to the columns of J that span it: one in the plane, two in space. The axes, as columns of joints that do
+    not move, close the gaps between parallel columns.
+    """
     task = columns.shape[-2]
     axes = np.broadcast_to(np.eye(task), (*columns.shape[:-2], task, task))
     every = np.concatenate([columns, axes], axis=-1)
@@ -59,7 +60,7 @@ def highest_speeds(
     high: Float[np.ndarray, "*batch dof"],
     directions: Float[np.ndarray, "*#batch directions task"],
 ) -> Float[np.ndarray, "*batch directions"]:
-    """Return the highest speed along each direction [m/s]; NaN in postures where a joint's speeds are NaN.
+    """Return the highest speed along each direction [m/s]; NaN if a joint's speeds are NaN.
 
     ``columns`` is the Jacobian of positions, and low ≤ 0 ≤ high.
     """
@@ -73,9 +74,10 @@ def greatest_forces(
     high: Float[np.ndarray, "*batch dof"],
     directions: Float[np.ndarray, "*#batch directions task"],
 ) -> Float[np.ndarray, "*batch directions"]:
-    """Return the greatest force along each direction [N] with low ≤ Jᵀ f ≤ high; inf where no joint has to bear it.
+    """Return the greatest force along each direction [N] with low ≤ Jᵀ f ≤ high.
 
-    Torques are to forces as tool velocities are to joint speeds, by the same Jacobian transposed (virtual work).
+    It is inf if no joint has to bear it. Torques relate to forces as tool velocities to joint speeds, by the same
+    Jacobian transposed (virtual work).
     """
     shares = directions @ columns
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -84,7 +86,7 @@ def greatest_forces(
 
 
 def _where_known(low: np.ndarray, high: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return values (*batch, directions), NaN in postures where a joint's range is NaN."""
+    """Return values (*batch, directions), NaN in postures in which a joint's range is NaN."""
     return np.where((np.isnan(low) | np.isnan(high)).any(axis=-1)[..., None], np.nan, values)
 
 
@@ -94,9 +96,9 @@ def fastest_joint_speeds(
     high: Float[np.ndarray, "batch dof"],
     directions: Float[np.ndarray, "batch task"],
 ) -> tuple[Float[np.ndarray, " batch"], Float[np.ndarray, "batch dof"]]:
-    """Return ``highest_speeds``, one direction a posture, and joint speeds within their ranges that reach them.
+    """Return ``highest_speeds``, one direction per posture, and joint speeds within their ranges that reach them.
 
-    On a facet all joints but those whose columns span it are at one of their ends; these follow from the velocity.
+    On a facet, all joints except those whose columns span it are at one of their ends; these follow from the velocity.
     """
     faces, bound, index = _facets(columns, low, high, directions[:, None])
     rows = np.arange(len(faces))
@@ -122,9 +124,9 @@ def fastest_joint_speeds(
 def _facets(
     columns: np.ndarray, low: np.ndarray, high: np.ndarray, directions: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the normals, how far each lets one go (*batch, normals, directions), and which does least.
+    """Return the normals, the largest value that each allows (*batch, normals, directions), and the strictest one.
 
-    The rounding of a normal that is nearly orthogonal to a direction counts against it: it must not do least.
+    The rounding of a normal that is nearly orthogonal to a direction must not make it the strictest one.
     """
     faces = normals(columns)
     shares = faces @ columns
@@ -147,9 +149,10 @@ Quantity = Literal["velocity", "force"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class JointSpeeds:
-    """The lowest and highest speed of every joint, all (*batch, dof) [rad/s, m/s]; NaN where a joint cannot hold.
+    """The lowest and highest speed of every joint, all (*batch, dof) [rad/s, m/s].
 
-    ``front_low`` and ``front_high`` are the front sliders' positions [m] that attain them; 0 without sliders.
+    NaN if a joint cannot hold. ``front_low`` and ``front_high`` are the positions [m] of the front sliders that give
+    them; 0 without sliders.
     """
 
     low: Joints
@@ -159,18 +162,18 @@ class JointSpeeds:
 
 
 def joint_speeds(actuation: Actuation, q: Joints, torque: Joints) -> JointSpeeds:
-    """Return how fast each joint may turn while it holds a torque, sliders at their best; all (*batch, dof).
+    """Return the speeds of joints under a torque, sliders at their best; all (*batch, dof).
 
-    Raises InvalidInput where the arrays don't fit.
+    Raises InvalidInput if the shapes of the arrays differ.
     """
     high, low = (_joint_maxima(actuation, q, load, actuators.SPEED) for load in (torque, -torque))
     return JointSpeeds(low=-low[..., 0], high=high[..., 0], front_low=low[..., 1], front_high=high[..., 1])
 
 
 def speeds_at_sliders(actuation: Actuation, q: Joints, torque: Joints, front: Joints) -> tuple[Joints, Joints]:
-    """Return the lowest and highest joint speeds with front sliders where they are, all (*batch, dof).
+    """Return the lowest and highest joint speeds at the given front sliders, all (*batch, dof).
 
-    NaN where a motor cannot bear the torque. Without sliders ``front`` is not looked at.
+    NaN if a motor cannot bear the torque. Without sliders, ``front`` has no effect.
     """
     ratios = actuation.ratios(q, front)
     efforts = ratios * torque[..., None, :]
@@ -179,12 +182,12 @@ def speeds_at_sliders(actuation: Actuation, q: Joints, torque: Joints, front: Jo
 
 
 def torques_at_sliders(actuation: Actuation, q: Joints, front: Joints) -> Joints:
-    """Return the torque [N m, N] that each joint can hold at rest with front sliders where they are, (*batch, dof).
+    """Return the torque [N m, N] that each joint can hold at rest at the given front sliders, (*batch, dof).
 
-    Without sliders ``front`` is not looked at.
+    Without sliders, ``front`` has no effect.
     """
     ratios, stall = actuation.ratios(q, front), np.stack([curve.stall for curve in actuation.curves])
-    with np.errstate(divide="ignore"):  # a motor across which the joint turns bears nothing
+    with np.errstate(divide="ignore"):  # a motor orthogonal to the joint's motion bears nothing
         return np.asarray((stall / np.abs(ratios)).min(axis=-2))
 
 
@@ -217,31 +220,31 @@ def _fastest_motors(actuation: Actuation, ratios: np.ndarray, efforts: np.ndarra
 
 
 def torque_capacity(actuation: Actuation, q: Joints) -> tuple[Joints, Joints]:
-    """Return the torque [N m, N] that each joint can hold at rest, and the front sliders for it; both (*batch, dof).
+    """Return the torque [N m, N] that each joint can hold at rest, and its front sliders; both (*batch, dof).
 
-    NaN where no slider fits. Raises InvalidInput where the arrays don't fit.
+    NaN if no slider fits. Raises InvalidInput if the shapes of the arrays differ.
     """
     maxima = _joint_maxima(actuation, q, np.zeros_like(q), actuators.HOLD)
     return maxima[..., 0], maxima[..., 1]
 
 
 def quantities_along(quantity: object, count: int) -> tuple[Quantity, ...]:
-    """Return what is wanted along each of so many directions: one quantity for all, or one each.
+    """Return the quantity along each of ``count`` directions: one for all, or one each.
 
-    Raises InvalidInput for what is neither.
+    Raises InvalidInput for anything else.
     """
     each: Any = (quantity,) * count if isinstance(quantity, str) else quantity
     valid = isinstance(each, Sequence) and len(each) == count and all(one in get_args(Quantity) for one in each)
     if not valid:
         raise InvalidInput(
-            f"quantity must be one of {', '.join(get_args(Quantity))}, or a list of {count}, one a direction, "
+            f"quantity must be one of {', '.join(get_args(Quantity))}, or a list of {count}, one per direction, "
             f"got {shown(quantity)}"
         )
     return tuple(each)
 
 
 def overload_error(actuation: Actuation, arm: Arm, q: Joints, torque: Joints) -> Infeasible:
-    """Return the error that says which joint of one posture (dof,) cannot hold what, or has no slider that fits."""
+    """Return the error of a posture (dof,) with the joint that cannot hold its torque."""
     capacity, _ = torque_capacity(actuation, q)
     share = np.where(np.isnan(capacity), np.inf, np.abs(torque) / np.where(capacity > 0, capacity, 1e-300))
     worst = int(np.argmax(share))
@@ -251,12 +254,12 @@ def overload_error(actuation: Actuation, arm: Arm, q: Joints, torque: Joints) ->
         angle = np.rad2deg(np.mod(actuation.angles(q)[worst] + np.pi, 2 * np.pi) - np.pi)
         lower, upper = np.rad2deg(actuation.angle_bounds[worst])
         return Infeasible(
-            f"{name}: a rod's angle that its sliders can reach wanted, {lower:.4g}° to {upper:.4g}° (0 and 180° are "
+            f"{name} must have a rod's angle that its sliders can reach, {lower:.4g}° to {upper:.4g}° (0 and 180° are "
             f"toggles), got {angle:.4g}°",
             limit=f"angle of {name}",
         )
     return Infeasible(
-        f"{name}: a torque of at most {capacity[worst]:.4g} N m wanted, what its motor can hold there, "
+        f"{name} must bear a torque of at most {capacity[worst]:.4g} N m, which its motor can hold there, "
         f"got {abs(torque[worst]):.4g} N m",
         limit=f"torque of {name}",
         violation=float(share[worst] - 1.0),
@@ -266,14 +269,14 @@ def overload_error(actuation: Actuation, arm: Arm, q: Joints, torque: Joints) ->
 def values_at(
     arm: Arm, actuation: Actuation, directions: Float[np.ndarray, "directions task"], quantity: Quantity, q: Joints
 ) -> Float[np.ndarray, "*batch directions"]:
-    """Return the maxima along each direction in postures (*batch, dof); NaN where a joint cannot hold the arm."""
+    """Return the maxima along each direction in postures (*batch, dof); NaN if a joint cannot hold the arm."""
     columns = kinematics.jacobian(arm, q)[..., : directions.shape[1], :]
     low, high = _joint_ranges(arm, actuation, quantity, q)
     return (highest_speeds if quantity == "velocity" else greatest_forces)(columns, low, high, directions)
 
 
 def _joint_ranges(arm: Arm, actuation: Actuation, quantity: Quantity, q: Joints) -> tuple[Joints, Joints]:
-    """Return the lowest and highest speeds, or added torques, of every joint; NaN where it cannot hold the arm."""
+    """Return the lowest and highest speeds, or added torques, of every joint; NaN if it cannot hold the arm."""
     torque = dynamics.gravity_torques(arm, q)
     if quantity == "velocity":
         speeds = joint_speeds(actuation, q, torque)
@@ -286,7 +289,7 @@ def _joint_ranges(arm: Arm, actuation: Actuation, quantity: Quantity, q: Joints)
 def _joint_maxima(actuation: Actuation, q: Joints, torque: Joints, quantity: int) -> np.ndarray:
     q, torque = (np.ascontiguousarray(each, dtype=float) for each in (q, torque))
     if q.shape != torque.shape or not q.ndim or q.shape[-1] != actuation.dof:
-        raise InvalidInput(f"actuation: arrays (..., {actuation.dof}) wanted, got {q.shape} and {torque.shape}")
+        raise InvalidInput(f"q and torque must have shape (..., {actuation.dof}), got {q.shape} and {torque.shape}")
     maxima = np.empty((q.size // actuation.dof, actuation.dof, 2))
     flat = (each.reshape(-1, actuation.dof) for each in (q, torque))
     actuators.joint_maxima(actuation.table, *flat, quantity, maxima)

@@ -1,4 +1,4 @@
-"""Who keeps tool paths in run folders: it lies above this package, and ``paretoik`` hands it over."""
+"""Functions that save tool paths in run folders; ``paretoik`` registers them here."""
 
 from __future__ import annotations
 

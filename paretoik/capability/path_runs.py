@@ -1,4 +1,4 @@
-"""Tool paths that are kept in run folders: whoever keeps them lies above, and is handed over by ``paretoik``."""
+"""Tool paths saved in run folders, by a function of a layer above that ``paretoik`` registers."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PathQuery:
-    """A path that is asked for: by which ``verb``, from ``start`` to ``target`` [m], with which ``settings``."""
+    """A requested path: the ``verb``, ``start`` and ``target`` [m], and the ``settings``."""
 
     verb: str
     model: SpeedModel
@@ -36,9 +36,9 @@ def run_path(
     overwrite: bool,
     observe: Callable[[Any], object] | bool | None,
 ) -> Result:
-    """Return what ``compute`` returns, kept in the folder ``out`` if there is one."""
+    """Return the result of ``compute``, saved in the folder ``out`` if there is one."""
     check_flag("overwrite", overwrite)
-    if out is None and observe is None:  # as if thousands are asked for
+    if out is None and observe is None:  # the quick way, for thousands of paths
         return compute()
     result: Result = KEEPERS[0](query, compute, out=out, overwrite=overwrite, observe=observe)
     return result

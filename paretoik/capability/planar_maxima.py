@@ -1,4 +1,4 @@
-"""The directional maxima of a planar arm with three joints, over all its postures at a position: compiled.
+"""Compiled directional maxima of a planar arm with three joints, over all its postures at a position.
 
 Each curve of postures (``planar_postures``) is sampled all around, evenly in a parameter along which it is smooth; for
 every direction the best few places are then refined by golden sections. ``problem`` is (arm, table of actuators,
@@ -25,17 +25,16 @@ from paretoik.capability.actuator_kernels import (
 from paretoik.compilation.numba_cache import compiled, inlined
 
 # All postures of a planar arm with three joints at a position: curves, places on them, limits and loads, compiled.
-#
-# The postures that reach a position lie on closed curves: the first link turns within an interval, from one end of
-# which to the other the elbow bends one way, and back the other way. ``arm`` is (lengths, rotations before each
-# joint, angles of the links, base, masses with gravity, limits), as ``best_postures`` writes it.
+# ``arm`` is (lengths, rotations before each joint, angles of the links, base, masses with gravity, limits).
 
 
 @compiled
 def posture_curves(reach, lengths, curves):
-    """Write the curves as (centre, half width, way the elbow bends or 0 for both) of the first link's angle β.
+    """Write the curves of the first link's angle β as (centre, half width, elbow's bend or 0); return how many.
 
-    β is measured from the direction of the position, which is ``reach`` away. Returns how many there are.
+    The postures at a position are on closed curves: the first link turns within an interval, with the elbow bent one
+    way from one end to the other, and the other way back. β is measured from the direction of the position, at distance
+    ``reach``. The bend is 0 on a curve with both bends.
     """
     first, second, third = lengths
     product = 2.0 * reach * first
@@ -105,7 +104,7 @@ def write_loads(q, arm, loads):
     lengths, turned, offsets, base, weights, _ = arm
     link_angle = base[2] + q[0] + turned[0] + q[1] + turned[1] + q[2] + turned[2]
     torque, force_x, force_y = 0.0, 0.0, 0.0
-    for j in range(2, -1, -1):  # from the tip: the weight beyond the end of a link acts there
+    for j in range(2, -1, -1):  # from the tip: the weight beyond a link acts at its end
         angle = link_angle + offsets[j]
         torque += lengths[j] * (np.sin(angle) * force_x - np.cos(angle) * force_y)
         cosine, sine = np.cos(link_angle), np.sin(link_angle)
@@ -121,23 +120,23 @@ def write_loads(q, arm, loads):
 class PlanarSearchOptions(NamedTuple):
     """Settings of the search over all postures of a planar arm."""
 
-    around: int = 360  # places on each curve, besides those where limits begin and end to be kept
-    refined: int = 4  # places of each direction and curve that are refined
-    pieces: int = 4  # of a feasible stretch between two places
+    around: int = 360  # number of places on each curve, without those at which limits begin or end to be satisfied
+    refined: int = 4  # number of places refined per direction and curve
+    pieces: int = 4  # number of pieces of a feasible stretch between two places
     overshoot: float = 1e-12  # rad by which rounding may exceed a joint limit
-    bisections: int = 40  # to where limits begin or end to be kept
+    bisections: int = 40  # for the places at which limits begin or end to be satisfied
     sections: int = 40  # golden sections
-    parallel: float = 1e-14  # share of a direction across a normal below which that does not bound it
+    parallel: float = 1e-14  # least share of a direction along a normal that bounds it
 
 
 OPTIONS = PlanarSearchOptions()
-NEW, OUTSIDE = -1, -2  # places that are not on the grid: feasible ones, and those that no posture is at
-INFEASIBLE = -1.0  # the value of a posture that is past limits or overloaded
+NEW, OUTSIDE = -1, -2  # places off the grid: feasible ones, and those without a posture
+INFEASIBLE = -1.0  # value of a posture that exceeds limits or is overloaded
 
 
 @compiled
 def _write_ranges(q, loads, table, quantity, ranges, ends):
-    """Write (lowest, highest) speed, or torque left, of every joint; return whether all can hold."""
+    """Write (lowest, highest) speed, or torque left, of every joint; return whether all joints can hold."""
     for j in range(3):
         if quantity == SPEED:
             ranges[j, 1] = joint_maximum(table[j], q[j], loads[j], quantity, ends)[0]
@@ -156,7 +155,7 @@ def _write_ranges(q, loads, table, quantity, ranges, ends):
 def highest_speed(columns, ranges, x, y):
     """Return the highest speed along (x, y): the nearest edge of the polygon of tool velocities."""
     best = np.inf
-    for i in range(5):  # edges are along a joint's column; where all columns are parallel an axis stands in
+    for i in range(5):  # edges are along a joint's column; an axis replaces parallel columns
         if i < 3:
             u, v = -columns[i, 1], columns[i, 0]
         else:
@@ -188,9 +187,10 @@ def greatest_force(columns, ranges, x, y):
 
 @compiled
 def _slack(curve, place, problem, q, work):
-    """Return by how much limits and motors are kept at a place, negative where they are not.
+    """Return the slack of limits and motors at a place; negative if they are violated.
 
-    Limits, and the angles of rods, in rad; torques as shares of what can be held, where positions are kept.
+    Limits, and the angles of rods, are in rad. If positions are within limits, torques count, as shares of the
+    capacity.
     """
     arm, table, target, _ = problem
     columns, loads, _, ends = work
@@ -221,7 +221,7 @@ def _negative_slack_at(place, arguments):
 
 @compiled
 def _write_values(curve, place, directions, problem, q, work, values):
-    """Write the values of a place along each direction, ``INFEASIBLE`` where the arm cannot be there."""
+    """Write the values of a place along each direction; ``INFEASIBLE`` if the arm cannot be there."""
     arm, table, target, quantity = problem
     columns, loads, ranges, ends = work
     values[:] = INFEASIBLE
@@ -254,7 +254,7 @@ def _refined_maximum(curve, low, high, direction, problem, q, work, value):
 
 @compiled
 def _feasible_place(curve, low, high, problem, q, work):
-    """Return (slack, place) where the slack is largest between two places, or not negative."""
+    """Return (slack, place) of the largest slack between two places, or of the first that is not negative."""
     arguments = (curve, problem, q, work)
     minimum, place = golden_section(_negative_slack_at, arguments, low, high, OPTIONS.sections, np.inf, 0.0)
     return -minimum, place
@@ -262,16 +262,16 @@ def _feasible_place(curve, low, high, problem, q, work):
 
 @compiled
 def _feasible_end(curve, inside, outside, problem, q, work):
-    """Return the feasible place nearest to one that is not."""
+    """Return the feasible place nearest to an infeasible one."""
     return bisect(_slack_at, (curve, problem, q, work), inside, outside, OPTIONS.bisections)
 
 
 @compiled
 def _write_places(curve, grid_values, problem, q, work, places, grid_index):
-    """Write the places of a curve that are to be compared, in order, and their number on the grid; return how many.
+    """Write in order the places of a curve to compare, and their numbers on the grid; return how many.
 
-    Feasible places of the grid; as ``NEW`` the ends of every feasible stretch, between places ``OUTSIDE``. Stretches
-    between two places of the grid too: where the slack has a local maximum, that is searched for.
+    These are the feasible places of the grid and, as ``NEW``, the ends of every feasible stretch, between places
+    ``OUTSIDE``. Stretches between two places of the grid are searched for at the local maxima of the slack.
     """
     step, count = 2.0 * np.pi / OPTIONS.around, 0
     slacks = np.empty(OPTIONS.around)
@@ -308,9 +308,9 @@ def _write_places(curve, grid_values, problem, q, work, places, grid_index):
 
 @compiled(level=3)  # a sixth faster than at level 1
 def write_maxima(problem, directions, values, postures):
-    """Write the greatest value and its posture of every direction; −1 where no posture can be held.
+    """Write the greatest value and its posture of every direction, −1 if no posture can be held.
 
-    Returns how many curves of postures there are.
+    Returns the number of curves of postures.
     """
     arm, _, target, _ = problem
     count = directions.shape[0]

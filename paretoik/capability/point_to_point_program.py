@@ -1,8 +1,8 @@
 """The nonlinear program of a motion from point to point: splines of joints and sliders, intervals, and work.
 
-Unknowns are the coefficients, the time of every interval and the work of every motor in it; the sums of times and of
-work are what is weighed. Ends are where they must be, motors keep to their curves from sample to sample, and hold the
-arm and positions keep to their bounds at the samples: the same few rows again and again.
+Unknowns are the coefficients, the time of every interval and the work of every motor in it; the costs are the sums of
+times and of work. Ends are fixed, motors are within their curves from sample to sample and hold the arm, and positions
+are within bounds at the samples: the same few rows are repeated.
 """
 
 from __future__ import annotations
@@ -26,20 +26,25 @@ from paretoik.robot.arm import Arm
 from paretoik.robot.body import TOOL_FRAME
 from paretoik.robot.dynamics import gravity_torques
 
-# The least time of a motion, and the work of its motors: in closed form, interval by interval.
-#
-# Between two samples every motor travels so far under the load that gravity puts on it halfway; the slowest of them
-# sets the time. Quasi-static, as Kim, Choi & Jang 2021 are: what inertia asks for is not counted.
+# Least time and work of a motion in closed form: the slowest motor, under gravity halfway, sets each interval.
+# Quasi-static, as in Kim, Choi & Jang 2021: torques of inertia are not counted.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Timing:
-    """The least times of the intervals between samples, and what motors do meanwhile.
+    """Least times of the intervals between samples, and the travel and effort of motors.
 
-    ``intervals`` (*batch, intervals) [s], NaN where a motor cannot bear its effort; ``travel`` and ``effort``
-    (*batch, intervals, motors, dof) [rad or m, N m or N] and ``work``, their product without signs [J]; ``overload``
-    (*batch,) is by how much the worst effort, there or at a sample, is more than its motor can bear, as a share,
-    negative where it is not.
+    Attributes
+    ----------
+    intervals
+        Times (*batch, intervals) [s]; NaN if a motor cannot bear its effort.
+    travel
+        Travel of motors (*batch, intervals, motors, dof) [rad or m].
+    effort
+        Effort of motors (*batch, intervals, motors, dof) [N m or N].
+    overload
+        Excess of the worst effort, in intervals or at samples, over its motor's capacity as a share (*batch,); negative
+        without any.
     """
 
     intervals: Float[np.ndarray, "*batch intervals"]
@@ -49,21 +54,21 @@ class Timing:
 
     @property
     def work(self) -> Float[np.ndarray, "*batch intervals motors dof"]:
-        """What each motor gives or takes [J]."""
+        """Work of each motor, given or taken [J]: travel times effort, without signs."""
         return np.abs(self.effort * self.travel)
 
     @property
     def duration(self) -> Float[np.ndarray, "*batch"]:
-        """The least time of the whole [s]."""
+        """Least time of the whole motion [s]."""
         return np.asarray(self.intervals.sum(axis=-1))
 
     @property
     def energy(self) -> Float[np.ndarray, "*batch"]:
-        """The work of all motors, given or taken [J]: braking costs as much as driving, nothing is recovered."""
+        """Work of all motors, given or taken [J]: braking costs as much as driving, nothing is recovered."""
         return np.asarray(self.work.sum(axis=(-1, -2, -3)))
 
     def lateness(self, allowed: Float[np.ndarray, "*batch coarse"]) -> Float[np.ndarray, "*batch"]:
-        """Return by how much coarser intervals [s], of as many of these each, are too short at most, over their mean.
+        """Return the largest lack of time of coarser intervals [s] over their mean; each has equally many fine ones.
 
         An interval that no motor can bear does not count.
         """
@@ -75,9 +80,9 @@ class Timing:
 def minimum_timing(
     arm: Arm, actuation: Actuation, q: JointPaths, front: JointPaths, *, travel_tolerance: float = 1e-9
 ) -> Timing:
-    """Return the timing of joint positions, and front sliders where there are any, at samples (*batch, time, dof).
+    """Return the timing of joint positions, and of front sliders if any, at samples (*batch, time, dof).
 
-    A motor that travels no more than the tolerance [rad, m] between samples rests, even under all it can bear.
+    A motor that travels no more than the tolerance [rad, m] between samples rests, even under its largest load.
     """
     middle = (q[..., 1:, :] + q[..., :-1, :]) / 2
     middle_front = (front[..., 1:, :] + front[..., :-1, :]) / 2
@@ -105,22 +110,22 @@ def minimum_timing(
 
 
 def require_weight(arm: Arm) -> None:
-    """Raise InvalidInput where motors work against nothing, whatever the posture."""
+    """Raise InvalidInput if motors work against no weight in any posture."""
     if not gravity_torques(arm, np.random.default_rng(0).normal(size=(4, arm.dof))).any():
         raise InvalidInput(
-            f"energy: an arm with weight for its motors to work against wanted, got {arm.name}: without masses, or "
+            f"energy must be False without weight that motors work against, got {arm.name}: without masses, or "
             "gravity in its plane, work is free; energy=False leaves it out"
         )
 
 
-REACH = 5  # coefficients of a cubic spline that two samples beside each other may hang on
+REACH = 5  # number of coefficients of a cubic spline that determine two neighbouring samples
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PointToPointProgram:
     """The program of a motion from ``start`` to ``target`` (task,) [m], along a ``spline`` (time, coefficients).
 
-    ``pace`` [s] is what intervals are counted in, ``work_unit`` [J] work; joints in rad (m), sliders in rods' lengths.
+    Units: ``pace`` [s] for intervals, ``work_unit`` [J] for work, rad (m) for joints, rods' lengths for sliders.
     """
 
     arm: Arm
@@ -133,12 +138,12 @@ class PointToPointProgram:
 
     @property
     def motors(self) -> int:
-        """Number of motors a joint."""
+        """Number of motors per joint."""
         return len(self.actuation.curves)
 
     @cached_property
     def slices(self) -> dict[str, slice]:
-        """Where every part stands among the unknowns."""
+        """Slice of every part of the unknowns."""
         intervals, size = len(self.spline) - 1, self.spline.shape[1] * self.arm.dof
         sizes = {"q": size, "front": size * (self.motors - 1), "times": intervals}
         sizes["work"] = intervals * self.motors * self.arm.dof
@@ -151,7 +156,7 @@ class PointToPointProgram:
 
     @cached_property
     def costs(self) -> Float[np.ndarray, "2 unknowns"]:
-        """The gradients of duration [s] and energy [J]."""
+        """Gradients of duration [s] and energy [J]."""
         costs = np.zeros((2, self.count))
         costs[0, self.slices["times"]] = self.pace
         costs[1, self.slices["work"]] = self.work_unit
@@ -203,16 +208,16 @@ class PointToPointProgram:
         return AssembledRows(unknowns=self.count, parts=tuple(parts))
 
     def with_longest(self, longest: float) -> AssembledRows:
-        """Return the program in which no interval is longer than so many times the pace."""
+        """Return the program with an upper bound on intervals, in units of the pace."""
         times = np.arange(self.count)[self.slices["times"], None]
         rows = trace_rows(1, 0, lambda z, _: ([], [1.0 - z[0] * (1 / longest)]))
         part = Part(program=rows, where=times, parameters=np.zeros((len(times), 0)))
         return AssembledRows(unknowns=self.count, parts=(*self.program.parts, part))
 
     def lanes(self, term: SmoothTerm, samples: list[int]) -> list[Lanes]:
-        """Return how a user's function hangs on the unknowns: at samples, the first by itself, or of the whole motion.
+        """Return how a user's function depends on the unknowns: at samples, the first by itself, or as a whole.
 
-        Rates are backward differences, 0 at the first sample, as those of the motions that are shown.
+        Rates are backward differences, 0 at the first sample, as those of the motions of the front.
         """
         if not term.local:
             intervals = np.arange(self.slices["times"].start, self.slices["times"].stop)
@@ -223,7 +228,7 @@ class PointToPointProgram:
         return [*first, self._sample_lanes(samples[len(first) :], term.orders)]
 
     def _sample_lanes(self, samples: list[int], orders: int) -> Lanes:
-        """Return the lanes of functions of rates up to an order at samples: what those before them are counts too."""
+        """Return the lanes of functions of rates up to an order at samples; they include the samples before."""
         window = np.maximum(np.array(samples)[:, None] - np.arange(orders + 1), 0)
         weights = self.spline[window]  # (lanes, window, coefficients)
         nonzero = np.any(weights > 0, axis=1)
@@ -232,7 +237,7 @@ class PointToPointProgram:
         near = np.minimum(first, nonzero.shape[1] - reach)[:, None] + np.arange(reach)
         weights = np.take_along_axis(weights, near[:, None], axis=2)
         count = max(orders, 1)
-        intervals = (window[:, :1] - 1 - np.arange(count)) % (len(self.spline) - 1)  # of those there are not, any other
+        intervals = (window[:, :1] - 1 - np.arange(count)) % (len(self.spline) - 1)  # wrapped if it does not exist
 
         def inputs(z: list[Any], p: list[Any]) -> tuple[list[Any], Any]:
             table = np.array(z[: reach * dof], dtype=object).reshape(reach, dof)
@@ -257,14 +262,14 @@ class PointToPointProgram:
         return [x for order in backward_rates(q, steps) for row in order for x in row] + steps, 1.0
 
     def _where(self, near: np.ndarray) -> np.ndarray:
-        """Return which unknowns hold coefficients (batch, reach) of all joints, then of all sliders."""
+        """Return the indices of unknowns with coefficients (batch, reach) of all joints, then of all sliders."""
         dof = self.arm.dof
         joints = (near[:, :, None] * dof + np.arange(dof)).reshape(len(near), -1)
         return np.concatenate([joints + self.slices["front"].start * k for k in range(self.motors)], axis=1)
 
 
 def backward_rates(q: list[list[Any]], steps: list[Any]) -> list[list[list[Any]]]:
-    """Return positions at samples, and their first three derivatives by backward differences, 0 at the first sample.
+    """Return positions at samples, and three derivatives by backward differences, 0 at the first sample.
 
     ``steps`` are the intervals between the samples. Source: Tringali & Cocuzza 2020, as ``Motion``.
     """
@@ -335,7 +340,7 @@ def _interval(arm: Arm, actuation: Actuation, reach: int, pace: float, work_unit
 
 
 def _at(arm: Arm, actuation: Actuation, z: list[Any], weights: list[Any]) -> tuple[list[Any], list[Any]]:
-    """Return joints and front sliders [m] at a sample, of coefficients and their weights."""
+    """Return joints and front sliders [m] at a sample, from coefficients and their weights."""
     reach, dof = len(weights), arm.dof
     table = np.array(z, dtype=object).reshape(-1, reach, dof)
     q, *front = [[sum(w * c for w, c in zip(weights, part[:, j], strict=True)) for j in range(dof)] for part in table]

@@ -1,4 +1,4 @@
-"""Postures that reach a position, within limits and rods, in which motors can hold the arm; errors for none."""
+"""Postures at a position, within limits and rods, that motors can hold; errors without any."""
 
 from __future__ import annotations
 
@@ -24,23 +24,23 @@ from paretoik.task.path import sample_curve
 from paretoik.task.starts import reach_error, sample_postures, wrap_difference
 from paretoik.task.validation import motion_task
 
-# Local maxima over all postures of an arm of any kind: many starts, and ascent over posture, sliders and speeds.
+# Local maxima over all postures of any arm: many starts, and ascent over posture, sliders and speeds.
 
 
 @dataclass(frozen=True, kw_only=True)
 class AscentOptions:
     """Settings of the ascent from many starts."""
 
-    largest: int = 24  # starts of a direction, at most
-    smallest: int = 6  # at least
-    repeats: int = 3  # starts that have to end at the best value before the search of a direction ends
-    value_tolerance: float = 1e-6  # share by which two values may differ and be the same
-    rounds: int = 4  # of trying what was best for one direction in the others
-    batch: int = 2000  # postures whose values are computed together, for the memory it takes
-    distance: float = 0.5  # of starts in some joint, at least [rad, m]
-    feasible: float = 1e-8  # violation of the program up to which an end is feasible
+    largest: int = 24  # largest number of starts per direction
+    smallest: int = 6  # smallest number of starts per direction
+    repeats: int = 3  # number of starts that must reach the best value before the search of a direction ends
+    value_tolerance: float = 1e-6  # relative difference up to which two values are the same
+    rounds: int = 4  # rounds that try the best posture of one direction in the others
+    batch: int = 2000  # number of postures evaluated together, to limit memory
+    distance: float = 0.5  # least distance of starts in some joint [rad, m]
+    feasible: float = 1e-8  # largest violation of the program at a feasible end point
     interior_point: InteriorPointOptions = InteriorPointOptions(barrier=1e-2, iterations=300)  # from a start
-    # near a maximum, or where interior points do not converge
+    # near a maximum, or if interior points do not converge
     sqp: InteriorPointOptions = InteriorPointOptions(radius=0.1, iterations=200, tolerance=1e-9)
 
 
@@ -55,9 +55,9 @@ def maximise_from(
     quantity: Quantity,
     starts: Float[np.ndarray, "starts dof"],
 ) -> Float[np.ndarray, "directions dof"]:
-    """Return the best posture of each direction that ascent from postures leads to, for an arm of any kind.
+    """Return the best posture of each direction by ascent from ``starts``, for any arm.
 
-    What is best for one direction is tried for all others, and those that it improves ascend from there again.
+    The best posture of one direction is tried for all others; those that it improves ascend from there again.
     """
     search = MultistartAscent(arm, actuation, position, directions, quantity, starts)
     waiting = list(range(len(directions)))
@@ -69,7 +69,7 @@ def maximise_from(
 
 
 class MultistartAscent:
-    """Postures that can be held, those of the ends added, and their ``values`` (postures, directions)."""
+    """Postures that can be held, end points included, and their ``values`` (postures, directions)."""
 
     def __init__(
         self,
@@ -90,12 +90,12 @@ class MultistartAscent:
 
     @property
     def best(self) -> Int[np.ndarray, " directions"]:
-        """Which posture is the best of all along each direction."""
+        """Index of the best posture along each direction."""
         index: np.ndarray = self.values.argmax(axis=0)
         return index
 
     def ascend_from_best(self, k: int) -> None:
-        """Ascend along a direction from its best postures until the best end was met often, or enough were tried."""
+        """Ascend along a direction from its best postures until the best end point repeats, or enough were tried."""
         ends = list[float]()
         for start in distant_postures(self.arm, self.q[np.argsort(-self.values[:, k], kind="stable")]):
             ends.append(self.ascend(k, start))
@@ -104,7 +104,7 @@ class MultistartAscent:
                 break
 
     def ascend(self, k: int, start: np.ndarray, *, near: bool = False) -> float:
-        """Ascend along a direction from a posture, keep where that ends, and return its value, 0 without an end."""
+        """Ascend along a direction from a posture, store the end point, and return its value, 0 without one."""
         size = float(self.values[:, k].max())
         if not 0 < size < np.inf:
             return 0.0
@@ -119,7 +119,7 @@ class MultistartAscent:
         return float(values[0, k])
 
     def improved_elsewhere(self) -> list[int]:
-        """Return the directions along which a posture that another direction led to is the best."""
+        """Return the directions whose best posture came from another direction."""
         limit = self.ascended * (1 + ASCENT_OPTIONS.value_tolerance)
         improved: list[int] = np.flatnonzero(self.values.max(axis=0) > limit).tolist()
         return improved
@@ -134,10 +134,10 @@ def ascend(
     *,
     near: bool = False,
 ) -> Float[np.ndarray, " dof"] | None:
-    """Return the posture, a local maximum along a direction, that a start leads to; None where its limits don't hold.
+    """Return the posture of a local maximum along a direction; None if limits are violated.
 
-    ``size`` [m/s, N] is about how much there is. ``near`` a maximum quadratic programs stay with it, which interior
-    points may leave.
+    ``size`` [m/s, N] is about the expected value. ``near`` a maximum, quadratic programs are used: they stay at it,
+    while interior points may leave it.
     """
     cost = np.zeros((1, program.unknowns))
     cost[0, program.slices["values"]] = -1.0
@@ -148,7 +148,7 @@ def ascend(
         if end is None or not end.converged[0]:
             restart = first if end is None or end.violation[0] > ASCENT_OPTIONS.feasible else end.x
             end = minimise(dense, restart, weight, options=ASCENT_OPTIONS.sqp, solver="sqp")
-    except (EvaluationFailed, SolverFailed):  # rods that do not reach
+    except (EvaluationFailed, SolverFailed):  # rods may not reach
         return None
     return program.parts(end.x[0], np.array([size]))["q"] if end.violation[0] <= ASCENT_OPTIONS.feasible else None
 
@@ -167,11 +167,11 @@ def distant_postures(arm: Arm, q: np.ndarray) -> list[np.ndarray]:
 class PostureSampleOptions:
     """Settings of the search for postures that motors can hold."""
 
-    enough: int = 64  # postures that can be held from which on no more samples are drawn
-    batches: int = 8  # of samples, at most
-    clear: float = 2.0  # least load of all samples, a share of what motors can hold, from which on none can be held
-    starts: int = 8  # of the least overloaded samples, from which overloads are led away
-    tool_radius: float = 0.1  # m: times the motors' highest speed, the order of a tool's speed
+    enough: int = 64  # number of postures that can be held at which sampling stops
+    batches: int = 8  # largest number of batches of samples
+    clear: float = 2.0  # least load of all samples, as a share of capacity, above which none can be held
+    starts: int = 8  # number of the least overloaded samples from which overloads are reduced
+    tool_radius: float = 0.1  # m: with the motors' highest speed, the magnitude of a tool's speed
 
 
 OPTIONS = PostureSampleOptions()
@@ -182,8 +182,8 @@ def sample_holdable_postures(
 ) -> Float[np.ndarray, "postures dof"]:
     """Return postures that reach a position, within limits, in which motors can hold the arm.
 
-    Where none of the samples can be held, the least overloaded lead to some. Raises OutOfReach, and Infeasible, naming
-    joint, torque and limit of the least overloaded.
+    If no sample can be held, the overload of the best is reduced. Raises OutOfReach, and Infeasible, naming joint,
+    torque and limit of the least overloaded.
     """
     restricted, q, feasible = restrict_to_rods(arm, actuation), np.empty((0, arm.dof)), np.empty((0, arm.dof))
     for _ in range(OPTIONS.batches):
@@ -213,7 +213,7 @@ def sample_holdable_postures(
 def sample_postures_at(
     arm: Arm, position: Float[np.ndarray, " task"], samples: int, rng: np.random.Generator
 ) -> Float[np.ndarray, "postures dof"]:
-    """Return postures that reach a position, each joint in the turn that its limits want; some may be past limits.
+    """Return postures that reach a position, each joint in the turn of its limits; some may exceed limits.
 
     Raises OutOfReach.
     """
@@ -233,9 +233,9 @@ def sample_postures_at(
 
 
 def restrict_to_rods(arm: Arm, actuation: Actuation) -> Arm:
-    """Return the arm with joint limits no wider than what rods and sliders can reach, in one turn.
+    """Return the arm with joint limits within the reach of rods and sliders, in one turn.
 
-    Raises InvalidInput, naming the joint, where they do not overlap.
+    Raises InvalidInput, naming the joint, if limits and reach do not overlap.
     """
     if not isinstance(actuation, DistributedActuation):
         return arm
@@ -249,20 +249,20 @@ def restrict_to_rods(arm: Arm, actuation: Actuation) -> Arm:
     if (low > high).any():
         j = int(np.argmax(low > high))
         raise InvalidInput(
-            f"{arm.joint_names[j]}: limits that overlap with what its rod reaches wanted, "
+            f"{arm.joint_names[j]}: limits must overlap with what its rod reaches, "
             f"{np.rad2deg(ends[:, j]).round(1).tolist()}°, got {np.rad2deg(arm.position_limits[j]).round(1).tolist()}°"
         )
     return replace(arm, position_limits=np.stack([low, high], axis=1))
 
 
 def stationary_task(arm: Arm, position: Float[np.ndarray, " task"]) -> MotionTask:
-    """Return the task of a tool that stays where it is."""
+    """Return the task of a tool that stays at its place."""
     path = sample_curve(Line(position, np.zeros_like(position), None, np.zeros(3)), np.array([0.0, 0.5, 1.0]))
     return motion_task(arm, path, objectives=[joint_travel], redundant=False)
 
 
 def limit_excess(arm: Arm, q: Joints) -> Joints:
-    """Return by how much joints (*batch, dof) are past their limits [rad, m], negative within."""
+    """Return how far joints (*batch, dof) exceed their limits [rad, m]; negative within limits."""
     lower, upper = arm.position_limits.T
     return np.asarray(np.maximum(q - upper, lower - q))
 
@@ -270,7 +270,7 @@ def limit_excess(arm: Arm, q: Joints) -> Joints:
 def overload(
     arm: Arm, actuation: Actuation, q: Joints, *, without_slider: float = 1e6
 ) -> Float[np.ndarray, " postures"]:
-    """Return the largest load of any joint as a share of what its motor can hold; a number where no slider fits."""
+    """Return the largest load of any joint as a share of its motor's capacity; a large number if no slider fits."""
     torque, (capacity, _) = gravity_torques(arm, q), torque_capacity(actuation, q)
     share = np.abs(torque) / np.where(capacity > 0, capacity, 1e-300)
     share = np.where(np.isnan(capacity), without_slider, share)
@@ -278,24 +278,24 @@ def overload(
 
 
 def can_hold(arm: Arm, actuation: Actuation, q: Joints) -> Bool[np.ndarray, " postures"]:
-    """Return in which postures (postures, dof) the motors can hold the arm."""
+    """Return whether motors can hold the arm in postures (postures, dof)."""
     speeds = joint_speeds(actuation, q, gravity_torques(arm, q))
     return np.asarray(~np.isnan(speeds.high).any(axis=1))
 
 
 def postures_error(arm: Arm, actuation: Actuation, q: np.ndarray, position: np.ndarray) -> Infeasible:
-    """Return the error of postures none of which can be held within limits: of the one that comes nearest to it."""
+    """Return the error of postures that cannot be held within limits: that of the nearest one."""
     excess = limit_excess(arm, q)
     inside = q[(excess <= 0).all(axis=1)]
     if len(inside):
         best = inside[np.argmin(overload(arm, actuation, inside))]
         error = overload_error(actuation, arm, best, gravity_torques(arm, best))
-        message = f"{error}; that is the best of {len(inside)} postures looked at"
+        message = f"{error}; that is the best of {len(inside)} postures tried"
         return Infeasible(message, limit=error.limit, violation=error.violation)
     row = int(np.argmin(excess.max(axis=1)))
     joint = int(np.argmax(excess[row]))
     return Infeasible(
-        f"{arm.joint_names[joint]}: a position within its limits wanted, got {excess[row, joint]:.3g} rad or m "
+        f"{arm.joint_names[joint]} must be within its limits, got {excess[row, joint]:.3g} rad or m "
         f"past them in the best of {len(q)} postures that reach {position.tolist()} m",
         limit=f"position of {arm.joint_names[joint]}",
     )
@@ -313,7 +313,7 @@ def planar_reach_error(table: tuple[np.ndarray, ...], position: np.ndarray) -> O
 
 
 def reach_error_at(error: ParetoikError, position: np.ndarray) -> ParetoikError:
-    """Return the error of a task as one of a position: out of reach, or no posture was found."""
+    """Return the error of a task as one of a position: out of reach, or no posture found."""
     if isinstance(error, OutOfReach):
         return OutOfReach(f"position out of reach: {str(error).split(': ', 1)[1]}", sample=0)
     return SolverFailed(f"position: no posture was found that reaches {position.tolist()} m; more samples may")

@@ -1,8 +1,8 @@
-"""Users' functions of motions for small dense programs: traced, kinks written with epigraph variables.
+"""Users' functions of motions for small dense programs: traced, with epigraph variables for kinks.
 
-Such a program has a few unknowns that the samples of a motion follow from. A term, a function with its sense, is traced
-once by positions and their rates, at one sample where it looks at one at a time; what these are of the unknowns the
-program says.
+Its few unknowns determine the samples of a motion. A term, a function with its sense, is traced
+once by positions and their rates, at one sample if it uses one at a time. The program says how these depend on the
+unknowns.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ from paretoik.task.traced_motion import (
     trace_sample_function,
 )
 
-ORDERS = ("q", "dq", "ddq", "jerk")  # of Motion: what functions are traced by
+ORDERS = ("q", "dq", "ddq", "jerk")  # fields of Motion by which functions are traced
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Term:
-    """``factor`` times a user's function: to be small, or, where ``upper`` is finite, at most that."""
+    """``factor`` times a user's function: minimised, or at most ``upper`` if that is finite."""
 
     label: str
     function: Callable[[Any], Any]
@@ -49,12 +49,12 @@ class Term:
 
     @property
     def is_objective(self) -> bool:
-        """Whether the term is to be small."""
+        """Whether the term is minimised."""
         return not np.isfinite(self.upper)
 
 
 def objective_term(objective: Objective, unit: float) -> Term:
-    """Return an objective, minimised and counted in a unit."""
+    """Return an objective, minimised, in a unit."""
     label, factor = f"objective {objective.name}", objective.sign / unit
     return Term(label=label, function=objective.function, form=objective.form, factor=factor)
 
@@ -71,13 +71,13 @@ def constraint_terms(constraint: Constraint) -> list[Term]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SmoothTerm:
-    """A term on a tape of its own: of one sample (``local``) one value, of a whole motion one or, of peaks, one each.
+    """A term of a program on its own tape.
 
-    The tape's inputs are positions and rates, ``inputs`` of them, with the intervals of motions that have times of
-    their own (of one sample: the duration); then ``parameters`` (samples, count), numbers that change from sample to
-    sample; then epigraph variables, counted in ``units``. ``evaluator`` gives the values, and the kinks that these
-    variables stand for. ``orders`` says how often positions are differentiated, ``reads_duration`` whether the value at
-    one sample depends on the duration.
+    It has one value per sample (``local``), one for a whole motion, or one per peak. The tape's inputs are, in order:
+    ``inputs`` positions and rates, with the intervals of motions that have times of their own (for one sample: the
+    duration); ``parameters`` (samples, count), numbers that differ from sample to sample; epigraph variables, in
+    ``units``. ``evaluator`` gives the values, and the kinks of these variables. ``orders`` is the number of derivatives
+    of positions, ``reads_duration`` whether the value at one sample depends on the duration.
     """
 
     term: Term
@@ -99,7 +99,7 @@ class SmoothTerm:
     def rows(
         self, inputs: Sequence[Any], parameters: Sequence[Any], variables: Sequence[Any]
     ) -> tuple[list[Any], list[Any]]:
-        """Return the values, and what has to be ≥ 0 for epigraph variables, as expressions on another tape."""
+        """Return the values and the slacks (≥ 0) of epigraph variables, as expressions on another tape."""
         tape, smooth = self.motion.trace.tape, self.reformulation
         scaled = [variable * float(unit) for variable, unit in zip(variables, self.units, strict=True)]
         stand_ins = [*inputs, *parameters, *scaled]
@@ -114,7 +114,7 @@ class SmoothTerm:
     def evaluate(self, motions: Motion) -> tuple[np.ndarray, np.ndarray]:
         """Return values (points, lanes, values) and epigraph variables (points, lanes, variables), in their units.
 
-        There is a lane a sample where the term is local, else one.
+        There is one lane per sample if the term is local, else one.
         """
         columns = _columns(motions, self.inputs, self.parameters, self.local)
         table = self.evaluator(_pad(columns, self.motion))
@@ -126,10 +126,10 @@ class SmoothTerm:
 def smooth_term(
     term: Term, task: MotionTask, near: Motion, *, own_times: bool, probes: int = 64, seed: int = 0
 ) -> SmoothTerm:
-    """Return a term as it is for motions like those ``near`` (points, time, dof), which say how large its numbers are.
+    """Return a term for motions like those ``near`` (points, time, dof), which give the size of its numbers.
 
-    Motions are those of ``task``, or, with ``own_times``, of its arm alone. Kinks are looked for at so many ``probes``
-    around them. Raises InvalidInput, naming the function, where its derivative cannot be had.
+    Motions are those of ``task``, or, with ``own_times``, of its arm only. Kinks are searched for at ``probes`` points
+    around them. Raises InvalidInput, naming the function, if it has no derivative.
     """
     motion, values = _trace(term, task, own_times)
     tape, local = motion.trace.tape, motion.trace.samples is not None
@@ -140,7 +140,7 @@ def smooth_term(
     rng, rates = np.random.default_rng(seed), len(ORDERS) * motion.q.entries.size
     size, columns = np.sqrt(np.mean(columns**2, axis=1, keepdims=True)), rng.choice(columns, probes, axis=1)
     probed = columns + size * rng.normal(size=columns.shape)
-    probed[rates:] = columns[rates:]  # intervals and parameters stay
+    probed[rates:] = columns[rates:]  # intervals and parameters are not perturbed
     labels = [term.label] * len(outputs)
     outputs = reformulate_choices(tape, outputs, labels, probed)
     smooth = reformulate_kinks(tape, outputs, [1] * len(outputs), probed)
@@ -163,7 +163,7 @@ def smooth_term(
 
 
 def _trace(term: Term, task: MotionTask, own_times: bool) -> tuple[TracedMotion, list[Any]]:
-    """Return the motion that a term was traced on, of one sample where that will do, and its values."""
+    """Return the motion that a term was traced on, of one sample if possible, and its values."""
     if own_times and term.form in ("integral", "peak"):
         motion = trace_sample(task, own_times=True)
         value = trace_sample_function(motion, term.label, term.function)
@@ -177,7 +177,7 @@ def _trace(term: Term, task: MotionTask, own_times: bool) -> tuple[TracedMotion,
 
 
 def _columns(motions: Motion, inputs: int, parameters: np.ndarray, local: bool) -> Float[np.ndarray, "inputs lanes"]:
-    """Return inputs and parameters of motions (points, time, dof), lanes sample by sample where it is local."""
+    """Return inputs and parameters of motions (points, time, dof), with lanes sample by sample if it is local."""
     points, samples = motions.q.shape[:2]
     orders = np.stack([getattr(motions, name) for name in ORDERS], axis=2 if local else 1)
     if local:
@@ -191,14 +191,12 @@ def _pad(columns: np.ndarray, motion: TracedMotion) -> np.ndarray:
     return np.pad(columns, ((0, len(motion.trace.tape.inputs) - len(columns)), (0, 0)))
 
 
-# Rows and unknowns that users' functions of motions add to a small dense program.
-#
-# A term to be small is the sum of ``tops``, unknowns that are at least its values: one a sample and its interval of
-# an integral, else one. A term that is bounded has its bound in place of them.
+# Rows and unknowns that users' functions of motions add to a small dense program: a minimised term is the sum of
+# epigraph variables (``tops``), one per sample of an integral, else one; a bounded term has its bound instead.
 
 
 Inputs = Callable[[list[Any], list[Any]], tuple[list[Any], Any]]
-"""Of unknowns and parameters: the inputs of a term, and the interval that its values count for."""
+"""Function of unknowns and parameters: the inputs of a term, and the interval of its values."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -211,15 +209,15 @@ class Lanes:
 
 
 LanesOf = Callable[[SmoothTerm, list[int]], list[Lanes]]
-"""Of a term and the samples that it is wanted at: lanes for all of these, in order; one for a whole motion."""
+"""Function of a term and its samples: lanes for all of these, in order; one for a whole motion."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TermRows:
-    """Terms of motions of so many ``samples``, their unknowns beyond the ``first`` of a program.
+    """Terms of motions of ``samples`` samples; their unknowns come after the ``first`` of a program.
 
-    ``intervals`` are the unknowns that stand for intervals, in units of ``pace`` [s]; none where times are fixed. Their
-    mean is an unknown too where a term at one sample reads the duration.
+    ``intervals`` are the indices of unknowns for intervals, in units of ``pace`` [s]; none if times are fixed. Their
+    mean is an unknown too if a term at one sample reads the duration.
     """
 
     terms: tuple[SmoothTerm, ...]
@@ -230,16 +228,16 @@ class TermRows:
 
     @property
     def reads_duration(self) -> bool:
-        """Whether there is an unknown for the mean interval: the first."""
+        """Whether the first unknown is the mean interval."""
         return any(term.reads_duration for term in self.terms)
 
     def lanes(self, term: SmoothTerm) -> list[int]:
-        """Return the samples that a term's lanes stand for; the first has no interval to be summed."""
+        """Return the samples of a term's lanes; the first has no interval to be summed."""
         return list(range(int(term.is_sum), self.samples if term.local else 1))
 
     @cached_property
     def places(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """The unknowns of every term: its tops, and its epigraph variables (lanes, variables)."""
+        """Unknowns of every term: its epigraph variables of the value (tops), and of kinks (lanes, variables)."""
         places, end = list[tuple[np.ndarray, np.ndarray]](), self.first + self.reads_duration
         for term in self.terms:
             lanes = len(self.lanes(term))
@@ -251,12 +249,12 @@ class TermRows:
 
     @property
     def unknowns(self) -> int:
-        """Number of all unknowns, those of the program included."""
+        """Number of all unknowns, with those of the program."""
         return self.first + self.reads_duration + sum(a.size + b.size for a, b in self.places)
 
     @property
     def costs(self) -> Float[np.ndarray, "objectives unknowns"]:
-        """The gradients of the objectives, minimised, in their own units."""
+        """Gradients of the objectives, minimised, in their own units."""
         objectives = [
             (one.term.factor, tops)
             for one, (tops, _) in zip(self.terms, self.places, strict=True)
@@ -268,7 +266,7 @@ class TermRows:
         return costs
 
     def values(self, motions: Motion) -> Float[np.ndarray, "points unknowns"]:
-        """Return the unknowns beyond those of the program that belong to motions (points, time, dof)."""
+        """Return the unknowns of motions (points, time, dof) beyond those of the program."""
         columns = [motions.duration[:, None] / (self.pace * len(self.intervals))] if self.reads_duration else []
         for term, (tops, _) in zip(self.terms, self.places, strict=True):
             values, variables = term.evaluate(motions)
@@ -299,9 +297,9 @@ class TermRows:
         return tuple(parts)
 
     def _part(self, term: SmoothTerm, lanes: Lanes, unknowns: np.ndarray, numbers: np.ndarray) -> Part:
-        """Return the rows of a term in lanes, of its own ``unknowns``.
+        """Return the rows of a term in lanes, with its own ``unknowns``.
 
-        These are epigraph variables, then the mean interval and a top where it has them.
+        These are epigraph variables, then the mean interval and a top if it has them.
         """
         size, width, end = lanes.where.shape[1], lanes.parameters.shape[1], lanes.where.shape[1] + len(term.units)
         has_top = unknowns.shape[1] > len(term.units) + term.reads_duration

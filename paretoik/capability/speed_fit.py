@@ -24,7 +24,7 @@ from paretoik.inputs import check_call, check_flag, finite_array, real_array, sh
 from paretoik.nlp.convex_programs import fit_inverse_squares, symmetric_basis
 from paretoik.tables import field_representation, html_representation
 
-# Samples of directional maxima, checked, and how far a model is from them.
+# Checked samples of directional maxima, and the error of a model at them.
 
 
 Positions: TypeAlias = Float[np.ndarray, "samples task"]
@@ -43,10 +43,10 @@ class Samples(NamedTuple):
 @check_call
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FitErrors:
-    """Errors of a model's speeds as shares of the true ones: 0.1 stands for 10 %.
+    """Relative errors of a model's speeds: 0.1 is 10 %.
 
-    ``overestimate`` is the largest, met at ``position`` [m] along ``direction``, and below zero where the model is
-    below everywhere; likewise ``underestimate``.
+    ``overestimate`` is the largest error above the true speed, at ``position`` [m] along ``direction``; it is negative
+    if the model is below everywhere. ``underestimate`` is the largest error below the true speed.
     """
 
     rms: float
@@ -61,14 +61,15 @@ class FitErrors:
 
 @check_call
 def fit_errors(model: SpeedModel, positions: Positions, directions: Directions, speeds: Speeds) -> FitErrors:
-    """Return how far a model is from directional maxima [m/s], best of positions that it was not fitted to.
+    """Return the errors of a model at directional maxima [m/s].
 
-    Raises InvalidInput where the arrays do not fit together, or hold speeds that are not positive.
+    Positions that were not fitted test it best. Raises InvalidInput if the shapes of the arrays differ, or speeds are
+    not positive.
     """
     check_model(model)
     positions, directions, speeds = checked_samples(positions, directions, speeds)
     if positions.shape[1] != len(model.lower):
-        raise InvalidInput(f"positions: {len(model.lower)} coordinates wanted, got {positions.shape[1]}")
+        raise InvalidInput(f"positions must have {len(model.lower)} coordinates, got {positions.shape[1]}")
     errors = speeds_along(model.roots(positions)[0], directions) / speeds - 1.0
     sample, k = np.unravel_index(np.argmax(errors), errors.shape)
     return FitErrors(
@@ -85,21 +86,21 @@ def checked_samples(positions: object, directions: object, speeds: object) -> Sa
     places, vectors = _matrix("positions", positions), _matrix("directions", directions)
     task = places.shape[1]
     if task not in (2, 3):
-        raise InvalidInput(f"positions: two or three coordinates wanted, got {task}")
+        raise InvalidInput(f"positions must have two or three coordinates, got {task}")
     if vectors.shape[1] != task:
-        raise InvalidInput(f"directions: {task} coordinates wanted, as positions have, got {vectors.shape[1]}")
+        raise InvalidInput(f"directions must have {task} coordinates, as positions have, got {vectors.shape[1]}")
     lengths = np.linalg.norm(vectors, axis=1)
     if np.any(np.abs(lengths - 1.0) > 1e-6):  # more than rounding
         worst = int(np.argmax(np.abs(lengths - 1.0)))
-        raise InvalidInput(f"directions: unit vectors wanted, got length {lengths[worst]:.6g} at direction {worst}")
+        raise InvalidInput(f"directions must be unit vectors, got length {lengths[worst]:.6g} at direction {worst}")
     values = _matrix("speeds", speeds, finite=False)
     if values.shape != (len(places), len(vectors)):
-        raise InvalidInput(f"speeds: shape {(len(places), len(vectors))} wanted, got {values.shape}")
+        raise InvalidInput(f"speeds must have shape {(len(places), len(vectors))}, got {values.shape}")
     wrong = np.argwhere(~(np.isfinite(values) & (values > 0)))
     if len(wrong):
         sample, k = wrong[0]
         raise InvalidInput(
-            f"speeds: positive numbers wanted, got {values[sample, k]} at position {sample}, direction {k}"
+            f"speeds must be positive numbers, got {values[sample, k]} at position {sample}, direction {k}"
         )
     return Samples(places, vectors, values)
 
@@ -110,7 +111,7 @@ def check_determined(directions: Directions) -> None:
     rank = numerical_rank(directions[:, rows] * directions[:, columns])
     if rank < len(rows):
         raise InvalidInput(
-            f"directions: at least {len(rows)} wanted that determine an ellipsoid, opposite ones counted once, got "
+            f"directions must be at least {len(rows)} that determine an ellipsoid, opposite ones counted once, got "
             f"{len(directions)} that determine {rank} of its {len(rows)} numbers"
         )
 
@@ -118,20 +119,20 @@ def check_determined(directions: Directions) -> None:
 def _matrix(name: str, numbers: object, *, finite: bool = True) -> np.ndarray:
     matrix = real_array(name, numbers)
     if matrix.ndim != 2 or not matrix.size:
-        raise InvalidInput(f"{name}: a table of rows and columns wanted, got shape {matrix.shape}")
+        raise InvalidInput(f"{name} must be a table of rows and columns, got shape {matrix.shape}")
     if finite and not np.all(np.isfinite(matrix)):
         row, column = np.argwhere(~np.isfinite(matrix))[0]
-        raise InvalidInput(f"{name}: finite numbers wanted, got {matrix[row, column]} in row {row}, column {column}")
+        raise InvalidInput(f"{name} must be finite numbers, got {matrix[row, column]} in row {row}, column {column}")
     return matrix
 
 
 @dataclass(frozen=True, kw_only=True)
 class EllipsoidFitOptions:
-    """Settings of the fits of ellipsoids; measured on the data of ``studies.kim_2021``."""
+    """Settings of the fits of ellipsoids, measured on the data of ``studies.kim_2021``."""
 
-    longest: float = 30.0  # radius of an ellipsoid within the box, at most, in radii of the ball of equal volume
-    needle: float = 10.0  # radius at a sample, in its largest speed, from which on directions do not determine it
-    clearance: float = 1e-12  # of log speeds of a safe fit from their bounds, so that rounding does not matter
+    longest: float = 30.0  # largest radius of an ellipsoid within the box, in radii of the ball of equal volume
+    needle: float = 10.0  # radius at a sample, in its largest speed, above which directions do not determine it
+    clearance: float = 1e-12  # distance of log speeds of a safe fit from their bounds, against rounding
 
 
 OPTIONS = EllipsoidFitOptions()
@@ -147,29 +148,40 @@ def fit_ellipsoids(
     safe: bool = False,
     margin: float = 0.0,
 ) -> PolynomialEllipsoids:
-    """Return the model of least Σ (fitted / true − true / fitted)²: to first order four times the squared errors.
+    """Return the ellipsoid model of least relative errors.
 
-    The program is convex in P, the inverse square of the ellipsoid (``nlp.ellipsoid_fit``), so that the fit is the best
-    of its kind. The scale s(p) is fitted first, by linear least squares: log s is that of the ball with the volume of
-    the directional maxima. It takes cvxpy some two seconds to load.
+    It minimises Σ (fitted / true − true / fitted)²: to first order four times the squared errors. The program is convex
+    in P, the inverse square of the ellipsoid (``nlp.ellipsoid_fit``), so that the fit is the best of its kind. The
+    scale s(p) is fitted first, by linear least squares: log s is that of the ball with the volume of the directional
+    maxima. Loading cvxpy takes about two seconds. Source: Kim, Choi & Jang 2021, Eq. 5, with P in place of radii and an
+    angle.
 
     Parameters
     ----------
-    positions, directions, speeds
-        Directional maxima (samples, directions) [m/s] at positions (samples, task) [m], task 2 or 3, along unit vectors
-        (directions, task), evenly spread; opposite ones tell nothing new. Safe fits want many (32, planar).
+    positions
+        Positions (samples, task) [m], task 2 or 3.
+    directions
+        Unit vectors (directions, task), evenly spread, for instance 32 in the plane for safe fits; opposite ones add
+        nothing.
+    speeds
+        Directional maxima (samples, directions) [m/s].
     degree
         Total degree of the polynomials.
-    safe, margin
-        Whether no sample may be overestimated: log(fitted / true) ≤ −margin then holds at every one, and nowhere else
-        for sure; 0.02 is about 2 %.
+    safe
+        Flag: whether to satisfy log(fitted / true) ≤ −margin at every sample; it is not certain elsewhere.
+    margin
+        Margin of a safe fit, at least 0; 0.02 is about 2 %.
 
-    Raises InvalidInput for arrays that do not fit together, speeds that are not positive, positions or directions
-    that do not determine the model; SolverFailed where the program has no solution that directions determine.
-    Source: Kim, Choi & Jang 2021, Eq. 5, with P in place of radii and an angle.
+    Raises
+    ------
+    InvalidInput
+        For arrays whose shapes differ, speeds that are not positive, and positions or directions that do not determine
+        the model.
+    SolverFailed
+        If the program has no solution that directions determine.
     """
     if not finite_array("margin", margin, ()) >= 0.0 or (margin > 0.0 and not safe):
-        raise InvalidInput(f"margin: a finite number from 0 on wanted, and 0 unless safe, got {shown(margin)}")
+        raise InvalidInput(f"margin must be a finite number of at least 0, and 0 unless safe, got {shown(margin)}")
     check_flag("safe", safe)
     positions, directions, speeds = checked_samples(positions, directions, speeds)
     empty = empty_polynomials(positions, degree)
@@ -190,7 +202,7 @@ def fit_ellipsoids(
     columns = np.linalg.solve(triangular, np.column_stack([log_scale, entries]))
     model = PolynomialEllipsoids(polynomials=replace(empty, coefficients=columns), lower=lower, upper=upper)
     check_needles(np.linalg.svd(model.roots(positions)[0])[1].min(axis=1), speeds)
-    if safe:  # to rounding, where the solver is exact to its tolerance
+    if safe:  # the solver is exact to its tolerance only: shift to be safe up to rounding
         excess = float(np.log(model.speeds(positions, directions) / speeds).max())
         model = model.scaled(np.exp(-margin - OPTIONS.clearance - excess))
     return model
@@ -198,22 +210,21 @@ def fit_ellipsoids(
 
 @check_call
 def fit_axes(positions: Positions, directions: Directions, speeds: Speeds) -> AxesEllipses:
-    """Return the paper's model, fitted in two stages as there: the ellipse of each position, then polynomials.
+    """Return the paper's model, fitted in its two stages: the ellipse of each position, then polynomials.
 
-    Arguments and errors are those of ``fit_ellipsoids``; InvalidInput also where the positions are not in the plane.
+    Arguments and errors are those of ``fit_ellipsoids``; it also raises InvalidInput if positions are not in the plane.
     The radii a ≥ b and the angle c of each ellipse are those of least relative errors; c is continued from each
-    position to its nearest neighbours.
-    Source: Kim, Choi & Jang 2021, Eq. 5 and section 3.1.
+    position to its nearest neighbours. Source: Kim, Choi & Jang 2021, Eq. 5 and section 3.1.
     """
     positions, directions, speeds = checked_samples(positions, directions, speeds)
     if positions.shape[1] != 2:
-        raise InvalidInput(f"positions: two coordinates wanted for ellipses, got {positions.shape[1]}")
+        raise InvalidInput(f"positions must have two coordinates for ellipses, got {positions.shape[1]}")
     empty = empty_polynomials(positions, 2)  # the degree of section 3.1
     design, triangular = orthogonal_design(empty, positions)
     squares, vectors = np.linalg.eigh(ellipsoids_at(directions, speeds))
     major, minor = 1.0 / np.sqrt(squares.T)
     angles = continued_angles(positions, np.arctan2(vectors[:, 1, 0], vectors[:, 0, 0]))
-    for _ in angles:  # the squared errors fall every time, or stay from here on
+    for _ in angles:  # the squared errors fall every time, or no longer change
         fitted = design @ (design.T @ angles) / len(positions)
         angles = angles + np.pi * np.round((fitted - angles) / np.pi)
     coefficients = np.linalg.solve(triangular, design.T @ np.stack([major, minor, angles], axis=1)) / len(positions)
@@ -222,7 +233,7 @@ def fit_axes(positions: Positions, directions: Directions, speeds: Speeds) -> Ax
 
 
 def continued_angles(positions: Positions, angles: Float[np.ndarray, " samples"]) -> Float[np.ndarray, " samples"]:
-    """Return angles plus multiples of π, each the nearest to that of a neighbour, along a shortest spanning tree."""
+    """Return angles plus multiples of π, each nearest to that of a neighbour, along a shortest spanning tree."""
     weights = 1.0 + np.linalg.norm(positions[:, None] - positions, axis=-1)  # the same tree; 0 would mean no edge
     order, parents = breadth_first_order(minimum_spanning_tree(weights), 0, directed=False)
     continued = angles.copy()
@@ -232,7 +243,7 @@ def continued_angles(positions: Positions, angles: Float[np.ndarray, " samples"]
 
 
 def ellipsoids_at(directions: Directions, speeds: Speeds) -> Float[np.ndarray, "samples task task"]:
-    """Return the inverse square P [s²/m²] of the ellipsoid of every position, each fitted to its speeds alone.
+    """Return the inverse square P [s²/m²] of the ellipsoid of every position, each fitted to its own speeds only.
 
     Raises InvalidInput unless the directions determine an ellipsoid; SolverFailed as ``fit_ellipsoids`` does.
     """
@@ -246,16 +257,16 @@ def ellipsoids_at(directions: Directions, speeds: Speeds) -> Float[np.ndarray, "
 
 
 def log_volume_radii(speeds: Speeds, task: int) -> Float[np.ndarray, " samples"]:
-    """Return the logarithm of the radius of the ball with the volume within speeds along evenly spread directions."""
-    largest = speeds.max(axis=1, keepdims=True)  # whose power may overflow
+    """Return the log radius of the ball with the volume within the speeds along evenly spread directions."""
+    largest = speeds.max(axis=1, keepdims=True)  # scaled out: a power of it may overflow
     return np.asarray(np.log(np.mean((speeds / largest) ** task, axis=1)) / task + np.log(largest[:, 0]))
 
 
 def check_needles(slowness: Float[np.ndarray, " samples"], speeds: Speeds) -> None:
-    """Raise SolverFailed where the longest radius, 1 / slowness [m/s], is far longer than the speeds given."""
+    """Raise SolverFailed if the longest radius, 1 / slowness [m/s], is far longer than the speeds."""
     ratio = 1.0 / (slowness * speeds.max(axis=1))
     if not ratio.max() <= OPTIONS.needle:
         raise SolverFailed(
-            f"speeds: ellipsoids within {OPTIONS.needle:g} times the speeds given wanted, at position "
+            f"speeds must give ellipsoids within {OPTIONS.needle:g} times the speeds, at position "
             f"{np.argmax(ratio)} one grew to {ratio.max():.3g}: give more directions"
         )

@@ -1,8 +1,9 @@
-"""Models of the tool's speed: at every position an ellipse or ellipsoid of velocities, smooth in the position.
+"""Models of the tool's speed: an ellipsoid of velocities at every position.
 
-Directional maxima come as polygons (unions over postures, not convex), one at each position. A model is an ellipsoid
-at every position. Source: Kim, Choi & Jang 2021, Model-predictive-control-based time-optimal trajectory planning of the
-distributed actuation mechanism, section 3.1 and Eq. 5. ``speed_ellipsoids`` fits them.
+Directional maxima are polygons (unions over postures, not convex), one at each position. A model is an ellipse or
+ellipsoid at every position, smooth in the position. Source: Kim, Choi & Jang 2021, Model-predictive-control-based
+time-optimal trajectory planning of the distributed actuation mechanism, section 3.1 and Eq. 5. ``speed_ellipsoids``
+fits them.
 """
 
 from __future__ import annotations
@@ -20,12 +21,12 @@ from paretoik.errors import InvalidInput
 from paretoik.inputs import check_call, check_size, shown
 from paretoik.tables import field_representation, html_representation
 
-# Polynomials of a position, several at once, with their derivatives and their bounds over a box.
+# Polynomials of a position, several at once, with derivatives and bounds over a box.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Polynomials:
-    """Polynomials of total ``degree`` in x = (p − center) / scale, a column of ``coefficients`` each.
+    """Polynomials of total ``degree`` in x = (p − center) / scale, one column of ``coefficients`` each.
 
     Its rows are the monomials, the products of ``degree`` factors out of 1, x₁, x₂, …, in the order of ``monomials``:
     1, x₁, x₂, x₁², x₁x₂, x₂² for two coordinates and degree 2.
@@ -90,7 +91,7 @@ class Polynomials:
 
 
 def monomials(task: int, degree: int) -> Int[np.ndarray, "terms degree"]:
-    """Return which ``degree`` out of 1 (index 0), x₁, x₂, … make each product up to that degree, the lowest first."""
+    """Return the indices of the factors 1 (0), x₁, x₂, … of each product up to a degree, the lowest degree first."""
     rows = list(combinations_with_replacement(range(1 + task), degree))
     return np.array(rows, dtype=int).reshape(len(rows), degree)
 
@@ -98,7 +99,7 @@ def monomials(task: int, degree: int) -> Int[np.ndarray, "terms degree"]:
 def empty_polynomials(positions: Float[np.ndarray, "samples task"], degree: int) -> Polynomials:
     """Return polynomials without columns, to be fitted at positions; one scale for all coordinates keeps axes equal.
 
-    Raises InvalidInput unless the degree is a whole number from 0 on.
+    Raises InvalidInput unless the degree is a whole number of at least 0.
     """
     check_size("degree", degree, 0)
     center = positions.mean(axis=0)
@@ -112,11 +113,11 @@ def orthogonal_design(
 ) -> tuple[Float[np.ndarray, "samples terms"], Float[np.ndarray, "terms terms"]]:
     """Return Q and R of the design matrix at positions, QᵀQ / samples = I.
 
-    Raises InvalidInput where the positions do not determine the polynomials.
+    Raises InvalidInput if the positions do not determine the polynomials.
     """
     design, (size, task) = polynomials.design(positions), positions.shape
     terms = design.shape[1]
-    wish = f"positions: at least {terms} wanted for polynomials of degree {polynomials.degree} in {task} coordinates"
+    wish = f"positions must be at least {terms} for polynomials of degree {polynomials.degree} in {task} coordinates"
     if size < terms:
         raise InvalidInput(f"{wish}, got {size}")
     rank = numerical_rank(design)
@@ -134,9 +135,10 @@ def numerical_rank(matrix: np.ndarray, *, tolerance: float = 1e-9) -> int:
 
 @runtime_checkable
 class SpeedModel(Protocol):
-    """Ellipsoids of tool velocity: at p those v with ‖R(p) v‖ ≤ 1, so that a path takes the time ∫ ‖R(p) dp‖.
+    """Ellipsoids of tool velocity, smooth in the position.
 
-    ``lower`` and ``upper`` (task,) [m] are the corners of the box of positions that it holds in.
+    At p they contain the v with ‖R(p) v‖ ≤ 1, so that a path takes the time ∫ ‖R(p) dp‖. ``lower`` and ``upper``
+    (task,) [m] are the corners of the box of valid positions.
     """
 
     @property
@@ -154,10 +156,20 @@ class SpeedModel(Protocol):
 @check_call
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PolynomialEllipsoids:
-    """Ellipsoids vᵀ P v ≤ 1 with P = Q(p) / s(p)², where log s and the entries of Q are polynomials.
+    """Ellipsoids vᵀ P v ≤ 1 with P = Q(p) / s(p)²; log s and the entries of Q are polynomials.
 
-    The columns of ``polynomials`` are log s, s in m/s, and the entries of the symmetric Q on and above its diagonal,
-    row by row. A fit makes Q positive definite within the box; R is not finite where it is not.
+    Attributes
+    ----------
+    lower
+        Lower corner (task,) of the box of valid positions [m].
+    upper
+        Upper corner (task,) of the box of valid positions [m].
+    polynomials
+        Polynomials of log s, s in m/s, and of the entries of the symmetric Q on and above its diagonal, row by row.
+
+    Notes
+    -----
+    A fit makes Q positive definite within the box; R is not finite if Q is not positive definite.
     """
 
     polynomials: Polynomials
@@ -192,9 +204,18 @@ class PolynomialEllipsoids:
 class AxesEllipses:
     """Ellipses by their radii a, b [m/s] and the angle c [rad] of the first, each a polynomial of the position.
 
-    ``axes`` are a, b and c. As in the paper, with its weaknesses: c means the same as c + π, so where the
-    ellipses turn around a position no polynomial follows it, and polynomials a and b may fall below zero.
+    As in the paper, with its weaknesses: c means the same as c + π, so no polynomial follows it if the ellipses turn
+    around a position, and the polynomials a and b may fall below zero.
     Source: Kim, Choi & Jang 2021, Eq. 5.
+
+    Attributes
+    ----------
+    lower
+        Lower corner (2,) of the box of valid positions [m].
+    upper
+        Upper corner (2,) of the box of valid positions [m].
+    axes
+        Polynomials of a, b and c.
     """
 
     axes: Polynomials
@@ -209,14 +230,14 @@ class AxesEllipses:
     ) -> tuple[Float[np.ndarray, "*batch 2 2"], Float[np.ndarray, "*batch 2 2 2"]]:
         """Return R [s/m] and ∂R/∂p [s/m²], the coordinate of p last.
 
-        Raises InvalidInput where a radius is not positive, naming the position.
+        Raises InvalidInput, naming the position, if a radius is not positive.
         """
         axes, gradients = self.axes(positions)
         if not np.all(axes[..., :2] > 0):
             index = tuple(np.argwhere(~np.all(axes[..., :2] > 0, axis=-1))[0])
             place = " ".join(f"{number:.6g}" for number in positions[index])
             raise InvalidInput(
-                f"positions: an ellipse with radii above zero wanted, got a = {axes[index][0]:.4g} and "
+                f"positions must have an ellipse with radii above zero, got a = {axes[index][0]:.4g} and "
                 f"b = {axes[index][1]:.4g} m/s at [{place}] m"
             )
         inverse = 1.0 / axes[..., :2]
@@ -251,7 +272,7 @@ def spectral_roots(
 ) -> tuple[Float[np.ndarray, "*batch task task"], Float[np.ndarray, "*batch task task variables"]]:
     """Return R = Q^(1/2) / s and its derivatives from log s and the upper triangle of Q and theirs.
 
-    Not finite where Q is not positive definite. Source: Higham, Functions of Matrices, theorem 3.11.
+    Not finite if Q is not positive definite. Source: Higham, Functions of Matrices, theorem 3.11.
     """
     place = upper_triangle(values.shape[-1] - 1)
     eigenvalues, vectors = np.linalg.eigh(values[..., 1:][..., place])
@@ -290,7 +311,7 @@ def planar_roots(
 
 
 def upper_triangle(parts: int) -> Int[np.ndarray, "task task"]:
-    """Return which of the entries on and above a symmetric matrix's diagonal stands at each place."""
+    """Return the index of each place of a symmetric matrix among the entries on and above its diagonal."""
     task = int((np.sqrt(8 * parts + 1) - 1) / 2)
     place = np.zeros((task, task), dtype=int)
     place[np.triu_indices(task)] = np.arange(parts)
@@ -303,6 +324,6 @@ COFACTORS = np.array([1.0, -2.0, 1.0])  # ∂(a d − b²) = d ∂a − 2 b ∂b
 
 
 def check_model(model: object) -> None:
-    """Raise InvalidInput for what is no model of speeds."""
+    """Raise InvalidInput if it is not a model of speeds."""
     if isinstance(model, type) or not all(hasattr(model, name) for name in ("lower", "upper", "roots")):
-        raise InvalidInput(f"model: a model of speeds wanted, such as fit_ellipsoids returns, got {shown(model)}")
+        raise InvalidInput(f"model must be a model of speeds, such as fit_ellipsoids returns, got {shown(model)}")

@@ -1,6 +1,6 @@
-"""Time-optimal control by looking ahead: every period the fastest path to the target is planned, and its start taken.
+"""Time-optimal control: every period plans the fastest path and follows its start.
 
-Source: Kim, Choi & Jang 2021, Eqs. 6 and 7. ``planner`` makes the plans.
+Source: Kim, Choi & Jang 2021, Eqs. 6 and 7. ``Planner`` makes the plans.
 """
 
 from __future__ import annotations
@@ -31,28 +31,22 @@ from paretoik.tables import field_representation, html_representation
 from paretoik.task.limits import LIMIT_TOLERANCE
 
 # Plans of time-optimal control: the fastest path to the target in a few pieces, by second-order cone programs.
-#
-# The unknowns of a plan are the points between its pieces and the intervals that they take. The velocity limit ‖R v‖
-# ≤ 1 is linearised around the last path, again and again, which leaves second-order cone programs; a step is taken as
-# far as the true time falls. Source: Kim, Choi & Jang 2021, Eq. 6.
-#
-# As printed, every piece has an interval of its own and its limit where it begins. That can be exploited: one long
-# piece from where the tool is quick jumps over all that is slow. ``formulation="printed"`` keeps it, to show so; by
+# Source: Kim, Choi & Jang 2021, Eq. 6, as printed or with a common interval (see ``fastest_plan``).
 # default the pieces have one interval in common, and their limit in their middle.
 
 
 Formulation: TypeAlias = Literal["midpoint", "printed"]
 
-PLACES = {"midpoint": 0.5, "printed": 0.0}  # share of a piece after which its limit is taken
+PLACES = {"midpoint": 0.5, "printed": 0.0}  # share of a piece at which its limit is taken
 
 
 @dataclass(frozen=True, kw_only=True)
 class PlannerOptions:
     """Settings of the iterations of a plan."""
 
-    iterations: int = 1000  # cone programs of a plan, at most
-    time_tolerance: float = 1e-7  # share of the time to go that an iteration may still gain, or err by, at the end
-    radius: float = 0.25  # of the distance to the target: how far a point may move in the first iteration
+    iterations: int = 1000  # largest number of cone programs per plan
+    time_tolerance: float = 1e-7  # share of the time to go: largest gain or error of the last iteration
+    radius: float = 0.25  # share of the distance to the target: largest move of a point in the first iteration
 
 
 OPTIONS = PlannerOptions()
@@ -60,10 +54,18 @@ OPTIONS = PlannerOptions()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Plan:
-    """``points`` (pieces + 1, task) [m] from a position to the target, and the ``intervals`` (pieces,) [s] between.
+    """A plan from a position to the target.
 
-    ``time_to_go`` [s] is what the plan claims, the sum of its intervals; ``velocity`` (task,) [m/s] leads along the
-    first piece, as fast as the limit allows at its beginning. ``iterations`` counts the cone programs solved.
+    Attributes
+    ----------
+    points
+        Points (pieces + 1, task) from the position to the target [m].
+    intervals
+        Times (pieces,) between the points [s].
+    velocity
+        Velocity (task,) along the first piece [m/s], as fast as the limit allows at its beginning.
+    iterations
+        Number of cone programs solved.
     """
 
     points: Float[np.ndarray, "points task"]
@@ -73,7 +75,7 @@ class Plan:
 
     @property
     def time_to_go(self) -> float:
-        """Sum of the intervals [s]."""
+        """Time [s] that the plan claims: the sum of the intervals."""
         return float(self.intervals.sum())
 
 
@@ -85,12 +87,18 @@ def fastest_plan(
     horizon: int = 10,
     formulation: Formulation = "midpoint",
 ) -> Plan:
-    """Return the plan of ``horizon`` pieces from ``position`` to ``target`` (task,) [m] that claims the least time.
+    """Return the plan from a position to a target (task,) [m] with the least claimed time.
 
-    Source: Kim, Choi & Jang 2021, Eq. 6; ``formulation="printed"`` is that equation to the letter.
+    It has ``horizon`` pieces. The unknowns are the points between the pieces and the intervals. The velocity limit ‖R
+    v‖ ≤ 1 is linearised around the last path, again and again, which gives second-order cone programs; each step goes
+    as far as the true time falls.
+
+    Source: Kim, Choi & Jang 2021, Eq. 6; ``formulation="printed"`` is that equation to the letter. There every piece
+    has an interval of its own and its limit at its beginning: one long piece from a place at which the tool is quick
+    jumps over all slow places. By default the pieces have one common interval and their limit in the middle.
 
     Raises InvalidInput for ends that are not finite or outside the model's box, a horizon below 1, an unknown
-    formulation, and a model that is not finite somewhere; SolverFailed where the iterations do not converge.
+    formulation, and a model that is not finite somewhere; SolverFailed if the iterations do not converge.
     """
     planner = Planner(model, horizon=horizon, formulation=formulation)
     first, last = check_ends(model, position, target)
@@ -98,30 +106,30 @@ def fastest_plan(
 
 
 class Planner:
-    """Plans for one model and horizon; the cone program is laid out once. Raises InvalidInput as ``fastest_plan``."""
+    """Plans for one model and horizon; the cone program is built once. Raises InvalidInput as ``fastest_plan``."""
 
     def __init__(self, model: SpeedModel, *, horizon: int, formulation: Formulation) -> None:
         check_size("horizon", horizon, 1)
         if formulation not in PLACES:
-            raise InvalidInput(f"formulation: one of {', '.join(PLACES)} wanted, got {shown(formulation)}")
+            raise InvalidInput(f"formulation must be one of {', '.join(PLACES)}, got {shown(formulation)}")
         self.model, self.horizon = model, horizon
         self._place, self._common = PLACES[formulation], formulation == "midpoint"
         self._solver = IntervalSolver(horizon, len(model.lower), common=self._common) if horizon > 1 else None
 
     def initial_points(self, start: Float[np.ndarray, " task"], target: Float[np.ndarray, " task"]) -> np.ndarray:
-        """Return points (pieces + 1, task) to begin with: those of the fastest path, in as many pieces."""
+        """Return initial points (pieces + 1, task): those of the fastest path, in as many pieces."""
         return fastest_path(self.model, start, target, intervals=self.horizon).points
 
     def shift(self, plan: Plan, position: Float[np.ndarray, " task"], period: float) -> np.ndarray:
-        """Return points (pieces + 1, task) to begin the next plan with: what is remaining of one after a period."""
+        """Return initial points (pieces + 1, task) of the next plan: the rest of the last plan after a period."""
         count = self.horizon
-        done = period / max(float(plan.intervals[0]), period)  # of the first piece
+        done = period / max(float(plan.intervals[0]), period)  # share of the first piece
         remaining = done + (1 - done / count) * np.arange(count)
         remaining_points = [np.interp(remaining, np.arange(count + 1), column) for column in plan.points.T]
         return np.vstack([position, np.transpose(remaining_points)[1:], plan.points[-1]])
 
     def plan(self, points: Float[np.ndarray, "points task"]) -> Plan:
-        """Return the best plan near these points, whose first and last stay. Raises SolverFailed if none is."""
+        """Return the best plan near these points, with fixed first and last. Raises SolverFailed without one."""
         pieces = linearise_pieces(self.model, points, self._place)
         intervals, iterations = self._intervals(pieces), 0
         if self._solver is not None and intervals.any():
@@ -131,7 +139,7 @@ class Planner:
     def _improve(
         self, solver: IntervalSolver, points: np.ndarray, pieces: Pieces
     ) -> tuple[np.ndarray, np.ndarray, int]:
-        """Return points, intervals and the count of iterations.
+        """Return points, intervals and the number of iterations.
 
         Source: Fletcher 1982, a model algorithm for composite nondifferentiable optimization problems.
         """
@@ -158,19 +166,17 @@ class Planner:
             elif actual > 0.75 * predicted and farthest > 0.99 * radius:
                 radius *= 2
         where = " ".join(f"{number:.6g}" for number in points[0])
-        raise SolverFailed(
-            f"plan from [{where}] m: settled within {OPTIONS.iterations} iterations wanted, it still moves"
-        )
+        raise SolverFailed(f"plan from [{where}] m: must settle within {OPTIONS.iterations} iterations, it still moves")
 
     def _intervals(self, pieces: Pieces) -> Float[np.ndarray, " pieces"]:
         times: np.ndarray = np.linalg.norm(pieces.values, axis=1)
         return np.full_like(times, times.max()) if self._common else times
 
     def _velocity(self, points: np.ndarray) -> Float[np.ndarray, " task"]:
-        """Return the velocity along the first piece that is one, at the limit where the plan begins.
+        """Return the velocity along the first piece that has a length, at the limit at the plan's beginning.
 
-        With the limit in the middle a plan begins as fast as it may be half a piece later; what is commanded has to
-        keep the limit now.
+        A plan with limits in the middle begins as fast as it may be half a piece later; a command must satisfy the
+        limit now.
         """
         change = points[1:] - points[:-1]
         far = np.abs(change).max(axis=1) > 1e-6 * np.abs(points - points[0]).max()
@@ -184,13 +190,30 @@ class Planner:
 @check_call
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TimeOptimalRun:
-    """What time-optimal control did, sample by sample, a period apart.
+    """Result of time-optimal control, sample by sample, one period apart.
 
-    ``times`` (n,) [s]; ``references`` and ``positions`` of the tool (n, task) [m]; ``velocities`` (n − 1, task) [m/s]
-    that were commanded and kept for a period each, ``cuts`` of them less than the controller asked for. Of each plan:
-    its claimed time ``to_go`` (plans,) [s], the ``seconds`` it took and its ``iterations``. There is one for every
-    period until the target is less than a period away. ``arrival`` [s] is when the reference stands on the target,
-    ``settled`` [s] when the tool does, within the tolerance.
+    Attributes
+    ----------
+    times
+        Times (n,) of the samples [s].
+    references
+        References (n, task) of the tool [m].
+    positions
+        Positions (n, task) of the tool [m].
+    velocities
+        Commanded velocities (n − 1, task) [m/s], each for one period.
+    cuts
+        Number of commands below what the controller asked for.
+    to_go
+        Claimed time (plans,) of each plan [s]; there is a plan every period until the target is less than one away.
+    seconds
+        Computing time (plans,) of each plan [s].
+    iterations
+        Number of cone programs (plans,) of each plan.
+    arrival
+        Time at which the reference reaches the target [s].
+    settled
+        Time at which the tool reaches it within the tolerance [s].
     """
 
     times: Float[np.ndarray, " n"]
@@ -224,35 +247,61 @@ def time_optimal_control(
     overwrite: bool = False,
     observe: Callable[[Any], object] | bool | None = None,
 ) -> TimeOptimalRun:
-    """Lead the tool from ``start`` to ``target`` (task,) [m] in the least time, planning anew every period.
+    """Lead the tool to ``target`` in the least time, with a new plan every period.
 
-    Each ``period`` [s] a plan from the reference p* to the target gives a velocity v*, and p* ← p* + period · v*; in
-    the period in which the target can be reached p* lands on it. A controller commands v* + ``gain`` [1/s] (p* − p),
-    cut to what the model allows where the tool is, from where the tool stands at first, ``initial`` or the start. When
-    the reference has landed the controller alone goes on until the tool is within ``tolerance`` [m] of the target.
+    In each period, a plan from the reference p* to the target gives a velocity v*, and p* ← p* + period · v*; p* goes
+    to the target if it can be reached within the period. A controller commands v* + gain (p* − p), cut to what the
+    model allows at the tool's position. After the reference has arrived, only the controller continues, until the tool
+    is within ``tolerance`` of the target.
 
     The plant is the model itself: commands hold exactly for a period. The tool's position is fed back to the controller
     only; plans begin at the reference, so that ``arrival`` and ``to_go`` depend neither on ``initial`` nor on ``gain``,
     and say nothing about an arm that is slower than its model.
-
-    ``out`` is a folder to keep the run in: run.json, tool_path.npz with every array of the result, review.rrd, in which
-    the tool moves along its path, and picture.png. ``overwrite`` allows it to replace a run that is there. ``observe``
-    is called with a ``RunProgress`` while something is compiled or saved; as for ``plan``.
-
     Source: Kim, Choi & Jang 2021, Eqs. 6 and 7, with the gain, the cut and the two ends added.
 
-    Raises InvalidInput for positions that are not finite or outside the model's box, a horizon below 1, a period or
-    tolerance not above 0, a gain outside (0, 1 / period], an unknown formulation, and a model that is not finite
-    somewhere; SolverFailed where a plan does not converge, or the reference is still not there after ten times the
-    straight line's time.
+    Parameters
+    ----------
+    model
+        Model of the tool's speed.
+    start
+        First reference (task,) [m].
+    target
+        Target (task,) of the tool [m].
+    horizon
+        Number of pieces of a plan, at least 1.
+    period
+        Time from one plan to the next [s].
+    gain
+        Gain of the controller [1/s], at most 1 / period.
+    tolerance
+        Distance from the target [m] at which the control ends.
+    initial
+        First position (task,) of the tool [m]; None: the start.
+    formulation
+        Formulation of the plans, "midpoint" or "printed", as in ``fastest_plan``.
+    out
+        Folder for the run: run.json, tool_path.npz with every array of the result, review.rrd, in which the tool moves
+        along its path, and picture.png.
+    overwrite
+        Flag: whether to replace a run in ``out``.
+    observe
+        Function that is called with a ``RunProgress`` while something is compiled or saved, as for ``plan``.
+
+    Raises
+    ------
+    InvalidInput
+        For positions that are not finite or outside the model's box, a horizon below 1, a period or tolerance not above
+        0, a gain outside (0, 1 / period], an unknown formulation, and a model that is not finite somewhere.
+    SolverFailed
+        If a plan does not converge, or the reference has not arrived after ten times the straight line's time.
     """
     check_model(model)
     check_choice("formulation", formulation, get_args(Formulation))
     for name, value in (("period", period), ("gain", gain), ("tolerance", tolerance)):
         if not 0 < finite_array(name, value, ()) < np.inf:
-            raise InvalidInput(f"{name}: a finite number above 0 wanted, got {value}")
+            raise InvalidInput(f"{name} must be a finite number above 0, got {value}")
     if gain * period > 1.0 + LIMIT_TOLERANCE:
-        raise InvalidInput(f"gain: at most 1 / period = {1 / period:g} 1/s wanted, got {gain:g}: it overshoots")
+        raise InvalidInput(f"gain must be at most 1 / period = {1 / period:g} 1/s, got {gain:g}: it overshoots")
     planner = Planner(model, horizon=horizon, formulation=formulation)
     first, last = check_ends(model, start, target)
     tool = first if initial is None else finite_array("initial", initial, first.shape)
@@ -285,7 +334,7 @@ def _control(
     gain: float,
     tolerance: float,
 ) -> TimeOptimalRun:
-    """Return what the control does; raises SolverFailed as ``time_optimal_control`` says."""
+    """Return the result of the control. Raises SolverFailed as ``time_optimal_control`` says."""
     references, plans, seconds = _reference(planner, first, last, period)
     positions, velocities, cuts = _track(planner.model, tool, references, period, gain, tolerance)
     times = period * np.arange(len(positions))
@@ -306,9 +355,9 @@ def _control(
 def _reference(
     planner: Planner, start: np.ndarray, target: np.ndarray, period: float, *, time_limit: float = 10.0
 ) -> tuple[np.ndarray, list[Plan], list[float]]:
-    """Return references (periods + 1, task) from start to target, the plans and the seconds that they took.
+    """Return references (periods + 1, task) from start to target, the plans and their computing times [s].
 
-    After ``time_limit`` times the straight line's time a reference is taken to lead nowhere.
+    A reference fails after ``time_limit`` times the straight line's time.
     """
     model, points = planner.model, [start]
     latest = time_limit * path_time(model, np.stack([start, target])) + period
@@ -321,12 +370,12 @@ def _reference(
             break
         if len(points) * period > latest:
             away = np.linalg.norm(remaining)
-            raise SolverFailed(f"reference: on the target within {latest:.4g} s wanted, it is {away:.4g} m away")
+            raise SolverFailed(f"reference must be on the target within {latest:.4g} s, got {away:.4g} m away")
         began = perf_counter()
         guess = planner.shift(plans[-1], points[-1], period) if plans else planner.initial_points(start, target)
         plans.append(planner.plan(guess))
         seconds.append(perf_counter() - began)
-        # where pieces last less than a period, the way along the first leads past the next point, and maybe a wall
+        # if pieces last less than a period, the way along the first leads past the next point, and maybe past a wall
         points.append(np.clip(points[-1] + period * plans[-1].velocity, model.lower, model.upper))
     return np.stack(points), plans, seconds
 
@@ -334,7 +383,7 @@ def _reference(
 def _track(
     model: SpeedModel, tool: np.ndarray, references: np.ndarray, period: float, gain: float, tolerance: float
 ) -> tuple[np.ndarray, np.ndarray, int]:
-    """Return positions of the tool, the velocities commanded, and how many of them were cut."""
+    """Return positions of the tool, the commanded velocities, and how many of them were cut."""
     positions, cuts = [tool], 0
     velocities: list[np.ndarray] = []
     ahead = np.diff(references, axis=0) / period
@@ -349,6 +398,6 @@ def _track(
         velocities.append(velocity)
         if now >= len(ahead) and np.all(positions[-1] == tool):
             away = np.linalg.norm(references[-1] - tool)
-            raise SolverFailed(f"tool: within {tolerance:g} m of the target wanted, it stands still at {away:.3g} m")
+            raise SolverFailed(f"tool must come within {tolerance:g} m of the target, it stands still at {away:.3g} m")
         tool = positions[-1]
     return np.stack(positions), np.reshape(velocities, (-1, len(tool))), cuts

@@ -1,4 +1,4 @@
-"""The command ``paretoik`` with its sub-commands; every error that a user can cause is a line and an exit code."""
+"""The command ``paretoik`` with its sub-commands; an error of a user is one line and an exit code."""
 
 from __future__ import annotations
 
@@ -30,35 +30,35 @@ from paretoik.cli.verify import verify
 from paretoik.errors import InvalidInput, ParetoikError
 from paretoik.inputs import likely_spelling, shown
 
-# What is wrong with the words of a command line, in one line with the name, the wish and the fact.
+# Errors in the words of a command line, in one line: the name, what it must be, and what it is.
 
 
-USAGE_ERRORS: Any = typer.BadParameter.__base__  # all that the parser raises, by no public name
-WISHES = {"integer": "an integer", "number": "a number", "float": "a number"}  # by what the parser says
+USAGE_ERRORS: Any = typer.BadParameter.__base__  # base of all errors of the parser, by no public name
+WISHES = {"integer": "an integer", "number": "a number", "float": "a number"}  # by the words of the parser
 
 
 def refusal_of(error: Any, words: Sequence[str], commands: Sequence[str]) -> InvalidInput:
-    """Return what the parser found wrong with the ``words`` of a command line as an error of ours."""
+    """Return a fault that the parser found in the ``words`` of a command line as our own error."""
     command = next((word for word in words if word in commands), "")
     kind, option = type(error).__name__, getattr(error, "option_name", "")
     if kind == "NoSuchOption":
         options = [name for each in error.ctx.command.params for name in each.opts if name.startswith("-")]
-        text = f"option: one of those of {command or 'paretoik'} wanted, got {shown(option)}"
+        text = f"option must be an option of {command or 'paretoik'}, got {shown(option)}"
         return _refusal(command, text + likely_spelling(option, options))
     if kind == "BadOptionUsage":
         has_value = "requires" not in str(error)
-        text = f"{option}: no value wanted, got one" if has_value else f"{option}: a value wanted, got none"
+        text = f"{option} must have no value, got one" if has_value else f"{option} must have a value, got none"
         return _refusal(command, text)
     if kind == "MissingParameter":
-        return _refusal(command, f"{_name(error.param)}: a value wanted, got none")
+        return _refusal(command, f"{_name(error.param)} must have a value, got none")
     if getattr(error, "param", None) is not None:
-        return _refusal(command, f"{_name(error.param)}: {_wish(str(error))} wanted, got {_fact(error, words)}")
+        return _refusal(command, f"{_name(error.param)} must be {_wish(str(error))}, got {_fact(error, words)}")
     name = re.fullmatch(r"No such command '(.*?)'\..*", str(error), re.DOTALL)
     if name is not None:
-        text = f"command: one of {', '.join(commands)} wanted, got {shown(name[1])}"
+        text = f"command must be one of {', '.join(commands)}, got {shown(name[1])}"
         return _refusal("", text + likely_spelling(name[1], commands))
     extra = re.fullmatch(r".*unexpected extra argument(?:s|\(s\))? \((.*)\)", str(error), re.DOTALL)
-    text = "arguments: no more of them wanted" if extra is not None else "other words wanted"
+    text = "arguments must be fewer" if extra is not None else "command line must have other words"
     return _refusal(command, f"{text}, got {shown(extra[1] if extra is not None else str(error))}")
 
 
@@ -72,20 +72,20 @@ def _name(param: Any) -> str:
 
 
 def _wish(message: str) -> str:
-    """Return what is wanted by what the parser says, in its own words where it says something else."""
+    """Return what a value must be, from the parser's message, or this message itself if it says something else."""
     if choices := _choices(message):
         return f"one of {', '.join(choices)}"
     return next((wish for word, wish in WISHES.items() if word in message), f"another value ({message})")
 
 
 def _choices(message: str) -> list[str]:
-    """Return the choices of which the parser says that a value is none."""
+    """Return the choices in a message of the parser."""
     listed = re.search(r"is not one of (.*?)\.?$", message, re.DOTALL)
     return [] if listed is None else listed[1].replace("'", "").split(", ")
 
 
 def _fact(error: Any, words: Sequence[str]) -> str:
-    """Return the value of an option, which comes after its name or behind its equals sign, and what it may mean."""
+    """Return the value of an option, after its name or its equals sign, and what it may mean."""
     values = [
         word.partition("=")[2] if "=" in word else after
         for word, after in zip(words, [*words[1:], ""], strict=True)
@@ -95,7 +95,7 @@ def _fact(error: Any, words: Sequence[str]) -> str:
 
 
 class Commands(TyperGroup):
-    """The sub-commands; words that make none, and a signal before there is anything to keep, are a line each."""
+    """The sub-commands; wrong words, and a signal before there is a result, are one line each."""
 
     words: tuple[str, ...] = ()
 

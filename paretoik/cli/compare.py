@@ -15,11 +15,11 @@ def compare(
     runs: Annotated[list[Path], typer.Argument(help="Folders of finished runs, at least two.", show_default=False)],
     labels: Annotated[
         str | None,
-        typer.Option(help="LABEL,LABEL: one a run; runs with one label are one method's.", show_default=False),
+        typer.Option(help="LABEL,LABEL: one per run; equal labels mark runs of one method.", show_default=False),
     ] = None,
     picture: Annotated[Path | None, typer.Option(help="Draw the fronts into this PNG.", show_default=False)] = None,
     merge: Annotated[
-        Path | None, typer.Option(help="Keep what no point of any run dominates as a run here.", show_default=False)
+        Path | None, typer.Option(help="Folder to keep the nondominated points of all runs in.", show_default=False)
     ] = None,
     overwrite: Annotated[
         bool, typer.Option(help="Replace a run in the folder of --merge, or a file that is no picture of ours.")
@@ -54,4 +54,4 @@ def compare(
         if merge is not None:
             print_text(f"\n{merge}: {len(merged)} points; its run.json says which run each comes from")
             if left_out:
-                print_text(f"not every run has the same {' and '.join(left_out)}, so that the merged front has none")
+                print_text(f"not every run has the same {' and '.join(left_out)}, so the merged front has none")

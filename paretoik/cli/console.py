@@ -1,4 +1,4 @@
-"""What sub-commands share: arguments, results on stdout, messages on stderr, and exit codes."""
+"""The parts that sub-commands share: arguments, results on stdout, messages on stderr, and exit codes."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ from paretoik.runs.files import RUN, is_run, problem_words, read_run
 if TYPE_CHECKING:
     from paretoik.front.front import Front
 
-# The process's stdout and stderr: what they refuse ends no command, and what they cannot encode is written plainly.
+# The stdout and stderr of the process: if they refuse a text, no command ends; letters they lack are replaced.
 
 
-PLAIN = str.maketrans(  # what no decomposition leads to
+PLAIN = str.maketrans(  # letters that no decomposition replaces
     dict(zip("−–×·", "--x*", strict=True))
     | {"ε": "eps", "χ": "chi", "π": "pi", "∂": "d", "≤": "<=", "≥": ">=", "°": " deg", "“": '"', "”": '"'}
 )
@@ -38,10 +38,10 @@ STDIN, STDOUT, STDERR = 0, 1, 2  # descriptors of the process
 
 @contextmanager
 def process_output() -> Iterator[None]:
-    """Let the body write to the process's stdout and stderr whatever these are: full, closed, without letters or gone.
+    """Replace stdout and stderr by streams that never raise, even if these are full, closed, of ASCII letters or gone.
 
-    Raises InvalidInput at the end of a body that ends well, or with an exit, where stdout did not take all. Who reads
-    it may go at any time, though, and nobody reads one that is closed.
+    Raises InvalidInput after a body that ends well, or with an exit, if stdout did not take all of the output. A reader
+    may leave at any time, though, and a closed stdout has no reader.
     """
     _open_missing_descriptors()
     codecs.register_error("paretoik.plain", _plain_letters)
@@ -56,14 +56,14 @@ def process_output() -> Iterator[None]:
 
 
 class _LenientFile(FileIO):
-    """A descriptor whose refusals are remembered, not raised."""
+    """A descriptor that remembers errors instead of raising them."""
 
-    fault: OSError | None = None  # the first
+    fault: OSError | None = None  # the first one
 
     def write(self, content: Any) -> int:
         """Write what the system takes, and drop what it refuses."""
         try:
-            while (written := super().write(content)) is None:  # another process made it one that does not wait
+            while (written := super().write(content)) is None:  # another process made the descriptor non-blocking
                 select.select([], [self], [])
         except OSError as fault:
             self.fault = self.fault or fault
@@ -72,7 +72,7 @@ class _LenientFile(FileIO):
 
 
 def _lenient(stream: Any, original: Any, descriptor: int) -> Any:
-    """Return a stream to a descriptor that never raises, in place of the process's own; others are left as they are."""
+    """Return a stream that never raises, in place of one of the process; leave other streams as they are."""
     if stream is None:
         return Path(os.devnull).open("w", encoding="utf-8")  # for the rest of the process
     if stream is not original or not isinstance(stream, TextIOWrapper):
@@ -84,21 +84,21 @@ def _lenient(stream: Any, original: Any, descriptor: int) -> Any:
 
 
 def _check_written(stream: Any) -> None:
-    """Have all written; raises InvalidInput where a reader who is still there did not get it."""
+    """Flush a stream; raises InvalidInput if a reader who is still there did not get all of it."""
     file = getattr(getattr(stream, "buffer", None), "raw", None)
     if not isinstance(file, _LenientFile):
         return
     stream.flush()
     if file.fault is not None and file.fault.errno != errno.EPIPE:
-        raise InvalidInput(f"stdout: wanted to print all that there is to say, got {file.fault.strerror}")
+        raise InvalidInput(f"stdout must take the whole output, got {file.fault.strerror}")
 
 
 def _open_missing_descriptors() -> None:
-    """Let descriptors that are closed lead nowhere: the next file that is opened would be printed into."""
+    """Open closed descriptors on the null device; else the next file opened would get the output."""
     for descriptor in (STDIN, STDOUT, STDERR):
         try:
             os.fstat(descriptor)
-        except OSError:  # the lowest that is free is what is opened next
+        except OSError:  # the lowest free descriptor is opened next
             os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)
 
 
@@ -112,21 +112,21 @@ def _plain_letters(error: UnicodeError) -> tuple[str, int]:
 JsonFlag = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 QuietFlag = Annotated[bool, typer.Option("--quiet", help="No progress.")]
 RunFolder = Annotated[Path, typer.Argument(help="Folder of a finished run.", show_default=False)]
-NO_RESULT = 6  # the exit code of what was interrupted before there was a result
-NOT_VERIFIED = 7  # the exit code of a verification that fails
-EXIT_CODES = {"time limit": 5, "SIGINT": 130, "interrupted": 130, "SIGTERM": 143}  # of what stopped a run
+NO_RESULT = 6  # exit code of a command interrupted before there was a result
+NOT_VERIFIED = 7  # exit code of a verification that fails
+EXIT_CODES = {"time limit": 5, "SIGINT": 130, "interrupted": 130, "SIGTERM": 143}  # by the status of a stopped run
 
 
 def exit_code(status: object) -> int:
-    """Return the exit code of a run that kept its result, by what ended it."""
+    """Return the exit code of a run that kept its result, by its status."""
     return EXIT_CODES.get(str(status), 0)
 
 
 @contextmanager
 def stdout_for_results() -> Iterator[None]:
-    """Lead what the body prints on stdout to stderr: a user's functions may print, and so may what they start.
+    """Send what the body prints on stdout to stderr: a user's functions, and programs that they start, may print.
 
-    Programs and libraries write where the process's own stdout leads, past Python's.
+    Programs and libraries write to the stdout of the process, not to that of Python.
     """
     print(end="", flush=True)
     stdout = os.dup(STDOUT)
@@ -141,9 +141,9 @@ def stdout_for_results() -> Iterator[None]:
 
 @contextmanager
 def says_how_to_go_on(out: Path | None, time_limit: float | None = None) -> Iterator[None]:
-    """Let what ends the body before there is a result say, in a note, which command goes on from there.
+    """Add a note with the command that resumes the run if the body ends before there is a result.
 
-    That is a signal, or a time limit in which nothing was found.
+    It ends by a signal, or by a time limit in which nothing was found.
     """
     try:
         yield
@@ -153,7 +153,7 @@ def says_how_to_go_on(out: Path | None, time_limit: float | None = None) -> Iter
         limited = not isinstance(end, SolverFailed) or time_limit is not None
         command = resume_command(out) if out is not None and limited else None
         if command is not None:
-            end.add_note(f"{command} goes on with it")
+            end.add_note(f"{command} resumes it")
         raise
 
 
@@ -178,7 +178,7 @@ def finish_front(front: Front, out: Path, *, as_json: bool) -> NoReturn:
 
 
 def print_text(text: object) -> None:
-    """Print a result on stdout, in whose lines nothing steers a terminal: names may come from a file."""
+    """Print a result on stdout without characters that steer a terminal: names may come from a file."""
     print("\n".join(map(_plain, str(text).split("\n"))))
 
 
@@ -188,14 +188,14 @@ def print_message(kind: str, style: str, text: str) -> None:
 
 
 def print_error(text: str, error: BaseException) -> None:
-    """Print what an error is on stderr, and its notes, a line each."""
+    """Print an error and its notes on stderr, one line each."""
     print_message("error:", "bold red", text)
     for note in getattr(error, "__notes__", ()):
         print_message("note:", "yellow", note)
 
 
 def has_agreed(question: str) -> bool:
-    """Ask on the terminal and return whether the answer is yes; without a terminal it is no."""
+    """Ask on the terminal and return whether the answer is yes; without a terminal return False."""
     if not all(getattr(stream, "isatty", bool)() for stream in (sys.stdin, sys.stderr)):
         return False
     print(f"{_one_line(question)} [y/N] ", end="", file=sys.stderr, flush=True)
@@ -203,7 +203,7 @@ def has_agreed(question: str) -> bool:
 
 
 def _one_line(text: str) -> str:
-    """Return text as a line in which nothing steers a terminal."""
+    """Return text as one line without characters that steer a terminal."""
     return _plain(" ".join(filter(None, map(str.strip, text.splitlines()))))
 
 
@@ -211,7 +211,7 @@ def _plain(line: str) -> str:
     return "".join(each if each.isprintable() else each.encode("unicode_escape").decode() for each in line)
 
 
-# The options that sub-commands share, each said once.
+# The options that several sub-commands share.
 
 
 SolverName: TypeAlias = Literal["auto", "interior-point", "sqp"]
@@ -220,7 +220,7 @@ RunProblem = Annotated[
     str | None,
     typer.Option(
         "--problem",
-        help="The run's problem, whose file is run (on a terminal: what the run names, if you say yes).",
+        help="Problem of the run; its file is run (on a terminal: the one that the run names, if you say yes).",
         metavar="FILE.py:NAME",
         show_default=False,
     ),
@@ -228,14 +228,14 @@ RunProblem = Annotated[
 OutFolder = Annotated[Path, typer.Option(help="Folder to keep the run in.", show_default=False)]
 Starts = Annotated[
     int | None,
-    typer.Option(help="Starts for every degree of redundancy (up to 48, as many as pay).", show_default=False),
+    typer.Option(help="Starts per redundant degree (up to 48, while they pay).", show_default=False),
 ]
-Seed = Annotated[int, typer.Option(help="Seed of all chance.")]
+Seed = Annotated[int, typer.Option(help="Seed of all random numbers.")]
 SolverOption = Annotated[
     SolverName, typer.Option(help="Interior points (smooth functions), SQP by Clarabel (any), or what suits.")
 ]
 TimeLimit = Annotated[
-    float | None, typer.Option(help="Stop after so many seconds of computing and keep the result.", show_default=False)
+    float | None, typer.Option(help="Seconds of computing after which to stop and keep the result.", show_default=False)
 ]
 Workers = Annotated[
     int | None, typer.Option(help="Processes on this machine that compute (none: this one).", show_default=False)
@@ -252,7 +252,7 @@ Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace a run in t
 def agreed_problem(run: Path, problem: str | None, *, needed: bool = False) -> str | None:
     """Return ``--problem``, or what a run names if the user agrees on a terminal to run its code, else None.
 
-    Raises InvalidInput, with the command that names it, if the problem is ``needed`` and nobody agreed.
+    Raises InvalidInput, with the command that names the problem, if it is ``needed`` and nobody agreed.
     """
     reference = read_run(run / RUN).get("problem") if problem is None and is_run(run / RUN) else None
     words = problem_words(reference)
@@ -264,5 +264,5 @@ def agreed_problem(run: Path, problem: str | None, *, needed: bool = False) -> s
         return words[1]
     if needed:
         command = shell_command("paretoik", *sys.argv[1:], *words)
-        raise InvalidInput(f"{run}: its problem wanted, whose file is run only if you name it, got none: {command}")
+        raise InvalidInput(f"problem of {run} must be named, as only then its file is run, got none: {command}")
     return None

@@ -18,7 +18,7 @@ from paretoik.cli.console import (
 )
 from paretoik.errors import InvalidInput
 
-if TYPE_CHECKING:  # so that the command line starts quickly
+if TYPE_CHECKING:  # keeps the start of the command line quick
     from paretoik.front.front import Choice
     from paretoik.joint_trajectory.trajectory import JointTrajectory
     from paretoik.task.motion import Motion
@@ -33,28 +33,28 @@ def export(
     ] = None,
     format: Annotated[
         Literal["csv", "parquet", "npz", "joint-trajectory", "ros2-bag"] | None,
-        typer.Option(help="What to write: the ending of --out, or else csv.", show_default=False),
+        typer.Option(help="Format (the ending of --out, or else csv).", show_default=False),
     ] = None,
     rate: Annotated[
         float | None,
-        typer.Option(help="Samples a second (the controller's; else as many as the motion has).", show_default=False),
+        typer.Option(help="Samples per second (the controller's; else as many as the motion has).", show_default=False),
     ] = None,
     controller: Annotated[
         str | None,
         typer.Option(
-            help="Whose limits must hold: franka, ur or kinova, or one of panda, fr3, ur3e, ur5e, ur10e, ur16e, gen3, "
-            "or your own pk.controllers.Controller, FILE.py:NAME, whose file is run.",
+            help="Controller whose limits must hold: franka, ur or kinova, or one of panda, fr3, ur3e, ur5e, ur10e, "
+            "ur16e, gen3, or your own pk.controllers.Controller, FILE.py:NAME, whose file is run.",
             show_default=False,
         ),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(help="File, of a bag a folder, to write (point-ID in the run).", show_default=False)
+        Path | None, typer.Option(help="File to write, or folder of a bag (point-ID in the run).", show_default=False)
     ] = None,
     slow_down: Annotated[
         bool, typer.Option("--slow-down", help="Slow down as little as the controller's limits ask for.")
     ] = False,
-    time_scale: Annotated[float, typer.Option(help="Slow down so many times.")] = 1.0,
-    ramp: Annotated[float, typer.Option(help="Start from rest and stop, each within so many seconds.")] = 0.0,
+    time_scale: Annotated[float, typer.Option(help="Factor by which to slow down.")] = 1.0,
+    ramp: Annotated[float, typer.Option(help="Seconds in which to start from rest, and to stop.")] = 0.0,
     joints: Annotated[
         str | None, typer.Option(help="Order of the joints: NAME,NAME (the arm's).", show_default=False)
     ] = None,
@@ -64,7 +64,7 @@ def export(
 ) -> None:
     """Write the motion of a point for a robot: sampled at a controller's rate, and checked against its limits.
 
-    Points of a plan are its optima, the best of which is meant where none is named.
+    Points of a plan are its optima; the default is the best one.
     """
     with stdout_for_results():
         from paretoik.api.export import export as export_motion
@@ -97,7 +97,7 @@ def export(
 
 
 def _point(run: Path, point: int | None, problem: str | None) -> tuple[int, Choice, dict[str, Any], str]:
-    """Return a point of a front, or the present choice, what is said of it, and which it is where none was named."""
+    """Return a point of a front or the present choice: its id, the choice, metadata, and which default it is."""
     from paretoik.api.load import load_front
     from paretoik.front.choice_tree import pick_point
 
@@ -112,13 +112,13 @@ def _point(run: Path, point: int | None, problem: str | None) -> tuple[int, Choi
 
 
 def _optimum(run: Path, point: int | None, problem: str | None) -> tuple[int, Motion, dict[str, Any], str]:
-    """Return an optimum of a plan, or the best, what is said of it, and which it is; raises InvalidInput for none."""
+    """Return an optimum of a plan or the best, as ``_point`` does; raises InvalidInput without one."""
     from paretoik.api.load import load_plan
     from paretoik.runs.files import RUN, read_run
 
     plan, id = load_plan(run, problem), 0 if point is None else point
     if not 0 <= id < len(plan.optima):
-        raise InvalidInput(f"--point: an optimum from 0 to {len(plan.optima) - 1} wanted, got {id}")
+        raise InvalidInput(f"--point must be an optimum from 0 to {len(plan.optima) - 1}, got {id}")
     optimum, objective = plan.optima[id], read_run(run / RUN)["objective"]
     return (
         id,
@@ -145,13 +145,13 @@ def _text(trajectory: JointTrajectory, place: Path, *, which: str) -> str:
         f"joints at {made['rate']:g} Hz, {trajectory.time[-1]:g} s{scaled}{ramped}"
     ]
     if made["controller"] is None:
-        lines.append("checked against no controller's limits: --controller NAME does it")
+        lines.append("not checked against a controller's limits: --controller NAME does it")
     else:
         uses = ", ".join(f"{kind} {100 * use:.3g} %" for kind, use in made["use of limits"].items())
-        lines.append(f"within the limits of {made['controller']}, of which it uses: {uses}")
+        lines.append(f"within the limits of {made['controller']}; the motion uses: {uses}")
         if made["rate"] < made["controller rate"]:
             lines.append(
-                f"that is the motion at the controller's {made['controller rate']:g} Hz; how it interpolates between "
+                f"this was checked at the controller's {made['controller rate']:g} Hz; how it interpolates between "
                 f"these samples at {made['rate']:g} Hz is not checked"
             )
     return "\n".join(lines)

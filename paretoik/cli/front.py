@@ -39,7 +39,7 @@ def front(
     quiet: QuietFlag = False,
     as_json: JsonFlag = False,
 ) -> None:
-    """Find a certified front by gradients alone.
+    """Find a certified front by gradients only.
 
     One objective is minimised, the others are bounded by one ε after another.
     Ctrl-C ends it early and keeps the result.

@@ -22,14 +22,14 @@ def check_robot(
     soft: Annotated[bool, typer.Option("--soft", help="Take the limits of safety controllers.")] = False,
     repair_inertias: Annotated[
         bool,
-        typer.Option("--repair-inertias", help="Replace impossible inertias by the nearest that a body has."),
+        typer.Option("--repair-inertias", help="Replace impossible inertias by the nearest possible ones."),
     ] = False,
     as_json: JsonFlag = False,
 ) -> None:
     """List the faults of a URDF file, and the arm that Arm.from_urdf makes of it.
 
-    Warnings that are alike are one, with the first names, and of very many lines the first are printed; --json has
-    every fault and every warning.
+    Similar warnings are printed as one, with the first names, and of very many lines only the first are printed; --json
+    has every fault and every warning.
     """
     from paretoik.robot.urdf import check_robot as check
     from paretoik.robot.urdf import report_text
@@ -52,7 +52,7 @@ def list_problems(
 
     places = dict.fromkeys(files or sorted(str(file) for file in Path("problems").glob("[!_]*.py")))
     if not places:
-        raise InvalidInput(f"list: wanted a file, got none, and there is no problems/*.py in {Path.cwd()}")
+        raise InvalidInput(f"files must be at least one, got none, and there is no problems/*.py in {Path.cwd()}")
     rows: list[tuple[str, str]] = []
     errors: list[ParetoikError] = []
     silent: dict[str, list[str]] = {}

@@ -30,13 +30,14 @@ def navigate(
         int | None, typer.Option(help="Id of the point to move from (the present choice).", show_default=False)
     ] = None,
     allow: Annotated[
-        list[str] | None, typer.Option(help="Who pays; may be repeated (all that are not on hold).", show_default=False)
+        list[str] | None,
+        typer.Option(help="An objective that may get worse; repeatable (all not held).", show_default=False),
     ] = None,
     hold: Annotated[
-        list[str] | None, typer.Option(help="Who gets no worse; may be repeated.", show_default=False)
+        list[str] | None, typer.Option(help="An objective that gets no worse; may be repeated.", show_default=False)
     ] = None,
-    by: Annotated[float | None, typer.Option(help="By how much, in its unit (5 % of its range).")] = None,
-    to: Annotated[float | None, typer.Option(help="To which value, in its unit, in place of --by.")] = None,
+    by: Annotated[float | None, typer.Option(help="Improvement, in its unit (5 % of its range).")] = None,
+    to: Annotated[float | None, typer.Option(help="Value to reach, in its unit, in place of --by.")] = None,
     out: Annotated[Path | None, typer.Option(help="Keep the new front in this folder, not in the run.")] = None,
     overwrite: Annotated[bool, typer.Option(help="Replace a run that is in that folder.")] = False,
     problem: RunProblem = None,
@@ -44,8 +45,8 @@ def navigate(
 ) -> None:
     """Move from one point of a front to a new certified one that is better in an objective; the run gains it.
 
-    Nothing is lost: a run whose points the new one dominates stays as it is, and the new front is kept beside it.
-    The recording opens on the new point, beside the present choice of the run if there is one.
+    Nothing is lost: if the new point dominates points of the run, the new front is kept in a folder next to it.
+    The recording opens on the new point, next to the present choice of the run if there is one.
     """
     with stdout_for_results():
         from paretoik.api.navigate import navigate as move
@@ -77,5 +78,5 @@ def navigate(
 def _why_beside(front: Front, run: Path) -> str:
     """Return why a new front is not kept in the run itself."""
     if front.provenance[NAVIGATIONS][-1]["dominated"]:
-        return f", as the new point dominates points of {run}, which loses none"
-    return f", as {run} was stopped and can go on, which would drop the new point"
+        return f", because the new point dominates points of {run}, which keeps them"
+    return f", because {run} was stopped, and resuming it would drop the new point"

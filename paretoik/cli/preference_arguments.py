@@ -1,4 +1,4 @@
-"""Preferences as they are written on the command line."""
+"""Preferences in the form of the command line."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ PREFERENCE_OF_OPTION = {"uncertainty": "robust", "from": "classify"}
 
 
 def read_preference(wishes: Mapping[str, Any], *, run: Path) -> Preference:
-    """Return the preference that the given options, by name, ask for.
+    """Return the preference of the given options, by name.
 
-    ``bounds`` may stand beside another, which then decides within them; ``uncertainty`` is that of ``robust``,
-    ``from`` the point that ``classify`` starts from. Raises InvalidInput unless there is one wish.
+    ``bounds`` may come with another preference, which then decides within them; ``uncertainty`` belongs to ``robust``,
+    ``from`` is the point that ``classify`` starts from. Raises InvalidInput unless there is exactly one preference.
     """
     accuracy = {"uncertainty": wishes["uncertainty"]} if "uncertainty" in wishes else {}
     options: dict[str, Callable[[Any], Preference]] = {
@@ -37,12 +37,12 @@ def read_preference(wishes: Mapping[str, Any], *, run: Path) -> Preference:
     }
     for name, preference_name in PREFERENCE_OF_OPTION.items():
         if name in wishes and preference_name not in wishes:
-            raise InvalidInput(f"{name}: wanted it beside --{preference_name} alone, got no --{preference_name}")
+            raise InvalidInput(f"{name} must come with --{preference_name}, got no --{preference_name}")
     chosen, bounds = [name for name in options if name in wishes], wishes.get("bounds")
     if len(chosen) > 1 or not (chosen or bounds):
         names = ", ".join(f"--{name}" for name in options)
         got = " and ".join(f"--{name}" for name in chosen) or "none"
-        raise InvalidInput(f"select: wanted one of {names}, with or without --bounds, got {got}")
+        raise InvalidInput(f"preference must be one of {names}, with or without --bounds, got {got}")
     preference = options[chosen[0]](wishes[chosen[0]]) if chosen else Compromise()
     return preference if bounds is None else Bounds(parse_bounds(bounds), then=preference)
 
@@ -50,7 +50,7 @@ def read_preference(wishes: Mapping[str, Any], *, run: Path) -> Preference:
 def parse_numbers(option: str, text: str) -> dict[str, float]:
     """Return numbers by name.
 
-    Raises InvalidInput where a part is not NAME=NUMBER, or a name comes twice.
+    Raises InvalidInput if a part is not NAME=NUMBER, or a name comes twice.
 
     >>> parse_numbers("weights", "kinetic_energy=0.3, torque_norm=0.7")
     {'kinetic_energy': 0.3, 'torque_norm': 0.7}
@@ -58,13 +58,13 @@ def parse_numbers(option: str, text: str) -> dict[str, float]:
     numbers: dict[str, float] = {}
     for name, value in _parts(option, text, "NAME=NUMBER,NAME=NUMBER"):
         if name in numbers:
-            raise InvalidInput(f"{option}: wanted each objective once, got {name} twice")
+            raise InvalidInput(f"{option} must have each objective once, got {name} twice")
         numbers[name] = _number(option, name, value)
     return numbers
 
 
 def parse_lexicographic(text: str) -> Lexicographic:
-    """Return names in their order, each with a tolerance in its own units or, with a percent sign, of its range.
+    """Return names in order, each with a tolerance in its own unit or, with a percent sign, of its range.
 
     >>> parse_lexicographic("kinetic_energy=5%,torque_norm=0.1,joint_travel")
     Lexicographic('kinetic_energy', 'torque_norm', 'joint_travel', tolerances={'torque_norm': 0.1}, \
@@ -93,17 +93,17 @@ def parse_bounds(text: str) -> dict[str, tuple[float | None, float | None]]:
     for part in text.split(","):
         match = re.fullmatch(r"\s*(.+?)\s*(<=|>=)\s*(\S+)\s*", part)
         if match is None:
-            raise InvalidInput(f"bounds: wanted 'NAME<=VALUE,NAME>=VALUE' in quotes, got {shown(part)}")
+            raise InvalidInput(f"bounds must be 'NAME<=VALUE,NAME>=VALUE' in quotes, got {shown(part)}")
         name, sign, value = match[1], match[2], _number("bounds", match[1], match[3])
         lower, upper = bounds.get(name, (None, None))
         if (upper if sign == "<=" else lower) is not None:
-            raise InvalidInput(f"bounds: wanted one bound on each side, got {clipped(name)} {sign} twice")
+            raise InvalidInput(f"bounds must have one bound on each side, got {clipped(name)} {sign} twice")
         bounds[name] = (lower, value) if sign == "<=" else (value, upper)
     return bounds
 
 
 def parse_classes(text: str, start: int | None, run: Path) -> Classify:
-    """Return every objective in its class, seen from the point ``start`` or else the run's present choice."""
+    """Return every objective in its class, from the point ``start`` or else the run's present choice."""
     lists: dict[str, list[str]] = {"improve": [], "keep": [], "free": []}
     values: dict[str, dict[str, float]] = {"improve": {}, "relax": {}}
     for name, kind in _parts("classify", text, "NAME=CLASS,NAME=CLASS"):
@@ -114,7 +114,7 @@ def parse_classes(text: str, start: int | None, run: Path) -> Classify:
             lists[word].append(name)
         else:
             hint = likely_spelling(word, ("improve", "keep", "relax", "free"))
-            raise InvalidInput(f"classify: wanted of {clipped(name)} {CLASSES}, got {shown(kind)}{hint}")
+            raise InvalidInput(f"classify must be for {clipped(name)} {CLASSES}, got {shown(kind)}{hint}")
     if start is None:
         start = present_point(read_choices(run), name="--from")
     return Classify(start, improve_to=values["improve"], relax_to=values["relax"], **lists)
@@ -124,7 +124,7 @@ def _parts(option: str, text: str, form: str) -> Iterator[tuple[str, str]]:
     for part in text.split(","):
         name, separator, value = map(str.strip, part.partition("="))
         if not separator or not name:
-            raise InvalidInput(f"{option}: wanted {form}, got {shown(part)}")
+            raise InvalidInput(f"{option} must be {form}, got {shown(part)}")
         yield name, value
 
 
@@ -132,4 +132,4 @@ def _number(option: str, name: str, text: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise InvalidInput(f"{option}: wanted a number for {clipped(name)}, got {shown(text)}") from None
+        raise InvalidInput(f"{option} must be a number for {clipped(name)}, got {shown(text)}") from None

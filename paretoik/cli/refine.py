@@ -39,8 +39,8 @@ def refine(
 ) -> None:
     """Refine and certify the front of a run, as a new run.
 
-    No point becomes worse in any objective, but where keeping limits between samples costs some 1e-4 of a range; none
-    that is certified does. Ctrl-C ends it early and keeps the result.
+    No point becomes worse in any objective, except by some 1e-4 of a range if limits between samples require it; no
+    certified point does. Ctrl-C ends it early and keeps the result.
     """
     with (
         stdout_for_results(),
@@ -63,13 +63,13 @@ def refine(
 
 
 def _open(run: Path, problem: str | None) -> Front:
-    """Return the front of a run with its problem; raises InvalidInput if there is none."""
+    """Return the front of a run with its problem; raises InvalidInput without one."""
     from paretoik.api.load import load_front
 
     front = load_front(run, problem)
     if problem is None:
         raise InvalidInput(
-            f"{run}: wants a run that names its problem, got one made without reference=; --problem FILE.py:NAME does "
-            "it, or in Python paretoik.refine(load_front(run), problem)"
+            f"{run} must be a run that names its problem, got one made without reference=; --problem FILE.py:NAME "
+            "names it, or in Python paretoik.refine(load_front(run), problem)"
         )
     return front

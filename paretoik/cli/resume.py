@@ -1,4 +1,4 @@
-"""``paretoik resume``: let a run go on that was stopped or killed, or a finished search by more generations."""
+"""``paretoik resume``: resume a stopped or killed run, or continue a finished search."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def resume(
     quiet: QuietFlag = False,
     as_json: JsonFlag = False,
 ) -> None:
-    """Let a run go on that was stopped or killed, or a finished search by more generations.
+    """Resume a run that was stopped or killed, or continue a finished search by more generations.
 
     The result is that of a run that never stopped.
     """

@@ -1,4 +1,4 @@
-"""``paretoik select``: choose one motion of a front by a preference, keep the choice, and go back."""
+"""``paretoik select``: choose one motion of a front by a preference, keep the choice, and undo it."""
 
 from __future__ import annotations
 
@@ -30,22 +30,22 @@ NUMBERS = "NAME=NUMBER,NAME=NUMBER"
 def select(
     run: RunFolder,
     weights: Annotated[
-        str | None, typer.Option(help="Least weighted sum; who is missing has 0.", metavar=NUMBERS)
+        str | None, typer.Option(help="Least weighted sum; missing objectives have weight 0.", metavar=NUMBERS)
     ] = None,
     knee: Annotated[
-        bool, typer.Option("--knee", help="The point from which any step costs the most beside what it gains.")
+        bool, typer.Option("--knee", help="The point from which any step costs the most relative to its gain.")
     ] = False,
     compromise: Annotated[
         bool,
-        typer.Option("--compromise", help="The point whose hardest-hit objective gives up the least of its range."),
+        typer.Option("--compromise", help="The point whose worst objective gives up the least of its range."),
     ] = False,
     aspiration: Annotated[
-        str | None, typer.Option(help="Nearest to values that you wish for, in and out of reach.", metavar=NUMBERS)
+        str | None, typer.Option(help="Nearest to values that you wish for, reachable or not.", metavar=NUMBERS)
     ] = None,
     lexicographic: Annotated[
         str | None,
         typer.Option(
-            help="The first objective decides, then the second among what is within the tolerance of the first, ...; a "
+            help="The first objective decides, then the second among points within the tolerance of the first, ...; a "
             "tolerance is in the objective's units, with % a share of its range.",
             metavar="NAME[=TOLERANCE],NAME",
         ),
@@ -53,31 +53,32 @@ def select(
     bounds: Annotated[
         str | None,
         typer.Option(
-            help="Only points that keep these bounds (in quotes), alone or beside a preference that then decides.",
+            help="Only points within these bounds (in quotes), with or without a preference that then decides.",
             metavar="'NAME<=VALUE,NAME>=VALUE'",
         ),
     ] = None,
     robust: Annotated[
-        str | None, typer.Option(help="Least regret where weights are not known exactly.", metavar=NUMBERS)
+        str | None, typer.Option(help="Least regret if weights are not known exactly.", metavar=NUMBERS)
     ] = None,
     uncertainty: Annotated[
-        float | None, typer.Option(help="By what share the weights of --robust may be wrong (0.2).")
+        float | None, typer.Option(help="Share by which the weights of --robust may be wrong (0.2).")
     ] = None,
     classify: Annotated[
         str | None,
         typer.Option(
-            help="From a point: each objective in a class: improve, improve:VALUE, keep, relax:VALUE or free (NIMBUS).",
+            help="Class of each objective, from a point: improve, improve:VALUE, keep, relax:VALUE or free (NIMBUS).",
             metavar="NAME=CLASS,NAME=CLASS",
         ),
     ] = None,
     start: Annotated[
-        int | None, typer.Option("--from", help="Where --classify starts; else the present choice.", metavar="ID")
+        int | None,
+        typer.Option("--from", help="Point from which --classify starts (the present choice).", metavar="ID"),
     ] = None,
     point: Annotated[int | None, typer.Option(help="The point with this id.", metavar="ID")] = None,
-    history: Annotated[bool, typer.Option("--history", help="Print the choices made so far, a tree.")] = False,
+    history: Annotated[bool, typer.Option("--history", help="Print the tree of choices so far.")] = False,
     undo: Annotated[bool, typer.Option("--undo", help="Go back to the choice before the present one.")] = False,
     picture: Annotated[Path | None, typer.Option(help="Draw the front and the chosen motion into this PNG.")] = None,
-    out: Annotated[Path | None, typer.Option(help="Of a closed loop: keep the new run in this folder.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for the new run of a closed loop.")] = None,
     overwrite: Annotated[
         bool, typer.Option(help="Replace a run in that folder, or a file that is no picture of ours.")
     ] = False,
@@ -87,7 +88,7 @@ def select(
 ) -> None:
     """Choose one motion of a front, say why, and keep the choice in the run.
 
-    A closed loop is followed anew with other weights at every step.
+    A closed loop is followed again with other weights at every step.
     """
     options = {
         "weights": weights,
@@ -131,12 +132,12 @@ def select(
 
 
 def _show_history(run: Path, wishes: Mapping[str, object], *, undo: bool, problem: str | None, as_json: bool) -> None:
-    """Print the choices kept in a run, after going back by one where told; raises InvalidInput beside a preference."""
+    """Print the choices of a run, after one step back if ``undo``; raises InvalidInput with a preference."""
     from paretoik.front.choice_tree import read_choices
     from paretoik.runs.files import RUN, read_run
 
     if wishes:
-        raise InvalidInput(f"select: wanted --history and --undo without a preference, got --{next(iter(wishes))} too")
+        raise InvalidInput(f"--history and --undo must come without a preference, got --{next(iter(wishes))} too")
     read_run(run / RUN)
     if undo:
         with stdout_for_results():

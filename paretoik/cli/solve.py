@@ -27,27 +27,25 @@ def solve(
     problem: Problem,
     out: OutFolder,
     population: Annotated[
-        int | None, typer.Option(help="Size of the population (200; of a closed loop its own).", show_default=False)
+        int | None, typer.Option(help="Size of the population (200; for a closed loop its own).", show_default=False)
     ] = None,
     generations: Annotated[
-        int | None, typer.Option(help="Most generations (500; of a closed loop its own).", show_default=False)
+        int | None, typer.Option(help="Most generations (500; for a closed loop its own).", show_default=False)
     ] = None,
     points: Annotated[int, typer.Option(help="Most points of the front, spread over it.")] = 200,
-    seed: Annotated[int | None, typer.Option(help="Seed of all chance (0).", show_default=False)] = None,
-    islands: Annotated[int, typer.Option(help="Populations, of which some of the best go to the next.")] = 1,
+    seed: Annotated[int | None, typer.Option(help="Seed of all random numbers (0).", show_default=False)] = None,
+    islands: Annotated[int, typer.Option(help="Populations; some of the best migrate to the next one.")] = 1,
     time_limit: TimeLimit = None,
     workers: Workers = None,
     cluster: ClusterAddress = None,
     evaluation_timeout: Annotated[
         float | None,
-        typer.Option(help="Seconds after which an evaluation is ended, and has failed.", show_default=False),
+        typer.Option(help="Seconds after which an evaluation is ended and has failed.", show_default=False),
     ] = None,
-    refine: Annotated[
-        bool, typer.Option("--refine", help="Let gradients help, and add ends and certificates.")
-    ] = False,
+    refine: Annotated[bool, typer.Option("--refine", help="Use gradients, and add optima and certificates.")] = False,
     solver: Annotated[
         SolverName,
-        typer.Option(help="What --refine uses: interior points (smooth functions), or SQP by Clarabel (any)."),
+        typer.Option(help="Solver of --refine: interior points (smooth functions), or SQP by Clarabel (any)."),
     ] = "auto",
     record_step: Annotated[
         list[int] | None,

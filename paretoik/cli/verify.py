@@ -21,7 +21,7 @@ from paretoik.cli.console import (
 
 
 def verify(run: RunFolder, problem: RunProblem = None, quiet: QuietFlag = False, as_json: JsonFlag = False) -> None:
-    """Check files, motions, limits, collisions, objectives and certificates of a run, sharing no kernel with it.
+    """Check files, motions, limits, collisions, objectives and certificates of a run, without its own kernels.
 
     Exit code 7 if a check fails.
     """

@@ -1,7 +1,8 @@
-"""Which steps are admissible, compiled: within their bounds, and clear of obstacles at their end or all the way.
+"""Compiled tests whether steps are admissible.
 
-No point of the arm moves by more than Σ reach · |Δq|, its travel. What is farther than that from all obstacles need not
-be evaluated, and between two configurations that are together as far from them the arm is clear.
+They are within their bounds, and clear of obstacles at their end or all the way. No point of the arm moves by more than
+Σ reach · |Δq|, its travel. Obstacles farther away than the travel need no test, and the arm is clear between two
+configurations whose distances from obstacles add up to more than it.
 """
 
 from __future__ import annotations
@@ -12,19 +13,17 @@ from paretoik.autodiff.interpreter import run_first
 from paretoik.closed_loop.programs import AXES, FIRST, KIND, POINT, RADIUS, SECOND, SEGMENT
 from paretoik.compilation.numba_cache import compiled
 
-# The distance of an arm's axes to obstacles, compiled: that of ``task/distances`` as far as it is positive.
-#
-# The definition of ``task/distances``, traced and interpreted, takes 3.4 times as long in exact steps and up to 1.2
-# times in a search. Loops over configurations have no branches, for vector instructions.
+# Distance of an arm's axes from obstacles, compiled: that of ``task/distances`` if it is positive (traced, that takes
+# up to 3.4 times as long). Loops over configurations have no branches, for vector instructions.
 
 
 @compiled
 def evaluate_distances(obstacles, nodes, count, distances):
-    """Write the distance of the arm to all obstacles in ``count`` configurations; at most 0 where it meets one.
+    """Write the distance of the arm from all obstacles in ``count`` configurations; at most 0 if it meets one.
 
-    Then some point of the arm is at least so deep in an obstacle.
+    If it is not positive, some point of the arm is at least that deep in an obstacle.
 
-    ``obstacles`` is what ``tabulate`` returns, ``nodes`` (3 · nodes, count) are x, y and z of each node in turn.
+    ``obstacles`` is the result of ``tabulate``; ``nodes`` (3 · nodes, count) are x, y and z of each node in order.
     """
     for k in range(count):
         distances[k] = np.inf
@@ -41,7 +40,7 @@ def evaluate_distances(obstacles, nodes, count, distances):
 
 @compiled
 def _fraction(part, whole):
-    """Return part / whole within [0, 1], and 0 where the whole is not positive."""
+    """Return part / whole within [0, 1], and 0 if the whole is not positive."""
     fraction = part / (whole if whole > 0.0 else 1.0)
     fraction = fraction if fraction > 0.0 else 0.0
     return fraction if fraction < 1.0 else 1.0
@@ -70,7 +69,7 @@ def _to_point(point, nodes, row, count, distances):
 
 @compiled
 def _to_segment(segment, nodes, row, count, distances):
-    """At an end of one, or where their lines are nearest if that is within both."""
+    """Write the distance from a segment: at an end of one, or at the nearest places of their lines if within both."""
     sx, sy, sz, radius = segment[FIRST], segment[FIRST + 1], segment[FIRST + 2], segment[RADIUS]
     ex, ey, ez = segment[SECOND] - sx, segment[SECOND + 1] - sy, segment[SECOND + 2] - sz
     x0, y0, z0, x1, y1, z1 = nodes[row], nodes[row + 1], nodes[row + 2], nodes[row + 3], nodes[row + 4], nodes[row + 5]
@@ -109,7 +108,7 @@ def _slope(fraction, ax, ay, az, dx, dy, dz, hx, hy, hz):
 
 @compiled
 def _narrow(bracket, fraction, ax, ay, az, dx, dy, dz, hx, hy, hz):
-    """Return the bracket of the nearest place of a segment, with the slopes at its ends, narrowed at a fraction."""
+    """Return the bracket of a segment's nearest place, with the slopes at its ends, narrowed at a fraction."""
     low, low_slope, high, high_slope = bracket
     slope = _slope(fraction, ax, ay, az, dx, dy, dz, hx, hy, hz)
     falls, rises = (slope <= 0.0) & (fraction > low), (slope >= 0.0) & (fraction < high)
@@ -120,7 +119,7 @@ def _narrow(bracket, fraction, ax, ay, az, dx, dy, dz, hx, hy, hz):
 
 @compiled
 def _to_box(box, nodes, row, count, distances):
-    """Where the derivative of the squared distance, linear between the planes of the box, is zero."""
+    """Write the distance from a box: the derivative of its square, linear between the box's planes, is zero there."""
     hx, hy, hz = box[SECOND], box[SECOND + 1], box[SECOND + 2]
     cx, cy, cz = box[FIRST], box[FIRST + 1], box[FIRST + 2]
     xx, xy, xz, yx, yy = box[AXES], box[AXES + 1], box[AXES + 2], box[AXES + 3], box[AXES + 4]
@@ -142,7 +141,7 @@ def _to_box(box, nodes, row, count, distances):
         bracket = _narrow(bracket, _fraction((-hz - az) * dz, dz * dz), ax, ay, az, dx, dy, dz, hx, hy, hz)
         bracket = _narrow(bracket, _fraction((hz - az) * dz, dz * dz), ax, ay, az, dx, dy, dz, hx, hy, hz)
         low, low_slope, high, high_slope = bracket
-        steepening = high_slope - low_slope  # 0 where both are within the box: then their middle is deep in it
+        steepening = high_slope - low_slope  # 0 if both are within the box: then their middle is deep in it
         share = _fraction(-low_slope, steepening)
         nearest = low + (high - low) * (share if steepening > 0.0 else 0.5)
         px, py, pz = ax + nearest * dx, ay + nearest * dy, az + nearest * dz
@@ -154,7 +153,7 @@ def _to_box(box, nodes, row, count, distances):
 
 @compiled
 def clearance_at_start(start, constraints, w):
-    """Return by how much the configuration before a step exceeds the required distance; inf without obstacles."""
+    """Return how far the configuration before a step exceeds the required distance; inf without obstacles."""
     if constraints.obstacles.shape[0] == 0:
         return np.inf
     for j in range(start.previous.shape[0]):
@@ -164,7 +163,7 @@ def clearance_at_start(start, constraints, w):
 
 @compiled
 def excess_at(share, start, constraints, w):
-    """Return that after a share of the first step, to ``w.inputs``."""
+    """Return the same excess after a share of the first step, to ``w.inputs``."""
     for j in range(start.previous.shape[0]):
         w.configurations[j, 0] = start.previous[j] + share * (w.inputs[j, 0] - start.previous[j])
     return _first_excess(constraints, w)
@@ -179,7 +178,7 @@ def _first_excess(constraints, w):
 
 @compiled
 def _evaluate_excess(obstacles, required, count, w):
-    """Write by how much the arms of the first ``w.nodes`` exceed the required distance from obstacles."""
+    """Write how far the arms of the first ``w.nodes`` exceed the required distance from obstacles."""
     evaluate_distances(obstacles, w.nodes, count, w.distances)
     for k in range(count):
         w.distances[k] -= required
@@ -187,7 +186,7 @@ def _evaluate_excess(obstacles, required, count, w):
 
 @compiled
 def shorten(genes, positions, count, start, constraints, w):
-    """Scale down the self-motion of steps so that joints stay within their bounds; genes follow."""
+    """Scale down the self-motion of steps so that joints stay within their bounds, and change genes to match."""
     if not constraints.bounded:
         return
     scale, shortened = w.scale[:count], np.int64(0)
@@ -209,7 +208,7 @@ def shorten(genes, positions, count, start, constraints, w):
 
 @compiled
 def _scale_self_motion(genes, positions, count, start, scale):
-    """Scale the self-motion of steps, and let their genes stand for it."""
+    """Scale the self-motion of steps, and change their genes to match."""
     n = start.previous.shape[0]
     for j in range(n):
         q, base = positions[j], start.previous[j] + start.particular[j]
@@ -229,7 +228,7 @@ def _scale_self_motion(genes, positions, count, start, scale):
 def find_inadmissible(count, start, constraints, clearance, options, w):
     """Move the pending steps that are not admissible to the front of ``w.pending``; return how many.
 
-    ``clearance`` is what ``clearance_at_start`` returned. Balls around the obstacles decide first.
+    ``clearance`` is the result of ``clearance_at_start``. Balls around the obstacles are tested first.
     """
     rejected, near = _check_bounds(count, start, constraints, clearance, options, w)
     if near == 0:
@@ -257,7 +256,7 @@ def find_inadmissible(count, start, constraints, clearance, options, w):
 def _check_bounds(count, start, constraints, clearance, options, w):
     """Reject pending steps beyond their bounds; write those that may meet an obstacle as candidates.
 
-    Return how many of each.
+    Return the numbers of both.
     """
     rejected, near, n = 0, 0, start.previous.shape[0]
     for i in range(count):
@@ -300,8 +299,8 @@ def _check_balls(near, constraints, clearance, w):
 def _sweep(count, start, clearance, constraints, options, w):
     """Mark the candidates whose steps are not proven clear all the way: their travel becomes negative.
 
-    Intervals of steps (candidate, begin, width, distance at begin and end) wait on a stack; those that the distances at
-    their ends do not clear are halved.
+    Intervals of steps (candidate, begin, width, distance at begin and end) wait on a stack; intervals that the
+    distances at their ends do not prove clear are halved.
     """
     intervals = w.intervals
     waiting = count
@@ -327,8 +326,8 @@ def _sweep(count, start, clearance, constraints, options, w):
 def _halve(popped, i, middle, waiting, shortest, intervals, travels):
     """Push the halves of a popped interval that are not proven clear; return how many intervals then wait.
 
-    ``middle`` is the distance in its middle. Where that is not positive, or halves would be too short, the travel of
-    the candidate becomes negative.
+    ``middle`` is the distance in its middle. If it is not positive, or halves would be too short, the travel of the
+    candidate becomes negative.
     """
     candidate, begin, width = np.int64(popped[0, i]), popped[1, i], 0.5 * popped[2, i]
     first, last, travel = popped[3, i], popped[4, i], travels[candidate]

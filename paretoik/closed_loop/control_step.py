@@ -1,4 +1,4 @@
-"""One control step: where it begins, what it is to reach, which genes make which step (Marcos et al. 2012, 4.1)."""
+"""One control step: its beginning, its target, and the steps of genes (Marcos et al. 2012, section 4.1)."""
 
 from __future__ import annotations
 
@@ -23,11 +23,22 @@ HISTORY = 3  # configurations before a step: enough for a jerk
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StepState:
-    """What is known before the step to sample ``sample`` of the path.
+    """The state before the step to sample ``sample`` of the path.
 
-    ``history`` are the last joint positions, the present ones last; ``home`` are those in which the loop began;
-    ``lower`` and ``upper`` [rad, m] bound how far each joint may move. If ``swept``, the whole step must be clear of
-    obstacles, and its end keeps a ``standoff`` [m]; otherwise its end must be clear.
+    Attributes
+    ----------
+    history
+        Last joint positions (history, dof), the present ones last.
+    home
+        Joint positions (dof,) in which the loop began.
+    lower
+        Lower bounds (dof,) of the joints' moves [rad, m].
+    upper
+        Upper bounds (dof,) of the joints' moves [rad, m].
+    swept
+        Flag: whether the whole step must be clear of obstacles; otherwise only its end.
+    standoff
+        Distance [m] from obstacles at the end of a swept step, beyond the required one.
     """
 
     task: MotionTask
@@ -41,7 +52,7 @@ class StepState:
 
     @property
     def previous(self) -> Float[np.ndarray, " dof"]:
-        """The joint positions in which the step begins."""
+        """Joint positions in which the step begins."""
         return self.history[-1]
 
     @property
@@ -51,12 +62,12 @@ class StepState:
 
     @property
     def target(self) -> Float[np.ndarray, " numbers"]:
-        """What the tool is to reach, as ``MotionTask.targets`` gives it."""
+        """Target of the tool, as in ``MotionTask.targets``."""
         return self.task.targets[self.sample]
 
     @property
     def bounded(self) -> bool:
-        """Whether any joint may only move so far."""
+        """Whether any joint has a bounded move."""
         return bool(np.isfinite([self.lower, self.upper]).any())
 
     def linearise(self) -> tuple[Float[np.ndarray, " rows"], Float[np.ndarray, "rows dof"]]:
@@ -65,7 +76,7 @@ class StepState:
 
     @cached_property
     def shortest_and_null_space(self) -> tuple[Float[np.ndarray, " dof"], Float[np.ndarray, "dof redundancy"]]:
-        """The shortest step that makes Δx, and the null space of the Jacobian.
+        """Shortest step that makes Δx, and null space of the Jacobian.
 
         Raises Infeasible if the arm is singular: no finite step makes every Δx there.
         """
@@ -73,8 +84,8 @@ class StepState:
         left, sizes, right = np.linalg.svd(jacobian)
         if not sizes[-1] > OPTIONS.singular_ratio * sizes[0]:
             raise Infeasible(
-                f"step {self.sample} ({self.task.times[self.sample]:.3g} s): a Jacobian of full rank wanted, the arm "
-                f"is singular there: its condition number is {sizes[0] / max(sizes[-1], 1e-300):.3g}"
+                f"step {self.sample} ({self.task.times[self.sample]:.3g} s): the Jacobian must have full rank, got a "
+                f"singular arm: its condition number is {sizes[0] / max(sizes[-1], 1e-300):.3g}"
             )
         shortest = right[: len(error)].T @ ((left.T @ error) / sizes)
         return shortest, np.ascontiguousarray(right[len(error) :].T)
@@ -82,7 +93,7 @@ class StepState:
     def decode(self, genes: Genes) -> Float[np.ndarray, "points dof"]:
         """Return the joint positions after the steps of genes; NaN if the extended Jacobian is singular.
 
-        Genes are rows (J*, Δx*). With Δq = shortest + N y, the system of Eqs. 7, 12 and 13 leaves
+        Genes are rows (J*, Δx*). With Δq = shortest + N y, the system of Eqs. 7, 12 and 13 reduces to
         J* N y = Δx* − J* shortest.
         """
         shortest, null_space = self.shortest_and_null_space
@@ -95,9 +106,9 @@ class StepState:
         return base + np.linalg.solve(matrix, rhs[..., None])[..., 0] @ null_space.T
 
     def shorten(self, q: Float[np.ndarray, "points dof"]) -> Float[np.ndarray, "points dof"]:
-        """Return steps with no more self-motion than keeps every joint within its bounds.
+        """Return steps with their self-motion reduced until every joint is within its bounds.
 
-        What the step to the target itself takes is not shortened.
+        The part of the step that reaches the target is not shortened.
         """
         shortest, _ = self.shortest_and_null_space
         self_motion = np.nan_to_num(q - self.previous - shortest)
@@ -114,11 +125,11 @@ class StepState:
 
     @cached_property
     def ending(self) -> MotionTask:
-        """The task of ``motions``: the tool's target is that of the step."""
+        """Task of ``motions``: the tool's target is that of the step."""
         return self.task.standing(self.dt * np.arange(HISTORY + 1), self.sample)
 
     def steps(self, q: Float[np.ndarray, "points dof"]) -> Step:
-        """Return steps to joint positions, as objectives take them."""
+        """Return steps to joint positions, in the form that objectives take."""
         motions = self.motions(q)
         error = task_errors(self.task.arm, self.task.tasks, motions.q, self.target)[0]
         rotations = rotation_rows(self.task)
@@ -131,19 +142,19 @@ class StepState:
         )
 
     def is_admissible(self, q: Float[np.ndarray, "points dof"]) -> Bool[np.ndarray, " points"]:
-        """Return which steps keep within their bounds and clear of obstacles."""
+        """Return which steps are within their bounds and clear of obstacles."""
         return (self.excess_over_bounds(q) <= 0) & (self.clearance_left(q) > 0)
 
     def excess_over_bounds(self, q: Float[np.ndarray, "points dof"]) -> Float[np.ndarray, " points"]:
-        """Return by how much [rad, m] steps exceed how far joints may move; not positive if they do not."""
+        """Return how far [rad, m] steps exceed the bounds of joints' moves; not positive if they do not."""
         moved = q - self.previous
         return np.maximum(moved - self.upper, self.lower - moved).max(axis=1) - OPTIONS.bound_tolerance
 
     def clearance_left(self, q: Float[np.ndarray, "points dof"]) -> Float[np.ndarray, " points"]:
-        """Return by how much [m] steps are clear of obstacles; positive if they are proven to be.
+        """Return how far [m] steps are clear of obstacles; positive if they are proven clear.
 
-        If the whole step must be clear, it is halved until no point of the arm moves farther in an interval than the
-        arm is away from obstacles at both ends of it, in sum. What is too near for that counts as not clear.
+        If the whole step must be clear, it is halved until, in each interval, no point of the arm moves farther than
+        the sum of the distances from obstacles at both ends. Steps too near for this proof count as not clear.
         """
         end = self.excess_clearances(q)
         left = end - self.standoff
@@ -170,7 +181,7 @@ class StepState:
             low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
 
     def excess_clearances(self, q: Float[np.ndarray, "points dof"]) -> Float[np.ndarray, " points"]:
-        """Return by how much [m] configurations exceed the required clearance; inf without obstacles."""
+        """Return how far [m] configurations exceed the required clearance; inf without obstacles."""
         return excess_clearance(self.task, q)
 
 
@@ -180,10 +191,10 @@ def rotation_rows(task: MotionTask) -> Bool[np.ndarray, " rows"]:
 
 
 def reach_by_joint(task: MotionTask) -> Float[np.ndarray, " dof"]:
-    """Return the most [m] that any point of the arm moves when a joint moves by 1 rad or 1 m.
+    """Return the largest move [m] of any point of the arm if a joint moves by 1 rad or 1 m.
 
-    No point beyond a joint is farther from it than the stretched length of all that follows. A sliding joint moves
-    what it carries as far as itself; its largest extension adds to the length beyond the joints before it.
+    No point beyond a joint is farther from it than the stretched length of all that follows. A sliding joint moves its
+    load by its own move; its largest extension adds to the length beyond the joints before it.
     """
     arm = task.arm
     offsets = [float(np.linalg.norm(place.position)) for place in (*arm.placements[1:], arm.tool)]
@@ -194,14 +205,14 @@ def reach_by_joint(task: MotionTask) -> Float[np.ndarray, " dof"]:
 
 
 def excess_clearance(task: MotionTask, q: Float[np.ndarray, "*batch dof"]) -> Float[np.ndarray, "*batch"]:
-    """Return by how much [m] configurations exceed the required clearance from obstacles; inf without any."""
+    """Return how far [m] configurations exceed the required clearance from obstacles; inf without any."""
     if not task.obstacles:
         return np.full(q.shape[:-1], np.inf)
     return np.asarray(clearance(task.obstacles, link_nodes(task.arm, q), task.link_radius) - task.min_clearance)
 
 
 def describe_nearest_obstacle(task: MotionTask, q: Float[np.ndarray, " dof"]) -> str:
-    """Return in words which obstacle is nearest to a configuration."""
+    """Return the nearest obstacle to a configuration as text."""
     nodes = link_nodes(task.arm, q)
     distances = [float(clearance([obstacle], nodes, task.link_radius)) for obstacle in task.obstacles]
     k = int(np.argmin(distances))

@@ -1,7 +1,7 @@
-"""The search of a control step, compiled: NSGA-II with MaxiMin on the genes of the extended Jacobian.
+"""The compiled search of a control step: NSGA-II with MaxiMin on the genes of the extended Jacobian.
 
-Every seed and step has a random stream of its own. Objectives and distances are evaluators, so that arms, objectives
-and obstacles of all kinds run through the same code. Source: Marcos et al. 2012, section 4.1.
+Every seed and step has its own random stream. Objectives and distances are evaluators, so that arms, objectives and
+obstacles of all kinds run through the same code. Source: Marcos et al. 2012, section 4.1.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ from paretoik.search.maximin_kernels import (
 from paretoik.search.offspring import draw_chromosome, generate_offspring, seed_stream
 from paretoik.search.sorted_points import first_front, locate, merge_children, rank_sorted
 
-# Genes to configurations, compiled: the steps that a population's extended Jacobians make (Marcos 2012, 4.1).
+# Genes to configurations, compiled: the steps of a population's extended Jacobians (Marcos 2012, 4.1).
 
 
 @compiled
 def decode(genes, count, start, systems, q):
-    """Write the joint positions (dof, batch) that ``count`` chromosomes (genes, batch) stand for: Eqs. 7, 12 and 13.
+    """Write the joint positions (dof, batch) of ``count`` chromosomes (genes, batch): Eqs. 7, 12 and 13.
 
-    A step that makes Δx is Δq = particular + N y, N the null space of the Jacobian. The rows J* Δq = Δx* of the
-    extended Jacobian leave J* N y = Δx* − J* particular, a system of the size of the redundancy. ``systems`` holds the
-    matrix and the right-hand side of each, entry by entry.
+    A step that makes Δx is Δq = particular + N y, with N the null space of the Jacobian. The rows J* Δq = Δx* of the
+    extended Jacobian reduce to J* N y = Δx* − J* particular, a system of the size of the redundancy. ``systems``
+    contains the matrix and the right-hand side of each, entry by entry.
     """
     previous, particular, null_space = start.previous, start.particular, start.null_space
     n, r = null_space.shape
@@ -121,10 +121,10 @@ def _eliminate(systems, r, k):
 
 @compiled(what="the search of a control step", seconds=15)
 def search(seed, step, generations, options, start, objectives, constraints, workspace, warm_start, history):
-    """Search one step; return how many of the last population in the workspace have not failed.
+    """Search one step; return the number of individuals of the last population that have not failed.
 
-    The arguments are those of ``workspace.py``. A ``warm_start`` begins with the population in the workspace. As many
-    generations as there is room for stand in the ``history``.
+    The arguments are those of ``workspace.py``. A ``warm_start`` begins with the population in the workspace. The
+    ``history`` stores as many generations as it has room for.
     """
     options, start, objectives = refer(options), refer(start), refer(objectives)
     constraints, w = refer(constraints), refer(workspace)
@@ -161,7 +161,7 @@ def _keep(w, genes, F):
 
 @compiled
 def _initialise(warm_start, options, w):
-    """Fill the children with random chromosomes, or the population in the workspace; let all parents have failed."""
+    """Fill the children with random chromosomes or the population in the workspace; mark all parents as failed."""
     for k in range(w.order.shape[0]):
         if warm_start:
             for j in range(w.children.shape[0]):
@@ -176,10 +176,10 @@ def _initialise(warm_start, options, w):
 
 @compiled
 def evaluate(start, options, objectives, constraints, clearance, count, w, replaces, single_rank):
-    """Write the objectives of ``count`` children. Inadmissible ones fail, or others are drawn where ``replaces``.
+    """Write the objectives of ``count`` children. Inadmissible ones fail, or are drawn again if ``replaces``.
 
-    To test whether the whole of a step is clear takes long: where the parents are of a ``single_rank``, children that
-    one dominates are not tested.
+    The test whether the whole step is clear takes long: if the parents are of a ``single_rank``, children that one of
+    them dominates are not tested.
     """
     F, parents = w.F, w.order.shape[0]
     _configure(w.children, w.inputs, count, start, constraints, w)
@@ -210,7 +210,7 @@ def _configure(genes, q, count, start, constraints, w):
 
 @compiled
 def _evaluate_objectives(start, objectives, count, w):
-    """Write the objectives of children from their joint positions; where one is not finite, the child fails."""
+    """Write the objectives of children from their joint positions; a child fails if one is not finite."""
     F, inputs, outputs, parents, n = w.F, w.inputs, w.outputs, w.order.shape[0], start.previous.shape[0]
     for j in range(n):
         for order in range(1, objectives.orders):
@@ -266,9 +266,9 @@ def _replace_pending(rows, count, pending, replaced):
 
 @compiled
 def survive(w, children, single_rank):
-    """Choose the next population; ``single_rank`` says that all parents are of one rank; return whether all now are.
+    """Choose the next population; return whether it is of one rank. ``single_rank``: whether the parents are.
 
-    Of two objectives the survivors stand in order of the first.
+    With two objectives, the survivors are in order of the first.
     """
     F, order, s = w.F, w.order, w.selection
     if F.shape[0] > 2:
@@ -284,14 +284,14 @@ def survive(w, children, single_rank):
 
 @compiled
 def _select_of_two(F, count, children, single_rank, fitness, s):
-    """Select of two objectives; return whether all survivors are of the first rank.
+    """Select by two objectives; return whether all survivors are of the first rank.
 
-    Where the parents are of a single rank, new children that none dominates are tried first: mostly they suffice.
+    If the parents are of a single rank, new children that none dominates are tried first: mostly they suffice.
     """
     length, total, tries = 0, 0, single_rank
     while True:
         new = children
-        if not tries:  # else ``evaluate`` has located them
+        if not tries:  # otherwise ``evaluate`` has located them
             new = count
             locate(F, count, new, s.places, s.dominated)
         total = merge_children(F, count, new, tries, s)
@@ -312,7 +312,7 @@ def _select_of_two(F, count, children, single_rank, fitness, s):
 
 @compiled
 def _select_of_many(F, count, fitness, s):
-    """Select of three and more objectives, failed points where others are too few; fitness is by order of choice."""
+    """Select by three and more objectives, failed points if others are too few; fitness is by order of choice."""
     rank_points(F, s.rank, s.spare)
     selected = select_by_distance(
         F, s.rank, count, s.front, s.fitness, s.scaled, s.nearest, s.spare, s.begins, s.objectives
@@ -331,7 +331,7 @@ def _select_of_many(F, count, fitness, s):
 
 @compiled
 def _replace_parents(genes, order, children, front, rows, is_free):
-    """Let the chosen points be the parents, in this order; a chosen child takes the row of a parent that is not."""
+    """Make the chosen points the parents, in this order; a chosen child takes the row of a parent not chosen."""
     count = order.shape[0]
     for k in range(count + 1):
         is_free[k] = 1

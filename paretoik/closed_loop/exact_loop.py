@@ -1,7 +1,8 @@
-"""The loop that always takes the exactly best step: the oracle of the closed loop, and its real-time form.
+"""The loop that always takes the exactly best step.
 
-With the task eliminated a step of a planar arm is one- or two-dimensional. Of all steps the one with the least weighted
-sum of Marcos et al. 2012 (Eqs. 17 to 20) is taken, each objective scaled to its range on the exact front.
+It is the reference of the closed loop, and its real-time form. With the task eliminated, a step of a planar arm is one-
+or two-dimensional. The step with the least weighted sum of Marcos et al. 2012 (Eqs. 17 to 20) is taken, each objective
+scaled to its range on the exact front.
 """
 
 from __future__ import annotations
@@ -24,18 +25,18 @@ from paretoik.task.motion_task import MotionTask
 
 
 class ExactStepOptions(NamedTuple):
-    """How far steps go, and when cells of them are no longer halved."""
+    """Range of steps, and tolerances at which their cells are no longer halved."""
 
-    farthest: float = 8.0  # rad: steps whose joints have no bounds are within this of the one of least displacement
-    tolerance: float = 1e-7  # of the range of the weighted sum: cells that promise less are left out
-    end_tolerance: float = 1e-11  # of the least displacement and the least error, whose differences are the ranges
-    smallest: float = 1e-9  # rad: cells whose steps are not told admissible or not are halved down to this
-    cells: int = 30_000  # that one minimisation looks at, at most
-    shares: int = 16  # of a step across a cell, at most, for the interval in which it is nearest to obstacles
-    directions: int = 3  # of the error, one from the other, of which each bounds a cell beside obstacles
-    witnesses: int = 6  # bounds of a link's distance from an obstacle, at most
+    farthest: float = 8.0  # rad: largest distance of unbounded steps from the one of least displacement
+    tolerance: float = 1e-7  # share of the weighted sum's range: cells that promise less are left out
+    end_tolerance: float = 1e-11  # relative, of the least displacement and error; their differences are the ranges
+    smallest: float = 1e-9  # rad: undecided cells are halved down to this
+    cells: int = 30_000  # largest number of cells per minimisation
+    shares: int = 16  # largest number of parts of a step, for the interval nearest to obstacles
+    directions: int = 3  # number of directions of the error, in sequence; each bounds a cell near obstacles
+    witnesses: int = 6  # largest number of bounds of a link's distance from an obstacle
     newton_iterations: int = 8
-    rounding: float = 1e-15  # of the arm's length: the error of the tool is not known better
+    rounding: float = 1e-15  # share of the arm's length: rounding of the tool's error
 
 
 OPTIONS = ExactStepOptions()
@@ -49,17 +50,19 @@ def exact_steps(
     longest_step: float = np.inf,
     options: ExactStepOptions = OPTIONS,
 ) -> Float[np.ndarray, "time dof"]:
-    """Return the joint positions of the loop that always takes the best step; ``weight`` is that of the displacement.
+    """Return the joint positions of the loop that always takes the best step.
 
-    Which steps are admissible, ``ClosedLoop`` says: joints move by ``longest_step`` at most [rad] and keep their limits
-    on position and velocity; of steps of any length (np.inf) the end alone is clear of obstacles, of others all the
-    way. It is proven that no admissible step is better by more than the tolerance of the options, as long as their
-    ``cells`` suffice; beside boxes that are tilted out of the plane, of which cells are not cut, they may not. Raises
-    InvalidInput for a weight that is not
-    from 0 to 1, for arms that are not planar, at the origin, with three or four joints, and for tasks that are not
-    positions in the plane; Infeasible where no step is admissible or the arm is singular.
+    ``weight`` is the weight of the displacement. Steps are admissible as in ``ClosedLoop``: joints move by
+    ``longest_step`` at most [rad] and satisfy their limits on position and velocity; steps of any length (np.inf) are
+    clear of obstacles at their end only, others all the way. It is proven that no admissible step is better by more
+    than the tolerance of the options, if their ``cells`` suffice. They may not suffice near boxes that are tilted out
+    of the plane, since these do not cut cells.
+
+    Raises InvalidInput for a weight that is not from 0 to 1, for arms that are not planar, at the origin, with three or
+    four joints, and for tasks that are not positions in the plane; Infeasible if no step is admissible or the arm is
+    singular.
     """
-    from paretoik.closed_loop.exact_step import best_steps  # here: numba takes its time
+    from paretoik.closed_loop.exact_step import best_steps  # imported here: numba loads slowly
 
     lengths = _checked_lengths(task, weight)
     moves, positions = step_limits(task, longest_step)
@@ -82,8 +85,8 @@ def exact_steps(
 
 
 def exact_step(step: StepState, *, weight: float, options: ExactStepOptions = OPTIONS) -> Float[np.ndarray, " dof"]:
-    """Return the joint positions after the best of all admissible steps; as ``exact_steps``, and raises as it does."""
-    from paretoik.closed_loop.exact_step import best_steps  # here: numba takes its time
+    """Return the joint positions after the best of all admissible steps. Raises as ``exact_steps`` does."""
+    from paretoik.closed_loop.exact_step import best_steps  # imported here: numba loads slowly
 
     task = step.task
     lengths = _checked_lengths(task, weight)
@@ -97,13 +100,13 @@ def exact_step(step: StepState, *, weight: float, options: ExactStepOptions = OP
 
 
 def _no_step(sample: int) -> Infeasible:
-    return Infeasible(f"step {sample}: an admissible configuration wanted, there is none, or the arm is singular")
+    return Infeasible(f"step {sample}: there must be an admissible configuration, got none, or the arm is singular")
 
 
 def planar_steps(
     task: MotionTask, lengths: Float[np.ndarray, " dof"], swept: bool, standoff: float, options: ExactStepOptions
 ) -> PlanarSteps:
-    """Return the arrays of a step, and what all steps keep."""
+    """Return the arrays of a step, and what all steps share."""
     n = len(lengths)
     cuts = (n * len(task.obstacles) + 1) * options.witnesses
     check_size("cells", options.cells, 2 * n + 4)
@@ -142,23 +145,23 @@ def planar_steps(
 
 
 def _checked_lengths(task: MotionTask, weight: float) -> Float[np.ndarray, " dof"]:
-    """Return the lengths of the links of a task's arm [m]; raise InvalidInput as ``exact_steps`` does."""
+    """Return the lengths of the links of a task's arm [m]. Raises InvalidInput as ``exact_steps`` does."""
     lengths = link_lengths(task.arm)
     if task.rows != 2 or task.targets.shape[1] != 2:
-        raise InvalidInput(f"exact steps: a path of positions in the plane wanted, got {task.rows} rows")
+        raise InvalidInput(f"exact steps: path must be positions in the plane, got {task.rows} rows")
     if not 0.0 <= weight <= 1.0:
-        raise InvalidInput(f"weight: between 0 and 1 wanted, got {shown(weight)}")
+        raise InvalidInput(f"weight must be between 0 and 1, got {shown(weight)}")
     return lengths
 
 
 def link_lengths(arm: Arm, *, tolerance: float = 1e-12) -> Float[np.ndarray, " dof"]:
     """Return the lengths of a planar arm's links [m]; offsets below the tolerance count as 0.
 
-    Raises InvalidInput for other arms than planar ones with three or four links, their base at the origin.
+    Raises InvalidInput unless the arm is planar, with three or four links and its base at the origin.
     """
     offsets = np.array([place.position for place in (*arm.placements[1:], arm.tool)])
     straight = arm.is_planar and np.abs(offsets[:, 1:]).max() < tolerance
     at_origin = max(np.abs(place.position).max() for place in (arm.base, arm.placements[0])) < tolerance
     if not straight or not at_origin or arm.dof not in (3, 4):
-        raise InvalidInput(f"exact steps: a planar arm of 3 or 4 links at the origin wanted, got {shown(arm)}")
+        raise InvalidInput(f"exact steps: arm must be planar with 3 or 4 links at the origin, got {shown(arm)}")
     return np.ascontiguousarray(offsets[:, 0])

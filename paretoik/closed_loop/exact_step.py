@@ -1,7 +1,7 @@
-"""The best step of an extended Jacobian, exactly: compiled, for planar arms of one or two redundant degrees.
+"""The exactly best step of an extended Jacobian, compiled, for planar arms of one or two redundant degrees.
 
-Both objectives of Marcos et al. 2012 (Eqs. 17 and 18) are minimised, and their weighted sum, by branch and bound over
-the cells of the null space: what is left out is proven to be no better.
+Both objectives of Marcos et al. 2012 (Eqs. 17 and 18) and their weighted sum are minimised by branch and bound over the
+cells of the null space: steps that are left out are proven to be no better.
 """
 
 from __future__ import annotations
@@ -30,7 +30,8 @@ from paretoik.compilation.numba_cache import compiled
 def best_steps(targets, moves, positions, home, weight, options, s, q):
     """Write the joint positions (time, dof) of the best steps from the first; return how many samples they reach.
 
-    ``moves`` and ``positions`` (2, time, dof) are how far joints may move in the step to a sample, and their limits.
+    ``moves`` and ``positions`` (2, time, dof) are the bounds of joints' moves in the step to a sample, and their
+    limits.
     """
     options, s = refer(options), refer(s)
     for k in range(1, targets.shape[0]):
@@ -45,7 +46,7 @@ def best_steps(targets, moves, positions, home, weight, options, s, q):
 
 @compiled
 def best_step(home, target, weight, options, s, q):
-    """Write the best step's joint positions to ``q``; return whether there is one that is admissible."""
+    """Write the best step's joint positions to ``q``; return whether an admissible step exists."""
     if not linearise(home, target, s):
         return False
     s.clearance[0] = clearance_at_start(s.start, s.constraints, s.workspace)
@@ -80,10 +81,10 @@ def best_step(home, target, weight, options, s, q):
 
 @compiled
 def minimise(square_weight, error_weight, enough, share, corners, options, s, place):
-    """Return the least of square_weight ‖y‖² + error_weight ‖e‖ over admissible steps, inf where none is.
+    """Return the least of square_weight ‖y‖² + error_weight ‖e‖ over admissible steps; inf without any.
 
-    It is within ``enough``, or this share of itself. The step is written to ``place``; what stands there
-    before is tried first.
+    It is exact within ``enough``, or this ``share`` of itself. The step is written to ``place``; the step there before
+    is tried first.
     """
     best, weights = np.inf, (square_weight, error_weight)
     best = _try(place[0], place[1], weights, best, False, s, place)
@@ -108,7 +109,7 @@ def minimise(square_weight, error_weight, enough, share, corners, options, s, pl
 
 @compiled
 def _look(i, weights, enough, best, options, s, place):
-    """Try the middle of a cell, and write its bound; return the best value, and whether the cell is to be halved."""
+    """Try the middle of a cell, and write its bound; return the best value, and whether to halve the cell."""
     cell = s.cells[i]
     m = model(cell, s)
     threshold = best - enough
@@ -131,7 +132,7 @@ def _look(i, weights, enough, best, options, s, place):
 
 @compiled
 def _cut(cell, m, interval, weights, best, options, s, place):
-    """Raise the bound of a cell to that over what obstacles leave of it; return the best value, a step there tried."""
+    """Raise the bound of a cell to that over its part that may be clear; return the best value, a step there tried."""
     corners, cuts = cut_cell(cell, m, interval, options.witnesses, s)
     bound, corner = bound_polygon(weights[0], weights[1], corners, m, options.directions, s)
     cell[BOUND] = max(cell[BOUND], bound)
@@ -145,9 +146,9 @@ def _cut(cell, m, interval, weights, best, options, s, place):
 
 @compiled
 def _descend(cell, m, weights, enough, best, options, s, place):
-    """Where the weighted sum is convex in a cell, let Newton's method find its minimum there, and raise the bound.
+    """If the weighted sum is convex in a cell, find its minimum there by Newton's method, and raise the bound.
 
-    Return the best value, and whether nothing better is left in the cell.
+    Return the best value, and whether the cell contains nothing better.
     """
     value, (fu, fv), (uu, uv, vv) = weighted_sum(weights[0], weights[1], m.u, m.v, s)
     change, interval = weights[1] * m.change, s.lengths.shape[0] == 3
@@ -176,7 +177,7 @@ def _descend(cell, m, weights, enough, best, options, s, place):
 
 @compiled
 def _try(u, v, weights, best, admissible, s, place):
-    """Return the better of a value and that of a step; write the step to ``place`` if it is."""
+    """Return the better of a value and that of a step; write the step to ``place`` if it is better."""
     value = weights[0] * (u * u + v * v)
     if weights[1] > 0.0:
         value += weights[1] * error_at(u, v, s)
@@ -188,9 +189,9 @@ def _try(u, v, weights, best, admissible, s, place):
 
 @compiled
 def nearest_zero(corners, rounding, options, s, place):
-    """Return ‖y‖² of the nearest admissible step that reaches the target, written to ``place``; inf where none does.
+    """Return ‖y‖² of the nearest admissible step that reaches the target, written to ``place``; inf without any.
 
-    With one redundant degree none is looked for: only by chance is there one.
+    With one redundant degree no search is made: such a step exists only by chance.
     """
     if s.lengths.shape[0] == 3:
         return np.inf
@@ -211,7 +212,7 @@ def nearest_zero(corners, rounding, options, s, place):
 
 @compiled
 def _seek(i, best, rounding, options, s, place):
-    """Look for a step of a cell that reaches the target; return the best ‖y‖², and whether to halve the cell."""
+    """Search a cell for a step that reaches the target; return the best ‖y‖², and whether to halve the cell."""
     cell = s.cells[i]
     m = model(cell, s)
     cell[BOUND] = min(m.squares)

@@ -1,4 +1,4 @@
-"""The loop: at every sample a search, a choice by weights, a step (Marcos et al. 2012, section 4.1, Fig. 1)."""
+"""The loop: a search, a choice by weights and a step at every sample (Marcos et al. 2012, section 4.1, Fig. 1)."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ from paretoik.task.motion_task import MotionTask
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StepRecord:
-    """A step of a loop: the sample that it leads to, the front that its search found, the index of the chosen point.
+    """A step of a loop: the sample that it leads to, the front of its search, the index of the chosen point.
 
-    ``generations`` are those of its search, where they were asked for.
+    ``generations`` are those of its search, if they were requested.
     """
 
     sample: int
@@ -38,7 +38,7 @@ class StepRecord:
 
     @property
     def q(self) -> Float[np.ndarray, " dof"]:
-        """The joint positions after the step."""
+        """Joint positions after the step."""
         return self.front.q[self.index]
 
 
@@ -51,10 +51,10 @@ def take_steps(
     samples: int,
     record_steps: Collection[int] = (),
 ) -> Iterator[StepRecord]:
-    """Take one step after the other from a start; ``make_step`` makes the step to a sample from what is before it.
+    """Take one step after the other from a start; ``make_step`` makes the step to a sample from the history.
 
-    The generations of the searches to samples in ``record_steps`` are kept. Raises Infeasible, naming the step, where
-    no configuration is admissible or none can be reached.
+    The generations of the searches to samples in ``record_steps`` are kept. Raises Infeasible, naming the step, if no
+    configuration is admissible or none can be reached.
     """
     history = np.tile(start, (HISTORY, 1))
     for sample in range(1, samples):
@@ -70,9 +70,9 @@ def take_steps(
 
 
 def step_limits(task: MotionTask, longest: float) -> tuple[Float[np.ndarray, "time dof 2"], Bounds]:
-    """Return how far each joint may move in the step to a sample [rad, m], and between which positions it stays.
+    """Return the bounds of joints' moves in the step to a sample [rad, m], and the limits of their positions.
 
-    It moves by ``longest`` at most, and by what its velocity limits allow; position limits are (1 or time, dof, 2).
+    A joint moves by ``longest`` at most, and within its velocity limits; position limits are (1 or time, dof, 2).
     """
     steps, boundless = np.diff(task.times, prepend=0.0)[:, None, None], np.full((1, task.arm.dof, 2), [-np.inf, np.inf])
     steps[0] = steps[1]
@@ -83,7 +83,7 @@ def step_limits(task: MotionTask, longest: float) -> tuple[Float[np.ndarray, "ti
 def step_bounds(
     task: MotionTask, sample: int, previous: Float[np.ndarray, " dof"], longest: float
 ) -> Float[np.ndarray, "dof 2"]:
-    """Return how far each joint may move in the step to a sample [rad, m]; as ``step_limits``."""
+    """Return the bounds of joints' moves in the step to a sample [rad, m], as in ``step_limits``."""
     moves, positions = step_limits(task, longest)
     position = positions[sample if len(positions) > 1 else 0] - previous[:, None]
     return np.stack(
@@ -92,7 +92,7 @@ def step_bounds(
 
 
 def required_standoff(task: MotionTask, longest: float, options: EngineOptions = OPTIONS) -> float:
-    """Return how much farther from obstacles than required [m] steps end that are to be clear all the way, else 0."""
+    """Return the extra distance [m] from obstacles at the end of steps that must be clear all the way; 0 for others."""
     if not np.isfinite(longest):
         return 0.0
     return options.shortest_interval * longest * float(reach_by_joint(task).sum())
@@ -144,9 +144,9 @@ def choose(F: Objectives, weights: Float[np.ndarray, " n_obj"]) -> int:
 
 
 def explain_no_step(step: StepState) -> str:
-    """Return in words why no admissible step was found."""
+    """Return the reason why no admissible step was found, as text."""
     task = step.task
-    reason = f"step {step.sample} ({task.times[step.sample]:.3g} s): a free configuration wanted, none found"
+    reason = f"step {step.sample} ({task.times[step.sample]:.3g} s): there must be a free configuration, none found"
     share, limited = reachable_share(step)
     if share < 1:
         joints = ", ".join(task.arm.joint_names[k] for k in limited)
@@ -158,9 +158,9 @@ def explain_no_step(step: StepState) -> str:
 
 
 def reachable_share(step: StepState, *, farthest: float = 1e3) -> tuple[float, Int[np.ndarray, " joints"]]:
-    """Return the most of Δx that joints within their bounds make, as a share, by a linear program (Eq. 8).
+    """Return the largest share of Δx that joints within their bounds make, by a linear program (Eq. 8).
 
-    Also which joints are at their bounds then. Bounds beyond ``farthest`` [rad, m] count as that.
+    Also return which joints are at their bounds then. Bounds beyond ``farthest`` [rad, m] are reduced to it.
     """
     error, jacobian = step.linearise()
     if not error.any():

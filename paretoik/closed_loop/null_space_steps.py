@@ -1,8 +1,8 @@
-"""All steps of a planar arm that reach the target to first order, compiled: those along the null space, in coordinates.
+"""Compiled steps of a planar arm that reach the target to first order, in coordinates of the null space.
 
-Joint positions after a step are q = origin + N y, N orthonormal. The origin is the step of least displacement, so that
-the displacement of Marcos et al. 2012, Eq. 17, is a constant plus 2 ‖y‖² / Δt². With one redundant degree the second
-coordinate is 0.
+Joint positions after a step are q = origin + N y, with N orthonormal. The origin is the step of least displacement, so
+that the displacement of Marcos et al. 2012, Eq. 17, is a constant plus 2 ‖y‖² / Δt². With one redundant degree the
+second coordinate is 0.
 """
 
 from __future__ import annotations
@@ -17,15 +17,20 @@ from paretoik.compilation.numba_cache import compiled
 
 
 class PlanarSteps(NamedTuple):
-    """The steps of an arm with links of these ``lengths`` [m] from one configuration, to be written by ``linearise``.
+    """The steps of an arm from one configuration; ``linearise`` writes them.
 
-    ``origin`` (dof,) and ``null_space`` (dof, 2) are those of q = origin + N y, ``angles`` (dof,) and ``slopes`` (dof,
-    2) the same for the links' angles with the x-axis [rad], ``target`` (2,) is the tool's [m]. ``bends`` (2,) bound the
-    second and third derivatives of the error along y [m]. ``corners`` (2, 2 · dof + 4, 2) are those of the region
-    of y that ``write_region`` finds, and what it was clipped from. ``start``, ``constraints``, ``options`` and
-    ``workspace`` are the search's, for one step; ``clearance`` (1,) [m] is that before the step. ``cells`` (cells, 8)
-    are parts of the region: three corners, a lower bound, and 1 where all is admissible. ``polygons`` (2, corners, 5),
-    ``cuts`` (cuts, 4), ``nodes`` (2, dof + 1, 2) and ``turns`` (dof,) are those of ``obstacle_cuts``.
+    - ``lengths``: lengths of the links [m]
+    - ``origin`` (dof,), ``null_space`` (dof, 2): those of q = origin + N y
+    - ``angles`` (dof,), ``slopes`` (dof, 2): the same for the links' angles with the x-axis [rad]
+    - ``target`` (2,): target of the tool [m]
+    - ``bends`` (2,): bounds of the second and third derivatives of the error along y [m]
+    - ``corners`` (2, 2 · dof + 4, 2): corners of the region of y from ``write_region``, and of the polygon before
+      clipping
+    - ``start``, ``constraints``, ``options``, ``workspace``: those of the search, for one step
+    - ``clearance`` (1,): clearance before the step [m]
+    - ``cells`` (cells, 8): parts of the region: three corners, a lower bound, and 1 if all is admissible
+    - ``polygons`` (2, corners, 5), ``cuts`` (cuts, 4), ``nodes`` (2, dof + 1, 2), ``turns`` (dof,): those of
+      ``obstacle_cuts``
     """
 
     lengths: np.ndarray
@@ -50,9 +55,9 @@ class PlanarSteps(NamedTuple):
 
 @compiled
 def linearise(home, target, s):
-    """Write the steps from ``s.start.previous`` to a target [m]; ``home`` is where the loop began.
+    """Write the steps from ``s.start.previous`` to a target [m]; ``home`` is the beginning of the loop.
 
-    Return whether there are any: none from where the arm is singular.
+    Return whether there are any: there are none if the arm is singular.
     """
     previous, lengths = s.start.previous, s.lengths
     n = lengths.shape[0]
@@ -78,7 +83,7 @@ def linearise(home, target, s):
         center = 0.0
         for k in range(n):
             s.null_space[k, j] = right[2 + j, k]
-            center -= 0.5 * right[2 + j, k] * (s.origin[k] - home[k])  # where Eq. 17 is least
+            center -= 0.5 * right[2 + j, k] * (s.origin[k] - home[k])  # the minimum of Eq. 17
         for k in range(n):
             s.origin[k] += center * right[2 + j, k]
     for k in range(n):
@@ -104,7 +109,7 @@ def configure(u, v, s, q):
 
 @compiled
 def tool_error(u, v, s):
-    """Return e_x and e_y [m] of the tool after a step (Eq. 18), their derivatives by u and v, and the second ones."""
+    """Return e_x and e_y [m] of the tool after a step (Eq. 18), with first and second derivatives by u and v."""
     x, y, xu, xv, yu, yv = -s.target[0], -s.target[1], 0.0, 0.0, 0.0, 0.0
     xuu, xuv, xvv, yuu, yuv, yvv = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(s.lengths.shape[0]):
@@ -127,7 +132,7 @@ def error_at(u, v, s):
 
 @compiled
 def weighted_sum(square_weight, error_weight, u, v, s):
-    """Return square_weight ‖y‖² + error_weight ‖e‖, its derivatives by u and v, and the second ones.
+    """Return square_weight ‖y‖² + error_weight ‖e‖ with first and second derivatives by u and v.
 
     With one redundant degree it counts as square_weight v² in v.
     """
@@ -136,7 +141,7 @@ def weighted_sum(square_weight, error_weight, u, v, s):
     share = 1.0 / error if error > 0.0 else 0.0  # an error of 0 has no direction
     nx, ny = x * share, y * share
     eu, ev = nx * xu + ny * yu, nx * xv + ny * yv
-    pu, pv = nx * yu - ny * xu, nx * yv - ny * xv  # across the error
+    pu, pv = nx * yu - ny * xu, nx * yv - ny * xv  # orthogonal to the error
     euu, euv, evv = nx * xuu + ny * yuu, nx * xuv + ny * yuv, nx * xvv + ny * yvv
     w, z = 2.0 * square_weight, error_weight
     value = square_weight * (u * u + v * v) + z * error
@@ -173,9 +178,9 @@ def write_region(farthest, s):
 
 @compiled
 def clip(corners, count, a, b, bound, spare):
-    """Cut a convex polygon, or an interval of two corners, by a u + b v ≤ bound; return how many corners are left.
+    """Cut a convex polygon, or an interval of two corners, by a u + b v ≤ bound; return how many corners remain.
 
-    Rows of corners begin with u and v; what follows is linear in them.
+    Rows of corners begin with u and v; the other columns are linear in them.
     """
     remaining = 0
     for i in range(count):

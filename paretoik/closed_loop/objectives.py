@@ -21,16 +21,25 @@ if TYPE_CHECKING:
     MotionLike: TypeAlias = Motion
     Numbers: TypeAlias = np.ndarray
 else:
-    MotionLike = Numbers = Any  # traced, expressions come in and go out
+    MotionLike = Numbers = Any  # expressions in and out if traced
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Step:
-    """A batch of steps (..., time): of the last samples the last is where the step ends.
+    """A batch of steps (..., time): the last samples, with the step's end last.
 
-    ``motion`` has positions, rates, torques and all else of a ``Motion``; ``home`` are the joint positions (dof,) in
-    which the loop began; ``position_error`` (..., time, axes) [m] and ``rotation_error`` (..., time, axes) [rad] are
-    what the tool misses its target by; ``dt`` is the time between steps [s].
+    Attributes
+    ----------
+    motion
+        Positions, rates, torques and the other fields of a ``Motion``.
+    home
+        Joint positions (dof,) in which the loop began.
+    position_error
+        Distance of the tool from its target (..., time, axes) [m].
+    rotation_error
+        Rotation of the tool away from its target (..., time, axes) [rad].
+    dt
+        Time between steps [s].
     """
 
     motion: MotionLike
@@ -59,7 +68,7 @@ class StepObjective:
 
     @property
     def sign(self) -> float:
-        """−1 where the objective is maximised, so that sign · value is always minimised."""
+        """−1 if the objective is maximised, so that sign · value is always minimised."""
         return -1.0 if self.maximise else 1.0
 
 
@@ -67,7 +76,7 @@ class StepObjective:
 def step_objective(
     *, unit: str, maximise: bool = False, name: str | None = None
 ) -> Callable[[Function], StepObjective]:
-    """Make an objective of a function of steps; raises InvalidInput for names and units that are no printable text.
+    """Make an objective from a function of steps. Raises InvalidInput unless name and unit are printable text.
 
     >>> @step_objective(unit="rad")
     ... def wrist_drift(step):
@@ -106,20 +115,21 @@ def rotation_error(step: Step) -> Numbers:
 
 
 def as_step_objective(objective: StepObjective | Objective) -> StepObjective:
-    """Return an objective of motions as one of steps: its integrand, or the series whose peak it is, at the step's end.
+    """Return an objective of motions as one of steps.
 
-    Raises InvalidInput for what is neither, and for objectives of a whole motion.
+    It is the integrand, or the series of the peak, at the step's end. Raises InvalidInput for anything else, and for
+    objectives of a whole motion.
     """
     if isinstance(objective, StepObjective):
         return objective
     if not isinstance(objective, Objective):
         raise InvalidInput(
-            f"objectives: wants functions decorated with @objective or @step_objective, got {shown(objective)}"
+            f"objectives must be functions decorated with @objective or @step_objective, got {shown(objective)}"
         )
     if objective.form not in ("integral", "peak"):
         raise InvalidInput(
-            f"objective {objective.name} looks at a whole motion ({objective.form}); a control step wants one of form "
-            "integral or peak, or a @step_objective"
+            f"objective {objective.name} must be of form integral or peak, or a @step_objective, got one that looks at "
+            f"a whole motion ({objective.form})"
         )
     function = objective.function
     return StepObjective(

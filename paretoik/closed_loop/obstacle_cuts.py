@@ -1,9 +1,10 @@
-"""Cells cut by obstacles, compiled: polygons that hold all steps of a cell which may be clear, and bounds over them.
+"""Cells cut by obstacles, compiled.
 
-A step is clear whose end keeps the standoff, and for which the distances at both ends of every shortest interval are
-together more than the arm's travel in it: then halving, as ``find_inadmissible`` does, proves it. Bounds of distances
-(``obstacle_witnesses``) make both half-planes. What is minimised is bounded over the polygon as over the cell, so that
-beside obstacles too the bound is off by the square of the cell's size.
+A polygon contains all steps of a cell that may be clear; bounds over it are made. A step is clear if its end has the
+standoff, and if the distances at both ends of every shortest interval add up to more than the arm's travel in it: then
+halving, as in ``find_inadmissible``, proves it. Bounds of distances (``obstacle_witnesses``) make both conditions
+half-planes. The objective is bounded over the polygon as over the cell, so that near obstacles too the bound is off by
+the square of the cell's size.
 """
 
 from __future__ import annotations
@@ -19,9 +20,10 @@ from paretoik.compilation.numba_cache import compiled
 
 @compiled
 def may_be_clear(cell, m, options, s):
-    """Note where all steps of a cell are clear of obstacles; return whether some may be.
+    """Mark a cell if all its steps are clear of obstacles; return whether some may be.
 
-    Also in which interval of the step to its middle obstacles are nearest, for others to be cut; negative for none.
+    Also return the interval, in the step to its middle, that is nearest to obstacles, for the cuts; negative without
+    any.
     """
     c, w = s.constraints, s.workspace
     if cell[ADMISSIBLE] > 0.0:
@@ -50,11 +52,12 @@ def may_be_clear(cell, m, options, s):
 
 @compiled
 def nearest_interval(end, travel, enough, shares, s):
-    """Return by how much the distances at the ends of a shortest interval of the step are more than the travel in it.
+    """Return the least excess over intervals of the step, and its interval.
 
-    It is the least of all intervals, and which; ``enough`` and -1 where none has less. After so many ``shares`` of the
-    step it is that of an interval, if not of the nearest. The step is that in ``s.workspace.inputs``, ``travel`` that
-    of all of it [m], ``end`` [m] by how much its end exceeds the required distance.
+    The excess is the sum of the distances at the ends of a shortest interval, minus the travel in it. Without an
+    interval below ``enough``, the result is ``enough`` and -1. After ``shares`` parts of the step the search ends with
+    some interval, maybe not the nearest. The step is that in ``s.workspace.inputs``, ``travel`` its whole travel [m],
+    and ``end`` the excess [m] of its end over the required distance.
     """
     waiting, stack, shortest, nearest = 1, s.workspace.intervals, s.options.shortest_interval, -1
     stack[0, 0], stack[1, 0], stack[2, 0], stack[3, 0] = 0.0, 1.0, s.clearance[0], end
@@ -70,7 +73,7 @@ def nearest_interval(end, travel, enough, shares, s):
             return enough, max(nearest, 0)
         shares, half = shares - 1, 0.5 * width
         middle = excess_at(begin + half, s.start, s.constraints, s.workspace)
-        later = waiting if first <= last else waiting + 1  # the nearer half is looked at first
+        later = waiting if first <= last else waiting + 1  # the nearer half comes first
         earlier = 2 * waiting + 1 - later
         stack[0, earlier], stack[1, earlier], stack[2, earlier], stack[3, earlier] = begin, half, first, middle
         stack[0, later], stack[1, later], stack[2, later], stack[3, later] = begin + half, half, middle, last
@@ -80,11 +83,11 @@ def nearest_interval(end, travel, enough, shares, s):
 
 @compiled
 def cut_cell(cell, m, interval, witnesses, s):
-    """Write the polygon of the steps of a cell that may be clear (corners, 5); return how many corners and cuts it has.
+    """Write the polygon of the steps of a cell that may be clear (corners, 5); return the numbers of corners and cuts.
 
     Its columns are the step from the middle of the cell, the model's error [m] and the tangent of ‖y‖² there.
-    ``interval`` is that in which the step to the middle is nearest to obstacles, none if negative; ``witnesses`` are
-    looked at of a link and an obstacle, at most.
+    ``interval`` is the one in which the step to the middle is nearest to obstacles, negative without any; ``witnesses``
+    is the largest number of bounds per link and obstacle.
     """
     polygon, w = s.polygons[0], s.workspace
     for i in range(3):
@@ -103,7 +106,7 @@ def cut_cell(cell, m, interval, witnesses, s):
 
 @compiled
 def _place(share, row, s):
-    """Write the nodes of the arm after a share of the step, all but the base."""
+    """Write the nodes of the arm after a share of the step, without the base."""
     excess_at(share, s.start, s.constraints, s.workspace)
     for k in range(s.lengths.shape[0] + 1):
         s.nodes[row, k, 0], s.nodes[row, k, 1] = s.workspace.nodes[3 * k + 3, 0], s.workspace.nodes[3 * k + 4, 0]
@@ -111,7 +114,7 @@ def _place(share, row, s):
 
 @compiled
 def _excess(k, i, s):
-    """Return by how much link k, where the workspace has it, exceeds the required distance from an obstacle."""
+    """Return how far link k in the workspace exceeds the required distance from an obstacle."""
     w, obstacles, row = s.workspace, s.constraints.obstacles, 3 * k + 3
     evaluate_distances(obstacles[i : i + 1], w.nodes[row : row + 6], 1, w.distances)
     return w.distances[0] - s.constraints.required
@@ -159,11 +162,11 @@ def _cut_in_interval(corners, cuts, interval, witnesses, s):
 
 @compiled
 def _cut(corners, cuts, value, gu, gv, off, s):
-    """Keep of the polygon what has value + gᵀ y + off ≥ 0; note the cut where it takes something away."""
+    """Keep the part of the polygon with value + gᵀ y + off ≥ 0; store the cut if it removes something."""
     least = np.inf
     for i in range(corners):
         least = min(least, value + gu * s.polygons[0, i, 0] + gv * s.polygons[0, i, 1] + off)
-    if not least < 0.0:  # also where there is no bound
+    if not least < 0.0:  # also without a bound
         return corners, cuts
     s.cuts[cuts, 0], s.cuts[cuts, 1], s.cuts[cuts, 2], s.cuts[cuts, 3] = value, gu, gv, off
     return clip(s.polygons[0], corners, -gu, -gv, value + off, s.polygons[1]), cuts + 1
@@ -171,9 +174,9 @@ def _cut(corners, cuts, value, gu, gv, off, s):
 
 @compiled
 def bound_polygon(square_weight, error_weight, corners, m, directions, s):
-    """Return a lower bound of square_weight ‖y‖² + error_weight ‖e‖ over the polygon, and its best corner by the model.
+    """Return a lower bound of square_weight ‖y‖² + error_weight ‖e‖ over the polygon, and the model's best corner.
 
-    Each of so many ``directions`` of the error, one from the other, gives a bound. It is inf where no corner is left.
+    ``directions`` directions of the error, each from the one before, give a bound each. It is inf if no corner remains.
     """
     polygon, best, bound, corner, x, y = s.polygons[0], np.inf, -np.inf, 0, 0.0, 0.0
     for i in range(corners):
@@ -196,7 +199,7 @@ def bound_polygon(square_weight, error_weight, corners, m, directions, s):
 
 @compiled
 def clear_step(corner, cuts, m, s):
-    """Return a step about a corner of the polygon, as far into it as the models of the cuts may be off."""
+    """Return a step near a corner of the polygon, moved inside by the error of the models of the cuts."""
     u, v = s.polygons[0, corner, 0], s.polygons[0, corner, 1]
     for i in range(cuts):
         value, gu, gv, off = s.cuts[i, 0], s.cuts[i, 1], s.cuts[i, 2], s.cuts[i, 3]

@@ -1,9 +1,10 @@
-"""Upper bounds of the distance of a link from an obstacle over a cell of steps, compiled: linear, up to a remainder.
+"""Compiled upper bounds of the distance of a link from an obstacle, over a cell of steps.
 
-A fixed point of a link and a fixed point of an obstacle are never nearer than the two. Beside a box that stands upright
-in the plane, a joint is as far away as from the side that it faces, and a link that passes a corner as far as the
-corner is from its line; both are signed, so that steps which the box blocks are told too. A bound holds for all steps
-of the cell that are clear. The remainder is of the square of the cell's size.
+They are linear, plus a remainder. The distance of a fixed point of a link from a fixed point of an obstacle is an upper
+bound. Next to a box that is upright in the plane, a joint is as far away as from the side that it faces, and a link
+that passes a corner as far as the corner is from its line. Both are signed, so that they also show steps which the box
+blocks. A bound is valid for all steps of the cell that are clear. The remainder has the order of the square of the
+cell's size.
 """
 
 from __future__ import annotations
@@ -18,9 +19,8 @@ from paretoik.compilation.numba_cache import compiled
 def witness(which, k, obstacle, share, nodes, s):
     """Return a bound [m] of the distance of link ``k`` at the middle of the cell, its slopes by y, and its remainder.
 
-    It is the one of this number, from 0 to 6; inf where there is none. ``nodes`` (dof + 1, 2) are the
-    arm's after a ``share`` of the step to the middle of the cell, of which ``s.turns`` (dof,) tells by how much the
-    links turn.
+    ``which`` is the number of the bound, from 0 to 6; inf if it does not exist. ``nodes`` (dof + 1, 2) are those of the
+    arm after a ``share`` of the step to the middle of the cell; ``s.turns`` (dof,) are the links' turns in that step.
     """
     cx, cy, cz = obstacle[FIRST], obstacle[FIRST + 1], obstacle[FIRST + 2]
     if obstacle[KIND] == POINT:
@@ -33,7 +33,7 @@ def witness(which, k, obstacle, share, nodes, s):
             return _none()
         dx, dy, dz = obstacle[SECOND] - cx, obstacle[SECOND + 1] - cy, obstacle[SECOND + 2] - cz
         along = float(which)
-        if which == 2:  # the end of the link, and what of the segment is nearest to it
+        if which == 2:  # the end of the link, and the nearest point of the segment
             square = dx * dx + dy * dy + dz * dz
             along = (nodes[k + 1, 0] - cx) * dx + (nodes[k + 1, 1] - cy) * dy - cz * dz
             along = min(max(along / square, 0.0), 1.0) if square > 0.0 else 0.0
@@ -50,14 +50,14 @@ def witness(which, k, obstacle, share, nodes, s):
 
 @compiled
 def _fraction(k, x, y, nodes):
-    """Return where on link k it is nearest to a point, from 0 to 1."""
+    """Return the place on link k nearest to a point, from 0 to 1."""
     lx, ly = nodes[k + 1, 0] - nodes[k, 0], nodes[k + 1, 1] - nodes[k, 1]
     return min(max(((x - nodes[k, 0]) * lx + (y - nodes[k, 1]) * ly) / (lx * lx + ly * ly), 0.0), 1.0)
 
 
 @compiled
 def _move(k, fraction, nx, ny, share, nodes, s):
-    """Return how a point of link k moves with y along (nx, ny), how far in the cell, and how far off a linear model."""
+    """Return the slopes by y of a point of link k along (nx, ny), its largest move, and the linear model's error."""
     gu, gv, travel, remainder = 0.0, 0.0, 0.0, 0.0
     for j in range(k + 1):
         part = fraction if j == k else 1.0
@@ -70,7 +70,7 @@ def _move(k, fraction, nx, ny, share, nodes, s):
 
 @compiled
 def _to_ball(fraction, cx, cy, cz, obstacle, k, share, nodes, s):
-    """Return the bound that the distance of a point of the link from the middle of a ball gives."""
+    """Return the bound from the distance of a point of the link to the middle of a ball."""
     x = nodes[k, 0] + fraction * (nodes[k + 1, 0] - nodes[k, 0]) - cx
     y = nodes[k, 1] + fraction * (nodes[k + 1, 1] - nodes[k, 1]) - cy
     distance = np.sqrt(x * x + y * y + cz * cz)
@@ -84,7 +84,7 @@ def _to_ball(fraction, cx, cy, cz, obstacle, k, share, nodes, s):
 
 @compiled
 def _to_side(which, k, box, share, nodes, s):
-    """Return the bound that the end of the link gives where all of the cell it faces one side of the box."""
+    """Return the bound of the end of the link, if it faces one side of the box in all of the cell."""
     x, y = nodes[k + 1, 0] - box[FIRST], nodes[k + 1, 1] - box[FIRST + 1]
     nx, ny = box[AXES + 3 * which], box[AXES + 3 * which + 1]
     out, aside = x * nx + y * ny, abs(x * ny - y * nx)
@@ -97,9 +97,9 @@ def _to_side(which, k, box, share, nodes, s):
 
 @compiled
 def _to_corner(which, k, box, share, nodes, s):
-    """Return the bound that a corner of the box gives where the link passes between it and no middle of the box.
+    """Return the bound of a corner of the box, if the link passes between it and the box's middle.
 
-    On the far side of the corner the link meets the line from there to the middle of the box, in all of the cell.
+    In all of the cell, the link meets the line from the corner to the middle of the box on the far side of the corner.
     """
     hx, hy = box[SECOND] if which % 2 == 0 else -box[SECOND], box[SECOND + 1] if which < 4 else -box[SECOND + 1]
     mx, my = box[FIRST] - nodes[k, 0], box[FIRST + 1] - nodes[k, 1]  # the middle
@@ -126,5 +126,5 @@ def _to_corner(which, k, box, share, nodes, s):
 
 @compiled
 def _none():
-    """Return what stands for no witness: no bound."""
+    """Return the numbers for a missing witness: no bound."""
     return np.inf, 0.0, 0.0, 0.0

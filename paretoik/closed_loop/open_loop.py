@@ -1,4 +1,4 @@
-"""OLGA: a posture whose tool is where a path begins, by a genetic algorithm (Marcos et al. 2012, section 4.2)."""
+"""OLGA: a genetic algorithm for a posture with the tool at a path's beginning (Marcos et al. 2012, section 4.2)."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from paretoik.task.traced_motion import trace_sample
 
 
 class OpenLoopOptions(NamedTuple):
-    """Settings of OLGA; those of the paper stand in section 5.1."""
+    """Settings of OLGA; the paper's are in section 5.1."""
 
     population: int = 1600
     generations: int = 200
     crossover_probability: float = 0.5
     mutation_probability: float = 0.5
-    largest_angle: float = 2 * np.pi  # rad, either way, of revolute joints without limits
-    largest_extension: float = 1.0  # m, either way, of sliding joints without limits
+    largest_angle: float = 2 * np.pi  # rad, either way, for revolute joints without limits
+    largest_extension: float = 1.0  # m, either way, for sliding joints without limits
 
 
 OPTIONS = OpenLoopOptions()
@@ -48,11 +48,11 @@ class PostureWorkspace(NamedTuple):
 
 
 def search_start(task: MotionTask, *, seed: int = 0, options: OpenLoopOptions = OPTIONS) -> Float[np.ndarray, " dof"]:
-    """Return joint positions (dof,) whose tool is near the first sample of the path, by OLGA.
+    """Return joint positions (dof,) with the tool near the first sample of the path, by OLGA.
 
-    Raises Infeasible where none is clear of the obstacles.
+    Raises Infeasible if no posture was found that is clear of the obstacles.
     """
-    from paretoik.closed_loop.open_loop_engine import search_posture  # here: numba takes its time
+    from paretoik.closed_loop.open_loop_engine import search_posture  # imported here: numba loads slowly
 
     population = options.population
     workspace = PostureWorkspace(
@@ -68,13 +68,13 @@ def search_start(task: MotionTask, *, seed: int = 0, options: OpenLoopOptions = 
     lower, upper = (np.ascontiguousarray(bound) for bound in posture_bounds(task, options).T)
     if search_posture(seed, options, lower, upper, trace_posture(task).arrays, workspace) > 0:
         count = options.population * options.generations
-        raise Infeasible(f"start: a posture clear of the obstacles wanted, none of {count} had its tool there")
+        raise Infeasible(f"start must be a posture clear of the obstacles, none of {count} had its tool there")
     q: np.ndarray = workspace.parents[:, workspace.order[0]].copy()
     return q
 
 
 def posture_bounds(task: MotionTask, options: OpenLoopOptions = OPTIONS) -> Float[np.ndarray, "dof 2"]:
-    """Return the range of each joint: its limits, or without any two turns, as in the paper."""
+    """Return the range of each joint: its limits, or two turns without any, as in the paper."""
     arm = task.arm
     widest = np.where(arm.periodic, options.largest_angle, options.largest_extension)[:, None] * [-1.0, 1.0]
     return np.where(np.isfinite(arm.position_limits), arm.position_limits, widest)
@@ -83,8 +83,7 @@ def posture_bounds(task: MotionTask, options: OpenLoopOptions = OPTIONS) -> Floa
 def trace_posture(task: MotionTask) -> Evaluator:
     """Return the evaluator, from joint positions, of the violation of the clearance [m] and the task error.
 
-    The error is the distance from the first target [m] (Eqs. 18, 21, 22), plus the angle [rad] where a task asks for
-    one.
+    The error is the distance from the first target [m] (Eqs. 18, 21, 22), plus the angle [rad] if a task asks for one.
     """
     motion = trace_sample(task)
     tape, rotations = motion.trace.tape, rotation_rows(task)

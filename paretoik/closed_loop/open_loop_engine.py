@@ -34,7 +34,7 @@ def search_posture(seed, options, lower, upper, evaluator, w):
 
 @compiled
 def _sort(values, w):
-    """Write the individuals best first: by violation, then by error; what is not a number is worst."""
+    """Write the individuals best first: by violation, then by error; NaN is worst."""
     count = w.order.shape[0]
     for k in range(count):
         w.order[k] = k
@@ -64,7 +64,7 @@ def _mate(k, options, lower, upper, w):
 def _select(w):
     """Return an individual by rank weighting: the k-th best of N with probability 2 (N − k + 1) / (N (N + 1)).
 
-    Source: Haupt & Haupt 2004, section 2.2.4. The first k of them have a share of k (2N + 1 − k) / (N (N + 1)).
+    The first k of them have a share of k (2N + 1 − k) / (N (N + 1)). Source: Haupt & Haupt 2004, section 2.2.4.
     """
     count = w.order.shape[0]
     b = 2.0 * count + 1.0
@@ -74,13 +74,13 @@ def _select(w):
 
 @compiled
 def _keep_elite(w):
-    """Let the children be the parents, and the best parent take the place of the worst child."""
+    """Make the children the parents; the best parent replaces the worst child."""
     dof, count = w.parents.shape
     best = w.order[0]
     _sort(w.child_values, w)
     worst = w.order[count - 1]
     for k in range(count):
-        if k == best:  # the elite keeps its column, whose child takes that of the worst one
+        if k == best:  # the elite keeps its column; the child there moves to the worst one's
             continue
         child = best if k == worst else k
         for j in range(dof):

@@ -1,4 +1,4 @@
-"""Evaluators of a step's objectives and of the places of the arm's joints, traced for the engine."""
+"""Evaluators of a step's objectives and of the positions of the arm's joints, traced for the engine."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ from paretoik.task.traced_motion import TracedMotion, trace_sample, trace_sample
 
 POINT, SEGMENT, BOX = range(3)
 KIND, RADIUS, FIRST, SECOND, AXES, COLUMNS = 0, 1, 2, 5, 8, 17
-INFINITE_SIZE = 1e30  # m: half the size of what has no end
+INFINITE_SIZE = 1e30  # m: half the size of an obstacle without end
 
 
 def tabulate(obstacles: Sequence[Obstacle]) -> Float[np.ndarray, "obstacles columns"]:
-    """Return a row an obstacle: kind, radius, two points or a center and half sizes, three axes.
+    """Return one row per obstacle: kind, radius, two points or a center and half sizes, three axes.
 
     The last axis of a circle, which is a cylinder in space, is 0.
     """
@@ -50,12 +50,12 @@ def tabulate(obstacles: Sequence[Obstacle]) -> Float[np.ndarray, "obstacles colu
 
 
 def tabulate_balls(obstacles: Sequence[Obstacle]) -> Float[np.ndarray, "obstacles columns"]:
-    """Return the rows of a ball or circle around each obstacle; the obstacle itself where there is none."""
+    """Return the rows of a ball or circle around each obstacle; the obstacle itself if it has none."""
     return tabulate([bounding_ball(obstacle) for obstacle in obstacles])
 
 
 def bounding_ball(obstacle: Obstacle) -> Obstacle:
-    """Return a ball around an obstacle, or a circle; the obstacle itself where there is none."""
+    """Return a ball or circle around an obstacle; the obstacle itself if it has none."""
     if isinstance(obstacle, Capsule):
         half_length = float(np.linalg.norm(obstacle.end - obstacle.start)) / 2
         return Sphere((obstacle.start + obstacle.end) / 2, obstacle.radius + half_length)
@@ -75,9 +75,9 @@ ORDERS = 4  # positions, velocities, accelerations, jerks
 class StepPrograms:
     """Evaluators of one arm, task and set of objectives, for every step.
 
-    ``objectives`` takes positions, velocities, accelerations and jerks (dof rows each), then the joint positions of
-    home, the target and constants; it reads rates of fewer than ``orders`` orders, and has at least two outputs: a
-    single objective twice. ``nodes``, ``obstacles``, ``bounding`` and ``reach`` are those of ``StepConstraints``.
+    ``objectives`` takes positions, velocities, accelerations and jerks (dof rows each), then the home joint positions,
+    the target and constants. It reads rates of fewer than ``orders`` orders, and has at least two outputs: a single
+    objective twice. ``nodes``, ``obstacles``, ``bounding`` and ``reach`` are those of ``StepConstraints``.
     """
 
     objectives: Evaluator
@@ -93,7 +93,7 @@ class StepPrograms:
 def trace_step(task: MotionTask, objectives: Sequence[StepObjective], dt: float) -> StepPrograms:
     """Return the evaluators of steps of ``dt`` [s].
 
-    Raises InvalidInput, naming the objective and what it did, where an objective cannot be traced.
+    Raises InvalidInput, naming the objective and its fault, if an objective cannot be traced.
     """
     motion, dof = trace_sample(task.standing(dt * np.arange(HISTORY + 1))), task.arm.dof
     trace = motion.trace
@@ -114,7 +114,7 @@ def trace_step(task: MotionTask, objectives: Sequence[StepObjective], dt: float)
 
         value = trace_sample_function(motion, f"objective {objective.name}", evaluate)
         if value is None:
-            raise InvalidInput(f"objective {objective.name}: looks at more than the end of the step")
+            raise InvalidInput(f"objective {objective.name} must look at a step's end only, got more than that")
         outputs.append(as_entry(trace.tape, objective.sign * Expression(trace.tape, as_entry(trace.tape, value))))
     evaluator = compile_evaluator(trace.tape, outputs * 2 if len(outputs) == 1 else outputs)
     rates = [int(row) // dof for row in evaluator.inputs if row < ORDERS * dof]
@@ -136,6 +136,6 @@ def traced_errors(motion: TracedMotion, task: MotionTask, target: list[Any]) -> 
 
 
 def trace_nodes(task: MotionTask) -> Evaluator:
-    """Return the evaluator, from joint positions, of x, y and z [m] of the arm's base, joints and tool in turn."""
+    """Return the evaluator, from joint positions, of x, y and z [m] of the base, joints and tool in order."""
     motion = trace_sample(task)
     return compile_evaluator(motion.trace.tape, [as_entry(motion.trace.tape, x) for x in motion.links.entries.ravel()])

@@ -1,9 +1,10 @@
-"""Cells of the null space, compiled: triangles, or intervals, with lower bounds of what steps within them are worth.
+"""Cells of the null space, compiled: triangles or intervals.
 
-In a cell the error of the tool is its linear model about the middle, up to a remainder that is known: a link that turns
-by δ leaves its tangent by at most ½ l δ². A weighted sum of ‖y‖² and ‖e‖ is bounded below by the minimum of a convex
-function, the norm of the model and the tangent of ‖y‖²; by duality that is the greatest, over directions in the plane,
-of the least over the corners. Both bounds are off by the square of the cell's size.
+They have lower bounds of the weighted sum of their steps. In a cell the error of the tool is its linear model about the
+middle, plus a bounded remainder: a link that turns by δ leaves its tangent by at most ½ l δ². A weighted sum of ‖y‖²
+and ‖e‖ is bounded below by the minimum of a convex function, the norm of the model and the tangent of ‖y‖². By duality
+that is the largest, over directions in the plane, of the least over the corners. Both bounds are off by the square of
+the cell's size.
 """
 
 from __future__ import annotations
@@ -19,13 +20,16 @@ BOUND, ADMISSIBLE = 6, 7  # columns of a cell after its three corners: its lower
 
 
 class CellModel(NamedTuple):
-    """The linear model of the tool's error in a cell, about its middle ``u``, ``v``, where the error is ``error`` [m].
+    """The linear model of the tool's error in a cell, about its middle ``u``, ``v``.
 
-    ``x`` and ``y`` (3,) are the model's error at the corners [m], ``squares`` (3,) the tangent of ‖y‖² there; the error
-    in the cell is within ``remainder`` [m] of the model's. ``size`` is the largest distance of a corner from the middle
-    [rad], ``travel`` the most that a point of the arm moves from the middle to another step of the cell [m]. Where the
-    model is ``invertible`` and stays so, at most one step of the cell reaches the target. In the cell the second
-    derivatives of ‖e‖ change by ``change`` at most; inf where that is not known.
+    - ``error``: error at the middle [m]
+    - ``x``, ``y`` (3,): error of the model at the corners [m]
+    - ``squares`` (3,): tangent of ‖y‖² at the corners
+    - ``remainder``: largest difference of the error in the cell from the model's [m]
+    - ``size``: largest distance of a corner from the middle [rad]
+    - ``travel``: largest move of a point of the arm from the middle to another step of the cell [m]
+    - ``invertible``: whether the model is invertible in all of the cell: at most one step there reaches the target
+    - ``change``: largest change of the second derivatives of ‖e‖ in the cell; inf if unknown
     """
 
     u: float
@@ -80,7 +84,7 @@ def model(cell, s):
 def lower_bound(square_weight, error_weight, enough, m):
     """Return a lower bound of square_weight ‖y‖² + error_weight ‖e‖ over a cell.
 
-    One that is ``enough`` need not be the best that the model gives.
+    A bound of at least ``enough`` need not be the best that the model gives.
     """
     a = (square_weight * m.squares[0], square_weight * m.squares[1], square_weight * m.squares[2])
     x = (error_weight * m.x[0], error_weight * m.x[1], error_weight * m.x[2])
@@ -108,20 +112,20 @@ def lower_bound(square_weight, error_weight, enough, m):
 
 @compiled
 def _least(ux, uy, a, x, y):
-    """Return the least over the corners of a + uᵀ e."""
+    """Return the least of a + uᵀ e over the corners."""
     return min(a[0] + ux * x[0] + uy * y[0], a[1] + ux * x[1] + uy * y[1], a[2] + ux * x[2] + uy * y[2])
 
 
 @compiled
 def _along(dx, dy, a, x, y):
-    """Return that for the unit vector along (dx, dy); of none, for 0."""
+    """Return the same least for the unit vector along (dx, dy); for 0, the least of a."""
     norm = np.hypot(dx, dy)
     return _least(dx / norm, dy / norm, a, x, y) if norm > 0.0 else min(a)
 
 
 @compiled
 def _between(i, j, a, x, y):
-    """Return that for the unit vector which makes two corners equal, where there is one."""
+    """Return the same least for the unit vector that makes two corners equal, if it exists."""
     px, py = x[i] - x[j], y[i] - y[j]
     norm = np.hypot(px, py)
     if not norm > 0.0:
@@ -186,7 +190,7 @@ def halve(i, j, s):
 
 @compiled
 def contains(cell, u, v, s):
-    """Return whether a cell has a point."""
+    """Return whether a cell contains a point."""
     if s.lengths.shape[0] == 3:
         return min(cell[0], cell[2]) <= u <= max(cell[0], cell[2])
     left, right = 0, 0

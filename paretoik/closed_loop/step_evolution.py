@@ -1,4 +1,4 @@
-"""The evolution of one control step by the compiled engine, and the population that it ends with."""
+"""The evolution of one control step by the compiled engine, and its last population."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from paretoik.runs.journal import is_journalled, key_of, remembered
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Population:
-    """The last population of a search: genes, their objectives, minimised, and their joint positions."""
+    """The last population of a search: genes, minimised objectives, and joint positions."""
 
     genes: Genes
     F: Objectives
@@ -34,9 +34,9 @@ class Population:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Generations:
-    """All generations of a search, the one that it began with first: objectives, minimised, and joint positions.
+    """All generations of a search, from the first on: minimised objectives, and joint positions.
 
-    Both are NaN where a step failed.
+    Both are NaN if a step failed.
     """
 
     F: Float[np.ndarray, "generations individuals n_obj"]
@@ -47,8 +47,8 @@ class Generations:
 class StepEvolution:
     """The compiled search of control steps of one arm, task and set of objectives.
 
-    With ``warm_start`` it begins with the population of the step before. It holds the workspace of the engine, and
-    belongs to one thread.
+    With ``warm_start`` it begins with the population of the step before. It contains the workspace of the engine, so
+    each thread needs its own.
     """
 
     programs: StepPrograms
@@ -79,7 +79,7 @@ class StepEvolution:
         return self._search(step, recorded=0)[0]
 
     def with_generations(self, step: StepState) -> tuple[Population, Generations]:
-        """Search a step and return the population with all generations that led to it; raises as a call does."""
+        """Search a step; return the population with all generations before it. Raises as a call does."""
         population, history = self._search(step, recorded=self.generations + 1)
         F = np.where(np.isfinite(history.F).all(axis=2, keepdims=True), history.F, np.nan)
         alive = np.isfinite(F).all(axis=2)
@@ -95,7 +95,7 @@ class StepEvolution:
         inputs = step.history, step.home, step.target, step.lower, step.upper, step.swept, step.standoff
         key = key_of("step", *numbers, *inputs, before, recorded) if is_journalled() else None
         values = remembered(key, lambda: self._search_anew(step, start, constraints, before is not None, recorded))
-        w.genes[:], w.order[:] = values["genes"], np.arange(len(w.order))  # what the next step may begin with
+        w.genes[:], w.order[:] = values["genes"], np.arange(len(w.order))  # the next step may begin with it
         self._has_searched = True
         F = values["F"]
         genes = values["genes"][: len(F)]
@@ -105,8 +105,8 @@ class StepEvolution:
     def _search_anew(
         self, step: StepState, start: StepStart, constraints: StepConstraints, warm_start: bool, recorded: int
     ) -> dict[str, np.ndarray]:
-        """Return all genes, those that did not fail first, the objectives of these, and the generations recorded."""
-        from paretoik.closed_loop.engine import search  # here: numba takes its time
+        """Return all genes, those that did not fail first, their objectives, and the generations recorded."""
+        from paretoik.closed_loop.engine import search  # imported here: numba loads slowly
 
         n, w = self.dof, self.workspace
         rows = np.concatenate([step.home, step.target, self.programs.constants])
@@ -118,7 +118,7 @@ class StepEvolution:
         return {"genes": w.genes[w.order], "F": F, "generation_genes": history.genes, "generation_F": history.F}
 
     def start_and_constraints(self, step: StepState) -> tuple[StepStart, StepConstraints]:
-        """Return where a step begins and what it must keep, as the engine takes them.
+        """Return the start and the constraints of a step, as the engine takes them.
 
         Raises Infeasible if the arm is singular.
         """

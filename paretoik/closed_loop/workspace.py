@@ -1,4 +1,4 @@
-"""What the engine reads and writes, by name: tuples of arrays and numbers, as compiled code takes them."""
+"""Inputs and outputs of the engine: tuples of arrays and numbers, as compiled code takes them."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ class EngineOptions(NamedTuple):
     crossover_probability: float = 0.5  # p_c of Marcos et al. 2012, section 5.1
     mutation_probability: float = 0.5  # p_m, ibid.
     gene_bound: float = 1.0  # genes lie within ±1, ibid.
-    max_redraws: int = 100  # of chromosomes whose configuration is not admissible (section 5.2 says: until it is)
-    bound_tolerance: float = 1e-10  # rad or m: rounding may put a shortened step this far beyond its bounds
-    shortest_interval: float = 2.0**-8  # of a step: intervals that are not proven clear are halved down to this
-    interval_batch: int = 64  # intervals of steps whose middles are evaluated together
-    interval_depth: int = 16  # batches that fit on the stack of intervals
-    singular_ratio: float = 1e-9  # of the singular values of a Jacobian: below, no finite step makes every Δx
+    max_redraws: int = 100  # of inadmissible chromosomes (section 5.2 redraws until they are admissible)
+    bound_tolerance: float = 1e-10  # rad or m: rounding error of a shortened step at its bounds
+    shortest_interval: float = 2.0**-8  # share of a step: intervals not proven clear are halved down to this
+    interval_batch: int = 64  # number of intervals whose middles are evaluated together
+    interval_depth: int = 16  # number of batches that fit on the stack of intervals
+    singular_ratio: float = 1e-9  # ratio of a Jacobian's singular values below which no finite step makes every Δx
 
 
 OPTIONS = EngineOptions()
 
 
 class StepStart(NamedTuple):
-    """Where a step begins: joint positions (dof,), the shortest step that makes Δx, and the null space of the Jacobian.
+    """Start of a step: joint positions (dof,), the shortest step that makes Δx, and the null space of the Jacobian.
 
-    ``rates`` (3, dof) are velocity, acceleration and jerk before the step, ``dt`` [s] the time between steps.
+    ``rates`` (3, dof) are velocity, acceleration and jerk before the step, ``dt`` [s] is the time between steps.
     """
 
     previous: np.ndarray
@@ -38,19 +38,21 @@ class StepStart(NamedTuple):
 
 
 class ObjectiveProgram(NamedTuple):
-    """The evaluator of the objectives, and how many orders of rates it reads: 1 for positions alone."""
+    """The evaluator of the objectives, and the number of orders of rates that it reads: 1 for positions only."""
 
     arrays: Any
     orders: int
 
 
 class StepConstraints(NamedTuple):
-    """The obstacles, the required distance of the arm's links from them [m], and how far each joint may move.
+    """The obstacles, the required distance of the arm's links from them [m], and the bounds of joints' moves.
 
-    ``nodes`` is the evaluator of the places of the arm's joints; ``obstacles`` and ``bounding``, the balls around them,
-    are rows of ``tabulate``. ``reach`` (dof,) is the most that any point of the arm moves with each joint, ``lower``
-    and ``upper`` (dof,) bound how far each joint may move, where ``bounded``; ``swept`` says that the whole step is to
-    be clear, not its end alone. Its end keeps a ``standoff`` [m] beyond what is required.
+    - ``nodes``: evaluator of the positions of the arm's joints
+    - ``obstacles``, ``bounding``: rows of ``tabulate`` for obstacles, and for the balls around them
+    - ``reach`` (dof,): largest move of any point of the arm with each joint
+    - ``lower``, ``upper`` (dof,): bounds of each joint's move, if ``bounded``
+    - ``swept``: whether the whole step must be clear, not only its end
+    - ``standoff``: distance at its end beyond the required one [m]
     """
 
     nodes: Any
@@ -68,7 +70,7 @@ class StepConstraints(NamedTuple):
 class KeptGenerations(NamedTuple):
     """Generations of a search: genes (generations, individuals, genes), objectives (generations, individuals, n_obj).
 
-    The first generation is the one that a search begins with. Objectives are minimised, inf where a step failed.
+    The first generation is the one that a search begins with. Objectives are minimised, inf if a step failed.
     """
 
     genes: np.ndarray
@@ -98,12 +100,15 @@ class SelectionWorkspace(NamedTuple):
 
 
 class Workspace(NamedTuple):
-    """A population and its children, and arrays for what is computed of them; one a thread.
+    """A population and its children, and arrays for their evaluation; each thread needs its own.
 
-    ``genes`` has a row an individual, ``order`` says which row stands at which place, ``fitness`` is that in a
-    tournament, by place. ``F`` has the objectives of the parents by place, then those of the children, whose genes are
-    the columns of ``children`` and whose joint positions and rates are the columns of ``inputs``. ``redrawn`` has the
-    genes drawn in place of inadmissible children's, ``redrawn_positions`` their joint positions.
+    - ``genes``: one row per individual
+    - ``order``: row of each place
+    - ``fitness``: fitness in a tournament, by place
+    - ``F``: objectives of the parents by place, then those of the children
+    - ``children``: genes of the children, in columns
+    - ``inputs``: joint positions and rates of the children, in columns
+    - ``redrawn``, ``redrawn_positions``: genes and joint positions drawn in place of inadmissible children
     """
 
     genes: np.ndarray
@@ -131,7 +136,7 @@ class Workspace(NamedTuple):
 def allocate(
     dof: int, redundancy: int, population: int, objectives: int, inputs: int, options: EngineOptions = OPTIONS
 ) -> Workspace:
-    """Return the workspace of a population, and of evaluators with so many inputs."""
+    """Return the workspace of a population, and of evaluators with this number of inputs."""
     N, M, r, size, both = population, objectives, redundancy, redundancy * (dof + 1), 2 * population
     evaluated, index = max(N, options.interval_batch), np.int64
     selection = SelectionWorkspace(

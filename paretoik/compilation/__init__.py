@@ -1,1 +1,1 @@
-"""Compiled code: the cache of what numba compiles, tuples of arrays by reference, and notices. Home of numba."""
+"""Compiled code: the cache of numba's output, tuples of arrays by reference, notices. Home of numba."""

@@ -1,8 +1,8 @@
 """Tuples of many arrays passed to compiled functions by reference: by value each is hundreds of arguments.
 
 LLVM code for that is slow to write and to optimise, again in every function that takes the tuple. A reference has the
-tuple's attributes, to be read; tuples within tuples are references again. It counts no references to the arrays: those
-of arguments exist until a function returns, for others whoever makes a reference keeps the tuple (``keep``).
+tuple's attributes, read-only; tuples within tuples are references too. It does not count references to the arrays:
+those of arguments exist until a function returns; for others the maker of the reference keeps the tuple (``keep``).
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def refer(typing_context: Any, target: Any) -> Any:
 
 @intrinsic
 def keep(typing_context: Any, target: Any) -> Any:
-    """Do nothing with a tuple that has to exist until here."""
+    """Do nothing with a tuple that must exist until this point."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         return context.get_dummy_value()

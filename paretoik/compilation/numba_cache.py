@@ -1,4 +1,4 @@
-"""How numba compiles: once on every machine, without holding up other threads, and with a notice where it takes long.
+"""Compiles with numba: once per machine, without stopping other threads, and with a notice if it takes long.
 
 A function under ``@compiled`` has two variants with the same bits: one that Python calls, and one that compiled
 functions call, which has no wrappers and is not specialised by literal arguments. Each is compiled at its first call
@@ -37,14 +37,14 @@ from paretoik.compilation_notices import SILENT, CompilationNotice, announce, be
 
 # Whole-program compilation with numba: a function and all that it calls are optimised and emitted once, together.
 #
-# By itself numba optimises and emits every function with all that it calls, and again in every caller: of code in
-# many small functions most of the compile time goes there. Here the libraries of inner functions hold LLVM code only;
-# the library of the function that Python calls links them all.
+# Numba alone optimises and emits every function with all that it calls, again in every caller: in code of many small
+# functions this takes most of the compile time. Here the libraries of inner functions have LLVM code only; the library
+# of the function that Python calls links them all.
 
 
 class _Library(JITCodeLibrary):
     def _optimize_functions(self, ll_module: Any) -> None:
-        ll_module.data_layout = self._codegen._data_layout  # optimised with what is linked
+        ll_module.data_layout = self._codegen._data_layout  # optimised together with the linked code
 
 
 class InnerLibrary(_Library):
@@ -60,11 +60,11 @@ class InnerLibrary(_Library):
 
     @property
     def codegen(self) -> Any:
-        """Where the environment of the function is set: kept until it is emitted."""
+        """Code generator that sets the function's environment: it keeps it until the code is emitted."""
         return _DeferredCodegen(self)
 
     def finalize(self) -> None:
-        """Finish the function's code: neither optimised nor emitted here."""
+        """Finish the function's code without optimising or emitting it."""
         self._raise_if_finalized()
         for library in self._linking_libraries:
             self._reload_init.update(library._reload_init)
@@ -76,7 +76,7 @@ class InnerLibrary(_Library):
         return 0
 
     def _get_module_for_linking(self) -> Any:
-        """Return the code with all that it calls, for libraries that are not of this module."""
+        """Return the code with all that it calls, for libraries that this module does not define."""
         self._ensure_finalized()
         if self._shared_module is None:
             module = self.module_alone().clone()
@@ -86,7 +86,7 @@ class InnerLibrary(_Library):
         return self._shared_module
 
     def module_alone(self) -> Any:
-        """Return the code without what it calls, to be linked many times."""
+        """Return the code without the functions that it calls, for linking many times."""
         if self.own_module is None:
             module = self._final_module.clone()
             for function in module.functions:
@@ -116,7 +116,7 @@ class EntryLibrary(_Library):
                     self._codegen.set_env(name, environment)
 
     def _optimize_final_module(self) -> None:
-        """Run LLVM's passes once; numba runs them twice, to remove reference counts that inner code has few of."""
+        """Run LLVM's passes once; numba runs them twice to remove reference counts, which inner code rarely has."""
         passes, builder = self._codegen._module_pass_manager(opt=self.level)
         passes.run(self._final_module, builder)
 
@@ -137,7 +137,7 @@ class _DeferredCodegen:
 def linked_libraries(libraries: list[Any]) -> list[Any]:
     """Return libraries and all that inner ones among them call, each once and callers first.
 
-    LLVM links a function of many definitions only where what was linked before refers to it.
+    LLVM links a function with several definitions only if code that was linked before refers to it.
     """
     callees_first: dict[Any, None] = {}
     pending = [(library, False) for library in libraries]
@@ -159,9 +159,9 @@ def _module_alone(library: Any) -> Any:
 
 @contextmanager
 def compilation_unit(codegen: Any, entry: str = "", *, level: int = 1) -> Iterator[None]:
-    """Create inner libraries for all functions that are compiled meanwhile, except ``entry``.
+    """Create inner libraries for all functions that the body compiles, except ``entry``.
 
-    LLVM optimises that one at a ``level`` of 3: 1 takes two thirds of the time, and most code is as fast.
+    LLVM optimises ``entry`` at ``level``, up to 3: level 1 takes two thirds of the time of 3, and most code is as fast.
     """
     before = codegen.__dict__.get("_library_class")
 
@@ -172,7 +172,7 @@ def compilation_unit(codegen: Any, entry: str = "", *, level: int = 1) -> Iterat
         library.level = level
         return library
 
-    create._unserialize = JITCodeLibrary._unserialize  # what the cache loads
+    create._unserialize = JITCodeLibrary._unserialize  # called when the cache is loaded
     codegen._library_class = create
     try:
         yield
@@ -183,8 +183,8 @@ def compilation_unit(codegen: Any, entry: str = "", *, level: int = 1) -> Iterat
             codegen._library_class = before
 
 
-# numba takes settings from a file in the current folder, the folder of its cache among them, from which code is loaded:
-# that folder may be a run from anybody. Settings of the environment hold.
+# numba reads settings from a file in the current folder, also the folder of its cache, from which code is loaded: the
+# current folder may be a run of unknown origin. Settings of the environment stay valid.
 config._config_fname = ""
 config.reload_config()
 
@@ -192,14 +192,15 @@ carray = numba.carray  # an array at a pointer
 OPTIONS = {"nopython": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}  # x / 0 is inf or nan
 WITHOUT_WRAPPERS = {**OPTIONS, "no_cpython_wrapper": True}
 
-# Functions that take functions are written into their callers: with a function as argument, nothing could be cached.
+# Functions that take functions are inlined into their callers: with a function as argument, nothing could be cached.
 inlined = numba.njit(inline="always", nogil=True, error_model="numpy")
 
 
 def compiled(function: Any = None, *, what: str = "", seconds: float | None = None, level: int = 1) -> Any:
     """Return a function that is compiled at its first call for each combination of argument types.
 
-    ``what`` it is for, and about how many ``seconds`` that takes, are announced before; ``level`` is LLVM's, up to 3.
+    Before a compilation a notice names its purpose, ``what``, and about how many ``seconds`` it takes; ``level`` is
+    LLVM's, up to 3.
     """
     if function is None:
         return lambda decorated: compiled(decorated, what=what, seconds=seconds, level=level)
@@ -273,7 +274,7 @@ class _Entry(_Dispatcher):
 
     @property
     def _numba_type_(self) -> Any:
-        return self.inner._numba_type_  # compiled callers find this one
+        return self.inner._numba_type_  # compiled callers use this variant
 
     def compile(self, sig: Any) -> Any:
         """Return the machine code for a signature."""
@@ -296,14 +297,14 @@ def _compiling() -> Iterator[None]:
 
 
 class _Announcer:
-    """Announces a compilation at once where its estimate is long, else when it has taken long; under the lock."""
+    """Announces a compilation at once if its estimate is long, else once it has taken long; under the lock."""
 
     def __init__(self) -> None:
         self.notice: CompilationNotice | None = None
         self.start = 0.0
 
     def miss(self, notice: CompilationNotice | None) -> None:
-        """Note that the cache has not got a function, which is compiled now; an inner one has no ``notice``."""
+        """Note that the cache lacks a function, which is compiled now; an inner function has no ``notice``."""
         begin_compilation()
         if notice is not None:
             self.notice, self.start = notice, time.perf_counter()
@@ -317,7 +318,7 @@ _ANNOUNCER = _Announcer()
 
 
 class _TemporaryLocator(UserWideCacheLocator):
-    """A folder of the user among temporary files, where neither the package's nor the user's can be written."""
+    """A folder of the user among temporary files, if neither the package's nor the user's can be written."""
 
     def __init__(self, py_func: Any, py_file: str) -> None:
         super().__init__(py_func, py_file)
@@ -356,7 +357,7 @@ class _InnerCache(_EntryCache):
 
 
 def _cache(function: Any, notice: CompilationNotice | None = None) -> Any:
-    """Return the cache of a variant; none where no folder can be written."""
+    """Return the cache of a variant; none if no folder can be written."""
     try:
         created = _InnerCache(function) if notice is None else _EntryCache(function)
     except RuntimeError:  # no locator available
@@ -381,7 +382,7 @@ def _temporary_folder() -> Path:
 
 
 def _fingerprint(function: Any) -> str:
-    """Return a digest of all code and constants that a function's machine code is made of, in whatever files."""
+    """Return a digest of all code and constants in a function's machine code, from all files."""
     reachable, pending = {function}, [function]
     while pending:
         for value in _globals(pending.pop()):

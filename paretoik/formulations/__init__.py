@@ -1,1 +1,1 @@
-"""Formulations: each method as a pymoo problem, one method a file; ``protocol`` says what verbs ask of them."""
+"""Formulations: each method as a pymoo problem; ``protocol`` lists what verbs ask of them."""

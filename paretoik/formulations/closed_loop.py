@@ -1,4 +1,4 @@
-"""The closed loop as a problem: at every sample a search, a choice by weights, a step (Marcos et al. 2012)."""
+"""The closed loop as a problem: search, choose and step at every sample (Marcos et al. 2012)."""
 
 from __future__ import annotations
 
@@ -48,22 +48,33 @@ from paretoik.task.path import Path
 from paretoik.task.task import Task
 from paretoik.task.validation import motion_task
 
-# The result of a closed loop: the motion, every step's choice, and what it is as a front.
+# Result of a closed loop: the motion, the choice of every step, and the motion as a front.
 
 
 @objective(unit="m", form="general")
 def mean_position_error(motion: AnyMotion) -> AnyValues:
-    """Mean over the steps of the distance of the tool from its target. Source: Marcos et al. 2012, Eq. 23."""
+    """Return the mean over the steps of the tool's distance from its target. Source: Marcos et al. 2012, Eq. 23."""
     return motion.position_error[..., 1:].mean(axis=-1)  # Eq. 23
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ClosedLoopRun:
-    """What a closed loop did: ``q`` (time, dof), and of each step its choice.
+    """Result of a closed loop: the motion and the choice of every step.
 
-    ``F`` (steps, n_obj) are the objectives of the choices, minimised, ``ranges`` (steps, n_obj, 2) the smallest and
-    largest on each step's front, ``fronts`` the records of the steps that were asked for, by sample, some with their
-    generations, ``digests`` those of the state on the way. Where the loop was stopped early, ``q`` ends there.
+    Attributes
+    ----------
+    loop
+        Loop that was followed.
+    q
+        Joint positions (time, dof); they end early if the loop was stopped early.
+    F
+        Objectives of the choices (steps, n_obj), minimised.
+    ranges
+        Smallest and largest objectives on the front of each step (steps, n_obj, 2).
+    fronts
+        Records of the requested steps by sample, some with their generations.
+    digests
+        Digests of the state, one every ``DIGEST_INTERVAL`` steps.
     """
 
     loop: ClosedLoop
@@ -85,21 +96,21 @@ class ClosedLoopRun:
 
     @cached_property
     def position_error(self) -> float:
-        """Mean over the steps of the distance [m] of the tool from its target (Eq. 23)."""
+        """Mean over the steps of the tool's distance [m] from its target (Eq. 23)."""
         return float(mean_position_error(self.motion))
 
     @cached_property
     def drift(self) -> float:
-        """Distance of the last configuration from the first, over the number of joints [rad] (Eq. 25)."""
+        """Distance of the last configuration from the first, divided by the number of joints [rad] (Eq. 25)."""
         return float(joint_drift(self.motion))
 
     @property
     def values(self) -> Objectives:
-        """The objectives of the choices (steps, n_obj), in their own sign."""
+        """Objectives of the choices (steps, n_obj), in their own sign."""
         return self.F * self.loop.signs
 
     def front(self, provenance: Mapping[str, Any]) -> Front:
-        """Return the motion as a front of one point: the mean over the steps of every objective."""
+        """Return the motion as a front of one point: the mean of every objective over the steps."""
         loop, motions = self.loop, self.task.motion(self.q[None])
         return Front(
             ids=np.zeros(1, dtype=np.int64),
@@ -120,11 +131,11 @@ class ClosedLoopRun:
 
 
 def explain_choice(front: Front) -> Choice:
-    """Return the one motion of a closed loop's front, and in words how its steps were chosen."""
+    """Return the one motion of a closed loop's front, and explain how its steps were chosen."""
     weights = ", ".join(f"{name} {weight:.0%}" for name, weight in front.provenance["settings"]["weights"].items())
     means = [front.quantity(axis, value) for axis, value in enumerate(front.objectives[0])]
     error = f"{front.provenance['position_error']:.4g} m"
-    if f"position_error {error}" not in means:  # the objective of that name says the same
+    if f"position_error {error}" not in means:  # the objective of that name has the same value
         means.append(f"position error {error}")
     return front.choice(
         0,
@@ -139,44 +150,51 @@ ASKED_BY_PYMOO = ("vars", "vtype", "xl", "xu", "bounds", "has_bounds", "n_ieq_co
 
 @check_call
 class ClosedLoop:
-    """Follow ``path`` with ``arm`` step by step, each step found by an evolutionary search and chosen by weights.
+    """Follow ``path`` with ``arm`` step by step: search each step, and choose it by weights.
 
-    ``solve`` follows it and returns the motion as a front of one point, of which every objective is the mean over the
-    steps; ``front.select`` follows it anew with other weights.
+    ``solve`` follows the path and returns the motion as a front of one point. Each of its objectives is the mean over
+    the steps. ``front.select`` follows the path again with other weights.
 
     Parameters
     ----------
-    arm, path
-        The arm, planar or spatial, and a Path, a Task or several of them with the same times, evenly spaced: a step
-        leads from one sample to the next.
+    arm
+        Planar or spatial arm.
+    path
+        Path, Task or several of them with the same times, evenly spaced: each step leads from a sample to the next.
     objectives
-        Of a step: ``joint_displacement`` and ``position_error`` (the paper's), any function decorated with
-        ``@step_objective``, or an ``@objective`` of form integral or peak; any number.
+        Objectives of a step, any number: ``joint_displacement`` and ``position_error`` (the paper's), functions
+        decorated with ``@step_objective``, and ``@objective`` functions of form integral or peak.
     weights
-        Of the choice: Weights, or numbers, one an objective; scaled to a sum of 1 (Eqs. 19 and 20); equal if None.
+        Weights of the choice, or one number per objective, scaled to a sum of 1 (Eqs. 19 and 20); None: equal.
     start
-        Joint positions (dof,) that the loop begins in; None searches for some by OLGA (section 4.2) when they are
-        needed.
-    obstacles, link_radius, limits
-        What the links, capsules of this radius [m], are clear of all the way (by ``limits.clearance``), and the limits
-        on position and velocity that every step keeps. Others are refused; an arm's own limits on torque are not kept,
-        but the result says how far they are violated.
+        Joint positions (dof,) in which the loop begins; None: OLGA (section 4.2) searches for them when needed.
+    obstacles
+        Obstacles that the links stay clear of all the way, by ``limits.clearance``.
+    link_radius
+        Radius [m] of the links, which are capsules.
+    limits
+        Limits on position and velocity that every step satisfies, and the clearance. Other limits are refused. The
+        arm's own torque limits are not enforced, but the result reports how far they are violated.
     longest_step
-        The most that a joint may move in a step [rad, m]. np.inf is the paper's reading: steps of any length, that are
-        clear of obstacles where they end; the arm may then jump through one.
+        Largest move of a joint in one step [rad, m]. np.inf is the paper's reading: steps of any length that are clear
+        of obstacles at their end only; the arm may then jump through an obstacle.
     warm_start
-        Whether a search begins with the population of the step before; the paper's begins with a random one.
-    population, generations, seed
-        Of the search in every step, and of all chance.
+        Flag: True begins a search with the population of the last step, False with a random one, as the paper does.
+    population
+        Number of individuals of the search in every step.
+    generations
+        Number of generations of the search in every step.
+    seed
+        Seed of all random numbers.
 
     Raises
     ------
     InvalidInput
-        Naming what cannot be used.
+        Names the argument that cannot be used.
     """
 
     timeline: Timeline = "step"
-    search_attributes = ("weights", "_given_start", "population", "generations", "seed")  # ``changed`` changes them
+    search_attributes = ("weights", "_given_start", "population", "generations", "seed")  # what ``changed`` can change
     __repr__ = loop_text
     _repr_html_ = html_representation
 
@@ -197,7 +215,7 @@ class ClosedLoop:
         generations: int = 200,
         seed: int = 0,
     ) -> None:
-        """Make the problem; the class says of what."""
+        """Make the problem; the class describes the parameters."""
         self.objectives = check_objectives(objectives)
         self.names = tuple(each.name for each in self.objectives)
         self.signs = np.array([each.sign for each in self.objectives])
@@ -226,9 +244,9 @@ class ClosedLoop:
         generations: int | None = None,
         seed: int | None = None,
     ) -> ClosedLoop:
-        """Return the same loop with other settings; None keeps its own.
+        """Return the same loop with other settings; None keeps the current one.
 
-        Raises InvalidInput, naming what cannot be used.
+        Raises InvalidInput, naming the setting that cannot be used.
         """
         other = copy(self)
         if start is not None or (seed is not None and seed != self.seed):
@@ -260,30 +278,30 @@ class ClosedLoop:
 
     @cached_property
     def start(self) -> Float[np.ndarray, " dof"]:
-        """The joint positions in which the loop begins; where none are given, searched for on first use.
+        """Joint positions in which the loop begins: those given, or found on first use.
 
-        Raises Infeasible where none is clear of the obstacles.
+        Raises Infeasible if no posture was found that is clear of the obstacles.
         """
         return search_start(self.task, seed=self.seed) if self._given_start is None else self._given_start
 
     @property
     def named_weights(self) -> dict[str, float]:
-        """The weights by objective."""
+        """Weights by objective."""
         return dict(zip(self.names, self.weights.tolist(), strict=True))
 
     @property
     def n_var(self) -> int:
-        """Number of genes in a step's search."""
+        """Number of genes in the search of a step."""
         return self.task.redundancy * (self.task.arm.dof + 1)
 
     def __getattr__(self, name: str) -> Any:
-        """Raise InvalidInput for what pymoo asks a problem for: a loop is a search at every step, not one."""
+        """Raise InvalidInput for attributes of pymoo problems: a loop has a search at every step."""
         if name in ASKED_BY_PYMOO:
             self.evaluate()
         raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
 
     def evaluate(self, *args: object, **kwargs: object) -> NoReturn:
-        """Raise InvalidInput, which says what to use."""
+        """Raise InvalidInput with a message that says what to use."""
         raise InvalidInput(
             "problem must be one search, got a ClosedLoop: pk.solve(loop) follows it, loop.control_step(k) is the "
             "pymoo problem of step k"
@@ -291,14 +309,14 @@ class ClosedLoop:
 
     @cached_property
     def programs(self) -> StepPrograms:
-        """The evaluators of a step's objectives and of the arm's distance to obstacles."""
+        """Evaluators of the objectives of a step and of the arm's distance from obstacles."""
         times = self.task.times
         return trace_step(self.task, self.objectives, float(times[1] - times[0]))
 
     def control_step(self, sample: int, history: np.ndarray | None = None) -> ControlStep:
         """Return the search of the step to a sample, as a pymoo problem.
 
-        ``history`` (rows, dof) are the joint positions before it, the present ones last; at rest in the start if None.
+        ``history``: joint positions (rows, dof) before the step, the present ones last; None: at rest in the start.
         Raises InvalidInput and Infeasible as ``ControlStep`` does.
         """
         task = self.task
@@ -316,12 +334,12 @@ class ClosedLoop:
         )
 
     def step_state(self, sample: int, history: Float[np.ndarray, "history dof"] | None = None) -> StepState:
-        """Return what is known before the step to a sample; ``history`` as for ``control_step``."""
+        """Return what is known before the step to a sample; ``history`` is that of ``control_step``."""
         before = np.tile(self.start, (HISTORY, 1)) if history is None else history
         return state_before(self.task, sample, before, home=self.start, longest=self.longest)
 
     def step_evolution(self) -> StepEvolution:
-        """Return the compiled search of its steps; one a thread."""
+        """Return the compiled search of the steps; each thread needs its own."""
         return StepEvolution(
             programs=self.programs,
             redundancy=self.task.redundancy,
@@ -340,7 +358,7 @@ class ClosedLoop:
         search(self.step_state(1))
 
     def steps(self, record_steps: Collection[int] = ()) -> Iterator[StepRecord]:
-        """Take one step after the other; ``record_steps`` as for ``run``, raises as ``take_steps`` does."""
+        """Take one step after the other; ``record_steps`` is that of ``run``. Raises as ``take_steps`` does."""
         return take_steps(
             self.step_evolution(),
             self.step_state,
@@ -358,11 +376,23 @@ class ClosedLoop:
         observe: Callable[[StepRecord], object] | None = None,
         should_stop: Callable[[], bool] = lambda: False,
     ) -> ClosedLoopRun:
-        """Follow the path; ``fronts`` are samples whose fronts are recorded, ``observe`` is called with every step.
+        """Follow the path and return the result.
 
-        Of the steps to samples in ``record_steps`` all generations of the search are kept, a population each.
-        After a step (the second at the earliest) at which ``should_stop`` says so the loop ends. Raises InvalidInput
-        for samples that the path does not have, and as ``take_steps`` does.
+        Parameters
+        ----------
+        fronts
+            Samples whose fronts are recorded.
+        record_steps
+            Samples whose steps are recorded with all generations of the search, one population each.
+        observe
+            Function that is called with every step.
+        should_stop
+            Function that ends the loop if it returns True after a step, the second at the earliest.
+
+        Raises
+        ------
+        InvalidInput
+            For samples that the path does not have, and as ``take_steps`` does.
         """
         recorded = check_steps(record_steps, len(self.task.times) - 1)
         q, F, ranges, records, digests = [self.start], [], [], dict[int, StepRecord](), list[str]()
@@ -385,7 +415,7 @@ class ClosedLoop:
         return ClosedLoopRun(loop=self, **columns, fronts=records, digests=tuple(digests))
 
     def select(self, front: Front, preference: Preference) -> Choice:
-        """Return the motion that follows from these weights at every step, with the settings recorded in ``front``.
+        """Return the motion with these weights at every step, with the settings recorded in ``front``.
 
         Raises InvalidInput for any other preference, and as ``run`` does.
         """
@@ -395,9 +425,9 @@ class ClosedLoop:
         return explain_choice(front)
 
     def reweigh(self, front: Front, preference: Preference) -> ClosedLoop | None:
-        """Return the loop that ``front`` came of, with other weights; None where they are the same."""
+        """Return the loop of ``front`` with other weights; None if the weights are the same."""
         if not isinstance(preference, Weights):
-            raise InvalidInput(f"select: of a closed loop weights are wanted, got {shown(preference)}")
+            raise InvalidInput(f"select: preference must be Weights for a closed loop, got {shown(preference)}")
         weights, settings = normalise_weights(preference, self.names), dict(front.provenance.get("settings", {}))
         before = settings.get("weights")
         if before is not None and np.allclose(

@@ -1,6 +1,7 @@
-"""One step of a closed loop as a pymoo problem: rows that extend the Jacobian to a square matrix are searched for.
+"""One step of a closed loop as a pymoo problem.
 
-Source: Marcos et al. 2012, section 4.1. ``ClosedLoop`` takes one such step after the other, its search compiled.
+It searches rows that extend the Jacobian to a square matrix. Source: Marcos et al. 2012, section 4.1. ``ClosedLoop``
+takes such steps one after the other with a compiled search.
 """
 
 from __future__ import annotations
@@ -48,11 +49,14 @@ from paretoik.task.validation import motion_task
 
 
 def check_objectives(objectives: Sequence[StepObjective | Objective]) -> tuple[StepObjective, ...]:
-    """Return objectives of a step; raises InvalidInput for what is none, no objective at all, and names that repeat."""
+    """Return objectives of a step.
+
+    Raises InvalidInput for anything else, for an empty list, and for names that repeat.
+    """
     if not isinstance(objectives, Sequence):
-        raise InvalidInput(f"objectives: a list of them wanted, got {shown(objectives)}")
+        raise InvalidInput(f"objectives must be a list, got {shown(objectives)}")
     if not objectives:
-        raise InvalidInput("objectives: wants at least one, got none")
+        raise InvalidInput("objectives must be at least one, got none")
     of_step = tuple(as_step_objective(each) for each in objectives)
     names = [each.name for each in of_step]
     if len(set(names)) != len(names):
@@ -63,55 +67,55 @@ def check_objectives(objectives: Sequence[StepObjective | Objective]) -> tuple[S
 def normalise_weights(
     weights: Weights | Sequence[float] | np.ndarray | None, names: tuple[str, ...]
 ) -> Float[np.ndarray, " n_obj"]:
-    """Return weights in the order of the names, their sum 1; equal ones for None. Raises InvalidInput for others."""
+    """Return weights in the order of the names, with sum 1; None: equal ones. Raises InvalidInput for others."""
     if isinstance(weights, Weights):
         unknown = [name for name in weights.weights if name not in names]
         if unknown:
             hint = likely_spelling(unknown[0], names)
-            raise InvalidInput(f"weights: wanted names among {', '.join(names)}, got {shown(unknown[0])}{hint}")
+            raise InvalidInput(f"weights must have names among {', '.join(names)}, got {shown(unknown[0])}{hint}")
         weights = [weights.weights.get(name, 0.0) for name in names]
     values = np.ones(len(names)) if weights is None else finite_array("weights", weights, shape=(len(names),))
     if (values < 0).any() or values.sum() <= 0:
-        raise InvalidInput(f"weights: none below 0 and one above it wanted, got {values.tolist()}")
+        raise InvalidInput(f"weights must be at least 0, one of them above 0, got {values.tolist()}")
     return np.asarray(values / values.sum())
 
 
 def check_limits(limits: Limits | None, *, supported: tuple[str, ...], where: str) -> None:
-    """Raise InvalidInput for limits of other kinds than are ``supported`` there."""
+    """Raise InvalidInput for kinds of limits that are not ``supported``."""
     if not isinstance(limits, Limits | None):
-        raise InvalidInput(f"limits: Limits wanted, got {shown(limits)}")
+        raise InvalidInput(f"limits must be Limits, got {shown(limits)}")
     for kind in LIMITED if limits is not None else ():
         limit = getattr(limits, kind)
         if kind not in supported and limit is not None and not (isinstance(limit, float) and limit == np.inf):
-            raise InvalidInput(f"limits: of {', '.join(supported[:-1])} and {supported[-1]} wanted {where}, got {kind}")
+            raise InvalidInput(f"limits {where} must be on {', '.join(supported[:-1])} and {supported[-1]}, got {kind}")
 
 
 def check_even(times: Times) -> None:
-    """Raise InvalidInput where times are not evenly spaced, up to rounding."""
+    """Raise InvalidInput if times are not evenly spaced, up to rounding."""
     steps = np.diff(times)
     if np.ptp(steps) > 1e-9 * steps.mean():
-        raise InvalidInput("path: samples evenly spaced in time wanted, one a control step")
+        raise InvalidInput("path must have samples evenly spaced in time, one per control step, got uneven ones")
 
 
 def check_longest_step(longest_step: object) -> float:
-    """Return the most that a joint may move in a step; raises InvalidInput for what is no positive number."""
+    """Return the largest move of a joint in a step. Raises InvalidInput if it is not a positive number."""
     longest = real_array("longest_step", longest_step)
     if longest.shape != () or not longest > 0:
-        raise InvalidInput(f"longest_step: a positive number wanted, got {shown(longest_step)}")
+        raise InvalidInput(f"longest_step must be a positive number, got {shown(longest_step)}")
     return float(longest)
 
 
 def read_steps(record_steps: object) -> tuple[Any, ...]:
-    """Return the items of a list of steps, unchecked; raises InvalidInput for what is no list."""
+    """Return the items of a list of steps, unchecked. Raises InvalidInput if it is not a list."""
     return read_list("record_steps", record_steps, object, "a list of steps")
 
 
 def check_steps(record_steps: Sequence[int], last: int) -> frozenset[int]:
-    """Return the steps of a loop to record; raises InvalidInput for others than 1 to the last."""
+    """Return the steps of a loop to record. Raises InvalidInput if they are not from 1 to the last."""
     for step in read_steps(record_steps):
         check_size("record_steps", step, 1)
         if step > last:
-            raise InvalidInput(f"record_steps: steps from 1 to {last} wanted, got {step}")
+            raise InvalidInput(f"record_steps must be from 1 to {last}, got {step}")
     return frozenset(int(step) for step in record_steps)
 
 
@@ -141,29 +145,37 @@ class ControlStep(Formulation):
 
     An individual is the matrix (J*, Δx*) that extends Δx = J Δq to a square system (Eqs. 7 to 13), so that every step
     reaches its target to first order. Its genes are within ±1. A step with too much self-motion is shortened until its
-    joints are within their bounds. ``pk.solve(step)`` runs the paper's search, any pymoo algorithm another one;
+    joints are within their bounds. ``pk.solve(step)`` runs the paper's search; any other pymoo algorithm works too.
     ``loop.control_step(k)`` is the step of a ``ClosedLoop`` to sample k. The motions of its fronts are the last three
     joint positions and the next ones: ``front.motions.q[:, -1]``.
 
     Parameters
     ----------
-    arm, path
-        The arm, planar or spatial, and a Path, a Task or several of them with the same times.
+    arm
+        Planar or spatial arm.
+    path
+        Path, Task or several of them with the same times.
     q
-        Joint positions (dof,) in which the step begins, or the last ones (rows, dof), a step apart.
+        Joint positions (dof,) in which the step begins, or the last ones (rows, dof), one step apart.
     sample
         Sample of the path to which the step leads.
     home
-        Joint positions (dof,) in which the loop began; None takes the first of ``q``.
+        Joint positions (dof,) in which the loop began; None: the first of ``q``.
     objectives
-        Of a step, as of ``ClosedLoop``; any number.
-    obstacles, link_radius, limits, longest_step
-        As of ``ClosedLoop``.
+        Objectives of a step, any number, as in ``ClosedLoop``.
+    obstacles
+        Obstacles, as in ``ClosedLoop``.
+    link_radius
+        Radius [m] of the links, as in ``ClosedLoop``.
+    limits
+        Limits on position, velocity and clearance, as in ``ClosedLoop``.
+    longest_step
+        Largest move of a joint in the step [rad, m], as in ``ClosedLoop``.
 
     Raises
     ------
     InvalidInput
-        Naming what cannot be used.
+        Names the argument that cannot be used.
     Infeasible
         If the arm is singular in ``q``, or its joints may not move far enough to reach the target.
 
@@ -188,7 +200,7 @@ class ControlStep(Formulation):
         limits: Limits | None = None,
         longest_step: float = 0.1,
     ) -> None:
-        """Make the problem; the class says of what."""
+        """Make the problem; the class describes the parameters."""
         self.objectives = check_objectives(objectives)
         check_limits(limits, supported=("position", "velocity", "clearance"), where="in a control step")
         whole = motion_task(
@@ -229,7 +241,7 @@ class ControlStep(Formulation):
         )
         if reachable_share(self.state)[0] < 1.0:
             raise Infeasible(explain_no_step(self.state))
-        self._score((history[-1] + shortest)[None])  # raises what the objectives raise
+        self._score((history[-1] + shortest)[None])  # to raise the errors of the objectives now
 
     def positions(self, genes: Genes) -> Float[np.ndarray, "points dof"]:
         """Return the joint positions after the steps of genes; NaN if the extended Jacobian is singular."""
@@ -237,7 +249,7 @@ class ControlStep(Formulation):
 
     @of_genes
     def decode(self, genes: Genes) -> Motion:
-        """Return the motions (points, 4, dof) of genes, which end in the joint positions after the step."""
+        """Return the motions (points, 4, dof) of genes; they end in the joint positions after the step."""
         return self.state.motions(self.positions(genes))
 
     def algorithm(
@@ -258,7 +270,7 @@ class ControlStep(Formulation):
         )
 
     def redraw(self, genes: Genes, rng: np.random.Generator) -> Genes:
-        """Return genes in which inadmissible chromosomes are replaced by random ones (section 5.2)."""
+        """Return genes with inadmissible chromosomes replaced by random ones (section 5.2)."""
         genes = np.array(genes, dtype=float)
         for _ in range(OPTIONS.max_redraws):
             inadmissible = np.flatnonzero(~self.state.is_admissible(self.positions(genes)))
@@ -282,7 +294,7 @@ class ControlStep(Formulation):
         return np.stack(columns, axis=1)
 
     def _excess(self, q: Float[np.ndarray, "points dof"]) -> Float[np.ndarray, "points limits"]:
-        """Return by how much steps exceed joints' bounds [rad, m] and lack clearance [m]; NaN counts as much."""
+        """Return how far steps exceed the joints' bounds [rad, m] and lack clearance [m]; a large number for NaN."""
         excess = np.full((len(q), self.n_ieq_constr), 1.0)
         usable = np.isfinite(q).all(axis=1)
         columns, steps = [], q[usable]
@@ -302,7 +314,7 @@ class ControlStep(Formulation):
 
 
 class AdmissibleChromosomes(Seeded):
-    """The ``initial`` genes, if any, and random ones whose step is admissible."""
+    """Return the ``initial`` genes, if any, and random genes with admissible steps."""
 
     def _do(self, problem: Any, n_samples: int, *, random_state: np.random.Generator, **kwargs: Any) -> Genes:
         genes = super()._do(problem, n_samples, random_state=random_state)
@@ -312,9 +324,9 @@ class AdmissibleChromosomes(Seeded):
 
 
 class ReplaceInadmissible(Repair):  # type: ignore[misc]  # pymoo is not typed
-    """A chromosome whose step is not admissible is rejected and a new one is drawn (section 5.2)."""
+    """Replace each chromosome with an inadmissible step by a new random one (section 5.2)."""
 
     def do(self, problem: Any, pop: Population, *, random_state: np.random.Generator, **kwargs: object) -> Population:
-        """Return the population with such chromosomes replaced."""
+        """Return the population with these chromosomes replaced."""
         pop.set("X", problem.redraw(pop.get("X"), random_state))
         return pop

@@ -1,4 +1,4 @@
-"""Formulations whose program is small and dense: points with genes, driven by motors or sliders."""
+"""Formulations with a small, dense program: points with genes, driven by motors or sliders."""
 
 from __future__ import annotations
 
@@ -30,25 +30,25 @@ from paretoik.task.objectives import Objective, joint_travel
 from paretoik.task.path import Path
 from paretoik.task.validation import motion_task
 
-# Users' own objectives and constraints in formulations whose program is small and dense.
+# Users' own objectives and constraints in formulations with a small, dense program.
 
 
 def function_task(
     arm: Arm, path: Path, objectives: Sequence[Objective], constraints: Sequence[Constraint]
 ) -> MotionTask:
-    """Return an arm with users' functions of motions that have as many samples as a path, all checked; no limits.
+    """Return a task of an arm with the user's functions of motions, all checked, without limits.
 
-    Raises InvalidInput, naming the function, for what is none.
+    Motions have as many samples as the path. Raises InvalidInput, naming the function, if one is not usable.
     """
     checked = motion_task(arm, path, objectives=objectives or [joint_travel], constraints=constraints, redundant=False)
     return replace(checked, arm=arm, objectives=tuple(objectives), bounds={})
 
 
 def read_times(task: MotionTask, motions: Motion) -> bool:
-    """Return whether an objective or constraint of motions changes where some of it takes longer than the rest.
+    """Return whether an objective or constraint of motions changes if a part of them takes longer.
 
-    What a function does not see of motions at their pace, a limit on rates for one, it may see at others. Raises
-    EvaluationFailed where functions have no values.
+    Some functions, such as a limit on rates, see nothing at the motions' own pace: other paces are tried too. Raises
+    EvaluationFailed if functions have no values.
     """
     require_values(task, motions)
     shares = motions.time / motions.duration[:, None]
@@ -64,11 +64,11 @@ def read_times(task: MotionTask, motions: Motion) -> bool:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WholeProgram:
-    """The rows and costs of a formulation with users' functions of a ``task`` among them.
+    """The rows and costs of a formulation, with users' functions of a ``task`` among them.
 
-    ``base`` and ``base_costs`` are without them; ``lanes`` says how their motions follow from its unknowns, ``near``
-    are some of these motions. They have times of their own where there are ``intervals``, unknowns in units of ``pace``
-    [s].
+    ``base`` and ``base_costs`` are those without users' functions. ``lanes`` says how motions follow from the unknowns;
+    ``near`` are some of these motions. If there are ``intervals``, motions have times of their own: these are unknowns
+    in units of ``pace`` [s].
     """
 
     base: AssembledRows
@@ -81,7 +81,7 @@ class WholeProgram:
 
     @cached_property
     def own(self) -> TermRows:
-        """The unknowns and rows of users' functions."""
+        """Unknowns and rows of users' functions."""
         task = self.task
         sizes = [float(np.median(np.abs(each(self.near)))) or 1.0 for each in task.objectives]
         terms = [objective_term(each, size) for each, size in zip(task.objectives, sizes, strict=True)]
@@ -102,19 +102,19 @@ class WholeProgram:
 
     @cached_property
     def costs(self) -> Float[np.ndarray, "n_obj unknowns"]:
-        """The gradients of all objectives, minimised."""
+        """Gradients of all objectives, minimised."""
         extra = self.own.unknowns - self.base.unknowns
         return np.concatenate([np.pad(self.base_costs, ((0, 0), (0, extra))), self.own.costs])
 
 
-OBJECTIVE_TOLERANCE = 1e-6  # of an objective's size over all points: what genes may miss it by
+OBJECTIVE_TOLERANCE = 1e-6  # share of an objective's size over all points that genes may miss it by
 
 
 class DenseFormulation(Formulation):
-    """A pymoo problem with a ``DenseProgram``: the first gene is a place among ``base_count`` bases.
+    """A pymoo problem with a ``DenseProgram``: the first gene selects one of ``base_count`` bases.
 
-    Subclasses define ``program``, ``points``, ``genes`` and ``sample_starts`` of ``Differentiable``. ``functions`` are
-    what users' own objectives and constraints see, and these.
+    Subclasses define ``program``, ``points``, ``genes`` and ``sample_starts`` of ``Differentiable``. ``functions`` is a
+    task with the users' own objectives and constraints.
     """
 
     names: tuple[str, ...]
@@ -127,14 +127,14 @@ class DenseFormulation(Formulation):
     predict = predict
 
     def add_functions(self, task: MotionTask) -> None:
-        """Add users' functions, the objectives and constraints of a task, to those that there are by name.
+        """Add users' functions, the objectives and constraints of a task, after those that exist.
 
         Raises InvalidInput for a name that is taken.
         """
         taken = (*self.names, *self.constraint_names)
         added = [*(each.name for each in task.objectives), *task.limit_names]
         for name in (name for name in added if name in taken):
-            raise InvalidInput(f"{name}: a name other than {', '.join(taken)} wanted")
+            raise InvalidInput(f"{name}: functions must have names other than {', '.join(taken)}, got {name}")
         self.functions = task
         self.names += tuple(each.name for each in task.objectives)
         self.units += tuple(each.unit for each in task.objectives)
@@ -143,18 +143,18 @@ class DenseFormulation(Formulation):
         self.constraint_units += ("of its range",) * len(task.limit_names)
 
     def violation_between(self, genes: Genes) -> Float[np.ndarray, " points"]:
-        """Return the violation between samples; 0 where there are none."""
+        """Return the violation between samples; 0 if there are no samples."""
         return np.zeros(len(genes))
 
     def front_points(self, front: Front) -> Points:
-        """Return the points of a front's genes; raises InvalidInput where it has none."""
+        """Return the points of a front's genes. Raises InvalidInput if the front has no genes."""
         if front.genes is None:
-            raise InvalidInput(f"front: the genes of {', '.join(self.names)} wanted, got a front without")
+            raise InvalidInput(f"front must have the genes of {', '.join(self.names)}, got a front without")
         return self.points(np.array(front.genes))
 
     def motion_points(self, motions: Motion) -> Points:
-        """Raise InvalidInput: motions are not all that points of this problem are."""
-        raise InvalidInput("initial: genes or a front wanted, as motions do not say what motors of this problem do")
+        """Raise InvalidInput: motions do not determine the points of this problem."""
+        raise InvalidInput("initial must be genes or a front, got motions: these do not say what the motors do")
 
     def hold_between(
         self,
@@ -168,7 +168,7 @@ class DenseFormulation(Formulation):
         return x, [self.program()] * len(x)
 
     def individuals(self, x: Points, genes: Genes | None = None) -> Individuals:
-        """Return points as individuals: what is certified is what is reported.
+        """Return points as individuals with the values that are certified.
 
         A point whose genes miss its objectives becomes the point of its genes.
         """
@@ -186,26 +186,27 @@ class DenseFormulation(Formulation):
         )
 
     def values_between(self, front: Front, shares: Values) -> Float[np.ndarray, "gaps shares n_obj"]:
-        """Return the objectives, minimised, of points between neighbours of a front; inf where none is possible."""
+        """Return the minimised objectives of points between neighbours of a front; inf if a point is impossible."""
         x = self.front_points(front)
         between = x[:-1, None] + shares[:, None] * np.diff(x, axis=0)[:, None]
         F, G = self.evaluate(self.genes(between.reshape(-1, x.shape[1])), return_values_of=["F", "G"])
         return possible_values(F, G).reshape(*between.shape[:2], self.n_obj)
 
     def branches(self, x: Points) -> list[str]:
-        """Return the number of the base that each point is nearest to."""
+        """Return for each point the number of its nearest base."""
         return [str(int(place * self.base_count)) for place in self.genes(x)[:, 0]]
 
     def base_indices(self, genes: Genes) -> np.ndarray:
-        """Return the base that genes (points, n_var) lie around."""
+        """Return the base around which genes (points, n_var) are."""
         return np.minimum((genes[:, 0] * self.base_count).astype(int), self.base_count - 1)
 
     def cold_search(
         self, *, starts: int | None, seed: int, solver: Solver = "auto", observe: Observe | None = None
     ) -> StartSearch:
-        """Return how optima are found from nothing: from so many starts that motors can hold, each by itself, else 48.
+        """Return how optima are found without initial points: each start that motors can hold is refined.
 
-        Starts are drawn up to ten times, since in some postures no motor can hold the arm.
+        ``starts`` is the number of starts, 48 if None. They are drawn up to ten times, since in some postures no motor
+        can hold the arm.
         """
         starts, rng = COLD.starts if starts is None else starts, np.random.default_rng(seed)
         x = self.points(self.sample_starts(starts, rng))
@@ -217,7 +218,7 @@ class DenseFormulation(Formulation):
         return StartSearch(program_of=self.program, starts=x, names=self.names, solver=solver, observe=observe)
 
     def explain(self, genes: Genes) -> list[str]:
-        """Return for each individual which limit is violated most, with its unit; "" where none is."""
+        """Return the most violated limit of each individual with its unit; "" if no limit is violated."""
         G = self.evaluate(genes, return_values_of=["G"])
         return [
             f"{self.constraint_names[k]} violated by {row[k]:.3g} {self.constraint_units[k]}".rstrip()
@@ -228,7 +229,7 @@ class DenseFormulation(Formulation):
 
 
 def front_sliders(actuation: Actuation, shares: np.ndarray) -> np.ndarray:
-    """Return front sliders [m] at shares (..., dof) of their way; 0 where motors are at the joints."""
+    """Return front sliders [m] at shares (..., dof) of their range; 0 if motors are at the joints."""
     if not isinstance(actuation, DistributedActuation):
         return np.zeros((*shares.shape[:-1], actuation.dof))
     low, high = actuation.front_bounds.T
@@ -237,7 +238,7 @@ def front_sliders(actuation: Actuation, shares: np.ndarray) -> np.ndarray:
 
 
 def slider_shares(actuation: DistributedActuation, front: np.ndarray) -> np.ndarray:
-    """Return the shares of their way that front sliders [m] (..., dof) are at."""
+    """Return the positions of front sliders [m] (..., dof) as shares of their range."""
     low, high = actuation.front_bounds.T
     shares: np.ndarray = (front - low) / np.where(high > low, high - low, 1.0)
     return shares

@@ -1,11 +1,11 @@
-"""Directions against each other, as a pymoo problem: a posture that is fast or strong one way is not so another way.
+"""Trade-offs between speeds or forces in several directions, as a pymoo problem.
 
-An individual is a posture at the position, the sliders, and how joints share the work in every direction. All are held
-against the motors' curves at once.
+An individual is a posture at the position, the sliders, and how joints share the work in every direction. All are
+checked against the motors' curves at once.
 
-Source: Kim, Choi & Jang 2021, Eq. 1, which maximises one direction at a time, each with a posture of its own; that one
-posture serves several, that power is weighed against speed, and speed against force, is new. Chiu, Task Compatibility
-of Manipulator Postures, 1988, weighs speed against force by ellipsoids.
+Sources: Kim, Choi & Jang 2021, Eq. 1, maximises one direction at a time, each with its own posture. New here: one
+posture serves several directions, power is weighed against speed, and speed against force. Chiu, Task Compatibility of
+Manipulator Postures, 1988, weighs speed against force by ellipsoids.
 """
 
 from __future__ import annotations
@@ -56,17 +56,28 @@ from paretoik.task.objectives import Objective
 from paretoik.task.retraction import ON_PATH_TOLERANCE, retract, task_errors
 from paretoik.task.starts import order_by_neighbour, wrap_difference
 
-# Configurations at a position: posture, sliders, joint speeds and forces in several directions, with their limits.
+# Configurations at a position: posture, sliders, joint speeds, forces in several directions, and limits.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Configuration:
-    """Decoded genes: postures ``q`` (points, dof), front sliders [m] (0 without), and what the tool does each way.
+    """Decoded genes: postures, sliders, and the tool's speed or force in each direction.
 
-    ``values`` (points, directions) are the tool's speeds [m/s] or forces [N], inf where no joint has to bear a force.
-    The speeds have joint velocities ``dq`` (points, speeds, dof) and take ``power`` (points, speeds) [W]. ``excess``
-    (points, limits) says by how much each kind of limit is violated: whether the position is missed, rad or m, whether
-    motors are overloaded, shares of the rod, shares of the mean range of joint speeds.
+    Attributes
+    ----------
+    q
+        Postures (points, dof) [rad, m].
+    front
+        Front sliders (points, dof) [m]; 0 without sliders.
+    values
+        Speeds [m/s] or forces [N] of the tool (points, directions); inf if no joint has to bear a force.
+    dq
+        Joint velocities (points, speeds, dof) for the speeds [rad/s, m/s].
+    power
+        Power (points, speeds) that the speeds take [W].
+    excess
+        Violations (points, limits) by kind: missed position, rad or m, overload of motors as a share, shares of the
+        rod, shares of the mean range of joint speeds.
     """
 
     q: Float[np.ndarray, "points dof"]
@@ -79,9 +90,9 @@ class Configuration:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Configurations:
-    """Configurations of an arm with its tool at rest, the task ``stationary``, and ``directions`` (count, task).
+    """Configurations of an arm with its tool at rest (the task ``stationary``) along ``directions`` (count, task).
 
-    ``quantities`` are what is wanted along each.
+    ``quantities`` are the quantities to maximise, one per direction.
     """
 
     arm: Arm
@@ -92,11 +103,11 @@ class Configurations:
 
     @cached_property
     def moving(self) -> Bool[np.ndarray, " directions"]:
-        """Along which directions speeds are wanted, not forces."""
+        """Mask of the directions whose quantity is speed, not force."""
         return np.array([quantity == "velocity" for quantity in self.quantities])
 
     def bases(self, q: Float[np.ndarray, "postures dof"]) -> Float[np.ndarray, "bases dof"]:
-        """Return postures no nearer to each other than 0.1 rad or m, each beside its neighbours."""
+        """Return postures at least 0.1 rad or m apart, each next to its neighbours."""
         bases = list[np.ndarray]()
         for posture in q:
             distances = np.abs(wrap_difference(np.reshape(bases, (-1, len(posture))) - posture, self.arm.periodic))
@@ -105,7 +116,7 @@ class Configurations:
         return order_by_neighbour(self.arm, np.array(bases))
 
     def sizes(self, q: Float[np.ndarray, "postures dof"]) -> Float[np.ndarray, " directions"]:
-        """Return for each direction the highest speed [m/s], or force [N], of postures along any, at best sliders.
+        """Return the highest speed [m/s] or force [N] along each direction, over all postures and sliders.
 
         Raises InvalidInput, naming the direction, for a force that no motor bounds in any posture.
         """
@@ -115,15 +126,15 @@ class Configurations:
         if moving.all():
             return sizes
         if not any(np.isfinite(curve.stall).any() for curve in self.actuation.curves):
-            raise InvalidInput("actuation: a motor with a finite stall wanted, to bound forces, got none")
+            raise InvalidInput("actuation must have a motor with a finite stall, to bound forces, got none")
         columns = kinematics.jacobian(self.arm, q)[:, : self.directions.shape[1]]
         shares, lengths = np.abs(self.directions @ columns), np.linalg.norm(columns, axis=1)
         limited = np.isfinite(torque_capacity(self.actuation, q)[0])
         bears = ((shares > FACETS.orthogonal * lengths[:, None]) & limited[:, None]).any(axis=2)
         for k in np.flatnonzero(~moving & ~bears.any(axis=0)):
             raise InvalidInput(
-                f"direction {k + 1}: a force that some motor of {self.arm.name} has to bear wanted, got "
-                f"{self.directions[k].round(4).tolist()}, along which none has to: it has no bounds"
+                f"direction {k + 1} must load some motor of {self.arm.name}, got "
+                f"{self.directions[k].round(4).tolist()}, along which no motor bears a force: it has no bounds"
             )
         forces = values_at(self.arm, self.actuation, self.directions[~moving], "force", q)
         sizes[~moving] = forces[bears[:, ~moving]].max()
@@ -137,11 +148,11 @@ class Configurations:
         return basis[..., :rows], basis[..., rows:]
 
     def maxima(self, q: np.ndarray, front: np.ndarray) -> tuple[Configuration, np.ndarray, np.ndarray]:
-        """Return the maxima, the mean range of joint speeds (points,), and the self-motion's directions."""
+        """Return the maxima, the mean range of joint speeds (points,), and the directions of the self-motion."""
         return self._maxima(q, front, *self._ranges(q, front))
 
     def _ranges(self, q: Joints, front: Joints) -> tuple[np.ndarray, ...]:
-        """Return torques that hold the arm, lowest and highest joint speeds, 0 where a motor cannot, and who can."""
+        """Return torques that hold the arm, lowest and highest joint speeds (0 if a motor cannot), and which can."""
         torque = gravity_torques(self.arm, q)
         low, high = speeds_at_sliders(self.actuation, q, torque, front)
         holds = ~np.isnan(high).any(axis=1)
@@ -175,8 +186,8 @@ class Configurations:
     ) -> Configuration:
         """Return configurations at shares of their highest speeds, ``pace`` (points, speeds), with all excesses.
 
-        Joints move along the self-motion too, (points, speeds, redundancy), in mean ranges of their speeds. Forces are
-        the greatest: less would save nothing.
+        Joints also move along the self-motion, (points, speeds, redundancy), in mean ranges of their speeds. Forces are
+        the greatest ones: smaller ones would save nothing.
         """
         torque, low, high, holds = self._ranges(q, front)
         best, span, free = self._maxima(q, front, torque, low, high, holds)
@@ -200,7 +211,7 @@ class Configurations:
         )
 
     def _slider_excess(self, q: np.ndarray, front: np.ndarray) -> np.ndarray:
-        """Return by how much back sliders, and sines of rods' angles, are past their bounds, as shares of the rod."""
+        """Return how far back sliders and sines of rods' angles exceed their bounds, as shares of the rod."""
         sliders = self.actuation
         if not isinstance(sliders, DistributedActuation):
             return np.zeros(len(q))
@@ -212,16 +223,16 @@ class Configurations:
         return values
 
     def slider_speeds(self, at: Configuration, torque: np.ndarray) -> np.ndarray:
-        """Return slider speeds (points, directions, 2, dof) that turn the joints: each in proportion to its best."""
+        """Return slider speeds (points, directions, 2, dof) that turn the joints, each in proportion to its highest."""
         return motor_speeds(self.actuation, at.q[:, None], at.front[:, None], torque[:, None], at.dq)[0]
 
 
 @dataclass(frozen=True, kw_only=True)
 class GeneRanges:
-    """How far genes reach."""
+    """Ranges of the genes."""
 
-    self_motion: float = 1.0  # rad or m: of a posture from its base, along each direction of self-motion
-    speed: float = 1.0  # share of the mean range of joint speeds: along the self-motion meanwhile
+    self_motion: float = 1.0  # rad or m, from the base along each direction of self-motion
+    speed: float = 1.0  # share of the mean range of joint speeds, along the self-motion
 
 
 RANGES = GeneRanges()
@@ -230,44 +241,58 @@ UNITS: dict[Quantity, str] = {"velocity": "m/s", "force": "N"}
 
 
 def _check_power(power: bool | None, quantities: Sequence[Quantity]) -> bool:
-    """Return whether power is an objective; raise InvalidInput where nothing moves."""
+    """Return whether power is an objective. Raises InvalidInput if nothing moves."""
     if power is None:
         return "velocity" in quantities
     check_flag("power", power)
     if power and "velocity" not in quantities:
-        raise InvalidInput("power: False wanted with forces alone, since they take none at rest, got True")
+        raise InvalidInput("power must be False with forces only, since they take none at rest, got True")
     return bool(power)
 
 
 @check_call
 class DirectionalMaxima(DenseFormulation):
-    """Find postures (and sliders) that are fast or strong along several directions at once: a vectorised pymoo problem.
+    """Find postures (and sliders) that are fast or strong along several directions: a vectorised pymoo problem.
 
-    Objectives: ``speed_1``, ``speed_2``, ..., how fast the tool can go along each direction from one posture with its
-    sliders where they are [m/s], maximised, or ``force_1``, ..., how hard it can push at rest [N]; with ``power``,
-    ``joint_power``, the most power that joints give or take at these speeds, the sum over them without signs [W]; then
-    a user's own. ``pk.refine`` refines them by exact gradients over posture, sliders and speeds. The motions of its
-    fronts stand still in their postures. Where a posture stretches the arm along a direction its forces have no bounds.
+    Objectives:
+
+    - ``speed_1``, ``speed_2``, ...: the tool's highest speed along each direction [m/s], maximised, or ``force_1``,
+      ...: its greatest push at rest [N], maximised; all from one posture with fixed sliders
+    - ``joint_power`` with ``power``: the sum of the power that joints give or take at these speeds, without signs [W]
+    - the user's own
+
+    ``pk.refine`` refines them by exact gradients over posture, sliders and speeds. The motions of its fronts stand
+    still in their postures. If a posture stretches the arm along a direction, forces along it have no bounds.
 
     Parameters
     ----------
-    arm, actuation, position
-        As ``directional_maxima`` takes them.
+    arm
+        Arm, as in ``directional_maxima``.
+    actuation
+        Motors or sliders that drive the arm, as in ``directional_maxima``.
+    position
+        Position of the tool (task,) [m], as in ``directional_maxima``.
     directions
-        Vectors (directions, task), or how many evenly around or over the sphere; at least one.
+        Vectors (directions, task), or a number of directions, at least one, spread evenly around the circle or sphere.
     quantity
-        "velocity" or "force", or a list of them, one a direction: what makes a posture fast makes it weak.
+        Quantity "velocity" or "force", or a list with one per direction: fast postures are weak.
     power
-        Whether power is an objective; None where there are speeds, since forces at rest take none.
-    objectives, constraints
-        A user's own, decorated with ``@objective`` and ``@constraint``, of any form. They see the motion that the front
-        shows, three samples of an arm that stands in its posture for a second: velocities are 0, torques those of
-        gravity, an integral or a mean over time is what it is a second.
-    starts, seed
-        Postures that bases are taken from, and the seed of their chance; part of the problem.
+        Flag: whether power is an objective; None: if there are speeds, since forces at rest take no power.
+    objectives
+        Functions of the user decorated with ``@objective``, of any form. They see the motion of the front: three
+        samples of an arm that stands in its posture for one second. Velocities are 0, torques are those of gravity, and
+        an integral or mean over time is that of one second.
+    constraints
+        Functions of the user decorated with ``@constraint``, of any form; they see the same motion.
+    starts
+        Number of sampled postures from which bases are chosen; part of the problem.
+    seed
+        Seed of the sampled postures; part of the problem.
 
-    Genes: place among the bases, self-motion about it, a share of each front slider's way, for each speed the pace as a
-    share of the fastest, and how much joints move along the self-motion meanwhile.
+    Notes
+    -----
+    Genes: number of the base, self-motion about it, position of each front slider as a share of its range, pace of each
+    speed as a share of the highest, and how much joints move along the self-motion at that speed.
 
     Raises
     ------
@@ -293,7 +318,7 @@ class DirectionalMaxima(DenseFormulation):
         starts: int = 400,
         seed: int = 0,
     ) -> None:
-        """Make the problem; the class says of what."""
+        """Make the problem; the class describes the parameters."""
         read_list("objectives", objectives, Objective, "a list of functions decorated with @objective")
         check_actuation(actuation, arm)
         check_size("starts", starts, 1)
@@ -334,18 +359,18 @@ class DirectionalMaxima(DenseFormulation):
         for objective, values in zip(self.functions.objectives, require_values(self.functions, motions).T, strict=True):
             if len(values) > 1 and np.ptp(values) == 0:
                 raise InvalidInput(
-                    f"{objective.name}: a function of the posture wanted, got one that is the same in all: the arm "
+                    f"{objective.name} must be a function of the posture, got one that is the same in all: the arm "
                     "stands still"
                 )
         examine_functions(self.functions, motions)
 
     @cached_property
     def frames(self) -> tuple[np.ndarray, np.ndarray]:
-        """Directions across the self-motion at every base (bases, dof, rows), and along it (bases, dof, redundancy)."""
+        """Directions across the self-motion (bases, dof, rows) and along it (bases, dof, redundancy) at every base."""
         return self.configurations.frames(self.bases)
 
     def sample_starts(self, count: int, rng: np.random.Generator) -> Genes:
-        """Return genes of bases as fast as they can go, sliders anywhere."""
+        """Return genes of bases at their highest speeds, with random sliders."""
         rows = np.zeros((count, self.n_var))
         part = self._parts(rows)  # views
         part["place"][:, 0] = (rng.integers(len(self.bases), size=count) + 0.5) / len(self.bases)
@@ -449,7 +474,7 @@ class DirectionalMaxima(DenseFormulation):
 
     @cached_property
     def _gene_counts(self) -> dict[str, int]:
-        """How many genes there are of each kind, in order."""
+        """Number of genes of each kind, in order."""
         free, speeds = self.stationary.redundancy, int(self.configurations.moving.sum())
         slides = self.arm.dof * isinstance(self.actuation, DistributedActuation)
         return {"place": 1, "self_motion": free, "front": slides, "pace": speeds, "joint_shares": speeds * free}

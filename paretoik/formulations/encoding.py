@@ -1,4 +1,4 @@
-"""Genes of a motion: a base motion's number, and a spline of self-motion coordinates around it."""
+"""Genes of a motion: the number of a base motion, and a spline of self-motion coordinates around it."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from paretoik.task.self_motion import Charts, build_charts
 class EncodingOptions:
     """Settings of the splines and of their charts.
 
-    Of ``coefficients`` a spline has at least the first, and the second on paths that have enough samples. Motions near
-    the bases are sampled with coefficients of about this ``deviation``, a share of how far the charts reach.
+    A spline has at least the first number of ``coefficients``, and the second on paths with enough samples. Motions
+    near the bases are sampled with coefficients of about this ``deviation``, a share of the charts' reach.
     """
 
     degree: int = 3
     coefficients: tuple[int, int] = (4, 12)
-    radii: tuple[float, ...] = (0.03, 0.06, 0.12, 0.2, 0.3, 0.45, 0.65, 0.9, 1.2, 1.6)  # rad, arm's lengths; outwards
+    radii: tuple[float, ...] = (0.03, 0.06, 0.12, 0.2, 0.3, 0.45, 0.65, 0.9, 1.2, 1.6)  # rad, arm's lengths; ascending
     deviation: float = 0.3
 
 
@@ -37,9 +37,9 @@ OPTIONS = EncodingOptions()
 class Encoding:
     """Genes ↔ motions. The first gene, floored, is the base; the others, in [−1, 1], are spline coefficients.
 
-    Coordinates are y(t) = radius(t) · Σ_k c_k B_k(t): ``radius`` (bases, time) is how far the chart around each base
-    reaches, ``spline`` (time, coefficients) a C² cubic basis: clamped, periodic on a cycle, without its first member
-    where the start is given, and with equal last two where the motion has to stop.
+    Coordinates are y(t) = radius(t) · Σ_k c_k B_k(t). ``radius`` (bases, time) is the reach of the chart around each
+    base. ``spline`` (time, coefficients) is a C² cubic basis: clamped, or periodic on a cycle. It has no first member
+    if the start is given, and its last two are equal if the motion has to stop.
     """
 
     charts: Charts
@@ -53,7 +53,7 @@ class Encoding:
 
     @property
     def coefficients(self) -> int:
-        """Number of spline coefficients of one direction of redundancy."""
+        """Number of spline coefficients per direction of redundancy."""
         return self.spline.shape[1]
 
     @property
@@ -63,7 +63,7 @@ class Encoding:
 
     @property
     def bounds(self) -> tuple[Float[np.ndarray, " genes"], Float[np.ndarray, " genes"]]:
-        """The lowest and the highest values of genes."""
+        """Lowest and highest values of the genes."""
         size = self.redundancy * self.coefficients
         return np.concatenate([[0.0], -np.ones(size)]), np.concatenate([[float(self.bases)], np.ones(size)])
 
@@ -72,7 +72,7 @@ class Encoding:
         return np.clip(np.floor(genes[:, 0]), 0, self.bases - 1).astype(int)
 
     def decode(self, task: MotionTask, genes: Genes) -> tuple[JointPaths, Bool[np.ndarray, "points time"]]:
-        """Return motions and which of their samples are on the path."""
+        """Return the motions, and which of their samples are on the path."""
         which = self.species(genes)
         q, on_path = self.charts.at(task, which, self._coordinates(which, genes))
         if task.cyclic:
@@ -82,7 +82,7 @@ class Encoding:
     def encode(
         self, task: MotionTask, which: Int[np.ndarray, " motions"], q: JointPaths
     ) -> tuple[Genes, Float[np.ndarray, " motions"]]:
-        """Return genes of motions around bases ``which``, and by how much [rad, the arm's length] the spline misses."""
+        """Return genes of motions around bases ``which``, and how far [rad, arm's length] the spline misses them."""
         y = self.charts.coordinates(task, which, q) / self.radius[which][..., None]
         fitted = np.einsum("kt,ptr->prk", np.linalg.pinv(self.spline), y)
         deviation = np.abs(np.einsum("tk,prk->ptr", self.spline, fitted) - y) * self.radius[which][..., None]
@@ -90,9 +90,9 @@ class Encoding:
         return genes, deviation.max(axis=(1, 2))
 
     def encode_nearest(self, task: MotionTask, q: JointPaths) -> tuple[Genes, Float[np.ndarray, " motions"]]:
-        """Return genes within bounds of motions, and by how much [rad, the arm's length] they miss each.
+        """Return genes within bounds of motions, and how far [rad, arm's length] they miss each motion.
 
-        Each motion is encoded around the base whose decoded genes come nearest to it in every joint at every sample.
+        Each motion is encoded around the base whose decoded genes are nearest to it in every joint at every sample.
         """
         genes, deviation = np.zeros((len(q), len(self.bounds[0]))), np.full(len(q), np.inf)
         for base in range(self.bases):
@@ -104,7 +104,7 @@ class Encoding:
         return genes, deviation
 
     def sample(self, count: int, rng: np.random.Generator) -> Genes:
-        """Return genes of ``count`` smooth motions near the bases, every base in turn, the bases themselves first."""
+        """Return genes of ``count`` smooth motions near the bases: first the bases, then each base in rotation."""
         which = np.arange(count) % self.bases
         shape = (count, self.redundancy, 1)
         tilt = rng.normal(size=shape) + rng.normal(size=shape) * np.linspace(-1, 1, self.coefficients)
@@ -117,22 +117,22 @@ class Encoding:
 
 
 def choose_coefficients(coefficients: int | None, samples: int) -> int:
-    """Return the number of coefficients of a spline over so many samples: the one wanted, or with None the default.
+    """Return the number of spline coefficients: the given one, or a default for None.
 
-    Raises InvalidInput where it is too small for a spline or too large for the samples.
+    Raises InvalidInput if it is too small for a spline or too large for the samples.
     """
     if coefficients is None:
         return int(np.clip(samples - 2, *OPTIONS.coefficients))
     check_size("coefficients", coefficients, OPTIONS.coefficients[0])
     if coefficients > samples - 2:
         raise InvalidInput(
-            f"coefficients: at most {samples - 2} wanted on a path of {samples} samples, got {coefficients}"
+            f"coefficients must be at most {samples - 2} on a path of {samples} samples, got {coefficients}"
         )
     return coefficients
 
 
 def encoding(task: MotionTask, base: Float[np.ndarray, "bases time dof"], coefficients: int) -> Encoding:
-    """Return genes around base motions, after measuring how far each chart reaches."""
+    """Return the encoding around base motions; it measures the reach of each chart."""
     charts = build_charts(task, base)
     return Encoding(charts=charts, radius=_reach(task, charts), spline=_spline(task, coefficients))
 
@@ -161,7 +161,7 @@ def _periodic(t: np.ndarray, coefficients: int) -> np.ndarray:
 
 
 def _vanishing_at_start(basis: np.ndarray) -> np.ndarray:
-    """Take one member out of a basis so that what is left is zero at the first sample, and as local as before."""
+    """Remove one member of a basis: what remains is zero at the first sample, and as local as before."""
     pivot = int(np.argmax(basis[0]))
     remainder = basis - np.outer(basis[:, pivot], basis[0] / basis[0, pivot])
     remainder[0] = 0.0
@@ -169,10 +169,10 @@ def _vanishing_at_start(basis: np.ndarray) -> np.ndarray:
 
 
 def _reach(task: MotionTask, charts: Charts) -> np.ndarray:
-    """Return how far each chart reaches: the largest radius that stays on the path all round, smoothed in time."""
+    """Return the reach of each chart: the largest radius fully on the path, smoothed in time."""
     bases, times, _, redundancy = charts.null_space.shape
     rays = np.concatenate([np.eye(redundancy), -np.eye(redundancy)])
-    if redundancy > 1:  # the corners of the box of genes lie farther out than its axes
+    if redundancy > 1:  # the corners of the box of genes are farther out than its axes
         corners = np.random.default_rng(0).choice([-1.0, 1.0], size=(2 * redundancy, redundancy))
         rays = np.concatenate([rays, corners])
     reached = np.ones((bases, times), dtype=bool)
@@ -189,7 +189,7 @@ def _reach(task: MotionTask, charts: Charts) -> np.ndarray:
 
 
 def _smoothed(values: np.ndarray, times: int, *, periodic: bool) -> np.ndarray:
-    from scipy.ndimage import gaussian_filter1d, minimum_filter1d  # here: start-up only
+    from scipy.ndimage import gaussian_filter1d, minimum_filter1d  # imported here: needed at start-up only
 
     ends = "wrap" if periodic else "nearest"
     width = max(3, times // 10)

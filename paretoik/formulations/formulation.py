@@ -1,4 +1,4 @@
-"""What formulations have in common: a first generation for any pymoo algorithm, and a few lines of text."""
+"""Common parts of formulations: a first generation for any pymoo algorithm, and a few lines of text."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 def task_text(task: MotionTask) -> str:
-    """Return what moves, along what, for which objectives, within which limits."""
+    """Return the arm, path, objectives and limits of a task as text."""
     start = "free" if task.start is None else "given"
     if task.cyclic:
         start += ", closed"
@@ -43,7 +43,7 @@ def task_text(task: MotionTask) -> str:
 
 
 def _limits(task: MotionTask) -> Iterator[str]:
-    """Yield what is limited: a quantity of all joints as one, of some by their names."""
+    """Yield the limits: a quantity of all joints as one, a quantity of some joints with their names."""
     names = list(task.limit_names)
     for kind in task.bounds:
         joints = [joint for joint in task.arm.joint_names if f"{kind} of {joint}" in names]
@@ -58,11 +58,11 @@ def objective_text(name: str, unit: str, maximised: bool) -> str:
     return name + (f" [{unit}]" if unit else "") + (" (maximised)" if maximised else "")
 
 
-RANDOM = (FloatRandomSampling, LatinHypercubeSampling)  # samplings that know no problem
+RANDOM = (FloatRandomSampling, LatinHypercubeSampling)  # samplings that do not use the problem
 
 
 def problem_text(problem: Any) -> str:
-    """Return a formulation in words: its size, objectives and constraints by name, and what to do with it."""
+    """Return a formulation as text: its size, its objectives and constraints by name, and the next command."""
     objectives = map(objective_text, problem.names, problem.units, problem.maximised)
     rows = [("objectives", ", ".join(objectives)), ("constraints", ", ".join(problem.constraint_names) or "none")]
     head = f"{type(problem).__name__}, {problem.n_var} genes"
@@ -74,7 +74,7 @@ Decoded = TypeVar("Decoded")
 
 
 def of_genes(decode: Callable[[Self, Genes], Decoded]) -> Callable[[Self, Genes], Decoded]:
-    """Return a method of genes (points, n_var) that refuses what holds none."""
+    """Return a method of genes (points, n_var) that checks them first."""
 
     @wraps(decode)
     def checked(self: Self, genes: Genes) -> Decoded:
@@ -84,37 +84,37 @@ def of_genes(decode: Callable[[Self, Genes], Decoded]) -> Callable[[Self, Genes]
 
 
 def check_motions(motions: object, task: MotionTask, *, samples: int | None = None) -> None:
-    """Raise InvalidInput unless these are motions of a task's joints, of so many samples if that matters."""
+    """Raise InvalidInput unless these are motions of a task's joints, with this number of samples if given."""
     shape = motions.q.shape if isinstance(motions, Motion) else ()
     if len(shape) != 3 or shape[2] != task.arm.dof or (samples is not None and shape[1] != samples):
         raise InvalidInput(f"motions must be motions (points, time, {task.arm.dof}), got {shown(motions)}")
 
 
 class Formulation(Problem):  # type: ignore[misc]  # pymoo is not typed
-    """A vectorised pymoo problem that any of pymoo's algorithms can begin with.
+    """A vectorised pymoo problem that any pymoo algorithm can start with.
 
-    Random genes rarely keep tight limits. pymoo takes a sampling from the algorithm only, but hands the algorithm to
-    ``evaluate`` and copies all that this returns into its individuals. So the first generation of an algorithm that
-    samples at random is exchanged for that of ``sampling()``. Algorithms with genes or a sampling of their own keep
-    these.
+    Random genes rarely satisfy tight limits. pymoo takes a sampling only from the algorithm, but it passes the
+    algorithm to ``evaluate`` and copies all that this returns into its individuals. So the first generation of an
+    algorithm that samples at random is replaced by that of ``sampling()``. Algorithms with their own genes or sampling
+    keep these.
     """
 
-    __repr__ = __str__ = problem_text  # pymoo has a text of its own
+    __repr__ = __str__ = problem_text  # in place of pymoo's text
     _repr_html_ = html_representation
 
     def sampling(self) -> Sampling:
-        """Return a pymoo sampling: the problem's own starts first, then genes at random."""
+        """Return a pymoo sampling: first the problem's own starts, then random genes."""
         return Seeded(None)
 
     def check_genes(self, name: str, X: object, *dimensions: int) -> Genes:
-        """Return finite genes in rows, or a single one; raises InvalidInput, by ``name``, for anything else."""
+        """Return finite genes in rows, or a single one. Raises InvalidInput, with ``name``, for anything else."""
         genes = finite_array(name, X)
         if genes.ndim not in dimensions or genes.shape[-1] != self.n_var:
             raise InvalidInput(f"{name} must be rows of {self.n_var} genes, got shape {genes.shape}")
         return genes
 
     def evaluate(self, X: Genes, *args: Any, algorithm: Any = None, **kwargs: Any) -> Any:
-        """Evaluate genes as pymoo's problems do; ``algorithm`` is the one that asks."""
+        """Evaluate genes as pymoo's problems do; ``algorithm`` is the caller."""
         X = self.check_genes("X", X, 1, 2)
         sampling = getattr(getattr(algorithm, "initialization", None), "sampling", None)
         if algorithm is None or algorithm.is_initialized or type(sampling) not in RANDOM:
@@ -124,7 +124,7 @@ class Formulation(Problem):  # type: ignore[misc]  # pymoo is not typed
 
 
 def tracking_text(problem: Tracking) -> str:
-    """Return a tracking problem in words."""
+    """Return a tracking problem as text."""
     summary = task_text(problem.task)
     return fit_screen(
         f"Tracking, {problem.n_var} genes\n{summary}\nnext: pk.solve(problem) or pk.epsilon_front(problem)"
@@ -132,7 +132,7 @@ def tracking_text(problem: Tracking) -> str:
 
 
 def loop_text(loop: ClosedLoop) -> str:
-    """Return a closed loop in words; its objectives are those of a step, by weight."""
+    """Return a closed loop as text; its objectives are those of a step, with their weights."""
     weights = ", ".join(f"{name} {weight:.0%}" for name, weight in loop.named_weights.items())
     summary = "\n".join(line for line in task_text(loop.task).splitlines() if not line.startswith("objectives"))
     search = f"{loop.population} individuals, {loop.generations} generations, seed {loop.seed}"

@@ -1,4 +1,4 @@
-"""Initial paths from point to point: straight ahead, in different postures, as splines."""
+"""Initial paths from point to point, as splines: straight or bowed lines in different postures."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ from paretoik.task.validation import motion_task
 class InitialPathOptions:
     """Settings of the search for initial paths."""
 
-    rollouts: int = 256  # postures sampled at either end, and motions along a line, of each kind
+    rollouts: int = 256  # number of postures sampled at either end, and of motions along a line, of each kind
     degree: int = 3  # of the splines
-    bows: tuple[float, ...] = (0.5, 1.0, 2.0)  # sideways, shares of a straight line that cannot be followed
-    fixed_sliders: int = 5  # places at which sliders that do not move are tried
-    work_unit: float = 1e-6  # J: the smallest; without gravity there is no work
-    distance: float = 0.2  # rad or m: of the coefficients of two paths, at least
+    bows: tuple[float, ...] = (0.5, 1.0, 2.0)  # sideways, as shares of a straight line that cannot be followed
+    fixed_sliders: int = 5  # number of places at which fixed sliders are tried
+    work_unit: float = 1e-6  # J, the smallest unit; without gravity there is no work
+    distance: float = 0.2  # rad or m, the least between the coefficients of two paths
 
 
 OPTIONS = InitialPathOptions()
@@ -43,11 +43,22 @@ OPTIONS = InitialPathOptions()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class InitialPaths:
-    """Splines of joint positions ``q`` (bases, coefficients, dof), and of sliders as ``shares`` of their way.
+    """Splines of joint positions, and of sliders as shares of their range.
 
-    ``spline`` (time, coefficients) gives the samples of coefficients, ``across`` (bases, 2, dof, rows) the directions
-    in which either end is retracted, ``pace`` [s] is the quickest path's mean interval, ``work_unit`` [J] the mean work
-    of a motor in it.
+    Attributes
+    ----------
+    q
+        Coefficients (bases, coefficients, dof) of joint positions [rad, m].
+    shares
+        Coefficients (bases, coefficients, dof) of sliders, as shares of their range.
+    spline
+        Matrix (time, coefficients) from coefficients to samples.
+    across
+        Directions (bases, 2, dof, rows) in which either end is retracted.
+    pace
+        Mean interval of the quickest path [s].
+    work_unit
+        Mean work of a motor in that path [J].
     """
 
     arm: Arm
@@ -65,13 +76,13 @@ class InitialPaths:
         return int(np.prod(self.q.shape[1:]))
 
     def finer(self, times: int) -> Float[np.ndarray, "fine coefficients"]:
-        """Return the spline at samples so many times finer."""
+        """Return the spline with samples that are ``times`` times finer."""
         return spline(times * (len(self.spline) - 1) + 1, self.spline.shape[1])
 
     def retract_ends(
         self, q: JointPaths, which: Int[np.ndarray, " points"], ends: Sequence[MotionTask]
     ) -> Float[np.ndarray, " points"]:
-        """Move the ends of splines around bases ``which`` to where the tool must be; return how far they are off."""
+        """Move the ends of splines around bases ``which`` to the tool's targets; return how far they still miss."""
         error = np.zeros(len(q))
         for end, stationary in zip((0, -1), ends, strict=True):
             retracted = retract(self.arm, stationary.tasks, q[:, end], stationary.targets[0], self.across[which, end])
@@ -80,9 +91,9 @@ class InitialPaths:
         return error
 
     def range_excess(self, q: np.ndarray, front: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return by how much joints, and sliders, are past their bounds at samples (points, time, dof) at most.
+        """Return the largest excess of joints, and of sliders, over their bounds at samples (points, time, dof).
 
-        In rad (m), and as shares of the rod.
+        Joints in rad (m), sliders as shares of the rod.
         """
         lower, upper = self.arm.position_limits.T
         joints = np.maximum(np.maximum(q - upper, lower - q).max(axis=(1, 2)), -1.0)
@@ -116,10 +127,10 @@ def find_initial_paths(
     bases: int,
     seed: int,
 ) -> InitialPaths:
-    """Return at most so many paths from start to target that motors can hold, quick ones first.
+    """Return paths from start to target that motors can hold, quick ones first, at most ``bases``.
 
-    Straight ahead; where that cannot be followed, bowed sideways. Raises OutOfReach and Infeasible, the latter naming a
-    joint, where there are none.
+    Paths are straight, or bowed sideways if a straight one cannot be followed. Raises OutOfReach and Infeasible if
+    there are none; Infeasible names a joint.
     """
     restricted, rng = restrict_to_rods(arm, actuation), np.random.default_rng(seed)
     basis = spline(samples, coefficients)
@@ -142,7 +153,7 @@ def find_initial_paths(
         timing, excess = minimum_timing(arm, actuation, q, front), empty.range_excess(q, front)
     worst = np.nan_to_num(np.maximum(np.maximum(excess[0], timing.overload), excess[1]), nan=1e3)
     feasible = np.flatnonzero((worst <= 0) & np.isfinite(timing.duration))
-    if not len(feasible):  # a search may still find sliders: the least violating
+    if not len(feasible):  # a search may still find sliders: keep the least violating
         feasible = _least_violating(arm, actuation, q, worst)[:bases]
     order = feasible[np.argsort(np.nan_to_num(timing.duration[feasible], nan=np.inf), kind="stable")]
     rows = _distinct(splines, order, bases)
@@ -161,7 +172,7 @@ def find_initial_paths(
 def _follow_lines(
     arm: Arm, actuation: Actuation, start: np.ndarray, target: np.ndarray, samples: int, rng: np.random.Generator
 ) -> tuple[MotionTask, Float[np.ndarray, "found time dof"]]:
-    """Return the first of a straight and several bowed lines that can be followed, and motions that follow it."""
+    """Return the first of a straight and several bowed lines that can be followed, and motions along it."""
     lines = [line(start, target, duration=1.0, samples=samples, timing="uniform")]
     sideways = np.linalg.svd((target - start)[None])[2][1:] * np.linalg.norm(target - start)
     for bow in OPTIONS.bows:
@@ -184,7 +195,7 @@ def _follow_lines(
             )
         except (OutOfReach, Infeasible) as fault:
             faults.append(fault)
-    raise _with_message(f"start to target: no way was found, straight or bowed; straight, the {faults[0]}", faults[0])
+    raise _with_message(f"start to target: no path was found, straight or bowed; straight, the {faults[0]}", faults[0])
 
 
 def _with_message(text: str, fault: OutOfReach | Infeasible) -> OutOfReach | Infeasible:
@@ -194,10 +205,10 @@ def _with_message(text: str, fault: OutOfReach | Infeasible) -> OutOfReach | Inf
 
 
 def _initial_sliders(actuation: Actuation, arm: Arm, basis: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
-    """Return slider coefficients to try for every path, those of a path beside each other.
+    """Return slider coefficients to try for every path, those of one path next to each other.
 
-    Where joints are fastest at every sample, in the middle of the feasible range, and everywhere in one place: the
-    fastest may need long travel.
+    Sliders are where joints are fastest at every sample, in the middle of the feasible range, or all in one place: the
+    fastest ones may need long travel.
     """
     if not isinstance(actuation, DistributedActuation):
         return np.zeros_like(coefficients)
@@ -213,7 +224,7 @@ def _initial_sliders(actuation: Actuation, arm: Arm, basis: np.ndarray, coeffici
 
 
 def _middle_sliders(actuation: DistributedActuation, q: np.ndarray) -> np.ndarray:
-    """Return the middle of the front sliders' ranges in which back sliders are within their bounds, as shares."""
+    """Return the middle of the front sliders' ranges that keep back sliders within bounds, as shares."""
     shares = np.linspace(0.0, 1.0, 4 * OPTIONS.fixed_sliders + 1)
     fits = list[np.ndarray]()
     for share in shares:
@@ -227,7 +238,7 @@ def _middle_sliders(actuation: DistributedActuation, q: np.ndarray) -> np.ndarra
 def _least_violating(arm: Arm, actuation: Actuation, q: np.ndarray, worst: np.ndarray) -> np.ndarray:
     """Return the paths whose every sample can be held by itself, the least violating first.
 
-    Raises Infeasible, naming joint, torque and limit, where there are none.
+    Raises Infeasible, naming joint, torque and limit, if there are none.
     """
     holdable = ~np.isnan(joint_speeds(actuation, q, gravity_torques(arm, q)).high).any(axis=(1, 2))
     if not holdable.any():
@@ -239,7 +250,7 @@ def _least_violating(arm: Arm, actuation: Actuation, q: np.ndarray, worst: np.nd
 
 
 def _fit_spline(basis: np.ndarray, samples: np.ndarray) -> np.ndarray:
-    """Return the coefficients that samples (batch, time, dof) are nearest to, both ends exact."""
+    """Return the coefficients nearest to samples (batch, time, dof), with both ends exact."""
     inner, ends = basis[:, 1:-1], basis[:, [0, -1]]
     outer = samples[:, [0, -1]]
     middle = np.linalg.pinv(inner) @ (samples - ends @ outer)
@@ -247,13 +258,13 @@ def _fit_spline(basis: np.ndarray, samples: np.ndarray) -> np.ndarray:
 
 
 def _row_space_bases(task: MotionTask, q: np.ndarray) -> np.ndarray:
-    """Return the directions (batch, 2, dof, rows) in which the task of either end changes."""
+    """Return the directions (batch, 2, dof, rows) in which the task changes at either end."""
     jacobian = task_errors(task.arm, task.tasks, q[:, [0, -1]], task.targets[[0, -1]])[1]
     return np.linalg.qr(jacobian.swapaxes(-1, -2))[0]
 
 
 def _distinct(q: np.ndarray, order: np.ndarray, count: int) -> list[int]:
-    """Return the first few in order that are not near each other."""
+    """Return the first few paths in order that are not near each other."""
     rows = [int(order[0])]
     for row in order[1:]:
         if len(rows) == count:

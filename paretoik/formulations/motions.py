@@ -1,4 +1,4 @@
-"""The motions of a stored run with their arm: a file may come from anybody, so they are held against their task."""
+"""Motions of a stored run with their arm, checked against their task: anybody may write a file."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ from paretoik.task.task import describe_errors
 def values_between(
     task: MotionTask, q: Float[np.ndarray, "motions time dof"], shares: Float[np.ndarray, " shares"]
 ) -> Float[np.ndarray, "gaps shares n_obj"]:
-    """Return the objectives, minimised, at shares of the way from each motion to the next; inf where none is possible.
+    """Return the minimised objectives at shares of the way from each motion to the next; inf if impossible.
 
-    Joints go the shortest way, whole turns of periodic ones left out.
+    Joints take the shortest way, without whole turns of periodic ones.
     """
     motions = _motions_between(task, q, shares)
-    with np.errstate(all="ignore"):  # what is not on the path may do anything
+    with np.errstate(all="ignore"):  # off the path any value may occur
         F, limits, _ = evaluate_motions(task, task.motion(motions.q))
     F[~motions.on_path.all(axis=1)] = np.inf
     return possible_values(F, limits).reshape(len(q) - 1, len(shares), F.shape[-1])
@@ -40,7 +40,7 @@ def values_between(
 def points_between(
     task: MotionTask | None, x: Points, shares: Float[np.ndarray, " shares"]
 ) -> list[Float[np.ndarray, " between *point"]]:
-    """Return the points at shares of the way from each point to the next, those of motions that are on their path."""
+    """Return the points at shares of the way from each point to the next; only motions that are on their path."""
     if task is None:
         between = x[:-1, None] + shares.reshape(-1, *[1] * (x.ndim - 1)) * np.diff(x, axis=0)[:, None]
         return list(between)
@@ -62,23 +62,23 @@ def _motions_between(task: MotionTask, q: np.ndarray, shares: np.ndarray) -> Ret
 def possible_values(
     F: Float[np.ndarray, "points n_obj"], violation: Float[np.ndarray, "points limits"]
 ) -> Float[np.ndarray, "points n_obj"]:
-    """Return objectives, inf where they have no value or a limit is exceeded by more than its whole range."""
+    """Return objectives; inf if they have no value or a limit is exceeded by more than its whole range."""
     possible = np.isfinite(F).all(axis=1) & ~(violation > 1.0).any(axis=1)
     return np.where(possible[:, None], F, np.inf)
 
 
 @dataclass(frozen=True, kw_only=True)
 class StoredMotionOptions:
-    """So far a stored motion may be off its path, or a loop off what its run says: what we claim of every motion."""
+    """Largest distance of a stored motion from its path, or of a loop from the value in its run."""
 
-    tolerance: float = 1e-9  # of the arm's length, and rad; of a loop m
+    tolerance: float = 1e-9  # share of the arm's length, or rad; m for a loop
 
 
 OPTIONS = StoredMotionOptions()
 
 
 def restore_motions(problem: Any, front: Front) -> Any:
-    """Return the motions of a stored front with their arm: from its joint positions, or else from its genes.
+    """Return the motions of a stored front with their arm, from its joint positions or else from its genes.
 
     Raises InvalidRun as ``motions_of_task`` does.
     """
@@ -90,20 +90,20 @@ def restore_motions(problem: Any, front: Front) -> Any:
             _check_loop(motions, front.provenance.get("position_error"))
         return motions
     if _is_on_path(problem):
-        raise InvalidRun("motions: the times of the problem's path wanted, got others")
+        raise InvalidRun("motions must have the times of the problem's path, got others")
     decodes = hasattr(problem, "decode") and front.genes is not None
     return problem.decode(np.array(front.genes)) if decodes else front.motions
 
 
 def motions_of_task(problem: Any, stored: JointMotions, ids: Sequence[int]) -> Motion | None:
-    """Return stored motions with the arm of a problem's task, joints matched by name; None where they have other times.
+    """Return stored motions with the arm of a task, joints matched by name; None if their times differ.
 
-    Raises InvalidRun where the joints are others, or a motion is off the path although tracking constrains it.
+    Raises InvalidRun if the joints differ, or if a motion is off the path although tracking constrains it.
     """
     task: MotionTask = problem.task
     q, names = np.asarray(stored.q), list(stored.arm.joint_names)
     if sorted(names) != sorted(task.arm.joint_names):
-        raise InvalidRun(f"motions: joints {', '.join(task.arm.joint_names)} wanted, got {', '.join(names)}")
+        raise InvalidRun(f"motions must have the joints {', '.join(task.arm.joint_names)}, got {', '.join(names)}")
     task = task.truncate(q.shape[-2])
     if not np.allclose(stored.time, task.times, rtol=1e-9, atol=0):
         return None
@@ -114,14 +114,14 @@ def motions_of_task(problem: Any, stored: JointMotions, ids: Sequence[int]) -> M
 
 
 def _check_loop(motions: Motion, stated: object) -> None:
-    """Raise InvalidRun unless a loop is as far off its path on average (Marcos et al. 2012, Eq. 23) as its run says."""
+    """Raise InvalidRun unless a loop's mean distance from its path (Marcos et al. 2012, Eq. 23) is that of its run."""
     error = float(motions.position_error[..., 1:].mean())
     if not (isinstance(stated, float | int) and abs(error - stated) <= OPTIONS.tolerance * max(error, 1.0)):
-        raise InvalidRun(f"motions: a mean distance of {shown(stated)} m from the path wanted, got {error:.6g} m")
+        raise InvalidRun(f"motions must be at a mean distance of {shown(stated)} m from the path, got {error:.6g} m")
 
 
 def _is_on_path(problem: Any) -> bool:
-    """Say whether motions of a problem follow its path exactly; loops and resolvers have errors of their own."""
+    """Return whether motions of a problem follow its path exactly; loops and resolvers have errors of their own."""
     return getattr(problem, "follows_path", False) is True
 
 
@@ -132,6 +132,6 @@ def _check_tracking(task: MotionTask, motions: Motion, ids: Sequence[int]) -> No
         row, sample = (int(i) for i in off[0])
         distance = describe_errors(task.tasks, relative[row, sample] * row_scales(task.arm, task.tasks))
         raise InvalidRun(
-            f"motions: on the path of the problem wanted, got point {ids[row]} {distance} off it at sample {sample} "
+            f"motions must be on the path of the problem, got point {ids[row]} {distance} off it at sample {sample} "
             f"({task.times[sample]:.3g} s)"
         )

@@ -1,4 +1,4 @@
-"""Moving along a front: the point that a move leads to, held between samples, certified, and added to the front."""
+"""Moves along a front: the point of a move is limited between samples, certified, and added to the front."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ from paretoik.pareto.navigation import Aim, Destination, FrontPoints, Wish, move
 from paretoik.pareto.placement import POINT_TOLERANCE
 from paretoik.runs.machine import single_blas_thread
 
-# What became of a move along a front: in words for people, in numbers for machines.
+# Result of a move along a front: sentences for people, numbers for machines.
 
 
-MET = 1e-6  # share of a wish that may miss without a word: what solvers leave open
+MET = 1e-6  # share of a wish that may be missed without a remark, since solvers are inexact
 
 
 def describe_move(
@@ -45,7 +45,7 @@ def describe_move(
     dominated: list[int],
     certificate: Certificates | None,
 ) -> dict[str, Any]:
-    """Return the note of a move from a front to the one after it, its words under "reason"; ``dominated`` went."""
+    """Return the note of a move, its text under "reason"; ``dominated`` points left the front."""
     start = int(front.ids[request.row])
     row = int(np.flatnonzero(after.ids == id)[0])
     signs = np.where(front.maximised, -1.0, 1.0)
@@ -90,7 +90,7 @@ def _moved(
     id: int,
     is_new: bool,
 ) -> str:
-    """Return by how much every objective changed, and what exchange rates had promised."""
+    """Return the change of every objective, and the change that exchange rates predicted."""
     parts = list[str]()
     for k in (request.improve, *request.payers):
         text = f"{front.names[k]} {change[k]:+.4g} {front.units[k]}".rstrip()
@@ -114,11 +114,11 @@ def _how(front: Front, request: NavigationRequest, destination: Destination, is_
         corrections = f"{followed.corrections} correction{'s' * (followed.corrections != 1)}"
         text = f"Its branch was followed in {steps} with {corrections}: no jump."
         if destination.share < 1.0:
-            text += f" From there on nothing better in {name} was found that the others pay for."
+            text += f" From there on no better {name} was found that the others pay for."
         return text
     if followed is None:
         cause = (
-            "Optima cannot be followed past kinks, or where functions relate samples: it was solved from the start and "
+            "Optima cannot be followed past kinks or if functions relate samples: it was solved from the start and "
             "its neighbours."
         )
     elif followed.share == 0.0:
@@ -130,7 +130,7 @@ def _how(front: Front, request: NavigationRequest, destination: Destination, is_
     else:
         cause = "Its branch leads to a worse point: it was sought from neighbours."
     jump = (
-        "The front jumps on the way: between the two motions others are worse than both."
+        "The front jumps on the way: between the two motions there are motions worse than both."
         if destination.jump
         else "There is no jump on the way."
     )
@@ -149,9 +149,10 @@ def _points(ids: list[int]) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class FrontNavigationOptions:
-    """A point that is held between samples is aimed at anew up to so many ``rounds``, and left for a better one too.
+    """Settings of points that satisfy limits between samples.
 
-    It may exceed limits there by a share ``between`` of their ranges. Points within ``tolerance`` are one.
+    ``rounds`` is the number of times that a point is solved again for its tighter limits, or left for a better one. It
+    may exceed limits between samples by a share ``between`` of their ranges. Points within ``tolerance`` are the same.
     """
 
     rounds: int = 3
@@ -165,16 +166,16 @@ _STARTS: WeakKeyDictionary[Front, dict[tuple[int, bytes, bytes, bytes], Optimum 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Arrival:
-    """The certified point of a move, as an individual of one."""
+    """The certified point of a move, as a batch of one individual."""
 
     individual: Individuals
     certificate: Certificates
 
 
 def navigate(problem: Any, front: Front, request: NavigationRequest) -> Front:
-    """Return the front with the certified point that a request leads to, or with a note of the point that is better.
+    """Return the front with the certified point of a request, or with a note of the better point.
 
-    Raises Infeasible where there is no point that is better in what is asked for.
+    Raises Infeasible if no point is better in the requested objective.
     """
     formulation: Differentiable = problem
     between = _between(problem)
@@ -187,8 +188,8 @@ def navigate(problem: Any, front: Front, request: NavigationRequest) -> Front:
         seconds = time.process_time() - began
         if destination is None:
             raise Infeasible(
-                f"navigate: wants {_wish(front, request)}, but found no point within all limits where "
-                f"{', '.join(front.names[k] for k in request.payers)} pays for it"
+                f"navigate must make {_wish(front, request)}, but found no point within all limits "
+                f"at the cost of {', '.join(front.names[k] for k in request.payers)}"
             )
         arrival = _certified(formulation, destination, aim, between)
         moved = _joined(problem, front, request, aim, destination, arrival)
@@ -197,22 +198,22 @@ def navigate(problem: Any, front: Front, request: NavigationRequest) -> Front:
 
 
 def predict(problem: Any, front: Front, request: NavigationRequest) -> Prediction:
-    """Return where the move that a request asks for is expected to lead, by derivatives at its start.
+    """Return the predicted result of the move that a request asks for, by derivatives at its start.
 
-    Raises InvalidInput where optima cannot be followed, and Infeasible where derivatives reach no prediction.
+    Raises InvalidInput if optima cannot be followed, and Infeasible if derivatives give no prediction.
     """
     formulation: Differentiable = problem
     with single_blas_thread():
         program = formulation.program()
         if not can_follow(program):
             raise InvalidInput(
-                "predict: wants optima that can be followed, got kinks, or functions that relate samples"
+                "predict must have optima that can be followed, got kinks, or functions that relate samples"
             )
         aim = _aim(front, request, program)
         optimum = _start(formulation, program, front, request.row, aim.at_share(0.0))
         x = None if optimum is None else predict_optimum(program, optimum, aim.at_share)
         if x is None:
-            raise Infeasible(f"predict: wants {_wish(front, request)}, which derivatives there do not reach")
+            raise Infeasible(f"predict must make {_wish(front, request)}, which derivatives there do not reach")
         individual = formulation.individuals(x[None])
     return Prediction(
         objectives=individual.objectives[0] * np.where(front.maximised, -1.0, 1.0),
@@ -223,7 +224,7 @@ def predict(problem: Any, front: Front, request: NavigationRequest) -> Predictio
 
 
 def _start(formulation: Differentiable, program: Program, front: Front, row: int, goal: Goal) -> Optimum | None:
-    """Return a point of a front as the optimum of a goal; it is kept with the front, whose sliders ask again."""
+    """Return a point of a front as the optimum of a goal; it is cached with the front, since sliders ask again."""
     optima, key = (
         _STARTS.setdefault(front, {}),
         (row, goal.weights.tobytes(), goal.rows.tobytes(), goal.upper.tobytes()),
@@ -253,7 +254,7 @@ def _aim(front: Front, request: NavigationRequest, program: Program) -> Aim:
 def natural_weights(front: Front, row: int) -> Float[np.ndarray, " n_obj"]:
     """Return the weights of the minimised objectives at a point, in natural units, the largest 1.
 
-    From the exchange rates, which do not depend on ranges; where there is none from the weights themselves.
+    They follow from the exchange rates, which do not depend on ranges; without these, from the weights themselves.
     """
     assert front.certificates is not None
     weights = front.certificates.weights[row] / widths_of(front)
@@ -269,9 +270,9 @@ def _between(problem: Any) -> Callable[[Point, Point, Float[np.ndarray, " shares
 
 
 def _certified(formulation: Differentiable, destination: Destination, aim: Aim, between: Any) -> Arrival:
-    """Return the point, limits held between samples where they can be, with its certificate.
+    """Return the point with its certificate; it satisfies limits between samples if possible.
 
-    What is held is aimed at anew with its tighter limits; a saddle gives way to the better point beside it.
+    The point is solved again with its tighter limits. A saddle is replaced by the better point next to it.
     """
     x, ranges = destination.x, aim.ranges
     goal = aim.at_share(destination.share)
@@ -290,7 +291,7 @@ def _certified(formulation: Differentiable, destination: Destination, aim: Aim, 
 
 
 def _keeps_limits(formulation: Differentiable, x: Point, other: Point) -> bool:
-    """Return whether a point keeps its limits between samples, or as well as another."""
+    """Return whether a point satisfies its limits between samples, or violates them no more than another."""
     both = formulation.individuals(np.stack([x, other])).violation_between
     return bool(both[0] <= max(OPTIONS.between, both[1]))
 
@@ -312,7 +313,7 @@ def _certificate(formulation: Differentiable, program: Program, x: Point, aim: A
 def _joined(
     problem: Any, front: Front, request: NavigationRequest, aim: Aim, destination: Destination, arrival: Arrival
 ) -> Front:
-    """Return the front with the point, without those that it dominates, and a note of the move in its provenance."""
+    """Return the front with the point, without the points it dominates, and with a note of the move in provenance."""
     assert front.certificates is not None
     value, values = arrival.individual.objectives[0] / aim.ranges, front.minimised / aim.ranges
     better = np.flatnonzero((values <= value + OPTIONS.tolerance).all(axis=1))
@@ -339,7 +340,7 @@ def _joined(
 
 
 def _add(problem: Any, front: Front, dominated: np.ndarray, id: int, arrival: Arrival) -> Front:
-    """Return the front without the rows ``dominated`` and with a point."""
+    """Return the front with a point added and the rows ``dominated`` removed."""
     stay = np.setdiff1d(np.arange(len(front)), dominated)
     individual, certificates = arrival.individual, front.certificates
     assert certificates is not None

@@ -1,10 +1,10 @@
-"""From point to point with no path given, time against energy, as a pymoo problem.
+"""Motions from point to point without a given path, time against energy, as a pymoo problem.
 
-An individual is a path in joint space, and of the sliders along the links: a spline, whose ends are retracted to
-where the tool must begin and end. Path and posture are one thing then, and nothing is tracked. How long it takes at
-least, and what work its motors do, follow in closed form.
+An individual is a path in joint space, and of the sliders along the links: a spline whose ends are retracted to the
+start and the target of the tool. Path and posture are one then, and nothing is tracked. The least time of the motion
+and the work of its motors follow in closed form.
 
-Source: Kim, Choi & Jang 2021, section 3, which minimises time alone; to weigh it against energy is new.
+Source: Kim, Choi & Jang 2021, section 3, which minimises time only; weighing it against energy is new.
 """
 
 from __future__ import annotations
@@ -45,13 +45,13 @@ from paretoik.task.retraction import ON_PATH_TOLERANCE
 
 @dataclass(frozen=True, kw_only=True)
 class PointToPointOptions:
-    """Settings of genes and of what is checked between samples."""
+    """Settings of genes and of the check between samples."""
 
-    coefficient_range: float = 1.5  # rad or m: of a coefficient from its base
-    slider_overshoot: float = 0.5  # share of a slider's range that a coefficient may be past it, samples being within
-    shortest_interval: float = 1e-6  # s: in which nothing moves
-    longest_interval: float = 10.0  # mean intervals of the quickest initial path, where functions look at times
-    refinement: int = 8  # times that the check between samples is finer than these
+    coefficient_range: float = 1.5  # rad or m, of a coefficient from its base
+    slider_overshoot: float = 0.5  # share of a slider's range; coefficients may exceed it if samples do not
+    shortest_interval: float = 1e-6  # s, of an interval in which nothing moves
+    longest_interval: float = 10.0  # in mean intervals of the quickest initial path, if functions use times
+    refinement: int = 8  # number of checks between samples per interval
 
 
 OPTIONS = PointToPointOptions()
@@ -59,40 +59,53 @@ OPTIONS = PointToPointOptions()
 
 @check_call
 class PointToPoint(DenseFormulation):
-    """Bring the tool from ``start`` to ``target``, quickly and with little work: a vectorised pymoo problem.
+    """Move the tool from ``start`` to ``target``, quickly and with little work: a vectorised pymoo problem.
 
-    Objectives: ``duration`` [s], the least time in which motors can follow, each within its curve under the load of
-    gravity; with ``energy`` [J], the work of all motors, given or taken; then a user's own. Inertia is not counted
-    (quasi-static). Every motion of the front has its own times. ``pk.refine`` refines them by exact gradients.
+    Objectives: ``duration`` [s], the least time that motors need, each within its curve under the load of gravity;
+    ``energy`` [J], the work of all motors, given or taken; then the user's own. Inertia is not counted (quasi-static).
+    Every motion of the front has its own times. ``pk.refine`` refines them by exact gradients.
 
     Parameters
     ----------
-    arm, actuation
-        The arm, its gravity as it is mounted, and what drives it.
-    start, target
-        Positions of the tool, (2,) for planar arms, else (3,) [m], any posture at either.
-    samples, coefficients
-        Of a motion, and of its spline for each joint and slider.
+    arm
+        Arm with more joints than coordinates of the task, its gravity as it is mounted.
+    actuation
+        Motors or sliders that drive the arm.
+    start
+        Position of the tool at the start, (2,) for planar arms, else (3,) [m], in any posture.
+    target
+        Position of the tool at the end, (2,) for planar arms, else (3,) [m], in any posture.
+    samples
+        Number of samples of a motion.
+    coefficients
+        Number of spline coefficients per joint and slider.
     energy
-        Whether the work of motors is an objective. It needs an arm that weighs something: in a plane without gravity
+        Flag: whether the work of motors is an objective. It needs an arm with weight: without gravity in its plane,
         work is free.
-    objectives, constraints
-        A user's own, decorated with ``@objective`` and ``@constraint``, of any form. They see the motions that the
-        front shows: at the samples, each in its own time, rates by backward differences, torques with inertia. Where
-        they depend on times motions may be slower than motors allow: ten times as slow as the quickest initial path.
-    bases, seed
-        The most initial paths, straight (or bowed, where that is out of reach) in different postures, and the seed of
-        their chance; part of the problem.
+    objectives
+        Functions of the user decorated with ``@objective``, of any form. They see the motions of the front: at the
+        samples, each in its own time, rates by backward differences, torques with inertia. If they depend on times,
+        motions may be slower than motors allow: up to ten times as slow as the quickest initial path.
+    constraints
+        Functions of the user decorated with ``@constraint``, of any form; they see the same motions.
+    bases
+        Largest number of initial paths in different postures: straight ones, or bowed ones if these are out of reach.
+    seed
+        Seed of the initial paths; part of the problem.
 
-    Genes: place among the bases, how far each coefficient of each joint is from the base's, and those of the front
-    sliders as shares of their way.
+    Notes
+    -----
+    Genes: number of the base, distance of each coefficient of each joint from that of the base, and coefficients of the
+    front sliders as shares of their range.
 
     Raises
     ------
     InvalidInput
-        Naming what cannot be used; OutOfReach where start or target, or what lies between them, cannot be reached.
+        Names the argument that cannot be used.
+    OutOfReach
+        If start or target, or all paths between them, cannot be reached.
     Infeasible
-        Where motors can hold the arm along no path, naming joint, torque and limit.
+        If motors can hold the arm along no path; it names joint, torque and limit.
     """
 
     computed_attributes = ("initial_paths",)
@@ -114,20 +127,20 @@ class PointToPoint(DenseFormulation):
         bases: int = 12,
         seed: int = 0,
     ) -> None:
-        """Make the problem; the class says of what."""
+        """Make the problem; the class describes the parameters."""
         read_list("objectives", objectives, Objective, "a list of functions decorated with @objective")
         check_actuation(actuation, arm)
         counts = {"samples": (samples, 5), "coefficients": (coefficients, 4), "bases": (bases, 1), "seed": (seed, 0)}
         for name, (value, least) in counts.items():
             check_size(name, value, least)
         if coefficients > samples:
-            raise InvalidInput(f"coefficients: at most {samples} wanted, one a sample, got {coefficients}")
+            raise InvalidInput(f"coefficients must be at most {samples}, one per sample, got {coefficients}")
         task = 2 if arm.is_planar else 3
         if arm.dof <= task:
-            raise InvalidInput(f"{arm.name}: more than {task} joints wanted, to choose among paths, got {arm.dof}")
+            raise InvalidInput(f"{arm.name} must have more than {task} joints, to choose among paths, got {arm.dof}")
         ends = [finite_array(name, place, (task,)) for name, place in (("start", start), ("target", target))]
         if np.linalg.norm(ends[1] - ends[0]) < 1e-9:
-            raise InvalidInput(f"target: another place than the start wanted, got {ends[1].tolist()} m twice")
+            raise InvalidInput(f"target must be another place than the start, got {ends[1].tolist()} m twice")
         self.arm, self.actuation, self.start, self.target = arm, actuation, *ends
         check_flag("energy", energy)
         if energy:
@@ -154,7 +167,7 @@ class PointToPoint(DenseFormulation):
         )
 
     def profiles(self, genes: Genes) -> tuple[JointPaths, JointPaths, Float[np.ndarray, " points"]]:
-        """Return coefficients of joints and front sliders (points, coefficients, dof), and how far ends are off."""
+        """Return coefficients (points, coefficients, dof) of joints and front sliders, and how far the ends miss."""
         paths, which = self.initial_paths, self.base_indices(genes)
         q = paths.q[which] + genes[:, 1 : 1 + paths.size].reshape(len(genes), *paths.q.shape[1:])
         error = paths.retract_ends(q, which, self._ends)
@@ -167,12 +180,12 @@ class PointToPoint(DenseFormulation):
         return minimum_timing(self.arm, self.actuation, *self._samples(genes)[:2])
 
     def _samples(self, genes: Genes) -> tuple[JointPaths, JointPaths, Float[np.ndarray, " points"]]:
-        """Return positions and front sliders (points, time, dof) at the samples, and how far ends are off."""
+        """Return positions and front sliders (points, time, dof) at the samples, and how far the ends miss."""
         q, front, error = self.profiles(genes)
         return self.initial_paths.spline @ q, self.initial_paths.spline @ front, error
 
     def sliders(self, genes: Genes) -> Float[np.ndarray, "points time 2 dof"] | None:
-        """Return front and back sliders at the samples [m]; None without any."""
+        """Return front and back sliders at the samples [m]; None without sliders."""
         if not isinstance(self.actuation, DistributedActuation):
             return None
         q, front, _ = self._samples(genes)
@@ -185,7 +198,7 @@ class PointToPoint(DenseFormulation):
         return self._motions(q, self._intervals(genes, minimum_timing(self.arm, self.actuation, q, front)))
 
     def _intervals(self, genes: Genes, timing: Timing) -> Float[np.ndarray, "points intervals"]:
-        """Return the intervals of genes [s]: the least, or longer ones that they wish for."""
+        """Return the intervals of genes [s]: the least ones, or longer ones that the genes ask for."""
         if not self.own_times:
             return timing.intervals
         wishes = genes[:, -timing.intervals.shape[1] :] * (OPTIONS.longest_interval * self.initial_paths.pace)
@@ -224,9 +237,10 @@ class PointToPoint(DenseFormulation):
         return np.asarray(np.clip(np.concatenate(genes, axis=1), self.xl, self.xu))
 
     def violation_between(self, genes: Genes) -> Float[np.ndarray, " points"]:
-        """Return how much longer than an interval motors need for it, over the mean one, or how overloaded they are.
+        """Return the largest violation (points,) between samples; 0 without any.
 
-        The most of both, and of constraints, intervals cut in eight and timed anew; 0 (points,) where all hold.
+        It is the largest of three: extra time that motors need for an interval, over the mean interval; the overload of
+        motors; the violation of constraints. Intervals are divided into eight and timed again.
         """
         q, front, _ = self.profiles(genes)
         spline, times = self.initial_paths.finer(OPTIONS.refinement), OPTIONS.refinement
@@ -237,7 +251,7 @@ class PointToPoint(DenseFormulation):
         return np.maximum(np.maximum(retimed.lateness(intervals), retimed.overload), excess)
 
     def sample_starts(self, count: int, rng: np.random.Generator) -> Genes:
-        """Return genes of the bases, as they are and at a small distance."""
+        """Return genes of the bases, unchanged and at a small distance."""
         paths, rows = self.initial_paths, np.zeros((count, self.n_var))
         which = np.arange(count) % len(paths.q)
         rows[:, 0] = (which + 0.5) / len(paths.q)
@@ -247,7 +261,7 @@ class PointToPoint(DenseFormulation):
             shares = paths.shares[which].reshape(count, -1)
             shares = np.clip(shares + distance * rng.normal(size=shares.shape), 0.0, 1.0)
             rows[:, 1 + paths.size : 1 + 2 * paths.size] = shares
-        if self.own_times:  # half of them as quick as they can be
+        if self.own_times:  # half of them at their quickest
             longest, steps = OPTIONS.longest_interval, len(paths.spline) - 1
             rows[::2, -steps:] = longest ** rng.uniform(-1.0, 0.0, (len(rows[::2]), 1))
         return np.clip(rows, self.xl, self.xu)
@@ -271,7 +285,7 @@ class PointToPoint(DenseFormulation):
 
     @cached_property
     def _base_motions(self) -> Motion:
-        """The initial paths in their least times."""
+        """Initial paths in their least times."""
         paths = self.initial_paths
         q, front = paths.spline @ paths.q, front_sliders(self.actuation, paths.spline @ paths.shares)
         return self._motions(q, minimum_timing(self.arm, self.actuation, q, front).intervals)

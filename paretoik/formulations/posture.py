@@ -32,35 +32,45 @@ from paretoik.trajectory.infeasibility import explain_violation
 
 @check_call
 class Posture(Formulation):
-    """Search joint positions whose tool is where a path begins, clear of obstacles: a vectorised pymoo problem.
+    """Search a first posture on a path, clear of obstacles: a vectorised pymoo problem.
 
-    The objective is ``position_error`` [m], the distance of the tool from its target (Eqs. 18, 21, 22); where a task
-    asks for orientation it is ``tool_error``, the distance and the angle [m + rad]. A user's own come after it. The
-    paper's search (OLGA) is ``pk.solve(posture, population=1600, generations=200, stagnation=False)``: of the error
-    alone ``pk.solve`` runs the paper's genetic algorithm, of several objectives MaxiMinNSGA2. The motions of its fronts
-    stand still in their postures: ``front.motions.q[:, 0]``. Where a ``ClosedLoop`` is given no start it runs the same
+    The objective is ``position_error`` [m], the distance of the tool from its target (Eqs. 18, 21, 22). If a task asks
+    for orientation, it is ``tool_error``, the distance plus the angle [m + rad]. The user's own objectives come after
+    it.
+
+    The paper's search (OLGA) is ``pk.solve(posture, population=1600, generations=200, stagnation=False)``: ``pk.solve``
+    runs the paper's genetic algorithm for the error only, and MaxiMinNSGA2 for several objectives. The motions of its
+    fronts stand still in their postures: ``front.motions.q[:, 0]``. A ``ClosedLoop`` without a start runs the same
     search, compiled.
 
     Parameters
     ----------
-    arm, path
-        The arm, planar or spatial, and a Path, a Task or several of them, of which the first sample counts.
-    objectives, constraints
-        A user's own, decorated with ``@objective`` and ``@constraint``, of any form. They see the motion that the front
-        shows, three samples of an arm that stands in its posture for a second: velocities are 0, torques those of
-        gravity, an integral or a mean over time is what it is a second.
+    arm
+        Planar or spatial arm.
+    path
+        Path, Task or several of them; only the first sample counts.
+    objectives
+        Functions of the user decorated with ``@objective``, of any form. They see the motion of the front: three
+        samples of an arm that stands in its posture for one second. Velocities are 0, torques are those of gravity, and
+        an integral or mean over time is that of one second.
+    constraints
+        Functions of the user decorated with ``@constraint``, of any form; they see the same motion.
     limits
-        On position, and on the torques that hold the arm, with a clearance; None the arm's own. Joints without limits
-        range over two turns, as in the paper, sliders over 1 m either way.
-    obstacles, link_radius
-        What the links, capsules of this radius [m], are clear of.
+        Limits on position and on the torques that hold the arm, with a clearance; None: the arm's own. Joints without
+        limits range over two turns, as in the paper, sliders over 1 m either way.
+    obstacles
+        Obstacles that the links stay clear of.
+    link_radius
+        Radius [m] of the links, which are capsules.
 
+    Notes
+    -----
     Genes are joint positions [rad, m].
 
     Raises
     ------
     InvalidInput
-        Naming what cannot be used.
+        Names the argument that cannot be used.
     """
 
     def __init__(
@@ -74,7 +84,7 @@ class Posture(Formulation):
         obstacles: Sequence[Obstacle] = (),
         link_radius: float = 0.0,
     ) -> None:
-        """Make the problem; the class says of what."""
+        """Make the problem; the class describes the parameters."""
         read_list("objectives", objectives, Objective, "a list of functions decorated with @objective")
         check_limits(limits, supported=("position", "torque", "clearance"), where="of a posture")
         checked = motion_task(
@@ -93,7 +103,7 @@ class Posture(Formulation):
         turns = bool(self._rotations.any())
         error = "tool_error" if turns else "position_error"
         if error in (taken := [each.name for each in objectives]):
-            raise InvalidInput(f"objectives: names other than {error} wanted, got {', '.join(taken)}")
+            raise InvalidInput(f"objectives must have names other than {error}, got {', '.join(taken)}")
         self.names = (error, *taken)
         self.units = ("m + rad" if turns else "m", *(each.unit for each in objectives))
         self.maximised = (False, *(each.maximise for each in objectives))
@@ -103,7 +113,7 @@ class Posture(Formulation):
         examine_functions(self.task, self.decode(np.random.default_rng(0).uniform(low, high, (16, arm.dof))))
 
     def algorithm(self, population: int, *, offspring: int | None = None, initial: Genes | None = None) -> Any:
-        """Return the paper's genetic algorithm for the error alone, MaxiMinNSGA2 for several objectives."""
+        """Return the paper's genetic algorithm for the error only, MaxiMinNSGA2 for several objectives."""
         if self.n_obj == 1:
             return elitist_algorithm(population, offspring=offspring, initial=initial)
         return MaxiMinNSGA2(pop_size=population, n_offsprings=offspring, sampling=initial)
@@ -114,14 +124,14 @@ class Posture(Formulation):
         return self.task.motion(np.repeat(genes[:, None], len(self.task.times), axis=1))
 
     def encode(self, motions: Motion) -> tuple[Genes, np.ndarray]:
-        """Return the first postures of motions within bounds, and by how much [rad, m] they miss each."""
+        """Return the first postures of motions within bounds, and how far [rad, m] they miss each motion."""
         check_motions(motions, self.task)
         first = np.array(motions.q[:, 0])
         genes = np.clip(first, self.xl, self.xu)
         return genes, np.abs(genes - first).max(axis=1)
 
     def explain(self, genes: Genes) -> list[str]:
-        """Return for each individual why it is infeasible, in words; "" where it is feasible."""
+        """Return a reason for each infeasible individual; "" if it is feasible."""
         return [explain_violation(self.task, motion) for motion in self.decode(genes)]
 
     def _evaluate(self, X: Genes, out: dict[str, object], *args: object, **kwargs: object) -> None:

@@ -1,4 +1,4 @@
-"""Time-optimal control as a method with numbers, so that ``Tuning`` can search them like those of any other."""
+"""Time-optimal control as a method whose numbers ``Tuning`` can search."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from paretoik.task.retraction import retract_nearest, task_errors
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ControlTraces(Traces):
-    """``Traces``, and of every motion the cone programs that a plan took in the mean and the velocities cut short.
+    """``Traces`` with two more numbers per motion: mean cone programs per plan, and velocities cut short.
 
     ``errors`` are those from the reference; ``velocities`` are finite differences.
     """
@@ -31,15 +31,30 @@ class ControlTraces(Traces):
 @check_call
 @dataclass(frozen=True, eq=False, repr=False)
 class TimeOptimalControl(Method):
-    """Time-optimal control from the first position of a path to its last, the tool as fast as ``model`` allows.
+    """Time-optimal control from a path's first position to its last, limited by ``model``.
 
-    The ways between are its own, and so are the times: motions come at as many samples as the path has, evenly spaced
-    until the tool stands on the target. Starts are where the tool is at first. ``horizon``, ``period`` [s] and ``gain``
-    [1/s], as of ``time_optimal_control``, may be arrays (*batch,). The joints follow the tool by the shortest way from
-    one sample to the next. Where the control fails, or the arm cannot follow, the arm stays and the error is infinite.
-    Raises InvalidInput for what is no model, and numbers out of range.
+    The way between the two positions and the times are free. Motions have as many samples as the path, evenly spaced
+    until the tool is at the target. A start sets the first position of the tool. The joints follow the tool by the
+    shortest way from one sample to the next. If the control fails, or the arm cannot follow, the arm stays and the
+    error is infinite. Source: Kim, Choi & Jang 2021, Eqs. 6 and 7.
 
-    Source: Kim, Choi & Jang 2021, Eqs. 6 and 7.
+    Parameters
+    ----------
+    model
+        Model of the tool's speed.
+    horizon
+        Number of pieces of a plan, as in ``time_optimal_control``; may be an array (*batch,).
+    period
+        Time from one plan to the next [s]; may be an array (*batch,).
+    gain
+        Gain of the controller [1/s]; may be an array (*batch,).
+    tolerance
+        Distance from the target [m] at which the motion ends.
+
+    Raises
+    ------
+    InvalidInput
+        If ``model`` is not a model, and for numbers out of range.
     """
 
     model: SpeedModel
@@ -54,20 +69,20 @@ class TimeOptimalControl(Method):
         check_model(self.model)
         horizon = integer_array("horizon", self.horizon)
         if horizon.size == 0 or horizon.ndim > 1 or not (horizon >= 1).all():
-            raise InvalidInput(f"horizon: 1 sample or more wanted, got {shown(self.horizon)}")
+            raise InvalidInput(f"horizon must be 1 sample or more, got {shown(self.horizon)}")
         for name in ("period", "gain", "tolerance"):
             values = finite_array(name, getattr(self, name))
             if values.size == 0 or values.ndim > 1 or not (values > 0).all():
-                raise InvalidInput(f"{name}: numbers above 0 wanted, got {shown(getattr(self, name))}")
+                raise InvalidInput(f"{name} must be above 0, got {shown(getattr(self, name))}")
 
     def parameters(self, times: Float[np.ndarray, " time"]) -> tuple[Parameter, ...]:
         """Return the numbers that are searched by default.
 
-        ``correction`` is the gain times the period: the share of an error that is corrected in a period.
-        Raises InvalidInput where the period is an array already.
+        ``correction`` is the gain times the period: the share of an error that is corrected in one period.
+        Raises InvalidInput if the period is an array already.
         """
         if np.ndim(self.period):
-            raise InvalidInput(f"TimeOptimalControl: one period wanted, got {self.period}")
+            raise InvalidInput(f"TimeOptimalControl: period must be one number, got {self.period}")
         period = float(self.period)
         return (
             Parameter("horizon", 2, 20, scale="integer"),
@@ -76,7 +91,7 @@ class TimeOptimalControl(Method):
         )
 
     def with_values(self, values: Mapping[str, np.ndarray], times: Float[np.ndarray, " time"]) -> TimeOptimalControl:
-        """Return the control with values (motions,) for some of its numbers; raise InvalidInput for unknown names."""
+        """Return the control with values (motions,) for some of its numbers. Raises InvalidInput for unknown names."""
         changed = dict(values)
         if "correction" in changed:
             changed["gain"] = changed.pop("correction") / changed.get("period", self.period)
@@ -85,12 +100,13 @@ class TimeOptimalControl(Method):
     def follow(
         self, task: MotionTask, start: Float[np.ndarray, "*batch dof"], *, tolerance: float | None = None
     ) -> ResolvedMotion:
-        """Return the motions from ``start``, broadcast against the numbers; nothing depends on ``tolerance``.
+        """Return the motions from ``start``, broadcast against the numbers; ``tolerance`` has no effect.
 
-        Raises InvalidInput for tasks other than one position, in the model's dimension, and for numbers out of range.
+        Raises InvalidInput unless the task is one path of positions in the model's dimension, and for numbers out of
+        range.
         """
         if len(task.tasks) != 1 or task.targets.shape[1] != task.rows or task.rows != len(self.model.lower):
-            raise InvalidInput(f"TimeOptimalControl: one path of positions (..., {len(self.model.lower)}) wanted")
+            raise InvalidInput(f"TimeOptimalControl: path must be one of positions (..., {len(self.model.lower)})")
         numbers = (self.horizon, self.period, self.gain)
         shape = np.broadcast_shapes(start.shape[:-1], *(np.shape(each) for each in numbers))
         q = np.broadcast_to(start, (*shape, task.arm.dof)).reshape(-1, task.arm.dof)
@@ -102,7 +118,7 @@ class TimeOptimalControl(Method):
     def _run(
         self, task: MotionTask, tool: np.ndarray, horizon: int, period: float, gain: float
     ) -> TimeOptimalRun | None:
-        """Return what the control does from a position of the tool; None where it fails."""
+        """Return the result of the control from a position of the tool; None if it fails."""
         try:
             return time_optimal_control(
                 self.model,
@@ -121,7 +137,7 @@ class TimeOptimalControl(Method):
 def _joint_motion(
     task: MotionTask, shape: tuple[int, ...], start: np.ndarray, runs: list[TimeOptimalRun | None]
 ) -> ResolvedMotion:
-    """Return the motions by which joints follow the tool of every run, at as many samples as the task has."""
+    """Return the motions of joints that follow the tool in every run, with as many samples as the task."""
     count, samples, dof = len(runs), len(task.times), task.arm.dof
     shares = np.linspace(0.0, 1.0, samples)
     time = np.tile(task.times, (count, 1))

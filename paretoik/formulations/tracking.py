@@ -1,8 +1,8 @@
-"""Following a path with a redundant arm, as a pymoo problem over the self-motion manifold.
+"""Tracking of a path with a redundant arm, as a pymoo problem over the self-motion manifold.
 
-An individual is a base motion, already on the path, and spline coordinates around it (``Encoding``). Every motion that
-the search looks at follows the path; only the limits are left to be searched for. The base motions are
-weighted-pseudoinverse roll-outs (Tringali & Cocuzza 2020, section 3.1.2), spread over the branches that exist.
+An individual is a base motion, already on the path, and spline coordinates around it (``Encoding``). Every motion of
+the search follows the path; only the limits remain to be searched for. The base motions are weighted-pseudoinverse
+roll-outs (Tringali & Cocuzza 2020, section 3.1.2), spread over the branches that exist.
 """
 
 from __future__ import annotations
@@ -49,12 +49,12 @@ from paretoik.trajectory.program import MotionProgram, joint_distance
 from paretoik.trajectory.tightening import hold_all
 from paretoik.trajectory.transcription import motion_program
 
-# The motions that ``Tracking`` starts from: the best roll-outs of every branch, others far from them, a user's.
+# Base motions of ``Tracking``: the best roll-outs of every branch, others far from them, or a user's.
 
 
 @dataclass(frozen=True, kw_only=True)
 class RolloutOptions:
-    """How many roll-outs there are: ``most``, fewer on paths of more than ``samples`` samples, but ``least``."""
+    """Number of roll-outs: ``most``, or fewer on paths of more than ``samples`` samples, but at least ``least``."""
 
     most: int = 256
     least: int = 64
@@ -65,7 +65,7 @@ BASE_OPTIONS = RolloutOptions()
 
 
 def sample_rollouts(task: MotionTask, rng: np.random.Generator) -> JointPaths:
-    """Return roll-outs, as many as OPTIONS says: those that violate limits less first, then by non-domination."""
+    """Return roll-outs sorted by violation of limits, then by non-domination; BASE_OPTIONS sets their number."""
     count = BASE_OPTIONS.most * BASE_OPTIONS.samples // len(task.times)
     q = rollout_starts(task, min(max(count, BASE_OPTIONS.least), BASE_OPTIONS.most), rng)
     F, limits, _ = evaluate_motions(task, task.motion(q))
@@ -89,7 +89,7 @@ def choose_bases(task: MotionTask, rollouts: JointPaths, count: int) -> Float[np
 
 
 def without_added_samples(task: MotionTask, motions: Motion) -> Motion:
-    """Return motions at the samples of a task, if they have more; others as they are."""
+    """Return motions at the samples of a task if they have more samples; others unchanged."""
     times = motions.time.reshape(-1, motions.time.shape[-1])[0]
     index = np.searchsorted(times, task.times).clip(max=len(times) - 1)
     added = len(times) > len(index) and np.array_equal(times[index], task.times)
@@ -99,28 +99,28 @@ def without_added_samples(task: MotionTask, motions: Motion) -> Motion:
 def positions_on_path(task: MotionTask, motions: Motion) -> JointPaths:
     """Return the joint positions of a user's motions.
 
-    Raises InvalidInput where they are not of the task's arm and samples, or more than 1e-6 rad or lengths of the arm
+    Raises InvalidInput if they do not have the task's arm and samples, or are more than 1e-6 rad or lengths of the arm
     off the path.
     """
     if not isinstance(motions, Motion):
-        raise InvalidInput(f"initial: motions wanted, got {type(motions).__name__}")
+        raise InvalidInput(f"initial must be motions, got {type(motions).__name__}")
     motions = without_added_samples(task, motions)
     q = np.array(motions.q if motions.q.ndim == 3 else motions.q[None])
     if motions.arm.joint_names != task.arm.joint_names or q.shape[1] != len(task.times):
         raise InvalidInput(
-            f"initial: motions of {task.arm.name} with {len(task.times)} samples wanted, got {motions.arm.name} with "
+            f"initial must be motions of {task.arm.name} with {len(task.times)} samples, got {motions.arm.name} with "
             f"{q.shape[1]}"
         )
     if np.abs(relative_errors(task.arm, task.tasks, q, task.targets)[0]).max() > START_TOLERANCE:
         largest = np.abs(task_errors(task.arm, task.tasks, q, task.targets)[0]).max(axis=(0, 1))
         distance = describe_errors(task.tasks, largest)
-        raise InvalidInput(f"initial: motions on the path wanted, got some that are {distance} off")
+        raise InvalidInput(f"initial must be motions on the path, got some that are {distance} off")
     return q
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrackingOptions:
-    """Up to ``infeasible_share`` of parents: optima lie on the limits, and are found far sooner from both sides."""
+    """Largest share of infeasible parents: optima on limits are found far sooner from both sides."""
 
     infeasible_share: float = 0.3
 
@@ -134,47 +134,58 @@ class Tracking(Formulation):
 
     Parameters
     ----------
-    arm, path
-        The arm, and a Path, a Task or several of them with the same times.
+    arm
+        Redundant arm.
+    path
+        Path, Task or several of them with the same times.
     objectives
         Functions decorated with ``@objective``, the library's (``pk.kinetic_energy``, ...) or your own; at least one.
-    limits, constraints
-        Joint limits (None: the arm's own), and functions decorated with ``@constraint``.
-    obstacles, link_radius
-        What the links, capsules of this radius [m], must stay clear of (by ``limits.clearance``).
-    start, end_velocity, cyclic
-        "free" or joint positions (dof,); None (free) or 0 (stop at the end); whether the motion must close.
+    limits
+        Joint limits; None: the arm's own.
+    constraints
+        Functions decorated with ``@constraint``.
+    obstacles
+        Obstacles that the links stay clear of, by ``limits.clearance``.
+    link_radius
+        Radius [m] of the links, which are capsules.
+    start
+        First joint positions (dof,), or "free".
+    end_velocity
+        Velocity at the end: None (free) or 0 (stop).
+    cyclic
+        Flag: whether the motion must close.
     differences
-        The discretisation of Motion. "spline" keeps limits between samples: what a refined motion still exceeds is in
-        ``violation_between``. "backward" and "central" are the papers': limits hold at the samples alone, and
+        Discretisation of Motion. "spline" satisfies limits between samples too: ``violation_between`` is what a refined
+        motion still exceeds. "backward" and "central" are the papers': limits are satisfied at the samples only, and
         ``Limits(margin=...)`` tightens them by a share of their ranges.
-    coefficients, bases
-        Spline coefficients a direction of redundancy (None: 12, or as many as few samples bear), and the most base
-        motions.
+    coefficients
+        Number of spline coefficients per direction of redundancy; None: 12, or fewer if there are few samples.
+    bases
+        Largest number of base motions.
     seed
-        Of the roll-outs that become base motions; part of the problem: genes mean the same in every run.
+        Seed of the roll-outs that become base motions; part of the problem: genes mean the same in every run.
 
     Raises
     ------
     InvalidInput
-        Naming what cannot be used.
+        Names the argument that cannot be used.
     OutOfReach
-        With the first sample that the arm cannot reach.
+        Names the first sample that the arm cannot reach.
     Infeasible
-        Where every sample can be reached but no continuous motion was found.
+        If every sample can be reached but no continuous motion was found.
     """
 
     task: MotionTask
     encoding: Encoding
     finer_than: Tracking | None = None
     computed_attributes = ("_rollouts", "encoding")
-    search_attributes = ("_encoded_with",)  # ``encoding``, which is made with them, counts
-    species_gene = 0  # it names the base motion
+    search_attributes = ("_encoded_with",)  # ``encoding``, which is made from them, is in fingerprints
+    species_gene = 0  # the gene that selects the base motion
     follows_path = True
     navigate = navigate
     predict = predict
 
-    __repr__ = __str__ = tracking_text  # pymoo has a text of its own
+    __repr__ = __str__ = tracking_text  # in place of pymoo's text
 
     def __init__(
         self,
@@ -194,7 +205,7 @@ class Tracking(Formulation):
         bases: int = 12,
         seed: int = 0,
     ) -> None:
-        """Make the problem; the class says of what."""
+        """Make the problem; the class describes the parameters."""
         check_size("bases", bases, 1)
         check_seed("seed", seed)
         self.task = motion_task(
@@ -231,14 +242,14 @@ class Tracking(Formulation):
         )
 
     def with_midpoints(self) -> Tracking:
-        """Return the same problem with a sample in the middle of every interval of its path too."""
+        """Return the same problem with one more sample in the middle of every interval of its path."""
         finer = copy(self)
         finer.task, finer.finer_than = self.task.with_midpoints(), self.finer_than or self
         finer._encode_motions()
         return finer
 
     def curve_points(self, motions: Motion) -> Float[np.ndarray, "points time dof"]:
-        """Return the curves of motions at the problem's samples; NaN for one that leaves the path between its own."""
+        """Return motions' curves at the problem's samples; NaN if one leaves the path in between."""
         try:
             return motions.at(self.task.times)
         except Infeasible:
@@ -247,7 +258,7 @@ class Tracking(Formulation):
         return np.concatenate([self.curve_points(motions[i : i + 1]) for i in range(len(motions))])
 
     def species(self, genes: Genes) -> Int[np.ndarray, " points"]:
-        """Return each individual's base motion: only genes of one base may be crossed."""
+        """Return each individual's base motion: only genes of the same base may be crossed."""
         return self.encoding.species(genes)
 
     @of_genes
@@ -256,10 +267,10 @@ class Tracking(Formulation):
         return self.task.motion(self.encoding.decode(self.task, genes)[0])
 
     def encode(self, motions: Motion) -> tuple[Genes, Float[np.ndarray, " points"]]:
-        """Return genes within bounds of motions on the path, and by how much [rad, arm's length] they miss each.
+        """Return genes of motions on the path, and how far [rad, arm's length] they miss each.
 
-        Each motion is encoded around the base whose decoded genes come nearest to it in every joint at every sample;
-        where they miss it by much, the genes do not stand for the motion: use the motion itself.
+        Genes are within bounds. Each motion is encoded around the base whose decoded genes are nearest to it in every
+        joint at every sample. If they miss a motion by much, they do not represent it: use the motion itself.
         """
         check_motions(motions, self.task)
         motions = without_added_samples(self.task, motions)
@@ -289,15 +300,15 @@ class Tracking(Formulation):
     def front_points(self, front: Front) -> Float[np.ndarray, "points time dof"]:
         """Return the joint positions of a front's motions."""
         if front.motions is None:
-            raise InvalidInput("front: its motions wanted, got one without")
+            raise InvalidInput("front must have motions, got one without")
         return self.motion_points(front.motions)  # type: ignore[arg-type]  # a front of motions holds Motion
 
     def motion_points(self, motions: Motion) -> Float[np.ndarray, "points time dof"]:
-        """Return the joint positions of motions; raises InvalidInput where they are not of this problem."""
+        """Return the joint positions of motions. Raises InvalidInput if they are not of this problem."""
         return positions_on_path(self.task, motions)
 
     def points(self, genes: Genes) -> Float[np.ndarray, "points time dof"]:
-        """Return the joint positions that genes stand for."""
+        """Return the joint positions of genes."""
         return np.array(self.decode(genes).q)
 
     def genes(self, x: Float[np.ndarray, "points time dof"]) -> Genes:
@@ -305,7 +316,7 @@ class Tracking(Formulation):
         return self.encode(self.task.motion(x))[0]
 
     def individuals(self, x: Float[np.ndarray, "points time dof"], genes: Genes | None = None) -> Individuals:
-        """Return motions as individuals: exact, where genes would be near; after a signal not seen between samples."""
+        """Return motions as individuals: without genes, which are inexact; unchecked between samples after a signal."""
         motions = self.task.motion(x)
         values = np.stack([o(motions) * o.sign for o in self.task.objectives], axis=1)
         return Individuals(
@@ -329,7 +340,7 @@ class Tracking(Formulation):
         solver: Solver = "auto",
         observe: Observe | None = None,
     ) -> tuple[Float[np.ndarray, "points time dof"], Sequence[MotionProgram]]:
-        """Return motions that keep their limits between samples, as far as a few rounds lead, and their programs."""
+        """Return motions that satisfy their limits between samples, as far as a few rounds lead, and their programs."""
         natural = self.program()
         if self.task.differences != "spline" or not len(x):
             return x, [natural] * len(x)
@@ -337,7 +348,7 @@ class Tracking(Formulation):
         return np.stack([each.x for each in motions]), [each.program(natural) for each in motions]
 
     def values_between(self, front: Front, shares: Values) -> Float[np.ndarray, "gaps shares n_obj"]:
-        """Return the objectives, minimised, of motions between neighbours of a front; inf where none is possible."""
+        """Return the minimised objectives of motions between neighbours of a front; inf if a motion is impossible."""
         return values_between(self.task, self.front_points(front), shares)
 
     def branches(self, x: Float[np.ndarray, "points time dof"]) -> list[str]:
@@ -351,7 +362,7 @@ class Tracking(Formulation):
     def cold_search(
         self, *, starts: int | None, seed: int, solver: Solver = "auto", observe: Observe | None = None
     ) -> MotionColdSearch:
-        """Return how optima are found from nothing: each objective planned, starts refined level by level."""
+        """Return how optima are found without initial points: each objective planned, starts refined level by level."""
         with explained_interruption(self.task, self._rollouts, None):
             examine_functions(self.task, self.task.motion(self._rollouts))
         return MotionColdSearch(
@@ -367,7 +378,7 @@ class Tracking(Formulation):
         solver: Solver = "auto",
         observe: ObserveLevel | None = None,
     ) -> Plan:
-        """Return the distinct local optima of the one objective; raises as ``find_optima`` does."""
+        """Return the distinct local optima of the one objective. Raises as ``find_optima`` does."""
         q = None if initial is None else positions_on_path(self.task, initial)
         with explained_interruption(self.task, self._rollouts, observe) as show:
             examine_functions(self.task, self.task.motion(self._rollouts))
@@ -388,16 +399,16 @@ class Tracking(Formulation):
         return self.encode(self.task.motion(self._rollouts[:count]))[0]
 
     def self_motion_samples(self, count: int, rng: np.random.Generator) -> Genes:
-        """Return genes of ``count`` smooth motions near the bases, every base in turn, the bases themselves first."""
+        """Return genes of ``count`` smooth motions near the bases: first the bases, then each base in rotation."""
         return self.encoding.sample(count, rng)
 
     @property
     def constraint_units(self) -> tuple[str, ...]:
-        """What each violation is measured in."""
+        """Units of the violations."""
         return ("of the samples", "", *("of its range",) * len(self.task.limit_names))
 
     def explain(self, genes: Genes) -> list[str]:
-        """Return for each individual why it is infeasible, in words; "" where it is feasible."""
+        """Return a reason for each infeasible individual; "" if it is feasible."""
         q, on_path = self.encoding.decode(self.task, genes)
         reasons = [explain_violation(self.task, motion) for motion in self.task.motion(q)]
         for i in np.flatnonzero(~on_path.all(axis=1)):

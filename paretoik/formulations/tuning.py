@@ -1,10 +1,10 @@
-"""The numbers of a method that resolves motions as a pymoo problem: setting them by hand is trial and error.
+"""Tuning of a method that resolves motions, as a pymoo problem.
 
-An individual is a set of numbers. It is judged by the motions from several starts, so that numbers that suit one
-posture alone are not taken for good ones. All individuals and starts are resolved at once.
+An individual is a set of numbers. It is judged by the motions from several starts, so that numbers which suit only one
+posture are not rated good. All individuals and starts are resolved at once.
 
 Sources of the methods' numbers: Wan et al. 2018; Tringali & Cocuzza 2021, section 2.2; Kim et al. 2021. All of them
-choose these by hand; that they are searched for, and by several objectives, is new.
+choose these by hand; searching for them, with several objectives, is new.
 """
 
 from __future__ import annotations
@@ -50,8 +50,8 @@ START = Parameter("start", 0.0, 1.0)
 class TuningOptions:
     """Settings of the starts."""
 
-    candidates: int = 400  # random postures that the starts on the first sample are found from
-    judged_starts: int = 5  # that an individual is judged by
+    candidates: int = 400  # number of random postures from which the starts are found
+    judged_starts: int = 5  # default number of starts that judge an individual
 
 
 OPTIONS = TuningOptions()
@@ -61,43 +61,50 @@ OPTIONS = TuningOptions()
 class Tuning(Formulation):
     """Find the numbers of a method along ``path``: a vectorised pymoo problem.
 
+    It has no gradients: ``refine``, ``plan`` and ``epsilon_front`` refuse it.
+
     Parameters
     ----------
-    arm, path
-        The arm, and a Path, a Task or several of them.
+    arm
+        Arm that follows the path.
+    path
+        Path, Task or several of them.
     method
-        Any of ``pk.methods``, or a ``TimeOptimalControl``; numbers that are not searched keep its values.
+        Method of ``pk.methods``, or a ``TimeOptimalControl``; numbers that are not searched keep its values.
     parameters
-        What is searched: names of the method's numbers, with ranges by default, or ``Parameter(name, lower, upper,
-        scale=)``. Of a method with criteria there are "gain of NAME" and, where they have an order, "priority of NAME".
-        "start" searches for the start too. By default all of the method's own.
+        Names of the method's numbers to search, with default ranges, or ``Parameter(name, lower, upper, scale=)``;
+        None: all of the method's own. Criteria add "gain of NAME" and, if they have an order, "priority of NAME".
+        "start" searches for the start too.
     objectives
-        Of the motions: any ``@objective``, and ``tracking_error``, ``limit_margin``, ``speed_ratio``, ``evaluations``,
-        ``duration`` and ``distance_to(motion)``. By default the first three and ``jerk``.
+        Objectives of the motions: any ``@objective``, and ``tracking_error``, ``limit_margin``, ``speed_ratio``,
+        ``evaluations``, ``duration`` and ``distance_to(motion)``. Default: the first three and ``jerk``.
     starts
-        Postures (starts, dof) that motions may begin in, in some order; by default those on the path's first sample
-        within the limits, one after its nearest neighbour.
+        Postures (starts, dof) in which motions may begin, in some order; None: those on the path's first sample within
+        the limits, each after its nearest neighbour.
     judged_starts
-        By how many of them an individual is judged: those around its own where "start" is searched, otherwise spread
-        evenly. By default 5, without "start" all that are given.
+        Number of starts that judge an individual: those around its own if "start" is searched, otherwise spread evenly.
+        None: 5, but all given starts if "start" is not searched.
     judged_by
-        Whether an objective is its "worst" over the starts or its "mean".
+        Value of an objective over the starts: "worst" or "mean".
     constraints
-        A user's own, decorated with ``@constraint``: an individual is infeasible where the motion from any of its
-        starts violates one.
+        Functions of the user decorated with ``@constraint``: an individual is infeasible if the motion from any of
+        its starts violates one.
     tolerance
-        Distance [m, rad] from the path past which an individual is infeasible, by any of its starts; None for none.
-    obstacles, link_radius
-        What criteria and objectives may look at.
+        Largest distance [m, rad] from the path; an individual beyond it from any of its starts is infeasible. None:
+        none.
+    obstacles
+        Obstacles that criteria and objectives may use.
+    link_radius
+        Radius [m] of the links that criteria and objectives may use.
     seed
-        Of the starts; part of the problem.
-
-    It has no gradients: ``refine``, ``plan`` and ``epsilon_front`` refuse it.
+        Seed of the starts; part of the problem.
 
     Raises
     ------
     InvalidInput
-        Naming what cannot be used; OutOfReach where the path's first sample is.
+        Names the argument that cannot be used.
+    OutOfReach
+        If the path's first sample is out of reach.
     """
 
     computed_attributes = ("starts",)
@@ -119,9 +126,9 @@ class Tuning(Formulation):
         link_radius: float = 0.0,
         seed: int = 0,
     ) -> None:
-        """Make the problem; the class says of what."""
+        """Make the problem; the class describes the parameters."""
         if not isinstance(method, Method):
-            raise InvalidInput(f"method: one of pk.methods wanted, such as DampedLeastSquares(), got {shown(method)}")
+            raise InvalidInput(f"method must be one of pk.methods, such as DampedLeastSquares(), got {shown(method)}")
         check_choice("judged_by", judged_by, get_args(JudgedBy))
         if tolerance is not None:
             tolerance = positive_number("tolerance", tolerance, "m or rad")
@@ -134,7 +141,7 @@ class Tuning(Formulation):
         self.maximised = tuple(each.maximise for each in objectives)
         self.constraint_names = (*(("tracking",) if tolerance is not None else ()), *(c.name for c in constraints))
         if tolerance is not None and "tracking" in self.constraint_names[1:]:
-            raise InvalidInput("constraints: a name other than tracking wanted, got tracking")
+            raise InvalidInput("constraints must have names other than tracking, got tracking")
         self.resolver, self.judged_by, self.tolerance = method, judged_by, tolerance
         self.parameters = _checked_parameters(method, parameters, self.task.times)
         self.starts = sample_starts(self.task, seed) if starts is None else _checked_starts(arm, starts)
@@ -144,14 +151,14 @@ class Tuning(Formulation):
         self.judged_starts = default if judged_starts is None else judged_starts
         check_size("judged_starts", self.judged_starts, 1)
         if self.judged_starts > len(self.starts):
-            raise InvalidInput(f"judged_starts: 1 to {len(self.starts)} wanted, got {shown(judged_starts)}")
+            raise InvalidInput(f"judged_starts must be from 1 to {len(self.starts)}, got {shown(judged_starts)}")
         lower, upper = np.array([each.gene_bounds for each in self.parameters]).T
         limits = len(self.constraint_names)
         super().__init__(n_var=len(lower), n_obj=len(objectives), n_ieq_constr=limits, xl=lower, xu=upper)
         self._check_trial()
 
     def values(self, genes: Genes) -> dict[str, np.ndarray]:
-        """Return the values (points,) of all fields that genes (points, n_var) stand for, ``start`` aside."""
+        """Return the values (points,) of all fields that genes (points, n_var) set, except ``start``."""
         columns = zip(self.parameters, genes.T, strict=True)
         decoded = [(each, each.decode(column)) for each, column in columns if each.name != START.name]
         return {field: values for each, values in decoded for field in each.fields}
@@ -161,7 +168,7 @@ class Tuning(Formulation):
         return self.resolver.with_values(self.values(genes), self.task.times)
 
     def start_indices(self, genes: Genes) -> Int[np.ndarray, "points judged"]:
-        """Return by which starts individuals are judged; the first is their own."""
+        """Return the indices of the starts that judge each individual; the first is its own."""
         count, judged = len(self.starts), np.arange(self.judged_starts)
         if not self._searches_start:
             return np.tile(judged * count // self.judged_starts, (len(genes), 1))
@@ -176,7 +183,7 @@ class Tuning(Formulation):
         return self._follow(genes, self.start_indices(genes)[:, :1])
 
     def explain(self, genes: Genes) -> list[str]:
-        """Return for each individual why it is infeasible, in words; "" where it is feasible."""
+        """Return a reason for each infeasible individual; "" if it is feasible."""
         indices = self.start_indices(genes)
         motions = self._follow(genes, indices)
         rows = enumerate(self._violations(motions, len(genes)))
@@ -195,7 +202,7 @@ class Tuning(Formulation):
         return method.follow(self.task, self.starts[indices.ravel()], tolerance=self.tolerance)
 
     def _violations(self, motion: ResolvedMotion, points: int) -> Float[np.ndarray, "points limits"]:
-        """Return by how much individuals violate each limit at most from any of their starts, over its range."""
+        """Return each individual's largest violation of each limit from any of its starts, over the range."""
         columns = [each.violation(motion) for each in self.task.constraints]
         if self.tolerance is not None:
             columns.insert(0, np.abs(motion.traces.errors).max(axis=(-2, -1)) / self.tolerance - 1.0)
@@ -203,7 +210,7 @@ class Tuning(Formulation):
         return np.where(np.isnan(each), 1.0, each).max(axis=2).T
 
     def _check_trial(self) -> None:
-        """Raise what the method and the objectives raise for the first start, before any search."""
+        """Raise the errors of the method and the objectives for the first start, before any search."""
         genes = (self.xl + 0.5 * (self.xu - self.xl))[None]
         motion = self._follow(genes, np.zeros((1, 1), dtype=int))
         for each in self.task.objectives:
@@ -223,7 +230,7 @@ class Tuning(Formulation):
 def sample_starts(task: MotionTask, seed: int) -> Float[np.ndarray, "starts dof"]:
     """Return postures on the first sample within the limits, each after its nearest neighbour.
 
-    Raises OutOfReach where there are none.
+    Raises OutOfReach if there are none.
     """
     rng = np.random.default_rng(seed)
     candidates = sample_postures(task, OPTIONS.candidates, rng)
@@ -238,27 +245,27 @@ def sample_starts(task: MotionTask, seed: int) -> Float[np.ndarray, "starts dof"
 def _checked_starts(arm: Arm, starts: Any) -> Float[np.ndarray, "starts dof"]:
     array = finite_array("starts", starts)
     if array.ndim != 2 or array.shape[1] != arm.dof or not array.size:
-        raise InvalidInput(f"starts: postures (starts, {arm.dof}) wanted, got shape {array.shape}")
+        raise InvalidInput(f"starts must be postures (starts, {arm.dof}), got shape {array.shape}")
     return array
 
 
 def _checked_parameters(
     method: Method, parameters: Sequence[str | Parameter] | None, times: np.ndarray
 ) -> tuple[Parameter, ...]:
-    """Return what is searched; raise InvalidInput for unknown names, fields set twice, and nothing."""
+    """Return the parameters to search. Raises InvalidInput for unknown names, fields set twice, and an empty list."""
     by_name = {each.name: each for each in (*method.parameters(times), START)}
     if isinstance(parameters, str | Parameter) or not isinstance(parameters, Sequence | None):
-        raise InvalidInput(f"parameters: a list of names and Parameters wanted, got {shown(parameters)}")
+        raise InvalidInput(f"parameters must be a list of names and Parameters, got {shown(parameters)}")
     chosen = list[Parameter]()
     for each in method.parameters(times) if parameters is None else parameters:
         if not isinstance(each, Parameter) and each not in by_name:
             raise InvalidInput(
-                f"parameters: {', '.join(by_name)}, or a Parameter(name, lower, upper) wanted, got {shown(each)}"
+                f"parameters must be {', '.join(by_name)}, or a Parameter(name, lower, upper), got {shown(each)}"
             )
         chosen.append(each if isinstance(each, Parameter) else by_name[each])
     if not chosen:
-        raise InvalidInput("parameters: at least one wanted, got none")
+        raise InvalidInput("parameters must be at least one, got none")
     names = [name for each in chosen for name in each.fields]
     if len(set(names)) != len(names):
-        raise InvalidInput(f"parameters: each number once wanted, got {', '.join(names)}")
+        raise InvalidInput(f"parameters must name each number once, got {', '.join(names)}")
     return tuple(chosen)

@@ -19,7 +19,7 @@ from paretoik.tables import fit_screen, html_representation
 
 
 def certificate_text(certificates: Certificates) -> str:
-    """Return how many points have which status, the worst residual and violations, and why some are undetermined."""
+    """Return the points per status, the worst values, and why points are undetermined."""
     values, counts = np.unique(certificates.status, return_counts=True)
     statuses = ", ".join(f"{count} {status}" for status, count in zip(values, counts, strict=True))
     lines = [
@@ -45,7 +45,7 @@ def _violation_text(certificates: Certificates) -> str:
 
 
 def _worst(values: Values) -> str:
-    """Return the worst of the values that are not NaN, in words; "" where all are."""
+    """Return the worst of the values that are not NaN, in words; "" if all are NaN."""
     if len(values) and np.isnan(values).all():
         return ""
     worst = float(np.fmax.reduce(values, initial=0.0))
@@ -53,7 +53,7 @@ def _worst(values: Values) -> str:
 
 
 def _kinds_of_reason(certificates: Certificates) -> list[str]:
-    """Return the reason of every undetermined point, alike where its numbers alone differ."""
+    """Return the reasons of undetermined points, the same text if only numbers differ."""
     reasons = certificates.reason[certificates.status == "undetermined"].tolist()
     if len(reasons) > 1:
         reasons = [re.sub(r"^(criticality|curvature) \S+?(:?) ", r"\1\2 ", reason) for reason in reasons]
@@ -66,10 +66,10 @@ STATUSES = ("minimum", "saddle", "undetermined", "under-resolved")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Certificates:
-    """Certificates of points, each an array with a row a point; "optimal" is meant locally.
+    """Certificates of points, arrays with one row per point; "optimal" means locally optimal.
 
-    violation: the worst of all limits at the samples, as a share of a limit's range
-    violation_between: upper bound of that at any time
+    violation: worst violation of all limits at the samples, as a share of a limit's range
+    violation_between: upper bound of the violation at any time
     criticality: criticality χ, the improvement that all objectives can still gain at once, as shares of the front's
         ranges
     weights: multipliers (points, n_obj) of the objectives over these ranges, their sum 1
@@ -79,10 +79,10 @@ class Certificates:
     status: "minimum", "saddle", "undetermined", or "under-resolved": critical for its samples, but a value is off by
         more than 0.1 % on the motion's curve
     reason: why a point is no minimum or its intervals are unknown, else ""
-    discretisation_error: how far the stated values (points, n_obj) are off those of the curve, on a grid 50 times
+    discretisation_error: error of the stated values (points, n_obj) against those of the curve, on a grid 50 times
         finer, in the objectives' units
 
-    What could not be computed of a point is NaN. A minimum of a spline's problem keeps its limits at any time.
+    Values that could not be computed are NaN. A minimum of a spline's problem satisfies its limits at any time.
     """
 
     violation: Values
@@ -96,7 +96,7 @@ class Certificates:
     discretisation_error: Float[np.ndarray, "points n_obj"] = field(default_factory=lambda: np.zeros((0, 0)))
 
     def __post_init__(self) -> None:
-        """Check that all arrays have as many rows, and that every status is one of ``STATUSES``; fill in reasons."""
+        """Check that all arrays have the same number of rows, and every status; fill in reasons."""
         points = len(self.violation)
         if not len(self.reason):
             object.__setattr__(self, "reason", np.full(points, "", dtype=np.str_))
@@ -105,29 +105,29 @@ class Certificates:
         for part in fields(self):
             if len(getattr(self, part.name)) != points:
                 raise InvalidInput(
-                    f"certificates: {points} rows wanted, got {len(getattr(self, part.name))} {part.name}"
+                    f"certificates: {part.name} must have {points} rows, got {len(getattr(self, part.name))}"
                 )
         unknown = set(self.status.tolist()) - set(STATUSES)
         if unknown:
             raise InvalidInput(
-                f"certificates: a status among {', '.join(STATUSES)} wanted, got {shown(sorted(unknown)[0])}"
+                f"certificates: status must be one of {', '.join(STATUSES)}, got {shown(sorted(unknown)[0])}"
             )
 
     @property
     def weak(self) -> np.ndarray:
-        """Which points (points,) may be only weakly optimal: some objective has no weight there."""
+        """Mask (points,) of points that may be only weakly optimal: some objective has no weight."""
         return np.asarray(self.weights.min(axis=1) < WEIGHT_TOLERANCE)
 
     @property
     def kkt_residual(self) -> Values:
-        """The former name of ``criticality``."""
+        """Former name of ``criticality``."""
         return self.criticality
 
     def __len__(self) -> int:
         return len(self.violation)
 
     def __repr__(self) -> str:
-        """Return how many points have which status, the worst values, and what there is of each point."""
+        """Return the points per status, the worst values, and the names of the arrays."""
         parts = " ".join(f".{part.name}" for part in fields(self))
         return fit_screen(f"Certificates of {len(self)} points\n{certificate_text(self)}\nof each point {parts}")
 
@@ -137,9 +137,9 @@ class Certificates:
         return Certificates(**{part.name: getattr(self, part.name)[rows] for part in fields(self)})
 
     def rescale(self, ranges: Values, others: Values) -> Certificates:
-        """Return the certificates with objectives over ``others`` (n_obj,), minimised sizes, in place of ``ranges``.
+        """Return the certificates with the ranges ``others`` (n_obj,) in place of ``ranges``.
 
-        Weights are over the others then. The residual becomes a bound: no gain is a larger share of them.
+        Weights are then over these. The criticality becomes a bound: no gain is a larger share of them.
         """
         factors = others / ranges
         weights = self.weights * factors
@@ -147,7 +147,7 @@ class Certificates:
         return replace(self, weights=weights, criticality=self.criticality / factors.min())
 
     def replace_rows(self, rows: Int[np.ndarray, " rows"], others: Certificates) -> Certificates:
-        """Return the certificates with those of ``rows`` replaced."""
+        """Return the certificates with ``rows`` replaced by ``others``."""
         order = np.arange(len(self))
         order[rows] = len(self) + np.arange(len(others))
         return concatenate([self, others])[order]

@@ -1,4 +1,4 @@
-"""A chosen point with what explains it, and the protocol of preferences."""
+"""A chosen point, its explanation, and the protocol of preferences."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from paretoik.tables import field_representation, fit_screen, html_representatio
 if TYPE_CHECKING:
     from paretoik.front.front import Front
 
-# Numbers by objective, as preferences take them: a mapping, keywords, or both.
+# Numbers by objective, given as a mapping, keywords, or both.
 
 
 def named_numbers(
@@ -32,22 +32,22 @@ def named_numbers(
     accept: Callable[[float], bool] = np.isfinite,
     requirement: str = "a finite number",
 ) -> Mapping[str, float]:
-    """Return numbers by objective, read-only; raises InvalidInput for what is none, and names that come twice."""
+    """Return read-only numbers by objective; raises InvalidInput for other values and repeated names."""
     if mapping is not None:
         check_mapping(kind, mapping, "numbers by objective", example="{'energy': 0.3}")
     merged = dict(mapping or {})
     twice = sorted(merged.keys() & keywords.keys())
     if twice:
-        raise InvalidInput(f"{kind}: wanted each objective once, got {twice[0]} twice")
+        raise InvalidInput(f"{kind} must have each objective once, got {twice[0]} twice")
     merged.update(keywords)
     for name, value in merged.items():
         if not _is_number(value) or not accept(float(value)):
-            raise InvalidInput(f"{kind}: wanted {requirement} for {name}, got {shown(value)}")
+            raise InvalidInput(f"{kind} must be {requirement} for {name}, got {shown(value)}")
     return MappingProxyType({name: float(value) for name, value in merged.items()})
 
 
 def named_text(numbers: Mapping[str, float]) -> str:
-    """Return numbers by objective as they are written in Python."""
+    """Return numbers by objective as Python writes them."""
     identifiers = all(name.isidentifier() for name in numbers)
     return ", ".join(f"{name}={value:g}" for name, value in numbers.items()) if identifiers else str(dict(numbers))
 
@@ -59,15 +59,15 @@ def _is_number(value: object) -> bool:
         return False
 
 
-# Which point comes first where several score alike: the one rule of all preferences.
+# Ties: which point comes first if several have the same score.
 
 
 def first_row(front: Front, scores: Values, among: Mask | None = None) -> int:
-    """Return the row with the least of ``scores`` (points,), in shares of the ranges; of several the first.
+    """Return the row with the least of ``scores`` (points,), in shares of the ranges.
 
-    Scores within rounding of the least are equal. Then comes the point with the lowest sum of shares ΣZ, of equal
-    sums (within the same) the one with the better first objective, then the second and so on, then the lowest id.
-    ``among`` marks the rows that are looked at, at least one; all if None.
+    Scores within rounding of the least are equal. Among these the point with the lowest sum of shares ΣZ comes first,
+    among equal sums (within the same) the better first objective, then the second and so on, then the lowest id.
+    ``among`` marks the rows to look at, at least one; None means all.
     """
     rows = np.arange(len(front)) if among is None else np.flatnonzero(among)
     for values in (scores, front.shares.sum(axis=1)):
@@ -76,14 +76,14 @@ def first_row(front: Front, scores: Values, among: Mask | None = None) -> int:
     return int(rows[order[0]])
 
 
-# Where a move along a front is expected to lead.
+# The expected result of a move along a front.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Prediction:
-    """The objectives (n_obj,) that a move is expected to lead to, in the user's own sign, and the motion that has them.
+    """Expected result of a move: objectives (n_obj,), in the user's own sign, and their motion.
 
-    It is no point of the front: it has no id and no certificate. ``motion`` is None where the front has none.
+    It is no point of the front: it has no id and no certificate. ``motion`` is missing if the front has no motions.
     """
 
     objectives: Values
@@ -103,10 +103,10 @@ class Prediction:
 
 @dataclass(frozen=True, kw_only=True)
 class Comparison:
-    """Another point beside the chosen one: by how much it is better and worse, by objective, in natural units.
+    """Another point compared with the chosen one.
 
-    ``better_in`` names the objectives that it stands for: those it is the best of all points in, or, of a neighbour,
-    those that it is the nearest point to gain in. All amounts are positive.
+    better_in: objectives in which it is the best point or, for a neighbour, the nearest point that gains
+    gains, costs: amounts by which it is better and worse, by objective, in natural units; all positive
     """
 
     id: int
@@ -120,11 +120,13 @@ class Comparison:
 
 @dataclass(frozen=True, kw_only=True)
 class ExchangeRate:
-    """What one unit of ``gain`` costs of ``cost`` at the chosen point, the other objectives unchanged.
+    """Cost in ``cost`` of one unit of ``gain`` at the chosen point, the other objectives unchanged.
 
-    ``low`` to ``high`` in the units of ``cost`` per unit of ``gain``, from the certificate. The rates that gain the
-    same objective hold within a tenth as far as point ``holds_to``, which gains ``holds_for``; ``fails_at`` is the next
-    point, where they do not any more. None where there is no such point, or rates are missing.
+    low, high: interval of the rate from the certificate, in units of ``cost`` per unit of ``gain``
+    holds_to, holds_for: last point up to which all rates that gain the objective hold within a tenth, and its gain
+    fails_at: next point, at which they no longer hold
+
+    Ids are None if there is no such point or rates are missing.
     """
 
     gain: str
@@ -142,13 +144,18 @@ class ExchangeRate:
 @check_call
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Choice:
-    """One point of a front: its ``id``, its row ``index``, its motion and objectives, and the ``reason`` of the choice.
+    """One point of a front, and the reason of the choice.
 
-    The reason is made from the other fields. ``verdict`` is what the preference says, ``preference`` itself, ``score``
-    what it makes least (None where it has no such number) and ``details`` its further numbers, by name. ``shares`` say
-    how far each objective is from the best of its stored range, as a share of it. ``ends`` are the best points of the
-    single objectives, ``neighbours`` for each objective the nearest point (in shares) that gains in it, ``rates`` the
-    certified exchange rates, ``jumps`` the pairs of ids beside it between which the front jumps to another branch.
+    id, index: id and row of the point
+    objectives, motion: its values and its motion
+    reason: why it was chosen, made from the other fields
+    verdict, preference: sentence of the preference, and the preference itself
+    score, details: number that the preference minimises (None if it has no such number), and its others by name
+    shares: distance of each objective from the best of its stored range, as a share of it
+    ends: best points of the single objectives
+    neighbours: for each objective the nearest point (in shares) that gains in it
+    rates: certified exchange rates
+    jumps: pairs of ids, one of them this point's, between which the front jumps to another branch
     """
 
     id: int
@@ -174,11 +181,11 @@ class Choice:
 
 @runtime_checkable
 class Preference(Protocol):
-    """A preference, which chooses one point of a front that has at least one; write your own like this.
+    """A preference: it chooses one point of a front with at least one point.
 
-    ``choose`` returns ``front.choice(row, verdict)``: the row of the point, and a sentence that says why. What the
-    choice gains and costs beside other points is added by the front. Measure on ``front.shares``, which come from the
-    stored ranges, so that more points do not move the choice; in ``front.minimised`` less is better of every objective.
+    ``choose`` returns ``front.choice(row, verdict)``: the row of the point, and a sentence that says why. The front
+    adds its gains and costs compared with other points. Measure on ``front.shares``, which use the stored ranges, so
+    that more points do not move the choice; in ``front.minimised`` less is better for every objective.
 
     >>> import numpy as np, paretoik as pk
     >>> class Median:
@@ -196,21 +203,21 @@ class Preference(Protocol):
 
 
 def is_preference(value: object) -> TypeGuard[Preference]:
-    """Say whether a value can choose a point; a class cannot, nor an array, whose ``choose`` is another one."""
+    """Return whether a value can choose a point; not a class, nor an array, whose ``choose`` is another one."""
     return callable(getattr(type(value), "choose", None)) and not isinstance(value, type | np.ndarray)
 
 
 def check_preference(name: str, value: object) -> None:
     """Raise InvalidInput, by ``name``, unless a value is a preference or None."""
     if value is not None and not is_preference(value):
-        raise InvalidInput(f"{name}: a preference wanted, such as Weights(...), got {shown(value)}")
+        raise InvalidInput(f"{name}: must be a preference, such as Weights(...), got {shown(value)}")
 
 
-# What explains a chosen point: the ends of the front, its neighbours, its exchange rates and how far they hold.
+# The explanation of a point: ends of the front, neighbours, exchange rates and how far they hold.
 
 
 def compare_ends(front: Front, row: int) -> tuple[Comparison, ...]:
-    """Return the best points of the single objectives beside the point of a row; none where it is the best itself."""
+    """Return the best points of the objectives in which the point of a row is not the best."""
     shares, best = front.shares, dict[int, list[str]]()
     for axis, name in enumerate(front.names):
         if shares[row, axis] > shares[:, axis].min() + OPTIONS.rounding:
@@ -235,7 +242,7 @@ def jumps_beside(front: Front, row: int) -> tuple[tuple[int, int], ...]:
 
 
 def exchange_rates(front: Front, row: int) -> tuple[ExchangeRate, ...]:
-    """Return the certified exchange rates at the point of a row, and how far they hold; none without certificates."""
+    """Return the certified exchange rates of a row, and how far they hold; none without certificates."""
     if front.certificates is None:
         return ()
     rates = np.sort(np.abs(front.certificates.exchange_intervals[row]), axis=-1)
@@ -250,7 +257,7 @@ def exchange_rates(front: Front, row: int) -> tuple[ExchangeRate, ...]:
 
 
 def compare(front: Front, row: int, other: int, better_in: Sequence[str] = ()) -> Comparison:
-    """Return the point of a row ``other`` beside that of a ``row``."""
+    """Return the point of row ``other`` compared with that of ``row``."""
     gained = front.shares[row] - front.shares[other]
     amounts = np.abs(front.objectives[other] - front.objectives[row])
     gains, costs = (
@@ -261,9 +268,9 @@ def compare(front: Front, row: int, other: int, better_in: Sequence[str] = ()) -
 
 
 def _reach(front: Front, row: int, axis: int, rates: Float[np.ndarray, "n_obj n_obj 2"]) -> ExchangeRate:
-    """Return, as a rate without its value, how far all rates hold that gain an objective.
+    """Return how far all rates that gain an objective hold, as a rate without its value.
 
-    Points that gain in it are looked at from the nearest on, in shares, until rates do not hold or the front jumps.
+    Points that gain in it are checked from the nearest (in shares) on, until rates do not hold or the front jumps.
     """
     shares = front.shares
     better = np.flatnonzero(shares[row, axis] - shares[:, axis] > OPTIONS.rounding)
@@ -285,7 +292,7 @@ def _reach(front: Front, row: int, axis: int, rates: Float[np.ndarray, "n_obj n_
 
 
 def _holds(front: Front, row: int, axis: int, rates: Float[np.ndarray, "n_obj n_obj 2"]) -> Mask | None:
-    """Say for every point whether rates predict the costs of going there from ``row``; None where rates are missing.
+    """Mark the points whose costs, seen from ``row``, the rates predict; None if rates are missing.
 
     The cost in objective j is Σ_k r_kj g_k over the gains g_k of all others: the tangent plane of the front.
     """
@@ -302,20 +309,20 @@ def _holds(front: Front, row: int, axis: int, rates: Float[np.ndarray, "n_obj n_
 
 
 def _beyond_jump(front: Front, row: int) -> Mask:
-    """Mark the points that a jump lies before on the way from the point of a row; none where jumps are unknown."""
+    """Mark the points beyond a jump, seen from the point of a row; none if jumps are unknown."""
     starts: Int[np.ndarray, " jumps"] = np.flatnonzero(np.isin(front.ids, [pair[0] for pair in front.jumps or ()]))
     crossed: Values = np.searchsorted(starts, np.arange(len(front))) - np.searchsorted(starts, row)
     return np.asarray(crossed != 0)
 
 
-# The reason of a choice in plain sentences, made from its fields alone.
+# The reason of a choice in sentences, made only from its fields.
 
 
 def subject(front: Front, row: int) -> str:
-    """Return the words that a verdict on the point of a row begins with."""
+    """Return the first words of a verdict on the point of a row."""
     if len(front) == 1:
         return f"Point {front.ids[row]}, the only one,"
-    return f"Of {len(front)} points point {front.ids[row]}"
+    return f"Point {front.ids[row]} of {len(front)}"
 
 
 def percent(share: float) -> str:
@@ -336,7 +343,7 @@ def list_words(words: Sequence[str], conjunction: str = "and") -> str:
 def explain(
     front: Front, row: int, verdict: str, *, preference: Any, score: float | None, details: Mapping[str, Any]
 ) -> Choice:
-    """Return the point of a row as a choice that explains itself."""
+    """Return the point of a row as a choice with its reason."""
     choice = Choice(
         id=int(front.ids[row]),
         index=row,
@@ -357,7 +364,7 @@ def explain(
 
 
 def _reason(front: Front, choice: Choice) -> str:
-    """Return why a point was chosen, where it stands, what it gives up for what, and how far its rates hold."""
+    """Return why a point was chosen, its values, its trade-offs, and how far its rates hold."""
     if len(front) == 1:
         return choice.verdict
     sentences = [choice.verdict, _place(front, choice), *_ends(front, choice), *_neighbours(front, choice)]
@@ -365,7 +372,7 @@ def _reason(front: Front, choice: Choice) -> str:
 
 
 def _place(front: Front, choice: Choice) -> str:
-    """Return the objectives' values, and how far from the best they are where no sentence on the ends says so."""
+    """Return the objectives' values, and their distances from the best if no other sentence gives these."""
     parts = []
     for axis, (share, (low, high)) in enumerate(zip(choice.shares.tolist(), front.ranges.tolist(), strict=True)):
         note = " (the same at every point)" if low == high else ""
@@ -391,7 +398,7 @@ def _ends(front: Front, choice: Choice) -> Iterator[str]:
             amounts_in_words(front, end.gains, better=False, shares=True),
             amounts_in_words(front, end.costs, better=True, shares=True),
         )
-        yield f"Beside point {end.id}, the best in {list_words(end.better_in)}, it has {more} for {less}."
+        yield f"Compared with point {end.id}, the best in {list_words(end.better_in)}, it has {more} for {less}."
 
 
 def _neighbours(front: Front, choice: Choice) -> Iterator[str]:
@@ -404,7 +411,7 @@ def _neighbours(front: Front, choice: Choice) -> Iterator[str]:
 
 
 def amounts_in_words(front: Front, amounts: Mapping[str, float], *, better: bool, shares: bool = False) -> str:
-    """Return amounts by objective as more or less of each, whichever is the better or the worse of it."""
+    """Return amounts in words, such as "0.3 J more energy"; ``better`` says whether the point gains by them."""
     words = []
     for name, amount in amounts.items():
         axis = front.names.index(name)
@@ -432,7 +439,7 @@ def _rates(front: Front, choice: Choice) -> Iterator[str]:
         return
     gained = {name for neighbour in choice.neighbours for name in neighbour.better_in}
     for gain, rates in groupby(choice.rates, key=lambda rate: rate.gain):
-        if gain in gained:  # beyond the best point there is nothing to buy
+        if gain in gained:  # in the other objectives no point is better
             yield _rate_sentence(front, gain, list(rates))
 
 
@@ -463,5 +470,5 @@ def _validity(front: Front, rate: ExchangeRate) -> str:
     return (
         ""
         if rate.fails_at is None
-        else f"; at point {rate.fails_at} already it is off by more than {OPTIONS.prediction:.0%}"
+        else f"; it is off by more than {OPTIONS.prediction:.0%} already at point {rate.fails_at}"
     )

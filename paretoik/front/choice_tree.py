@@ -1,8 +1,8 @@
-"""The choices kept in a run folder: `choices.json`, a tree in which every choice knows the one before it.
+"""The choices kept in a run folder: `choices.json`, a tree in which every choice knows its parent.
 
-Strict JSON with a format and a SHA-256 digest, as `run.json`; written whole at every choice. ``entries`` are listed in
-the order of their ids, from 1 on; ``current`` is the id of the present choice, null where all were taken back. Going
-back deletes nothing: what is chosen next becomes another branch.
+The file is strict JSON with a format and a SHA-256 digest, like `run.json`; every choice rewrites it. ``entries`` are
+in the order of their ids, from 1 on; ``current`` is the id of the present choice, null if all were undone. Going back
+deletes nothing: the next choice becomes another branch.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class ChoiceOptions:
-    """How much of a choice is kept: so many characters of a preference's ``text``, as a user's own may have any."""
+    """Limits on what is kept of a choice."""
 
-    text: int = 300
+    text: int = 300  # most characters of a preference's text: a user's own may have any number
 
 
 OPTIONS = ChoiceOptions()
@@ -38,10 +38,13 @@ OPTIONS = ChoiceOptions()
 
 @dataclass(frozen=True, kw_only=True)
 class KeptChoice:
-    """One choice that was kept: its ``id``, that of its ``parent`` (None of a first), and the id of the ``point``.
+    """One kept choice.
 
-    ``preference`` is its type and parameters as data, ``objectives`` are by name, ``reason`` is in words, ``time`` in
-    UTC (ISO 8601). ``former`` names the run and the choice that a closed loop was followed anew after, else None.
+    id, parent: its id, and that of the choice before it (None for a first one)
+    point, objectives: id of the chosen point, and its values by name
+    preference, reason: type and parameters of the preference as data, and the reason in words
+    time: time in UTC (ISO 8601)
+    former: run and choice after which a closed loop was followed again, else None
     """
 
     id: int
@@ -59,30 +62,30 @@ class KeptChoice:
 
 @dataclass(frozen=True, kw_only=True)
 class Choices:
-    """The choices kept in a run folder, in the order of their making, and the id of the ``current`` one."""
+    """The choices kept in a run folder, in order, and the id of the ``current`` one."""
 
     entries: tuple[KeptChoice, ...] = ()
     current: int | None = None
 
     @property
     def chosen(self) -> KeptChoice | None:
-        """The present choice, None where there is none."""
+        """The present choice, or None."""
         return None if self.current is None else self.entries[self.current - 1]
 
     def __len__(self) -> int:
         return len(self.entries)
 
     def __repr__(self) -> str:
-        """Return the tree as far as a screen goes."""
+        """Return the tree, cut to fit a screen."""
         return fit_screen(self.text)
 
     @property
     def text(self) -> str:
-        """The whole tree, a line a choice, the present one marked."""
+        """The whole tree, one line per choice, with the present one marked."""
         return "\n".join(self._lines()) or "no choice yet"
 
     def _lines(self) -> Iterator[str]:
-        """Yield a line a choice, those that follow one another below each other, branches set in."""
+        """Yield one line per choice; only branches are indented."""
         children: dict[int | None, list[KeptChoice]] = {}
         for entry in self.entries:
             children.setdefault(entry.parent, []).append(entry)
@@ -97,9 +100,9 @@ class Choices:
 
 
 def read_choices(folder: Path) -> Choices:
-    """Return the choices kept in a run folder, none where it has no such file.
+    """Return the choices kept in a run folder, none without such a file.
 
-    Raises InvalidRun, in one line, where the file is damaged, a link, or of another version.
+    Raises InvalidRun, in one line, if the file is damaged, a link, or of another version.
     """
     file = folder / CHOICES
     if not file.is_symlink() and not file.exists():
@@ -111,16 +114,16 @@ def read_choices(folder: Path) -> Choices:
         _check_tree(entries, current)
         return Choices(entries=tuple(KeptChoice(**entry) for entry in entries), current=current)
     except (KeyError, TypeError, ValueError) as fault:
-        raise InvalidRun(f"{file}: wanted choices, got entries that are none: {fault}") from fault
+        raise InvalidRun(f"{file}: entries must be choices, got others: {fault}") from fault
 
 
 def keep_choice(
     front: Front, choice: Choice, preference: Preference, *, former: Mapping[str, Any] | None = None
 ) -> bool:
-    """Append a choice to those in the front's run folder; its parent is the present one. Say whether it is kept.
+    """Append a choice to those in the front's run folder, and return whether it is kept.
 
-    Where the folder does not hold the chosen point (any more), or cannot be written, a warning says that the choice is
-    not kept. Raises InvalidRun where the file of choices is damaged.
+    Its parent is the present choice. If the folder does not contain the chosen point (any more) or cannot be written, a
+    warning says that the choice is not kept. Raises InvalidRun if the file of choices is damaged.
     """
     folder = front.folder
     assert folder is not None
@@ -150,12 +153,12 @@ def keep_choice(
 def go_back(folder: Path, *, front: Front | None = None) -> Choices:
     """Make the parent of the present choice the present one.
 
-    Raises InvalidInput where there is no choice, and where a ``front`` that is told does not have the parent's point.
+    Raises InvalidInput if there is no choice, and if a given ``front`` does not have the parent's point.
     """
     with _run_locked(folder):
         choices = read_choices(folder)
         if choices.chosen is None:
-            raise InvalidInput(f"{folder}: wanted a choice to go back from, got none")
+            raise InvalidInput(f"{folder} must have a choice to go back from, got none")
         choices = Choices(entries=choices.entries, current=choices.chosen.parent)
         if front is not None and choices.chosen is not None:
             row_of(front, choices.chosen.point, name="undo")
@@ -164,9 +167,9 @@ def go_back(folder: Path, *, front: Front | None = None) -> Choices:
 
 
 def chosen(front: Front) -> Choice | None:
-    """Return the present choice of the front's run folder, as it was explained then; None where there is none.
+    """Return the present choice of the front's run folder with its stored reason, or None.
 
-    Raises InvalidInput where the front does not have its point.
+    Raises InvalidInput if the front does not have its point.
     """
     entry = front.choices.chosen
     if entry is None:
@@ -175,10 +178,10 @@ def chosen(front: Front) -> Choice | None:
 
 
 def present_point(choices: Choices, *, name: str) -> int:
-    """Return the id of the present choice's point; raises InvalidInput, by ``name``, where there is no choice."""
+    """Return the id of the present choice's point; raises InvalidInput, by ``name``, without a choice."""
     if choices.chosen is None:
         raise InvalidInput(
-            f"{name}: wants the id of a point, or a choice that is kept (paretoik select RUN, front.select), "
+            f"{name}: must be the id of a point unless a choice is kept (paretoik select RUN, front.select), "
             "got neither"
         )
     return choices.chosen.point
@@ -187,10 +190,10 @@ def present_point(choices: Choices, *, name: str) -> int:
 def pick_point(
     front: Front, point: Choice | int | None, *, name: str, otherwise: Callable[[Front], Choice] | None = None
 ) -> Choice:
-    """Return a point of a front: the one that is named, or else the present choice, or the only one there is.
+    """Return a point of a front: the named one, or else the present choice, or the only point.
 
-    Where there is no choice either, ``otherwise`` is asked. Raises InvalidInput, by ``name``, for points that the front
-    does not have, and where there is none to pick.
+    If there is no choice either, ``otherwise`` is called. Raises InvalidInput, by ``name``, for points that the front
+    does not have, and if there is no point to pick.
     """
     if point is not None:
         return front[int(front.ids[row_of(front, getattr(point, "id", point), name=name)])]
@@ -201,13 +204,13 @@ def pick_point(
 
 
 def present_id(front: Front, *, name: str) -> int:
-    """Return the id of a front's present choice, or of its only point; raises InvalidInput, by ``name``, for none."""
+    """Return the id of the present choice or of the only point; raises InvalidInput, by ``name``, for neither."""
     choices = front.choices
     return int(front.ids[0]) if choices.chosen is None and len(front) == 1 else present_point(choices, name=name)
 
 
 def preference_data(preference: Preference) -> dict[str, Any]:
-    """Return a preference as data: its type, its text, and of those of this project the parameters by name."""
+    """Return a preference as data: type, text, and for one of this project its parameters by name."""
     kind = type(preference)
     data = {"type": kind.__name__, "text": repr(preference)[: OPTIONS.text]}
     if not kind.__module__.startswith("paretoik."):
@@ -230,7 +233,7 @@ ENTRY_TYPES = {
 
 
 def _check_tree(entries: Any, current: Any) -> None:
-    """Raise ValueError unless ids count from 1 on, every parent comes before, and the present one is among them."""
+    """Raise ValueError unless ids count from 1 on, parents come first, and the current id exists."""
     for place, entry in enumerate(entries, 1):
         wrong = [name for name, kind in ENTRY_TYPES.items() if not isinstance(entry[name], kind)]
         if wrong:
@@ -244,7 +247,7 @@ def _check_tree(entries: Any, current: Any) -> None:
 
 
 def _check_holds(front: Front, choice: Choice, folder: Path) -> None:
-    """Raise InvalidInput unless a run folder holds the chosen point of a front."""
+    """Raise InvalidInput unless a run folder contains the chosen point of a front."""
     from paretoik.front.storage import stored_points
 
     try:
@@ -252,7 +255,7 @@ def _check_holds(front: Front, choice: Choice, folder: Path) -> None:
     except InvalidRun as fault:
         raise InvalidInput(str(fault)) from fault
     if values is None or list(values) != choice.objectives.tolist():
-        raise InvalidInput(f"{folder}: wanted the run that has point {choice.id} of this front, got another")
+        raise InvalidInput(f"{folder} must be the run with point {choice.id} of this front, got another")
 
 
 def _write(folder: Path, choices: Choices) -> None:
@@ -266,8 +269,8 @@ def choices_bytes(choices: Choices) -> bytes:
 
 @contextmanager
 def _run_locked(folder: Path) -> Iterator[None]:
-    """Lock a run folder against other writers; raises InvalidInput where it is none."""
+    """Lock a run folder against other writers; raises InvalidInput if it is no run folder."""
     if not (folder / RUN).is_file():
-        raise InvalidInput(f"{folder / RUN}: wanted a run, got {missing_file(folder / RUN)}")
+        raise InvalidInput(f"{folder / RUN} must be a run, got {missing_file(folder / RUN)}")
     with only_writer(folder):
         yield

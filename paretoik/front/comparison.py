@@ -1,4 +1,4 @@
-"""Fronts of the same objectives side by side: hypervolume, coverage, additive epsilon, attainment."""
+"""Comparison of fronts with the same objectives: hypervolume, coverage, additive epsilon, attainment."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from paretoik.front.points import differences as differing_entries
 from paretoik.inputs import likely_spelling, shown
 from paretoik.tables import columns, html_table, html_text
 
-# Several fronts of one problem as one front, and where each of its points comes from.
+# Merging fronts of one problem into one front.
 
 
 Rows = Sequence[Int[np.ndarray, " _"]]
@@ -27,14 +27,14 @@ PARTS = ("genes", "motions", "violation", "certificates")
 
 
 def merge(comparison: Comparison) -> Front:
-    """Return what no point of any front dominates as one front; of equal points the first front's.
+    """Return one front of the points that no point of any front dominates.
 
-    Ids count from 0, front by front; ``provenance["merged"]`` holds the label and the folder of every front
-    (``fronts``), and of every point its id, the place of its front there, and its id in it (``origins``). Genes,
-    motions, violations and certificates stay where every front that has points there has them and they agree in size;
-    which do not is told under ``left_out``.
+    Among equal points only the first front's is kept. Ids count from 0, front by front; ``provenance["merged"]`` has
+    the label and the folder of every front (``fronts``), and for every point its id, the place of its front, and its
+    id there (``origins``). Genes, motions, violations and certificates are kept if all fronts with merged points have
+    them in sizes that agree; ``left_out`` names the others.
 
-    Raises InvalidInput where fronts are of different problems, or of closed loops.
+    Raises InvalidInput if fronts are of different problems or of closed loops.
     """
     _check_one_problem(comparison)
     of_each = zip(range(len(comparison.fronts)), comparison.fronts, comparison.merged_rows, strict=True)
@@ -74,13 +74,13 @@ def _check_one_problem(comparison: Comparison) -> None:
     first, label = comparison.fronts[0], comparison.labels[0]
     for front, other in zip(comparison.fronts, comparison.labels, strict=True):
         if front.provenance.get("timeline") == "step":
-            raise InvalidInput(f"merge: wanted fronts, got the one motion of a closed loop in {other}")
+            raise InvalidInput(f"merge: fronts must not be of a closed loop, got its one motion in {other}")
         if front.provenance.get("fingerprint") != first.provenance.get("fingerprint"):
-            raise InvalidInput(f"merge: wanted fronts of one problem, got others in {label} and {other}")
+            raise InvalidInput(f"merge: fronts must be of one problem, got others in {label} and {other}")
 
 
 def _joined(name: str, fronts: Sequence[Front], rows: Rows) -> Any:
-    """Return a part of all fronts, its rows one after the other; None where it is missing or does not agree."""
+    """Return a part of all fronts, front by front; None if it is missing or does not agree."""
     parts = [getattr(front, name) for front in fronts]
     if any(part is None for part in parts):
         return None
@@ -95,7 +95,7 @@ def _joined(name: str, fronts: Sequence[Front], rows: Rows) -> Any:
 
 
 def _joined_motions(motions: Sequence[Any]) -> Any:
-    """Return motions of one arm as a batch; None where joints, sizes or kinds differ."""
+    """Return motions of one arm as a batch; None if joints, sizes or kinds differ."""
     first = motions[0]
     alike = all(
         type(each) is type(first)
@@ -112,14 +112,15 @@ def _joined_motions(motions: Sequence[Any]) -> Any:
 
 
 Pairs = Float[np.ndarray, "fronts fronts"]
-ATTAINABLE = (2, 3)  # numbers of objectives that surfaces are computed of
+ATTAINABLE = (2, 3)  # numbers of objectives for which surfaces are computed
 
 
 @dataclass(frozen=True, kw_only=True)
 class ComparisonOptions:
-    """Hypervolumes are measured up to ``reference`` in every share of the ranges.
+    """Options of comparisons.
 
-    Beyond 1, so that ends count, and no front's own worst point sets the scale (Ishibuchi et al. 2018).
+    reference: corner of hypervolumes in every share of the ranges; it is more than 1, so that the ends of fronts count
+        and no front's own worst point sets the scale (Ishibuchi et al. 2018)
     """
 
     reference: float = 1.1
@@ -130,11 +131,11 @@ OPTIONS = ComparisonOptions()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Comparison:
-    """Fronts with the same objectives, a label each, measured alike; fronts with one label are runs of one method.
+    """Fronts with the same objectives, measured alike; fronts with the same label are runs of one method.
 
-    All objectives are minimised and taken as shares of the ranges of the merged front, what no point of any front
-    dominates: 0 its best value, 1 its worst. Raises InvalidInput for fewer than two fronts, an empty one, labels that
-    do not match, and other names, units or senses than those of the first.
+    All objectives are minimised and given as shares of the ranges of the merged front, which has the points that no
+    point of any front dominates: 0 is its best value, 1 its worst. Raises InvalidInput for fewer than two fronts, an
+    empty one, labels that do not match, and names, units or senses other than those of the first.
     """
 
     fronts: tuple[Front, ...]
@@ -142,50 +143,50 @@ class Comparison:
 
     def __post_init__(self) -> None:
         if len(self.fronts) < 2:
-            raise InvalidInput(f"compare: wanted at least two fronts, got {len(self.fronts)}")
+            raise InvalidInput(f"compare: there must be at least two fronts, got {len(self.fronts)}")
         if len(self.labels) != len(self.fronts):
-            raise InvalidInput(f"labels: wanted one for each of {len(self.fronts)} fronts, got {len(self.labels)}")
+            raise InvalidInput(f"labels must be one for each of {len(self.fronts)} fronts, got {len(self.labels)}")
         for front, label in zip(self.fronts, self.labels, strict=True):
             _check_alike(self.fronts[0], front, self.labels[0], label)
 
     @property
     def points(self) -> Int[np.ndarray, " fronts"]:
-        """How many points each front has."""
+        """Number of points of each front."""
         return np.array([len(front) for front in self.fronts])
 
     @cached_property
     def merged_rows(self) -> tuple[Int[np.ndarray, " rows"], ...]:
-        """Rows of each front that are on the merged front; of equal points the first front's alone."""
+        """Rows of each front that are on the merged front; equal points count only in the first front."""
         on_front = non_dominated(np.concatenate([front.minimised for front in self.fronts]))
         return tuple(np.flatnonzero(part) for part in np.split(on_front, np.cumsum(self.points)[:-1]))
 
     @cached_property
     def on_merged(self) -> Int[np.ndarray, " fronts"]:
-        """How many points of each front no point of any front dominates; equal points count in each front."""
+        """Number of points of each front on the merged front; equal points count in each front."""
         merged = self._merged_values
         return np.array([_is_row_of(front.minimised, merged).sum() for front in self.fronts])
 
     @cached_property
     def ranges(self) -> Float[np.ndarray, "n_obj 2"]:
-        """The best and the worst value of each objective on the merged front, in the user's own sign."""
+        """Best and worst value of each objective on the merged front, in the user's own sign."""
         low, high = self._merged_values.min(axis=0), self._merged_values.max(axis=0)
         return np.stack([low, high], axis=1) * np.where(self.fronts[0].maximised, -1.0, 1.0)[:, None]
 
     @cached_property
     def shares(self) -> tuple[Objectives, ...]:
-        """The objectives of each front, minimised, as shares of the merged front's ranges."""
+        """Objectives of each front, minimised, as shares of the merged front's ranges."""
         merged = self._merged_values
         everything = np.concatenate([front.minimised for front in self.fronts])
         width = np.ptp(merged, axis=0)
-        width = np.where(width > 0, width, np.ptp(everything, axis=0))  # of a merged front without extent
+        width = np.where(width > 0, width, np.ptp(everything, axis=0))  # if the merged front has no extent
         width = np.where(width > 0, width, 1.0)
         return tuple((front.minimised - merged.min(axis=0)) / width for front in self.fronts)
 
     @cached_property
     def hypervolume(self) -> Values:
-        """Hypervolume of each front (fronts,) up to 1.1 in every share, over that of the merged front.
+        """Hypervolume of each front (fronts,) up to 1.1 in every share, divided by the merged front's.
 
-        Exact up to four objectives, an estimate for more; see ``estimate_hypervolume``.
+        It is exact up to four objectives, an estimate for more; see ``estimate_hypervolume``.
         """
         reference = np.full(len(self.fronts[0].names), OPTIONS.reference)
         merged = np.concatenate([shares[rows] for shares, rows in zip(self.shares, self.merged_rows, strict=True)])
@@ -204,9 +205,9 @@ class Comparison:
 
     @cached_property
     def epsilon(self) -> Pairs:
-        """Additive epsilon [i, j]: the least that, taken off all of front i, makes it weakly dominate front j.
+        """Additive epsilon [i, j]: least improvement of front i with which it weakly dominates front j.
 
-        In shares of the ranges; at most 0 where it does so already. Zitzler et al. (2003).
+        It is in shares of the ranges, and at most 0 if front i already does so. Zitzler et al. (2003).
         """
         import moocore
 
@@ -216,51 +217,51 @@ class Comparison:
 
     @cached_property
     def differences(self) -> Mapping[str, tuple[str, ...]]:
-        """What differs in how the fronts were made, by name, a value a front."""
+        """Differences in how the fronts were made, by name, with one value per front."""
         return differing_entries([front.provenance for front in self.fronts])
 
     @cached_property
     def merged(self) -> Front:
-        """What no point of any front dominates, as one front with ids of its own; ``origins`` says whence each comes.
+        """Front of the points that no point of any front dominates, with ids of its own (see ``origins``).
 
-        Raises InvalidInput where fronts are of different problems, or of closed loops.
+        Raises InvalidInput if fronts are of different problems or of closed loops.
         """
         return merge(self)
 
     @property
     def origins(self) -> dict[int, tuple[int, int]]:
-        """Of every id of the merged front the place of the front that it comes from, from 0 on, and its id there."""
+        """Source of every id of the merged front: the place of its front, from 0 on, and its id there."""
         return {number: (place, old) for number, place, old in self.merged.provenance["merged"]["origins"]}
 
     @property
     def groups(self) -> dict[str, list[int]]:
-        """The fronts of each label, by their places."""
+        """Places of the fronts with each label."""
         places: dict[str, list[int]] = {}
         for place, label in enumerate(self.labels):
             places.setdefault(label, []).append(place)
         return places
 
     def attainment(self, share: float = 0.5, label: str | None = None) -> Objectives:
-        """Return the points of the surface that at least ``share`` of the runs reach, in the user's own sign.
+        """Return points of the surface that at least ``share`` of the runs attain, in the user's own sign.
 
-        Runs are the fronts with ``label``, or all. Share 1 is the worst surface, 0.5 the median, and the least above 0
-        the best: one run is enough (Fonseca et al. 2011). Raises InvalidInput for other than two or three objectives,
-        an unknown label, and a share outside (0, 1].
+        Runs are the fronts with ``label``, or all. Share 1 gives the worst surface, 0.5 the median, and the smallest
+        share above 0 the best: one run is enough (Fonseca et al. 2011). Raises InvalidInput unless there are two or
+        three objectives, and for an unknown label or a share outside (0, 1].
         """
         import moocore
 
         n_obj = len(self.fronts[0].names)
         if n_obj not in ATTAINABLE:
-            raise InvalidInput(f"attainment: wanted two or three objectives, got {n_obj}")
+            raise InvalidInput(f"attainment: objectives must be two or three, got {n_obj}")
         if not 0 < share <= 1:
-            raise InvalidInput(f"attainment: wanted a share above 0 and at most 1, got {share}")
+            raise InvalidInput(f"attainment: share must be above 0 and at most 1, got {share}")
         values = [self.fronts[run].minimised for run in self._runs(label)]
         sets = np.repeat(np.arange(len(values)), [len(each) for each in values])
         surface = moocore.eaf(np.concatenate(values), sets, percentiles=[100.0 * share])[:, :n_obj]
         return surface * np.where(self.fronts[0].maximised, -1.0, 1.0)
 
     def surfaces(self, label: str | None = None) -> dict[str, Objectives]:
-        """Return what one run attains ("best"), half of them ("median") and all ("worst"), as ``attainment`` does."""
+        """Return the ``attainment`` of one run ("best"), of half of them ("median") and of all ("worst")."""
         shares = {"best": 1 / len(self._runs(label)), "median": 0.5, "worst": 1.0}
         return {name: self.attainment(share, label) for name, share in shares.items()}
 
@@ -269,7 +270,7 @@ class Comparison:
         return comparison_text(self)
 
     def __repr__(self) -> str:
-        """Return one line: which fronts, and the hypervolume of each."""
+        """Return one line with the label and the hypervolume of each front."""
         volumes = ", ".join(
             f"{label} {volume:.4g}" for label, volume in zip(self.labels, self.hypervolume, strict=True)
         )
@@ -282,7 +283,7 @@ class Comparison:
     def _runs(self, label: str | None) -> Sequence[int]:
         if label is not None and label not in self.labels:
             hint = likely_spelling(label, self.groups)
-            raise InvalidInput(f"attainment: wanted a label among {', '.join(self.groups)}, got {shown(label)}{hint}")
+            raise InvalidInput(f"attainment: label must be one of {', '.join(self.groups)}, got {shown(label)}{hint}")
         return range(len(self.fronts)) if label is None else self.groups[label]
 
     @cached_property
@@ -293,13 +294,13 @@ class Comparison:
 
 def _check_alike(first: Front, front: Front, first_label: str, label: str) -> None:
     if len(front) == 0:
-        raise InvalidInput(f"compare: wanted fronts of at least one point, got none in {label}")
+        raise InvalidInput(f"compare: fronts must have at least one point, got none in {label}")
     for name in ("names", "units", "maximised"):
         expected, actual = getattr(first, name), getattr(front, name)
         if expected != actual:
             raise InvalidInput(
-                f"compare: wanted the same {name} of objectives everywhere, got {_listed(expected)} in {first_label} "
-                f"and {_listed(actual)} in {label}"
+                f"compare: {name} of objectives must be the same in all fronts, got {_listed(expected)} in "
+                f"{first_label} and {_listed(actual)} in {label}"
             )
 
 
@@ -318,7 +319,7 @@ def _covered(one: Float[np.ndarray, "points n_obj"], other: Float[np.ndarray, "o
     return float(np.mean(covered))
 
 
-# A comparison of fronts in words and tables, for a terminal and for a notebook.
+# Text and tables of a comparison, for a terminal and for a notebook.
 
 
 COVERAGE = "coverage: the share of a column's points that some point of the row weakly dominates"
@@ -327,7 +328,7 @@ DIFFERENT = "what differs in how they were made"
 
 
 def comparison_text(comparison: Comparison) -> str:
-    """Return the comparison as a normalisation in words and aligned tables."""
+    """Return the comparison as text: its normalisation, and aligned tables."""
     parts = [_normalisation(comparison)]
     for title, rows in _tables(comparison):
         parts.append("\n".join([title, columns(rows)] if title else [columns(rows)]))
@@ -341,7 +342,7 @@ def comparison_html(comparison: Comparison) -> str:
 
 
 def comparison_entries(comparison: Comparison) -> dict[str, Any]:
-    """Return the comparison as data: what JSON can hold."""
+    """Return the comparison as data that JSON can hold."""
     front = comparison.fronts[0]
     return {
         "objectives": [
@@ -362,7 +363,7 @@ def comparison_entries(comparison: Comparison) -> dict[str, Any]:
 
 
 def _attainment(comparison: Comparison) -> dict[str, Any] | None:
-    """Return the surfaces of all runs, and of each label that has several; None where there are none to compute."""
+    """Return the surfaces of all runs, and of each label with several; None for other numbers of objectives."""
     if len(comparison.fronts[0].names) not in ATTAINABLE:
         return None
     several = [label for label, places in comparison.groups.items() if len(places) > 1]
@@ -417,6 +418,6 @@ def _pairs(names: list[str], values: np.ndarray) -> list[list[str]]:
 
 
 def _distinct(labels: tuple[str, ...]) -> list[str]:
-    """Return labels that differ: those of one method are counted."""
+    """Return different labels: equal ones are numbered."""
     counted = [f"{label} {labels[: place + 1].count(label)}" for place, label in enumerate(labels)]
     return [number if labels.count(label) > 1 else label for number, label in zip(counted, labels, strict=True)]

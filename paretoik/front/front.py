@@ -55,10 +55,10 @@ from paretoik.tables import fit_screen, html_representation
 if TYPE_CHECKING:
     from paretoik.front.choice_tree import Choices
 
-# A front in a notebook: the Rerun viewer below a cell, and what is selected in it as ids.
+# A front in a notebook: the Rerun viewer below a cell.
 
 
-# By name, as this package knows nothing of those that draw.
+# Names, so that this package does not depend on those that draw.
 OPENED_BY = "paretoik.review.drawing.front_view:open_view"
 RECORDED_BY = "paretoik.review.drawing.choice_layer:show_choice_in_recording"
 
@@ -70,33 +70,32 @@ def view(
     width: int | Literal["auto"] = "auto",
     height: int | Literal["auto"] = 720,
 ) -> Any:
-    """Return the front as a ``FrontView``, which a notebook shows as the Rerun viewer: pick a point, get its id.
+    """Return the front as a ``FrontView``, which a notebook shows as the Rerun viewer.
 
-    Its ``selected`` are the ids of the points that were selected last, in any of its pictures, and ``choice`` is the
-    point whose motion the arm shows: the first of them, at first the present choice, or else the compromise.
-    ``show(id)`` shows another one, ``on_select(callback)`` has a function called with the ids of every selection.
+    ``selected`` has the ids of the points that were selected last, in any of its pictures. ``choice`` is the point
+    whose motion the arm shows: the first selected one; at first the present choice, or else the compromise.
+    ``show(id)`` shows another one; ``on_select(callback)`` sets a function that gets the ids of every selection.
 
-    On a certified front its ``sliders``, one an objective, move along the front: while one is dragged towards its
-    better end, what ``predict`` expects is drawn in grey; on release it is the point that ``navigate`` leads to, which
-    is selected. ``view.front`` has all points that were moved to.
+    On a certified front ``sliders``, one per objective, move along the front: while one is dragged towards its better
+    end, the point that ``predict`` expects is drawn in grey; on release the point that ``navigate`` reaches is
+    selected. ``view.front`` has all points that were reached.
 
-    The extra ``notebook`` is wanted (``pip install "paretoik[notebook]"``). The viewer is served by this process to the
-    same machine; where the browser is on another one, ``RERUN_NOTEBOOK_ASSET=inline`` in the environment sends it
-    along.
+    The view needs the extra ``notebook`` (``pip install "paretoik[notebook]"``). This process serves the viewer to the
+    same machine; if the browser runs on another one, ``RERUN_NOTEBOOK_ASSET=inline`` in the environment sends it along.
 
     Parameters
     ----------
     on_select
-        Called with the ids of every selection; may be none.
+        Function that is called with the ids of every selection; may be None.
     width, height
-        In pixels; "auto" is the cell's width, and 9/16 of that.
+        Sizes in pixels; "auto" is the cell's width, and 9/16 of that.
 
     Raises
     ------
     InvalidInput
-        Where the extra is missing, or a size is none.
+        If the extra is missing, or a size is invalid.
     Infeasible
-        For an empty front.
+        If the front is empty.
     """
     for edge, size in {"width": width, "height": height}.items():
         if not (isinstance(size, str) and size == "auto"):
@@ -106,30 +105,30 @@ def view(
 
 
 def show_choice(front: Front) -> None:
-    """Let the recording of a front's run, if there is one, open on the present choice."""
+    """Make the recording of a front's run, if there is one, open on the present choice."""
     if front.folder is not None and (front.folder / RECORDING).exists():
         drawn_by(RECORDED_BY)(front)
 
 
 def drawn_by(reference: str) -> Any:
-    """Return the function that "module:name" stands for."""
+    """Return the function named by "module:name"."""
     module, _, name = reference.partition(":")
     return getattr(import_module(module), name)
 
 
-# Choosing a point of a front by a preference, and going back on it; a run folder keeps the choices.
+# Choosing a point of a front by a preference, and undoing a choice.
 
 
 def select(front: Front, preference: Preference | str | Mapping[str, float] | int, *, keep: bool = True) -> Choice:
     """Return the point that a preference chooses; a closed loop is followed again with it.
 
-    ``preference`` is one of those of ``paretoik`` or your own (``Preference``); "knee" and "compromise" stand for
-    ``Knee()`` and ``Compromise()``, numbers by objective for ``Weights``, an integer for the point with that id.
-    A front with a run ``folder`` keeps the choice there, in choices.json (``choices``), and has its recording,
-    review.rrd, open on it, unless ``keep`` is False or it is the motion of a closed loop that was followed anew. A
-    recording that cannot be replaced is left as it is, with a warning; the choice is kept.
+    preference: one of ``paretoik`` or your own (``Preference``); "knee" and "compromise" stand for ``Knee()`` and
+        ``Compromise()``, numbers by objective for ``Weights``, an integer for the point with that id
+    keep: whether a front with a run ``folder`` keeps the choice there, in choices.json (``choices``), and its
+        recording, review.rrd, opens on it; a new motion of a closed loop is never kept
 
-    Raises Infeasible where the front is empty or no point suits, and InvalidInput for other preferences.
+    A recording that cannot be replaced stays as it is, with a warning; the choice is kept.
+    Raises Infeasible if the front is empty or no point suits, and InvalidInput for other preferences.
     """
     from paretoik.front.choice_tree import keep_choice
     from paretoik.front.preferences.requests import as_preference, ask
@@ -139,22 +138,22 @@ def select(front: Front, preference: Preference | str | Mapping[str, float] | in
     wish = as_preference(preference)
     of_problem: Callable[[Front, Preference], Choice] | None = getattr(front.problem, "select", None)
     choice = ask(wish, front) if of_problem is None else of_problem(front, wish)
-    is_known = np.array_equal(choice.objectives, front.objectives[choice.index])  # no loop that was followed anew
+    is_known = np.array_equal(choice.objectives, front.objectives[choice.index])  # no loop that was followed again
     if keep and is_known and front.folder is not None and keep_choice(front, choice, wish):
         show_choice(front)
     return choice
 
 
 def undo(front: Front) -> Choice | None:
-    """Go back to the choice before the present one in the run folder, and return it; None where it was the first.
+    """Go back to the choice before the present one in the run folder; return it, or None after the first.
 
-    Nothing is deleted: the next choice becomes another branch of the tree. Raises InvalidInput where there is no
-    choice to go back from, or this is a part of the run's front without the point of the one before.
+    Nothing is deleted: the next choice becomes another branch of the tree. Raises InvalidInput if there is no choice to
+    go back from, or if this part of the run's front does not have the point of the choice before.
     """
     from paretoik.front.choice_tree import chosen, go_back
 
     if front.folder is None:
-        raise InvalidInput("undo: wants a front that was loaded from a run folder or saved into one")
+        raise InvalidInput("undo: the front must be loaded from a run folder or saved into one, got no folder")
     go_back(front.folder, front=front)
     show_choice(front)
     return chosen(front)
@@ -170,22 +169,25 @@ MotionBuilder = Callable[[np.ndarray, np.ndarray, tuple[str, ...]], JointMotions
 class Front:
     """Mutually non-dominated points, sorted by the first objective.
 
-    Points may be handed in in any order; they are checked, sorted, copied and made read-only. An empty front is a
-    result too: no feasible point.
+    Points may be given in any order; they are checked, sorted, copied and made read-only. An empty front is a result
+    too: no feasible point.
 
-    ``ids`` (points,) are unique and never reused; ``objectives`` (points, n_obj) stand in the user's own sign, with
-    ``names``, ``units`` and ``maximised`` one an objective; ``genes`` (points, genes) and ``motions`` (a batch of
-    points) may be missing; ``violation`` (points,) is the largest as a share of its limit's range; ``certificates``
-    are those of refined points; ``ranges`` (n_obj, 2) are the lower and upper value that preferences
-    measure against, by default those of the front itself; ``provenance`` describes the run (problem,
-    settings, seed, status) and is stored in ``run.json``; ``problem`` is the problem itself, not stored. ``folder`` is
-    the run folder that the front was loaded from or saved into last, where ``select`` keeps its choices, else None.
+    ids: unique numbers (points,) that are never reused
+    objectives: values (points, n_obj) in the user's own sign
+    names, units, maximised: one per objective
+    genes, motions: array (points, genes) and batch of motions; both may be missing
+    violation: largest violation (points,) as a share of its limit's range
+    certificates: those of refined points
+    ranges: lower and upper values (n_obj, 2) that preferences measure against, by default those of the front itself
+    provenance: description of the run (problem, settings, seed, status), stored in ``run.json``
+    problem: the problem itself, not stored
+    folder: run folder of the last load or save, in which ``select`` keeps its choices, else None
 
-    ``len(front)`` is the number of points, ``front[12]`` the point with that id as a ``Choice``, ``12 in front`` says
-    whether there is one, ``front[[12, 30]]`` is the front of some, and iterating yields every point as a ``Choice``.
+    ``len(front)`` is the number of points, ``front[12]`` the point with that id as a ``Choice``, ``front[[12, 30]]`` a
+    front of two points. ``12 in front`` says whether that id exists. Iterating yields every point as a ``Choice``.
 
-    Raises InvalidInput for shapes that do not agree, values that are not finite, ids or names that repeat, names unfit
-    for a table, and a point that another one dominates.
+    Raises InvalidInput for shapes that do not agree, values that are not finite, repeated ids or names, names unfit for
+    a table, and a point that another one dominates.
     """
 
     ids: Ids
@@ -225,7 +227,7 @@ class Front:
         return len(self.ids)
 
     def __repr__(self) -> str:
-        """Return how many points, between what values each objective lies, what further points could add."""
+        """Return the number of points, the range of each objective, and what further points could add."""
         points = "1 point" if len(self) == 1 else f"{len(self)} points"
         if len(self) == 0:
             return fit_screen(f"Front of {points}: {', '.join(self.names)}")
@@ -245,13 +247,13 @@ class Front:
 
     @property
     def minimised(self) -> Objectives:
-        """The objectives (points, n_obj) with those that are maximised negated, so that less is always better."""
+        """Objectives (points, n_obj), with maximised ones negated, so that less is always better."""
         minimised: Objectives = np.where(self.maximised, -self.objectives, self.objectives)
         return minimised
 
     @cached_property
     def shares(self) -> Objectives:
-        """Where each point stands in the ranges (points, n_obj): 0 the best value, 1 the worst, 0 on a zero range.
+        """Place of each point in the ranges (points, n_obj): 0 is best, 1 worst; 0 on a zero range.
 
         Marcos et al. (2012), Eq. 19, on the stored ranges.
         """
@@ -265,9 +267,9 @@ class Front:
 
     @property
     def violation_between(self) -> Values | None:
-        """Worst violation of each motion's limits between its samples, measured where there are no certificates.
+        """Worst violation of each motion's limits between its samples.
 
-        None where neither these nor a problem with motions are at hand.
+        It is measured if there are no certificates; None without these and without a problem with motions.
         """
         if self.certificates is not None:
             return self.certificates.violation_between
@@ -276,23 +278,23 @@ class Front:
 
     @cached_property
     def jumps(self) -> tuple[tuple[int, int], ...] | None:
-        """Neighbours, as pairs of ids, between which the front jumps from one branch of optima to another.
+        """Pairs of neighbours (ids) between which the front jumps to another branch of optima.
 
-        Halfway between the two lies a barrier: what is interpolated between them is worse than both in some objective,
-        or impossible. Navigation from one to the other cannot be continuous there.
+        A barrier lies between the two: points interpolated there are worse than both in some objective, or impossible.
+        Navigation from one to the other cannot be continuous there.
 
-        None where this is not defined or not known: of other than two objectives, where points have no order, without
-        certificates, or without a problem that can interpolate (the one that the front came from).
+        None if this is not defined or not known: unless there are two objectives (others give points no order),
+        certificates, and a problem that can interpolate (the one that the front came from).
         """
         return find_jumps(self)
 
     @cached_property
     def missing_hypervolume(self) -> float | None:
-        """Share of the hypervolume up to the front's worst values that further points could still add, 0 to 1.
+        """Estimated share of the hypervolume that further points could still add, 0 to 1.
 
-        An estimate: between neighbours the front is taken for the parabola that touches the tangents of their exchange
-        rates, or for the chord where these contradict each other or are unknown. None of other than two objectives,
-        without certificates, and of fewer than two points.
+        The hypervolume ends at the front's worst values. Between neighbours the front is approximated by the parabola
+        that touches the tangents of their exchange rates, or by the chord if these contradict each other or are
+        unknown. None for other than two objectives, without certificates, and for fewer than two points.
         """
         return missing_hypervolume(self)
 
@@ -303,7 +305,7 @@ class Front:
     def __getitem__(self, ids: Sequence[int] | np.ndarray) -> Front: ...
 
     def __getitem__(self, ids: Any) -> Choice | Front:
-        """Return the point with an id as a choice, or the points with some ids as a front of the same ranges.
+        """Return the point with an id as a choice, or several points as a front of the same ranges.
 
         Raises InvalidInput for ids that the front does not have.
         """
@@ -313,7 +315,7 @@ class Front:
         return self.choice(row, verdict_on(self, row))
 
     def __contains__(self, point: object) -> bool:
-        """Say whether a point, an id or a choice, is on the front."""
+        """Return whether a point, given as id or choice, is on the front."""
         return has_point(self, point)
 
     def __iter__(self) -> Iterator[Choice]:
@@ -322,8 +324,8 @@ class Front:
     def where(self, bounds: Mapping[str, Bound] | None = None, /, **named: Bound) -> Front:
         """Return the front of the points within bounds, ``front.where(kinetic_energy=(None, 0.05))``.
 
-        A bound is (lower, upper) in the objective's own units and sign, None where it is open; a mapping serves where a
-        name is no identifier. Ranges, ids, motions, genes and certificates are kept. The front may be empty.
+        A bound is (lower, upper) in the objective's own units and sign, with None for an open side; names that are no
+        identifiers need a mapping. Ranges, ids, motions, genes and certificates are kept. The front may be empty.
 
         Raises InvalidInput for other names and bounds.
         """
@@ -339,9 +341,9 @@ class Front:
 
     @property
     def choices(self) -> Choices:
-        """The choices kept in the front's run folder, a tree; none without a folder.
+        """The tree of choices kept in the front's run folder; no choices without a folder.
 
-        Raises InvalidRun where the file is damaged.
+        Raises InvalidRun if the file is damaged.
         """
         from paretoik.front.choice_tree import Choices, read_choices
 
@@ -356,9 +358,9 @@ class Front:
         score: float | None = None,
         details: Mapping[str, Any] | None = None,
     ) -> Choice:
-        """Return the point of a row as a choice: a verdict on it, followed by what it gives up for what.
+        """Return the point of a row as a choice: a verdict on it, followed by its trade-offs.
 
-        Raises InvalidInput where the front has no such row.
+        Raises InvalidInput if the front has no such row.
         """
         self._check_index("index", index, len(self), "a row")
         check_text("verdict", verdict)
@@ -370,19 +372,19 @@ class Front:
         return explain(self, int(index), verdict, preference=preference, score=score, details=details or {})
 
     def quantity(self, axis: int, value: float) -> str:
-        """Return a value of an objective with its name and unit; raises InvalidInput for what is none."""
+        """Return a value of an objective with its name and unit; raises InvalidInput for other values or axes."""
         self._check_index("axis", axis, len(self.names), "an objective")
         value = real_number("value", value)
         return f"{self.names[axis]} {value:.4g} {self.units[axis]}".rstrip()
 
     def _check_index(self, name: str, index: object, count: int, wish: str) -> None:
         if not is_integer(index) or not 0 <= int(index) < count:
-            raise InvalidInput(f"{name}: {wish} of {count} wanted, from 0 on, got {shown(index)}")
+            raise InvalidInput(f"{name} must be {wish} of {count}, from 0 on, got {shown(index)}")
 
     def save(self, folder: Path | str, *, overwrite: bool = False) -> None:
         """Write `run.json`, `front.parquet` and, with genes or motions, `motions.npz` into `folder`.
 
-        Raises InvalidInput where it holds another run, or points that this front has not, unless ``overwrite`` is set.
+        Raises InvalidInput if it contains another run, or points that this front has not, unless ``overwrite`` is set.
         """
         from paretoik.front.storage import save
 
@@ -391,9 +393,9 @@ class Front:
 
     @staticmethod
     def load(folder: Path | str, *, motions: MotionBuilder | None = None) -> Front:
-        """Read a saved front; `motions` builds motions from the stored times, joint positions and joint names.
+        """Return a saved front; `motions` builds motions from stored times, joint positions and joint names.
 
-        Raises InvalidRun where a file is missing, damaged, a link, of another version, or of another run.
+        Raises InvalidRun if a file is missing, damaged, a link, of another version, or of another run.
         """
         from paretoik.front.storage import load
 

@@ -1,4 +1,4 @@
-"""What lies between neighbours of a certified front of two objectives: jumps, and hypervolume still to be gained."""
+"""Between neighbours of a certified front of two objectives: jumps, and missing hypervolume."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ def tangents_meet(
     *,
     margin: float = 1e-6,
 ) -> Float[np.ndarray, " 2"] | None:
-    """Return where the tangents at two neighbours meet; None unless that is between the two in both objectives.
+    """Return the point where the tangents at two neighbours meet, if it is between the two in both objectives.
 
-    A tangent lies across the weights. On a smooth piece of a front, whichever way it is bent, tangents meet between
-    neighbours that are close enough; across a jump they contradict each other. Weights are NaN where unknown. Where
-    tangents meet outside by a share of at most ``margin`` of the gap, they still meet inside.
+    A tangent is perpendicular to the weights. On a smooth piece of a front, convex or not, tangents meet between
+    neighbours that are close enough; across a jump they contradict each other. Unknown weights are NaN. If tangents
+    meet outside by a share of at most ``margin`` of the distance, the point is moved inside.
     """
     width = right - left
     determinant = left_weights[0] * right_weights[1] - left_weights[1] * right_weights[0]
@@ -45,27 +45,28 @@ def tangents_meet(
 def curve_area(values: Float[np.ndarray, "2 2"], meeting: Float[np.ndarray, " 2"] | None) -> float:
     """Return the hypervolume that the front between two neighbours adds to them.
 
-    It is taken for the parabola that touches the tangents at both, which meet there, or else for the chord.
+    The front is approximated by the parabola that touches both tangents, which meet at ``meeting``, or by the chord.
     """
     left, right = values
     width = right - left
     offset = 0.5 * width if meeting is None else meeting - left
-    bulge = (offset[0] * width[1] - offset[1] * width[0]) / 3  # two thirds of the triangle, below the chord positive
+    bulge = (offset[0] * width[1] - offset[1] * width[0]) / 3  # two thirds of the triangle, positive below the chord
     return float(bulge - 0.5 * width[0] * width[1])
 
 
-# Tolerances of preferences and of the words that explain them.
+# Tolerances of preferences and of their explanations.
 
 
 @dataclass(frozen=True, kw_only=True)
 class PreferenceOptions:
     """Settings of choosing; shares are of the ranges.
 
-    Scores within ``rounding`` are equal: units and offsets move them by less. ``augmentation`` is the weight of the sum
-    of all shares beside the worst one (Miettinen 1999, section 3.4.5). A point that lies less than ``hull`` above
-    straight lines between others can be reached by weights. Exchange rates hold as far as they predict within a share
-    ``prediction``. Up to so many ``described`` objectives every comparison has a sentence.
-    Mixtures that might beat a point begin with its ``neighbours`` nearest points.
+    rounding: scores that differ by no more are equal: units and offsets move them by less
+    augmentation: weight of the sum of all shares relative to the worst one (Miettinen 1999, section 3.4.5)
+    hull: weights reach points that are less than this above straight lines between others
+    prediction: exchange rates hold while their predictions are within this share
+    described: largest number of objectives for which every comparison has a sentence
+    neighbours: number of nearest points with which mixtures that might beat a point begin
     """
 
     rounding: float = 1e-9
@@ -79,20 +80,20 @@ class PreferenceOptions:
 PREFERENCE_OPTIONS = PreferenceOptions()
 
 
-# Which points of a front weights can reach: those on its convex hull.
+# Points that weights can reach: those on the convex hull.
 
 
 def supported(front: Front) -> Mask:
-    """Mark the points that have the least weighted sum of shares for some weights, a millionth of the ranges aside.
+    """Mark the points that have the least weighted sum of shares for some weights.
 
-    The others lie above the convex hull: a mixture of points is better in every objective, so that for any weights one
-    of these has a smaller sum.
+    The tolerance is a millionth of the ranges. The other points are above the convex hull: a mixture of points is
+    better in every objective, so that for any weights one of these has a smaller sum.
     """
     return _on_lower_hull(front.shares) if len(front.names) == 2 else _unmatched_by_mixtures(front.shares)
 
 
 def _on_lower_hull(shares: Objectives) -> Mask:
-    """Mark points (points, 2) by the lower convex hull; Andrew 1979, Information Processing Letters 9(5)."""
+    """Mark points (points, 2) on the lower convex hull; Andrew 1979, Information Processing Letters 9(5)."""
     hull = list[tuple[float, float]]()
     for x, y in sorted(map(tuple, shares.tolist())):
         if hull and x == hull[-1][0]:  # no better than the one before
@@ -116,7 +117,7 @@ def _unmatched_by_mixtures(shares: Objectives) -> Mask:
     hull is at least δ/√n_obj. Mixtures begin with the points near p and the best of every objective. While the
     residual r separates p from these but not from all points, the point farthest along r joins (column generation).
     """
-    from scipy.optimize import nnls  # here: it takes its time
+    from scipy.optimize import nnls  # imported here, because it is slow
     from scipy.spatial import KDTree
 
     points, size = shares.shape
@@ -135,7 +136,7 @@ def _unmatched_by_mixtures(shares: Objectives) -> Mask:
                 break
             direction = target - matrix @ mixture
             farthest = int(np.argmax(shares @ direction[:-1]))
-            if farthest in columns:  # the optimum over all points, rounding aside
+            if farthest in columns:  # the optimum over all points, within rounding
                 break
             columns = np.append(columns, farthest)
     return unmatched
@@ -143,9 +144,10 @@ def _unmatched_by_mixtures(shares: Objectives) -> Mask:
 
 @dataclass(frozen=True, kw_only=True)
 class JumpOptions:
-    """Between two neighbours so many ``places`` are looked at, evenly spaced.
+    """Options of finding jumps.
 
-    A barrier is higher than ``height``, a share of the front's extent: less is what solvers leave open.
+    places: number of evenly spaced places to check between two neighbours
+    height: least height of a barrier, as a share of the front's extent: solvers are not exact to less
     """
 
     places: int = 7
@@ -156,12 +158,12 @@ OPTIONS = JumpOptions()
 
 
 def find_jumps(front: Front) -> tuple[tuple[int, int], ...] | None:
-    """Return the neighbours, as pairs of ids, with a barrier between them; None where that is not known.
+    """Return the neighbours, as pairs of ids, with a barrier between them; None if that is not known.
 
-    On one branch the optimum moves continuously from one neighbour to the other, and what lies halfway is, to first
+    On one branch the optimum moves continuously from one neighbour to the other, and points in between are, to first
     order, a trade-off between the two: no worse than the worse of them in either objective. Between two branches, or
-    valleys, it is. Tangents cannot tell a jump: where branches cross they agree with a front that bulges out, and at an
-    inflection of one branch they contradict each other.
+    valleys, they are worse. Tangents do not show a jump: if branches cross, they agree with a front that bulges out,
+    and at an inflection of one branch they contradict each other.
     """
     between = getattr(front.problem, "values_between", None)
     if not _has_order(front) or between is None:
@@ -175,7 +177,7 @@ def find_jumps(front: Front) -> tuple[tuple[int, int], ...] | None:
 
 
 def missing_hypervolume(front: Front) -> float | None:
-    """Return the estimated share of the hypervolume that the points miss; None where it is not defined."""
+    """Return the estimated share of the hypervolume that the points miss; None if it is not defined."""
     if not _has_order(front) or len(front) < 2:
         return None
     rows = _order(front)
@@ -197,9 +199,9 @@ def _order(front: Front) -> Int[np.ndarray, " points"]:
 
 
 def _normals(front: Front) -> Float[np.ndarray, "points 2"]:
-    """Return the weights of the minimised objectives, in natural units, that the exchange rates are those of.
+    """Return the weights of the minimised objectives, in natural units, from the exchange rates.
 
-    Where one objective has no weight it is the other's alone; NaN where there is no reliable rate.
+    If one objective has no weight, the other has all; weights are NaN without a reliable rate.
     """
     assert front.certificates is not None
     sign = np.prod(np.where(front.maximised, -1.0, 1.0))

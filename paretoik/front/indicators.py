@@ -1,6 +1,6 @@
 """Hypervolume, non-domination, ideal and nadir of objectives, all minimised.
 
-Rows with a NaN or an infinity count nowhere: a failed evaluation is no point.
+Rows with a NaN or an infinity are ignored: a failed evaluation is no point.
 """
 
 from __future__ import annotations
@@ -21,10 +21,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class IndicatorOptions:
-    """Hypervolumes are exact up to so many objectives, of more from so many ``directions``.
+    """Options of indicators.
 
-    Of 1,000 points exact ones take 0.5 s in five objectives and more than 20 s in seven, estimates milliseconds. A
-    range below ``rounding``, a share of an objective's size, is what solvers leave open, and none.
+    exact_up_to: largest number of objectives for which hypervolumes are exact: with 1,000 points these take 0.5 s in
+        five objectives and more than 20 s in seven, estimates milliseconds
+    directions: number of directions of an estimate, for more objectives
+    rounding: share of an objective's size below which a range counts as none: solvers are not exact to less
     """
 
     exact_up_to: int = 4
@@ -38,8 +40,8 @@ OPTIONS = IndicatorOptions()
 def hypervolume(F: Objectives, reference: Values | Sequence[float], *, check: bool = False) -> float:
     """Return the volume that `F` dominates and `reference` bounds, in the product of the objectives' units.
 
-    Points that do not lie below the reference in every objective add nothing, nor do rows that are not finite. Raises
-    InvalidInput where the reference is no vector of `n_obj` finite numbers; with `check`, where a point adds nothing.
+    Points that are not below the reference in every objective add nothing; neither do rows that are not finite. Raises
+    InvalidInput if the reference is no vector of `n_obj` finite numbers, and, with `check`, if a point adds nothing.
     """
     import moocore
 
@@ -48,18 +50,18 @@ def hypervolume(F: Objectives, reference: Values | Sequence[float], *, check: bo
     counts = finite & np.less(F, limit).all(axis=1)
     if check and not counts.all():
         raise InvalidInput(
-            f"hypervolume reference {limit.tolist()}: wanted beyond every point, got "
+            f"hypervolume reference {limit.tolist()} must be beyond every point, got "
             f"{int((finite & ~counts).sum())} of {len(F)} points not below it and {int((~finite).sum())} not finite"
         )
     return float(moocore.hypervolume(F[counts], limit)) if counts.any() else 0.0
 
 
 def estimate_hypervolume(F: Objectives, reference: Values, width: Values) -> float:
-    """Return the hypervolume, exact up to four objectives, in more of them to a percent or so, always in little time.
+    """Return the hypervolume in little time: exact up to four objectives, else to about one percent.
 
-    ``width`` (n_obj,) is about how far the points lie from the reference: in these units directions are spread evenly.
-    Of the same reference and width the estimate never falls where points are added or improve. Deterministic; moocore's
-    "Rphi-FWE+". Raises InvalidInput as ``hypervolume`` does.
+    ``width`` (n_obj,) is about the distance of the points from the reference: in these units directions are spread
+    evenly. For the same reference and width the estimate never falls if points are added or improve. Deterministic;
+    moocore's "Rphi-FWE+". Raises InvalidInput as ``hypervolume`` does.
     """
     if F.shape[1] <= OPTIONS.exact_up_to:
         return hypervolume(F, reference)
@@ -74,9 +76,10 @@ def estimate_hypervolume(F: Objectives, reference: Values, width: Values) -> flo
 
 
 def ranges_of(values: Objectives, sizes: Values | None = None) -> Values:
-    """Return nadir less ideal of points; where that is rounding the objective's size, or 1 where it is always 0.
+    """Return nadir minus ideal of points, without zeros.
 
-    ``sizes`` are those of the values themselves by default.
+    If that is only rounding, the objective's size replaces it, or 1 if the objective is always 0. ``sizes`` are by
+    default those of the values.
     """
     width = np.ptp(values, axis=0)
     sizes = np.abs(values).max(axis=0) if sizes is None else sizes
@@ -84,20 +87,20 @@ def ranges_of(values: Objectives, sizes: Values | None = None) -> Values:
 
 
 def widths_of(front: Front) -> Values:
-    """Return what certificates of a front divide its objectives by (n_obj,): its ranges, else as ``ranges_of``."""
+    """Return the divisors (n_obj,) of objectives in a front's certificates: its ranges, as in ``ranges_of``."""
     return ranges_of(front.ranges.T, np.abs(front.objectives).max(axis=0))
 
 
 def non_dominated(F: Objectives, tolerance: float = 0.0) -> Mask:
-    """Mark the rows of `F` that no other row dominates; of equal rows the first.
+    """Mark the rows of `F` that no other row dominates; only the first of equal rows.
 
-    With a `tolerance` (a share of each objective's range over the non-dominated rows) a row is also dropped where an
-    earlier marked one lies within it in every objective; raises InvalidInput where it is negative or not finite.
+    With a `tolerance` (a share of each objective's range over the non-dominated rows) a row is also dropped if an
+    earlier marked one is within it in every objective. Raises InvalidInput if it is negative or not finite.
     """
     import moocore
 
     if not (np.isfinite(tolerance) and tolerance >= 0):
-        raise InvalidInput(f"non_dominated tolerance: wanted a finite number >= 0, got {tolerance}")
+        raise InvalidInput(f"non_dominated: tolerance must be a finite number >= 0, got {tolerance}")
     mask = np.zeros(len(F), dtype=bool)
     finite = np.flatnonzero(np.isfinite(F).all(axis=1))
     if finite.size:
@@ -110,18 +113,18 @@ def non_dominated(F: Objectives, tolerance: float = 0.0) -> Mask:
 def ideal_and_nadir(F: Objectives) -> tuple[Values, Values]:
     """Return the best and the worst value of each objective over the non-dominated rows of `F`.
 
-    Raises InvalidInput where no row is finite.
+    Raises InvalidInput if no row is finite.
     """
     front = F[non_dominated(F)]
     if len(front) == 0:
-        raise InvalidInput(f"ideal and nadir: wanted at least one finite point, got none among {len(F)}")
+        raise InvalidInput(f"ideal and nadir: there must be at least one finite point, got none among {len(F)}")
     return front.min(axis=0), front.max(axis=0)
 
 
 def _check_reference(F: Objectives, reference: Values | Sequence[float]) -> Values:
     limit = np.asarray(reference, dtype=float)
     if limit.shape != (F.shape[1],) or not np.isfinite(limit).all():
-        raise InvalidInput(f"hypervolume reference: wanted {F.shape[1]} finite numbers, got {limit.tolist()}")
+        raise InvalidInput(f"hypervolume reference must be {F.shape[1]} finite numbers, got {limit.tolist()}")
     return limit
 
 
@@ -138,14 +141,18 @@ def _first_of_each(F: Objectives, rows: np.ndarray, tolerance: float) -> np.ndar
     return np.array(chosen, dtype=int)
 
 
-# The hypervolume of a front that grows, up to one corner: that of the first front, so that it never falls.
+# The hypervolume of a growing front, up to the corner of the first front, so that it never falls.
 
 
 @dataclass(frozen=True, kw_only=True)
 class HypervolumeOptions:
-    """Up to this ``share`` of the time goes into hypervolumes, beside those that take less than ``free`` [s].
+    """Limits on the time for hypervolumes.
 
-    With thousands of points they cost more than the search: 0.28 s for 18,000 in four objectives, 0.2 s the generation.
+    share: largest share of the whole time
+    free: time [s] below which a hypervolume is always computed
+
+    With thousands of points they cost more than the search: 0.28 s for 18,000 in four objectives, but 0.2 s for the
+    generation.
     """
 
     share: float = 0.01
@@ -156,7 +163,7 @@ CURVE_OPTIONS = HypervolumeOptions()
 
 
 class HypervolumeCurve:
-    """Hypervolumes of fronts in the order in which they came, objectives minimised, as long as there is time."""
+    """Hypervolumes of successive fronts, objectives minimised, while there is time."""
 
     def __init__(self, options: HypervolumeOptions = CURVE_OPTIONS) -> None:
         self._options = options
@@ -166,16 +173,16 @@ class HypervolumeCurve:
         self._value, self._number = 0.0, 0
 
     def corner(self, front: Objectives) -> Values | None:
-        """Return the corner (n_obj,), which the first front fixes; None as long as all were empty."""
+        """Return the corner (n_obj,), which the first front fixes; None while all fronts were empty."""
         if self._corner is None and len(front):
             worst = front.max(axis=0)
             self._corner = worst + np.maximum(ranges_of(front), 0.1 * np.abs(worst))
         return self._corner
 
     def measure(self, front: Objectives, number: int, corner: Values | None = None) -> float | None:
-        """Return the hypervolume of the front of a generation; None where there is no time for it.
+        """Return the hypervolume of the front of a generation; None if there is no time for it.
 
-        It reaches up to a ``corner`` (n_obj,), which must always be the same; by default up to that of the first front.
+        It ends at a ``corner`` (n_obj,), which must always be the same; by default at that of the first front.
         """
         corner = self.corner(front) if corner is None else corner
         elapsed = time.monotonic() - self._started
@@ -184,13 +191,13 @@ class HypervolumeCurve:
         started = time.thread_time()
         former, self._number = self._value, number
         self._value = 0.0 if corner is None else self._estimate(front, corner)
-        if former:  # the first loads a library, too
+        if former:  # the first one also loads a library
             self._latest = time.thread_time() - started
             self._spent += self._latest
         return self._value
 
     def summary(self, number: int) -> str:
-        """Return the last hypervolume in words, with its generation if that is another than the present one."""
+        """Return the last hypervolume in words, with its generation if that is not the present one."""
         then = "" if self._number == number else f" of generation {self._number}"
         return f"hypervolume {self._value:.4g}{then}"
 

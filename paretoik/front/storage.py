@@ -1,9 +1,9 @@
 """A front on disk: `run.json`, `front.parquet` and `motions.npz`, a versioned format without pickle.
 
-`run.json` (``run_files``) gets the front's provenance, its objectives, and the SHA-256 digests of the other files, so
-that a cut, altered or foreign file is refused before any parser sees it. `front.parquet` has one row a point: id, one
-column an objective, violation, violation_between, criticality, status, reason (null where not computed).
-`motions.npz` has id, genes, joint_names (dof,), time (points, time), q (points, time, dof), and of certified points
+`run.json` (``runs.files``) has the front's provenance, its objectives, and the SHA-256 digests of the other files, so
+that a cut, altered or foreign file is refused before any parser sees it. `front.parquet` has one row per point: id, one
+column per objective, violation, violation_between, criticality, status, reason (null if not computed).
+`motions.npz` has id, genes, joint_names (dof,), time (points, time), q (points, time, dof), and for certified points
 weights (points, n_obj), exchange_rates (points, n_obj, n_obj) and exchange_intervals (points, n_obj, n_obj, 2).
 """
 
@@ -49,9 +49,9 @@ ERROR_COLUMN = "discretisation error of {}"
 def save(front: Front, folder: Path, *, overwrite: bool = False) -> None:
     """Write the front's files into `folder`, all of them at once or none.
 
-    A run that is there is replaced where this front is of the same problem and has all its points, or with
-    ``overwrite``; the choices kept beside it stay as long as their points do. Raises InvalidInput where that is not
-    allowed or fails, or the provenance holds what JSON cannot, or a name that the format needs.
+    An existing run is replaced if this front is of the same problem and has all its points, or with ``overwrite``; the
+    choices kept there stay if all points do. Raises InvalidInput if that is not allowed or fails, or if the provenance
+    has values that JSON cannot hold or names that the format needs.
     """
     files = front_files(front)
     with only_writer(folder) as opened:
@@ -65,30 +65,30 @@ def front_files(front: Front) -> dict[str, bytes]:
     """Return the contents of a front's files by name; raises InvalidInput as ``save`` does for its provenance."""
     clashes = [name for name in RESERVED_ENTRIES if name in front.provenance]
     if clashes:
-        raise InvalidInput(f"front provenance: wanted none of {', '.join(RESERVED_ENTRIES)}, got {clashes[0]!r}")
+        raise InvalidInput(f"front provenance must not have any of {', '.join(RESERVED_ENTRIES)}, got {clashes[0]!r}")
     files = {TABLE: _table_bytes(front)}
     if front.motions is not None or front.genes is not None or front.certificates is not None:
         files[MOTIONS] = _motions_bytes(front)
     try:
         return result_files(_run_entries(front), files)
     except (TypeError, ValueError) as fault:
-        raise InvalidInput(f"front provenance: wanted what strict JSON can hold, got {fault}") from fault
+        raise InvalidInput(f"front provenance must fit strict JSON, got {fault}") from fault
 
 
 def _is_replaced(front: Front, folder: Path, *, overwrite: bool) -> bool:
-    """Say whether a folder holds another run than a front's; raises InvalidInput where it is not to be replaced."""
+    """Return whether a front replaces another run in a folder; raises InvalidInput if it must not."""
     if not is_run(folder / RUN) or _keeps_run(front, folder):
         return False
     if not overwrite:
         raise InvalidInput(
-            f"{folder}: wanted a new folder or this front's own, got one that holds another run, or points that this "
+            f"{folder} must be a new folder or this front's own, got one that holds another run, or points that this "
             "front has not; overwrite=True replaces it"
         )
     return True
 
 
 def stored_points(folder: Path) -> dict[int, tuple[float, ...]]:
-    """Return the objectives of every point that a run folder holds, by id; raises InvalidRun as ``load`` does."""
+    """Return the objectives of every point in a run folder, by id; raises InvalidRun as ``load`` does."""
     run = _read_front_entries(folder / RUN)
     names = [entry["name"] for entry in run["objectives"]]
     table = _read_table(folder / TABLE, read_verified(folder / TABLE, run["files"][TABLE]), names)
@@ -97,13 +97,13 @@ def stored_points(folder: Path) -> dict[int, tuple[float, ...]]:
 
 
 def has_points(front: Front, points: Mapping[int, tuple[float, ...]]) -> bool:
-    """Say whether a front has these points, with the same objectives."""
+    """Return whether a front has these points, with the same objectives."""
     values_by_id = dict(zip(front.ids.tolist(), map(tuple, front.objectives.tolist()), strict=True))
     return all(values_by_id.get(number) == values for number, values in points.items())
 
 
 def _keeps_run(front: Front, folder: Path) -> bool:
-    """Say whether saving a front loses nothing of the run in a folder: the same problem, and all of its points."""
+    """Return whether a front keeps all of the run in a folder: the same problem, and all of its points."""
     try:
         run, points = _read_front_entries(folder / RUN), stored_points(folder)
     except InvalidRun:
@@ -114,7 +114,7 @@ def _keeps_run(front: Front, folder: Path) -> bool:
 
 
 def load(folder: Path, *, build_motions: MotionBuilder | None = None) -> Front:
-    """Read what `save` wrote, checking everything; without `build_motions` motions are `StoredMotions`."""
+    """Return the front that `save` wrote, after checks; without `build_motions` motions are `StoredMotions`."""
     with without_writers(folder):
         return _load(folder, build_motions)
 
@@ -146,7 +146,7 @@ def _load(folder: Path, build_motions: MotionBuilder | None) -> Front:
             provenance={key: value for key, value in run.items() if key not in RESERVED_ENTRIES},
         )
     except (InvalidInput, TypeError, ValueError) as fault:
-        raise InvalidRun(f"{folder}: wanted a front, got one that is none: {fault}") from fault
+        raise InvalidRun(f"{folder} must be a valid front, got another: {fault}") from fault
     return attach(front, folder)
 
 
@@ -229,12 +229,12 @@ def _read_front_entries(file: Path) -> dict[str, Any]:
     run = read_run(file)
     if "files" not in run:
         note = unfinished_note(file.parent)
-        raise InvalidRun(f"{file}: wanted a run with a front, got one of status {run.get('status')!r} without{note}")
+        raise InvalidRun(f"{file} must be a run with a front, got one of status {run.get('status')!r} without{note}")
     check_digest(file, run)
     if "holds" in run:
-        raise InvalidRun(f"{file}: wanted a run with a front, got one that holds {run['holds']}")
+        raise InvalidRun(f"{file} must be a run with a front, got one that holds {run['holds']}")
     if not _is_complete(run):
-        raise InvalidRun(f"{file}: wanted objectives and the digests of {TABLE} and {MOTIONS}, got other entries")
+        raise InvalidRun(f"{file} must have objectives and the digests of {TABLE} and {MOTIONS}, got other entries")
     return run
 
 
@@ -265,35 +265,37 @@ def _read_table(file: Path, content: bytes, names: list[str]) -> dict[str, Any]:
             columns |= {name: table.column(name).cast(pa.float64()).to_numpy() for name in CERTIFICATE_COLUMNS}
             texts = [name for name in CERTIFICATE_TEXTS if name in table.column_names]  # earlier runs had no reasons
             columns |= {name: np.array(table.column(name).to_pylist(), dtype=np.str_) for name in texts}
-    except Exception as fault:  # whatever the parser trips over is the file's fault
-        raise InvalidRun(f"{file}: wanted columns id, {', '.join(names)} and violation, got {_line(fault)}") from fault
+    except Exception as fault:  # any error of the parser is the file's fault
+        raise InvalidRun(
+            f"{file} must have columns id, {', '.join(names)} and violation, got {_line(fault)}"
+        ) from fault
     return columns
 
 
 def read_motions(file: Path, content: bytes, ids: np.ndarray) -> dict[str, np.ndarray]:
-    """Return the arrays of a `motions.npz`; raises InvalidRun where they are not those of points with these ids."""
+    """Return the arrays of a `motions.npz`; raises InvalidRun unless they are of points with these ids."""
     try:
         arrays = read_arrays(content)
-    except Exception as fault:  # whatever the parser trips over is the file's fault
-        raise InvalidRun(f"{file}: wanted plain arrays, got {_line(fault)}") from fault
+    except Exception as fault:  # any error of the parser is the file's fault
+        raise InvalidRun(f"{file} must be plain arrays, got {_line(fault)}") from fault
     if "id" not in arrays or not np.array_equal(arrays["id"], ids):
-        raise InvalidRun(f"{file}: wanted the ids of {TABLE}, got others")
+        raise InvalidRun(f"{file} must have the ids of {TABLE}, got others")
     q, time, joints = (arrays.get(name, np.empty(0)) for name in ("q", "time", "joint_names"))
     kinds = "".join(array.dtype.kind for array in (q, time, joints))
     fits = q.ndim == 3 and len(q) == len(ids) and time.shape == q.shape[:2] and joints.shape == q.shape[2:]
     if "q" in arrays and not (kinds == "ffU" and fits and np.isfinite(q).all() and np.isfinite(time).all()):
         raise InvalidRun(
-            f"{file}: wanted finite q (points, time, dof) with time and joint_names to match, got q {q.shape}, "
+            f"{file} must have finite q (points, time, dof) with time and joint_names to match, got q {q.shape}, "
             f"time {time.shape}, joint_names {joints.shape}"
         )
     return arrays
 
 
 def read_verified(file: Path, expected: object) -> bytes:
-    """Return the content of a file; raises InvalidRun where its digest is not as expected."""
+    """Return the content of a file; raises InvalidRun unless its digest is as expected."""
     content = read_plain_file(file)
     if hashlib.sha256(content).hexdigest() != expected:
-        raise InvalidRun(f"{file}: wanted the file that {RUN} belongs to, got another or a damaged one")
+        raise InvalidRun(f"{file} must be the file that {RUN} belongs to, got another or a damaged one")
     return content
 
 

@@ -1,4 +1,4 @@
-"""Motions as a robot's controller takes them: sampled at its rate, held against its limits, and written for it."""
+"""Motions as a robot's controller takes them: sampled at its rate, checked against its limits, and written to files."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""A robot's controller: its rate, the limits it enforces on every command, and what it wants at both ends."""
+"""A robot's controller: its rate, the limits it enforces on every command, and its conditions at both ends."""
 
 from __future__ import annotations
 
@@ -34,15 +34,16 @@ from paretoik.tables import html_representation
 class JointTrajectoryOptions:
     """Settings of sampling, checking and slowing down.
 
-    ``rounding`` is the share of a limit by which it may be exceeded. A joint is at rest below a share of its velocity
-    limit, ``rest_velocity``, and of its acceleration limit, ``rest_acceleration``, or of the motion's largest value
-    where there is no limit: so much cubic splines leave of a law without acceleration at its ends.
-
-    A motion is slowed down at most ``slowest`` times: what exceeds a limit then does so at rest too, as torques of
-    gravity do. ``ramps`` [s] are tried in turn to say which is enough; ``usual_ramp`` [s] is advised where none is.
-
-    ``rate`` [Hz] is the largest: times in whole nanoseconds still differ. ``periods`` are the most, some gigabytes of
-    work; a duration within ``whole`` of a period has whole ones.
+    rounding: share of a limit by which it may be exceeded
+    rest_velocity, rest_acceleration: a joint is at rest below these shares of its velocity and acceleration limits, or
+        of the motion's largest value without a limit; cubic splines leave this much of a motion without acceleration
+        at its ends
+    slowest: most times that a motion is slowed down; values that still exceed a limit then do so at rest too, such as
+        torques of gravity
+    ramps, usual_ramp: ramps [s] that are tried, from short to long, and the one that is advised if none is enough
+    rate: largest rate [Hz], at which times in whole nanoseconds still differ
+    periods: most periods, some gigabytes of work
+    whole: share of a period within which a duration is rounded to whole periods
     """
 
     rounding: float = 1e-9
@@ -83,11 +84,11 @@ class Braking:
         if self.offset.shape != dof or self.double_deceleration.ndim != 1 or self.position.shape != (*dof, 2):
             shapes = f"{self.double_deceleration.shape}, {self.offset.shape} and {self.position.shape}"
             raise InvalidInput(
-                f"braking: double_deceleration, offset (dof,) and position (dof, 2) wanted, got shapes {shapes}"
+                f"braking must have double_deceleration, offset (dof,) and position (dof, 2), got shapes {shapes}"
             )
 
     def velocity_bounds(self, q: Float[np.ndarray, "time dof"]) -> Float[np.ndarray, "2 time dof"]:
-        """Return the lower and upper velocities [rad/s] that leave room to brake at joint positions q."""
+        """Return the lower and upper velocities [rad/s] that still allow to brake at joint positions q."""
         q = np.atleast_2d(joint_positions(q, len(self.position)))
         room = np.stack([q - self.position[:, 0], self.position[:, 1] - q])
         speed = np.maximum(np.sqrt(np.maximum(self.double_deceleration * room, 0.0)) - self.offset, 0.0)
@@ -97,16 +98,16 @@ class Braking:
 @check_call
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Controller:
-    """What a robot's controller takes: joints by name, one command every 1/``rate`` [Hz], each within its limits.
+    """Properties of a robot's controller: joints by name, one command every 1/``rate`` [Hz], and its limits.
 
-    ``position`` as (lower, upper), symmetric, or an array (dof, 2) [rad, m], the others symmetric, a number or one a
-    joint: ``velocity`` [rad/s], ``acceleration`` [rad/s²], ``jerk`` [rad/s³], ``torque`` [N m], ``torque_rate``
-    [N m/s]; None where there is none, or none is published. Every motion must start and end at rest;
-    ``rest_acceleration`` says that its acceleration must be 0 there too. ``source`` says where the figures are from.
-    ``other_joint_names`` are what other files of the vendor's call the same joints. ``dataclasses.replace`` makes a
+    ``position`` is (lower, upper), symmetric, or an array (dof, 2) [rad, m]. The other limits are symmetric, one number
+    or one per joint: ``velocity`` [rad/s], ``acceleration`` [rad/s²], ``jerk`` [rad/s³], ``torque`` [N m],
+    ``torque_rate`` [N m/s]; None without a limit, or without a published one. Every motion must start and end at rest;
+    with ``rest_acceleration`` its acceleration must be 0 there too. ``source`` is the origin of the figures.
+    ``other_joint_names`` are the names of the same joints in other files of the vendor. ``dataclasses.replace`` makes a
     controller that differs in one of these.
 
-    Raises InvalidInput where a name repeats, or a figure is not positive or not one a joint.
+    Raises InvalidInput if a name repeats, or a figure is not positive or not one per joint.
 
     >>> mine = Controller(name="bench", joint_names=("joint1", "joint2"), rate=250, velocity=[1.5, 2.0])
     >>> mine.velocity
@@ -138,7 +139,7 @@ class Controller:
         lists = read_list("other_joint_names", self.other_joint_names, list | tuple, "lists of joint names")
         others = [check_joint_names("other_joint_names", each) for each in lists]
         if any(len(each) != len(names) for each in others):
-            raise InvalidInput(f"{about}: other_joint_names: {len(names)} in each list wanted, got {shown(others)}")
+            raise InvalidInput(f"{about}: other_joint_names must have {len(names)} per list, got {shown(others)}")
         assign(self, "rate", positive_number(f"{about}: rate", self.rate, "Hz"))
         check_flag(f"{about}: rest_acceleration", self.rest_acceleration)
         position = self.position
@@ -163,19 +164,19 @@ class Controller:
         return np.stack([np.maximum(bounds[0], lower), np.minimum(bounds[1], upper)])
 
     def moves(self, arm: Arm) -> bool:
-        """Say whether the joints of an arm are the controller's, by name, prefixed or not."""
+        """Return whether an arm has the controller's joints, by name, with a prefix or without."""
         return self._order(arm) is not None
 
     def arranged_for(self, arm: Arm) -> Controller:
-        """Return the controller with its joints in the order of the arm's, matched by name, prefixed or not.
+        """Return the controller with its joints in the order of the arm's, matched by name, with a prefix or without.
 
-        Raises InvalidInput where they are not the same joints.
+        Raises InvalidInput if the joints are not the same.
         """
         order = self._order(arm)
         if order is None:
             names = " or ".join(", ".join(each) for each in (self.joint_names, *self.other_joint_names))
             raise InvalidInput(
-                f"controller {self.name}: wants the joints {names}, with one prefix or none, "
+                f"controller {self.name}: joints must be {names}, with one prefix or none, "
                 f"got {', '.join(arm.joint_names)} of {arm.name}"
             )
         if order == list(range(len(order))):
@@ -192,7 +193,7 @@ class Controller:
         )
 
     def _order(self, arm: Arm) -> list[int] | None:
-        """Return, for each joint of an arm, which of the controller's it is; None where they are not the same."""
+        """Return for each joint of an arm its index in the controller; None if the joints are not the same."""
         check_arm("arm", arm)
         for names in (self.joint_names, *self.other_joint_names):
             first = arm.joint_names[0]
@@ -204,28 +205,29 @@ class Controller:
 
 
 def check_joint_names(name: str, values: object) -> tuple[str, ...]:
-    """Return joint names; raises InvalidInput, by ``name``, for what is no list of different texts."""
+    """Return joint names; raises InvalidInput, by ``name``, unless they are a list of different texts."""
     names = tuple(values) if isinstance(values, Sequence) and not isinstance(values, str) else ()
     if not names or not all(isinstance(value, str) and value for value in names):
-        raise InvalidInput(f"{name}: a list of joint names wanted, got {shown(values)}")
+        raise InvalidInput(f"{name} must be a list of joint names, got {shown(values)}")
     twice = next((joint for i, joint in enumerate(names) if joint in names[:i]), None)
     if twice is not None:
-        raise InvalidInput(f"{name}: each joint once wanted, got {twice} twice")
+        raise InvalidInput(f"{name} must have each joint once, got {twice} twice")
     return names
 
 
-# Controllers of robots on sale, with their published limits; a limit that is not published is not there.
+# Controllers of robots on sale, with their published limits; limits that are not published are left out.
 #
 # - Franka Robotics, PANDA (the Franka Emika Robot, FER) and FR3: Franka Control Interface Documentation, Control
-# Interface Specification and Robot Limits (frankarobotics.github.io/docs/robot_specifications.html): joint positions,
-# velocities, accelerations, jerks, torques and torque rates; velocity and acceleration 0 at both ends; 1 kHz. Those
-# of   torque are "recommended", the others "necessary". FR3's velocity limits shrink towards the ends of its joints;
-# their   constants are those of libfranka's rate_limiting.h. - Universal Robots e-Series, UR3E to UR16E: user
-# manuals, version 5.8 (positions ±360°, joint speeds), and the article   Max. joint torques, both as in
-# Universal_Robots_ROS2_Description/config; 500 Hz: RTDE guide. Accelerations and jerks   are not published. - Kinova,
-# GEN3 (7 joints): user guide EN-UG-014 (positions of joints 2, 4 and 6, accelerations 297.94°/s² and   572.95°/s², 1
-# kHz low-level servoing), and the URDF of Kinovarobotics/ros2_kortex (80°/s, 70°/s and torques). Jerks   are not
-# published.
+#   Interface Specification and Robot Limits (frankarobotics.github.io/docs/robot_specifications.html): joint positions,
+#   velocities, accelerations, jerks, torques and torque rates; velocity and acceleration 0 at both ends; 1 kHz. Those
+#   of torque are "recommended", the others "necessary". FR3's velocity limits shrink towards the ends of its joints;
+#   their constants are those of libfranka's rate_limiting.h.
+# - Universal Robots e-Series, UR3E to UR16E: user manuals, version 5.8 (positions ±360°, joint speeds), and the article
+#   Max. joint torques, both as in Universal_Robots_ROS2_Description/config; 500 Hz: RTDE guide. Accelerations and jerks
+#   are not published.
+# - Kinova, GEN3 (7 joints): user guide EN-UG-014 (positions of joints 2, 4 and 6, accelerations 297.94°/s² and
+#   572.95°/s², 1 kHz low-level servoing), and the URDF of Kinovarobotics/ros2_kortex (80°/s, 70°/s and torques). Jerks
+#   are not published.
 
 
 __all__ = ["FR3", "GEN3", "PANDA", "UR3E", "UR5E", "UR10E", "UR16E", "Controller"]
@@ -256,7 +258,7 @@ PANDA = Controller(
     torque_rate=1000.0,
     rest_acceleration=True,
     source=FCI,
-    other_joint_names=([f"fer_joint{i}" for i in range(1, 8)],),  # as franka_description calls them
+    other_joint_names=([f"fer_joint{i}" for i in range(1, 8)],),  # the names in franka_description
 )
 FR3 = Controller(
     name="fr3",
@@ -324,9 +326,9 @@ CONTROLLERS = MappingProxyType({each.name: each for family in FAMILIES.values() 
 
 @check_call
 def find_controller(controller: str | Controller, arm: Arm) -> Controller:
-    """Return a controller for an arm: itself, one by its name, or of a family the one that names the arm's joints.
+    """Return a controller for an arm: itself, one by its name, or the one of a family that has the arm's joints.
 
-    Its joints come in the order of the arm's. Where joints of a family are all named alike, the arm's own name decides.
+    Its joints come in the order of the arm's. If joints of a family have the same names, the arm's own name decides.
 
     Raises InvalidInput for an unknown name, joints that are not the controller's, or a family that leaves a choice.
     """
@@ -335,7 +337,7 @@ def find_controller(controller: str | Controller, arm: Arm) -> Controller:
         if not isinstance(controller, str) or (controller not in FAMILIES and controller not in CONTROLLERS):
             names = (*FAMILIES, *CONTROLLERS)
             raise InvalidInput(
-                f"controller: one of {', '.join(names)}, or a pk.controllers.Controller wanted, got "
+                f"controller must be one of {', '.join(names)}, or a pk.controllers.Controller, got "
                 f"{shown(controller)}{likely_spelling(controller, names)}"
             )
         controller = CONTROLLERS.get(controller) or _of_family(controller, arm)
@@ -349,6 +351,6 @@ def _of_family(name: str, arm: Arm) -> Controller:
     if len(matching) > 1 and len(named) != 1:
         models = ", ".join(each.name for each in matching)
         raise InvalidInput(
-            f"controller {shown(name)}: say which of {models}, as the joints and the name of {arm.name} do not"
+            f"controller must be one of {models}, got {shown(name)}: joints and name of {arm.name} do not decide"
         )
     return (named if len(named) == 1 else matching)[0]

@@ -1,4 +1,4 @@
-"""Fitting a motion to a controller: as it is, or slowed down; where it does not fit, what would help."""
+"""Fits a motion to a controller: as it is, or slowed down; if it does not fit, the error says what helps."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from paretoik.task.motion import Motion
 
 # A trajectory against a controller's limits, at every sample: as the controller computes them, and as they are.
 #
-# A controller knows positions alone: it takes their differences over one period each, and the robot rests before the
-# first and after the last. Velocities, accelerations and jerks are held against their limits as such differences, and
-# as derivatives of the curve itself; its jerk as the change of its acceleration over a period.
+# A controller knows only positions: it takes their differences over one period, and the robot rests before the first
+# and after the last. Velocities, accelerations and jerks are compared with their limits both as these differences and
+# as derivatives of the curve itself; its jerk is the change of its acceleration over a period.
 
 
 UNITS = {
@@ -37,7 +37,7 @@ UNITS = {
 class LimitedSeries:
     """Values (samples, dof) of a ``quantity`` with their bounds; value i is that of sample i + ``shift``.
 
-    ``center`` (dof,) is where none of a limit is used: 0, or of positions the middle of their range.
+    ``center`` (dof,) is the value that uses nothing of a limit: 0, or for positions the middle of their range.
     """
 
     quantity: str
@@ -80,9 +80,9 @@ class LimitUse:
 
 
 def limit_uses(trajectory: JointTrajectory, controller: Controller, arm: Arm) -> list[LimitUse]:
-    """Return the largest use of each kind of limit, the fullest first; joints are in the arm's order.
+    """Return the largest use of each kind of limit, the largest first; joints are in the arm's order.
 
-    Torques are the arm's own, gravity included, where it has masses.
+    Torques are the arm's own, with gravity, if it has masses.
     """
     largest: dict[str, LimitUse] = {}
     for series in _limited_series(trajectory, controller, arm):
@@ -106,7 +106,7 @@ def limit_uses(trajectory: JointTrajectory, controller: Controller, arm: Arm) ->
 
 
 def unrest(trajectory: JointTrajectory, controller: Controller, arm: Arm) -> str | None:
-    """Say which joint does not rest at an end where the controller wants it to, None where all do."""
+    """Return which joint moves at an end against the controller's conditions, in words; None if all rest."""
     kinds = [("velocity", trajectory.dq, controller.velocity, OPTIONS.rest_velocity)]
     if controller.rest_acceleration:
         kinds.append(("acceleration", trajectory.ddq, controller.acceleration, OPTIONS.rest_acceleration))
@@ -123,7 +123,7 @@ def unrest(trajectory: JointTrajectory, controller: Controller, arm: Arm) -> str
 
 
 def with_unit(value: float, quantity: str, prismatic: bool) -> str:
-    """Return a value of a quantity with its unit, which for a slide is of metres and newtons."""
+    """Return a value of a quantity with its unit; a prismatic joint has metres and newtons."""
     unit = UNITS[quantity]
     if prismatic:
         unit = unit.replace("rad", "m", 1) if unit.startswith("rad") else unit.replace("N m", "N", 1)
@@ -133,13 +133,13 @@ def with_unit(value: float, quantity: str, prismatic: bool) -> str:
 def _limited_series(trajectory: JointTrajectory, controller: Controller, arm: Arm) -> Iterator[LimitedSeries]:
     q, rate = trajectory.q, (len(trajectory.time) - 1) / trajectory.time[-1]
     lower, upper = controller.position.T
-    # A range with one end is taken for 2 rad, or m, wide: it has no middle, and is not used far from its end.
+    # A range with one end counts as 2 rad, or m, wide: it has no middle, and is not used far from its end.
     low = np.where(np.isfinite(lower), lower, np.where(np.isfinite(upper), upper - 2.0, -1.0))
     high = np.where(np.isfinite(upper), upper, np.where(np.isfinite(lower), lower + 2.0, 1.0))
     middle = (low + high) / 2
     yield LimitedSeries(quantity="position", values=q, lower=lower[None], upper=upper[None], center=middle)
 
-    # What the controller computes from its commands; before the first and after the last it gets the same, at rest.
+    # Derivatives as the controller computes them; before the first and after the last command the robot rests.
     commands = np.concatenate([q[:1]] * 3 + [q] + [q[-1:]] * 3)
     velocity = np.diff(commands, axis=0) * rate
     low, high = controller.velocity_bounds(commands[1:])
@@ -172,22 +172,22 @@ def _between_rests(values: np.ndarray) -> np.ndarray:
 
 # Slowing down: the fewest periods of a controller in which a motion keeps its limits.
 #
-# Slowed down by k, velocities are 1/k, accelerations 1/k² and jerks 1/k³ of what they were, those of the curve
-# exactly, differences of samples nearly: so the answer is guessed, and then found by bisection among whole periods.
+# A motion slowed down by k has 1/k of the velocities, 1/k² of the accelerations and 1/k³ of the jerks, exactly on the
+# curve, nearly for differences of samples: so the answer is guessed, then found by bisection among whole periods.
 
 
 ORDERS = {"velocity": 1, "acceleration": 2, "jerk": 3, "torque": 2, "torque rate": 3}
 
 
 def slowing(use: LimitUse) -> float:
-    """Return about how many times slower the motion must be to use all of a limit, and no more."""
+    """Return about how many times slower the motion must be to use exactly all of a limit."""
     return use.use ** (1 / ORDERS[use.quantity])
 
 
 def slow_down(scaling: TimeScaling, measure: Callable[[TimeScaling], list[LimitUse]]) -> TimeScaling | None:
-    """Return a scaling of the fewest periods, no fewer than ``scaling`` has, that keeps limits; None if there is none.
+    """Return a scaling of the fewest periods, no fewer than ``scaling`` has, that keeps limits; None without one.
 
-    ``measure`` gives the uses of limits. Positions are no matter of time: they are not looked at.
+    ``measure`` returns the uses of limits. Positions do not depend on time: they are not considered.
     """
     fails, passes, smallest = scaling.periods - 1, scaling.periods, 1.0
     while True:
@@ -197,7 +197,7 @@ def slow_down(scaling: TimeScaling, measure: Callable[[TimeScaling], list[LimitU
         fails = passes
         factor = max(map(slowing, exceeded))
         passes = max(passes + 1, math.ceil(passes * min(max(factor, smallest), 2.0)))
-        smallest += 0.1  # guesses that creep are no better than a search
+        smallest += 0.1  # guesses with small steps are no better than a search
         if passes > OPTIONS.slowest * scaling.periods:
             return None
     while passes - fails > 1:
@@ -212,13 +212,13 @@ def slow_down(scaling: TimeScaling, measure: Callable[[TimeScaling], list[LimitU
 def fit_motion(
     motion: Motion, scaling: TimeScaling, controller: Controller, *, slower: bool = False
 ) -> tuple[JointTrajectory, TimeScaling, list[LimitUse]]:
-    """Return the samples of a motion for a controller, in what scaling, and how much of each limit the motion uses.
+    """Return the samples of a motion for a controller, their scaling, and how much of each limit the motion uses.
 
-    The samples are at the scaling's rate; limits and rest are looked at at the controller's own. With ``slower`` the
-    scaling may get more periods, as few as the limits ask for.
+    The samples are at the scaling's rate; limits and rest are checked at the controller's own. With ``slower`` the
+    scaling may get more periods, as few as the limits need.
 
-    Raises Infeasible where the controller would refuse: not at rest at an end, or a limit exceeded, by joint, time,
-    value and limit, with what would help.
+    Raises Infeasible if the controller would refuse: not at rest at an end, or a limit exceeded, by joint, time,
+    value and limit, with what helps.
     """
     uses, moving = _measure(motion, scaling, controller)
     for use in uses:
@@ -230,7 +230,7 @@ def fit_motion(
             raise _refusal(motion, controller, use, advice)
     if moving is None and not (uses and uses[0].exceeded):
         return sample_motion(motion, scaling), scaling, uses
-    if moving is not None:  # as little as a spline leaves of an end at rest is gone once it is slow enough
+    if moving is not None:  # the rest of a motion that a spline leaves at a resting end vanishes if it is slow enough
         moving_slowed = _measure(motion, _guess_slower(scaling, uses), controller)[1]
         if moving_slowed is not None:
             raise _unrest(motion, controller, moving, _ramp_advice(motion, scaling, controller))
@@ -256,13 +256,13 @@ def _unrest(motion: Motion, controller: Controller, moving: str, advice: str) ->
 
 
 def _guess_slower(scaling: TimeScaling, uses: list[LimitUse]) -> TimeScaling:
-    """Return a scaling that is about as slow as limits ask for, and no slower than they do."""
+    """Return a scaling that is about as slow as limits need, and no slower."""
     factor = max((slowing(use) for use in uses if use.quantity in ORDERS), default=1.0)
     return replace(scaling, periods=math.ceil(scaling.periods * max(factor, 1.0)))
 
 
 def _measure(motion: Motion, scaling: TimeScaling, controller: Controller) -> tuple[list[LimitUse], str | None]:
-    """Return the uses of limits at the controller's own rate, and what does not rest at an end."""
+    """Return the uses of limits at the controller's own rate, and which joint does not rest at an end."""
     trajectory = sample_motion(motion, scaling, controller.rate)
     return limit_uses(trajectory, controller, motion.arm), unrest(trajectory, controller, motion.arm)
 

@@ -1,4 +1,4 @@
-"""The formats that trajectories are written in: by name, or by the ending of the file."""
+"""The formats of trajectory files: by name, or by the ending of the file."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ from paretoik.runs.files import check_target, to_json
 
 
 def csv_bytes(trajectory: JointTrajectory) -> bytes:
-    """Return a CSV: lines of metadata after ``# ``, then the names of the columns, then a line a sample.
+    """Return a CSV: lines of metadata after ``# ``, the names of the columns, then one line per sample.
 
-    ``numpy.genfromtxt(file, delimiter=",")[1:]`` reads the numbers; to readers of tables ``#`` begins a comment.
+    ``numpy.genfromtxt(file, delimiter=",")[1:]`` reads the numbers; readers of tables take ``#`` for a comment.
     """
     text = io.StringIO(comment_lines(trajectory))
     text.seek(0, io.SEEK_END)
@@ -40,7 +40,7 @@ def csv_bytes(trajectory: JointTrajectory) -> bytes:
 
 
 def parquet_bytes(trajectory: JointTrajectory) -> bytes:
-    """Return a Parquet table; its schema's metadata holds that of the trajectory as JSON under ``paretoik``."""
+    """Return a Parquet table; the metadata of its schema has that of the trajectory as JSON under ``paretoik``."""
     import pyarrow as pa
     from pyarrow import parquet
 
@@ -80,7 +80,7 @@ def columns(trajectory: JointTrajectory) -> dict[str, np.ndarray]:
 
 
 def comment_lines(trajectory: JointTrajectory) -> str:
-    """Return the metadata as comments, a line each: ``# NAME: JSON``, escaped where a reader sees the end of a line."""
+    """Return the metadata as comments, one line each: ``# NAME: JSON``, with ends of lines escaped."""
     entries = [
         f"{name}: {json.dumps(to_json(value), ensure_ascii=False)}" for name, value in trajectory.metadata.items()
     ]
@@ -103,7 +103,7 @@ def metadata_json(trajectory: JointTrajectory) -> str:
 
 
 MESSAGE = "trajectory_msgs/msg/JointTrajectory"
-TOPIC = "/joint_trajectory_controller/joint_trajectory"  # of ros2_control's default name of that controller
+TOPIC = "/joint_trajectory_controller/joint_trajectory"  # with the default name of that controller in ros2_control
 BAG_VERSION: Literal[8] = (
     8  # of rosbag2: the earlier of the two that rosbags writes, so that more releases of ROS 2 read it
 )
@@ -134,20 +134,20 @@ def yaml_bytes(trajectory: JointTrajectory) -> bytes:
 
 
 def check_bag(folder: Path, *, overwrite: bool) -> None:
-    """Raise InvalidInput where a folder may not be written as a bag: only a bag is replaced, and only where told."""
+    """Raise InvalidInput if a folder may not become a bag: only a bag is replaced, and only with ``overwrite``."""
     check_target("bag", folder, overwrite=overwrite, folder=True)
     if os.path.lexists(folder) and not _is_bag(folder):
-        raise InvalidInput(f"{folder}: wanted a bag to replace, or nothing, got something else")
+        raise InvalidInput(f"{folder} must be a bag to replace, or nothing, got something else")
 
 
 def write_bag(trajectory: JointTrajectory, folder: Path) -> None:
-    """Write a bag, a folder, whole or not at all; one that is there already is replaced.
+    """Write a bag, a folder, whole or not at all; an existing one is replaced.
 
-    Raises InvalidInput where ``check_bag`` does, or the system refuses.
+    Raises InvalidInput if ``check_bag`` does, or the system refuses.
     """
     check_bag(folder, overwrite=True)
     work = folder.with_name(f".{folder.name}.{os.getpid()}")
-    part, former = work / folder.name, work / "former"  # files of a bag bear its own name
+    part, former = work / folder.name, work / "former"  # files of a bag have its own name
     try:
         work.mkdir(parents=True)
         try:
@@ -160,7 +160,7 @@ def write_bag(trajectory: JointTrajectory, folder: Path) -> None:
                 former.rename(folder)
             shutil.rmtree(work, ignore_errors=True)
     except OSError as fault:
-        raise InvalidInput(f"{folder}: wanted to write it, got {fault.strerror}") from fault
+        raise InvalidInput(f"{folder} must be writable, got {fault.strerror}") from fault
 
 
 def _fill_bag(trajectory: JointTrajectory, folder: Path) -> None:
@@ -225,23 +225,23 @@ CONTENTS: dict[str, Callable[[JointTrajectory], bytes]] = {
 
 
 def find_format(file: Path, name: str | None) -> Format:
-    """Return the format that is named, or that the file's ending means.
+    """Return the format of a name, or of the file's ending.
 
     Raises InvalidInput for an unknown name or ending.
     """
     names = ", ".join(FORMATS)
     if name is None:
         if file.suffix not in ENDINGS:
-            raise InvalidInput(f"{file}: a format of {names}, or an ending of {', '.join(ENDINGS)} wanted, got neither")
+            raise InvalidInput(f"{file} must have a format of {names}, or an ending of {', '.join(ENDINGS)}, got none")
         return ENDINGS[file.suffix]
     check_choice("format", name, FORMATS)
     return cast(Format, name)
 
 
 def write_trajectory(trajectory: JointTrajectory, file: Path, kind: Format) -> None:
-    """Write a trajectory into a file, or of a bag a folder, whole or not at all.
+    """Write a trajectory into a file, or for a bag a folder, whole or not at all.
 
-    Raises InvalidInput where the system refuses.
+    Raises InvalidInput if the system refuses.
     """
     if kind == "ros2-bag":
         write_bag(trajectory, file)

@@ -1,4 +1,4 @@
-"""A joint trajectory: one motion as samples at a controller's rate, as a file or a controller takes it."""
+"""A joint trajectory: one motion as samples at a controller's rate, for a file or a controller."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from paretoik.task.motion import Motion
 
 @dataclass(frozen=True, kw_only=True)
 class TimeScaling:
-    """A motion of ``duration`` [s] in so many ``periods`` of a controller of ``rate`` [Hz].
+    """A motion of ``duration`` [s] in a number of ``periods`` of a controller of ``rate`` [Hz].
 
-    With a ``ramp`` [s of the motion's own speed] it sets out from rest and comes to rest: σ̇ rises from 0 to its full
+    With a ``ramp`` [s of the motion's own speed] it starts from rest and comes to rest: σ̇ rises from 0 to its full
     value by 10x³ − 15x⁴ + 6x⁵, the law of least jerk, and falls alike, so that velocity, acceleration and jerk of the
     scaling are 0 at both ends. Each ramp takes ``ramp`` to cover half of that.
     """
@@ -38,18 +38,18 @@ class TimeScaling:
 
     @property
     def factor(self) -> float:
-        """How much slower than at its own speed the motion is, its ramps aside."""
+        """How much slower than at its own speed the motion is, without its ramps."""
         return self.periods / (self.rate * (self.duration + self.ramp))
 
     def times(self, rate: float | None = None) -> Times:
-        """Return times of samples [s], in whole nanoseconds, as ROS keeps them: its own, or those of another rate."""
+        """Return times of samples [s] in whole nanoseconds, as ROS keeps them, at its own or another rate."""
         rate = self.rate if rate is None else rate
         return np.rint(np.arange(math.ceil(self._periods(rate)) + 1) * (1e9 / rate)) / 1e9
 
     def evaluate(self, rate: float | None = None) -> Float[np.ndarray, "3 time"]:
         """Return σ [s], σ̇ and σ̈ [1/s] at the samples; σ runs from exactly 0 to exactly the duration.
 
-        At another ``rate`` than its own the last sample may come less than a period after the end: it is the end's.
+        At another ``rate`` than its own the last sample may be less than a period after the end: it is the end's.
         """
         total = self.duration + self.ramp
         periods = self._periods(self.rate if rate is None else rate)
@@ -66,7 +66,7 @@ class TimeScaling:
         return np.stack([sigma, speed / self.factor, bend / self.factor**2])
 
     def _periods(self, rate: float) -> float:
-        """Return how many periods of a rate it takes, whole ones up to rounding."""
+        """Return its duration in periods of a rate; almost whole numbers are rounded."""
         periods = self.periods * (rate / self.rate)
         return float(round(periods)) if abs(periods - round(periods)) <= OPTIONS.whole * periods else periods
 
@@ -79,13 +79,13 @@ def time_scaling(duration: float, rate: float, *, time_scale: float = 1.0, ramp:
     """
     scale, ramp = positive_number("time_scale", time_scale, ""), finite_number("ramp", ramp)
     if scale < 1:
-        raise InvalidInput(f"time_scale: 1 or more, to slow down, wanted, got {scale:g}; faster is another motion")
+        raise InvalidInput(f"time_scale must be 1 or more, to slow down, got {scale:g}; faster is another motion")
     if ramp != 0 and not 1 / rate <= ramp <= duration:
-        raise InvalidInput(f"ramp: 0, or from one period to the motion's {duration:g} s wanted, got {ramp:g} s")
+        raise InvalidInput(f"ramp must be 0, or from one period to the motion's {duration:g} s, got {ramp:g} s")
     periods = np.ceil((duration + ramp) * scale * rate - OPTIONS.whole)
     if rate > OPTIONS.rate or not 3 <= periods <= OPTIONS.periods:
         wish = f"at most {OPTIONS.rate:g} Hz, and from 3 to {OPTIONS.periods} periods"
-        raise InvalidInput(f"rate and time_scale: {wish} wanted, got {rate:g} Hz for {(duration + ramp) * scale:g} s")
+        raise InvalidInput(f"rate and time_scale must be {wish}, got {rate:g} Hz for {(duration + ramp) * scale:g} s")
     return TimeScaling(duration=duration, periods=int(periods), rate=rate, ramp=ramp)
 
 
@@ -97,7 +97,7 @@ class JointTrajectory:
     """Samples of one motion for a controller: ``time`` (time,) [s] from 0, evenly spaced in whole nanoseconds.
 
     ``q``, ``dq`` and ``ddq`` (time, dof) [rad, m; per s; per s²] have one column for each of ``joint_names``;
-    ``metadata`` says of what motion they are, and how they were made. Arrays are read-only.
+    ``metadata`` describes the motion, and how the samples were made. Arrays are read-only.
     """
 
     joint_names: tuple[str, ...]
@@ -121,7 +121,7 @@ class JointTrajectory:
     def reorder(self, joint_names: Sequence[str]) -> JointTrajectory:
         """Return the trajectory with its columns in the order of ``joint_names``.
 
-        Raises InvalidInput where these are not the same joints.
+        Raises InvalidInput if these are not the same joints.
         """
         names = same_joints(joint_names, self.joint_names)
         order = [self.joint_names.index(joint) for joint in names]
@@ -130,19 +130,19 @@ class JointTrajectory:
 
 
 def same_joints(joint_names: object, joints: Sequence[str]) -> tuple[str, ...]:
-    """Return joint names in their order; raises InvalidInput where they are not those of ``joints``, each once."""
+    """Return joint names in their order; raises InvalidInput if they are not those of ``joints``, each once."""
     names = check_joint_names("joint_names", joint_names)
-    for listed, others, fact in ((names, joints, "which is none of them"), (joints, names, "which is missing")):
+    for listed, others, fact in ((names, joints, "which is not among them"), (joints, names, "which is missing")):
         strange = next((joint for joint in listed if joint not in others), None)
         if strange is not None:
-            raise InvalidInput(f"joint_names: {', '.join(joints)} in any order wanted, got {shown(strange)}, {fact}")
+            raise InvalidInput(f"joint_names must be {', '.join(joints)} in any order, got {shown(strange)}, {fact}")
     return names
 
 
 def sample_motion(motion: Motion, scaling: TimeScaling, rate: float | None = None) -> JointTrajectory:
     """Return the samples of one motion in scaled time, at the scaling's own rate or at another [Hz].
 
-    Raises Infeasible where the motion leaves its path between its own samples.
+    Raises Infeasible if the motion leaves its path between its own samples.
     """
     sigma, speed, bend = scaling.evaluate(rate)
     q, by_sigma, curved = motion.state(motion.time[0] + sigma)

@@ -1,1 +1,1 @@
-"""Nonlinear programs and their solvers: interior point, SQP, criticality. The only home of cvxpy and Clarabel."""
+"""Nonlinear programs and their solvers: interior point, SQP, criticality. Only this package uses cvxpy and Clarabel."""

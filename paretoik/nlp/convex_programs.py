@@ -1,10 +1,4 @@
-"""The linear program of a directional maximum: how far sums of columns, each within its range, reach along a direction.
-
-maximise    v
-subject to  columns · x = v · direction, low ≤ x ≤ high
-
-Solved by SciPy's HiGHS, whose simplex ends on a vertex, exact to rounding, where interior points stop short of it.
-"""
+"""Convex programs: ellipsoid fits, minimum-time moves of path points, and directional maxima."""
 
 from __future__ import annotations
 
@@ -20,14 +14,14 @@ from scipy.optimize import linprog
 from paretoik.errors import SolverFailed
 from paretoik.nlp.program import CLARABEL_TOLERANCE
 
-# Ellipsoids fitted to radii along directions: a convex program, stated in cvxpy and solved by Clarabel.
+# Ellipsoids fitted to radii along directions: a convex program in cvxpy, solved by Clarabel.
 #
 # An ellipsoid vᵀ P v ≤ 1 has the radius ρ = (dᵀ P d)^(−1/2) along the unit vector d. With x = (r / ρ)² = r² dᵀ P d,
 # linear in P, the symmetric relative error (ρ/r − r/ρ)² = x + 1/x − 2 of a sample r is convex, and ρ ≤ r is the
 # linear constraint x ≥ 1. Several ellipsoids, linear in common unknowns C, are fitted together:
 #
 #     minimise    Σ_ik  x_ik + 1/x_ik − 2,    x_ik = squares_ik · (design C)_i · products_k
-#     subject to  x_ik ≥ bound                (where radii are bounded by the samples)
+#     subject to  x_ik ≥ bound                (if the samples bound the radii)
 #                 Σ_p (definite C)_jp E_p ⪰ floor · I  for every j
 #
 # E_p are symmetric matrices of unit length; ``symmetric_basis`` returns them.
@@ -57,7 +51,7 @@ def fit_inverse_squares(
 
     ``radii`` should be of the order 1. ``bound`` is the least (r / ρ)² allowed, None for no bound.
 
-    Raises SolverFailed where Clarabel finds no solution.
+    Raises SolverFailed if Clarabel finds no solution.
     """
     import cvxpy  # here: it takes two seconds
 
@@ -77,27 +71,28 @@ def fit_inverse_squares(
         warnings.simplefilter("ignore", UserWarning)  # an inaccurate solution is judged by its status
         problem.solve(solver=cvxpy.CLARABEL, **tolerances)
     if problem.status not in (cvxpy.OPTIMAL, cvxpy.OPTIMAL_INACCURATE):
-        raise SolverFailed(f"ellipsoid fit: Clarabel should end with optimal, ended with {problem.status}")
+        raise SolverFailed(f"ellipsoid fit: Clarabel must end with optimal, got {problem.status}")
     return np.array(coefficients.value)
 
 
-# Points of a path moved so that its pieces take the least time: a second-order cone program, solved again and again.
+# Moves of a path's points for the least time of its pieces: a second-order cone program that is solved repeatedly.
 #
-# minimise    Σ ΔT(l) subject to  ‖values(l) + before(l) d(l) + after(l) d(l+1)‖ ≤ ΔT(l)             lower ≤ d ≤
-# upper, d(0) = d(N) = 0
+#     minimise    Σ ΔT(l)
+#     subject to  ‖values(l) + before(l) d(l) + after(l) d(l+1)‖ ≤ ΔT(l)
+#                 lower ≤ d ≤ upper,  d(0) = d(N) = 0
 #
-# d are the moves of the points between the ends; all pieces have one interval ΔT in common, or each its own. It is
-# built once and solved by Clarabel, whose data alone change. It is assembled by hand, since it is solved at every
-# step of a controller: canonicalised by cvxpy and solved anew, five pieces took 1.9 times as long. Tests hold it
-# against a statement in cvxpy. Source: Kim, Choi & Jang 2021, Eq. 6, its velocity limit linearised.
+# d are the moves of the points between the ends. All pieces share one interval ΔT, or each has its own. Clarabel gets
+# the program once, then only new data. It is assembled by hand because a controller solves it at every step: cvxpy
+# took 1.9 times as long for five pieces. Tests compare it with a statement in cvxpy. Source: Kim, Choi & Jang 2021,
+# Eq. 6, with its velocity limit linearised.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Pieces:
-    """Times that pieces take as lengths of vectors, to first order in how their ends move.
+    """Vectors whose lengths are the times of pieces, to first order in the moves of their ends.
 
-    ``values`` [s] are those of the path as it is, ``before`` and ``after`` [s/m] their derivatives by the point that a
-    piece begins and ends with.
+    values: vectors of the path as it is [s]
+    before, after: derivatives by the first and the last point of a piece [s/m]
     """
 
     values: Float[np.ndarray, "pieces task"]
@@ -107,14 +102,14 @@ class Pieces:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Moves:
-    """Moves (between, task) [m] of the points between the ends, and the interval (pieces,) [s] of every piece."""
+    """Moves [m] of the points between the ends, and the interval [s] of every piece."""
 
     moves: Float[np.ndarray, "between task"]
     intervals: Float[np.ndarray, " pieces"]
 
 
 class IntervalSolver:
-    """The program for so many pieces, at least two, in so many coordinates, whose solver is reused."""
+    """The program for a number of pieces (at least 2) and of task coordinates; its solver is reused."""
 
     def __init__(self, pieces: int, task: int, *, common: bool = True) -> None:
         self._pieces, self._task, self._common = pieces, task, common
@@ -129,12 +124,14 @@ class IntervalSolver:
     def solve(
         self, pieces: Pieces, lower: Float[np.ndarray, "between task"], upper: Float[np.ndarray, "between task"]
     ) -> Moves:
-        """Return the best moves between ``lower`` and ``upper`` [m], finite and on either side of 0.
+        """Return the best moves between ``lower`` ≤ 0 and ``upper`` ≥ 0 [m], both finite.
 
-        Raises SolverFailed where Clarabel finds none.
+        Raises SolverFailed if Clarabel finds none.
         """
         time = max(float(np.abs(pieces.values).max()), 1e-300)
-        length = time / max(float(np.abs(pieces.after).max()), 1e-300)  # in these units pieces and slopes are about 1
+        length = time / max(
+            float(np.abs(pieces.after).max()), 1e-300
+        )  # in these units values and derivatives are about 1
         scaled = length / time
         entries = (self._fixed, -scaled * pieces.before[1:].ravel(), -scaled * pieces.after[:-1].ravel())
         matrix = np.concatenate(entries)[self._order]
@@ -157,11 +154,11 @@ class IntervalSolver:
             self._solver.update(A=matrix, b=right)
         solution = self._solver.solve()
         if str(solution.status) not in ("Solved", "AlmostSolved"):
-            raise SolverFailed(f"intervals: Clarabel wanted to end with Solved, got {solution.status}")
+            raise SolverFailed(f"intervals: Clarabel must end with Solved, got {solution.status}")
         return solution
 
     def _place_entries(self) -> None:
-        """Find where entries stand: the two sides of the box, the intervals, ``before`` and ``after``."""
+        """Find the places of entries: both sides of the box, the intervals, ``before`` and ``after``."""
         pieces, task, unknowns = self._pieces, self._task, self._unknowns
         index = np.arange(unknowns)
         first = 2 * unknowns + np.arange(pieces) * (task + 1)  # row of each piece's cone
@@ -190,9 +187,13 @@ def furthest(
     high: Float[np.ndarray, " columns"],
     direction: Float[np.ndarray, " task"],
 ) -> tuple[float, Float[np.ndarray, " columns"]]:
-    """Return how far the columns reach along a direction, v, and the multiples x that do.
+    """Return the directional maximum v of sums of columns and the multiples x that reach it.
 
-    Raises SolverFailed where there is no such point, or no end to it.
+        maximise    v
+        subject to  columns · x = v · direction,  low ≤ x ≤ high,  v ≥ 0
+
+    SciPy's HiGHS solves it: its simplex ends on a vertex, exact to rounding; interior points stop short of it. Raises
+    SolverFailed if there is no such point or v is unbounded.
     """
     scale = np.maximum(np.abs(low), np.abs(high))
     scale = np.where(scale > 0, scale, 1.0)
@@ -206,5 +207,5 @@ def furthest(
         method="highs-ds",
     )
     if solution.status != 0:
-        raise SolverFailed(f"furthest: HiGHS wanted to end with an optimum, got {solution.message}")
+        raise SolverFailed(f"furthest: HiGHS must end with an optimum, got {solution.message}")
     return float(solution.x[-1]) * size, solution.x[:-1] * scale

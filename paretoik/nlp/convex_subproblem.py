@@ -1,4 +1,4 @@
-"""The convex subproblem of steps and of the criticality, stated in cvxpy and solved by Clarabel.
+"""The convex subproblem of SQP steps and of the criticality, stated in cvxpy and solved by Clarabel.
 
 minimise    gᵀd + ½ dᵀHd + penalty · t
 subject to  c + J d + t ≥ 0       elastic inequalities: violated by at most t, at a penalty
@@ -7,12 +7,12 @@ subject to  c + J d + t ≥ 0       elastic inequalities: violated by at most t,
             ‖values + rows d‖ ≤ d[column] + ‖values‖     cones
             t ≥ 0
 
-A step of sequential quadratic programming solves it as it is. The criticality (``nlp.criticality``) is its special case
-without gᵀd + ½ dᵀHd: the trust region is a ball and t is free.
+Sequential quadratic programming solves it as it is. The criticality (``nlp.criticality``) is its special case without
+gᵀd + ½ dᵀHd: the trust region is a ball and t is free.
 
 The statement has Parameters for all numbers and is canonicalised once for each pattern: the structure of a program, not
-which of its numbers are 0. A solution then takes one product of cvxpy's matrix from parameters to data with their
-values, leaves out the inequalities that no step within the trust region reaches, and runs Clarabel on the rest. Source:
+which of its numbers are 0. Each solution multiplies cvxpy's matrix (from parameters to data) by the parameters' values,
+leaves out the inequalities that no step within the trust region reaches, and runs Clarabel on the rest. Source:
 Nocedal & Wright, Numerical Optimization, section 18.5, with the largest violation as penalty.
 """
 
@@ -31,16 +31,17 @@ from scipy import sparse
 from paretoik.errors import SolverFailed
 from paretoik.nlp.program import CLARABEL_TOLERANCE, Constraints, Structure
 
-# Statements in cvxpy that are canonicalised once and then solved by Clarabel for any values of their parameters.
+# Statements in cvxpy that are canonicalised once; Clarabel then solves them for any values of their parameters.
 #
-# minimise    ½ xᵀPx + qᵀx subject to  b − Ax ∈ K, a product of zero, nonnegative and second-order cones
+#     minimise    ½ xᵀPx + qᵀx
+#     subject to  b − Ax ∈ K, a product of zero, nonnegative and second-order cones
 #
 # cvxpy's canonical form is linear in the parameters: one product of its matrix with the vector of their values gives
-# all of Clarabel's data. This reads cvxpy's own canonical form, which tests hold against cvxpy's ``solve``.
+# all of Clarabel's data. This code reads cvxpy's own canonical form; tests compare it with cvxpy's ``solve``.
 
 
 class Pattern(NamedTuple):
-    """What a statement depends on besides numbers."""
+    """The structure of a statement, without its numbers."""
 
     unknowns: int
     jacobian: Structure
@@ -48,19 +49,19 @@ class Pattern(NamedTuple):
 
     @classmethod
     def of(cls, constraints: Constraints) -> Pattern:
-        """Return that of constraints."""
+        """Return the pattern of constraints."""
         cones = tuple((cone.column, Structure.of(cone.rows)) for cone in constraints.cones)
         return cls(constraints.unknowns, Structure.of(constraints.jacobian), cones)
 
 
 class Parameters:
-    """The parameters of a statement, in the order in which they were made; sparse ones have a Structure."""
+    """The parameters of a statement in order of creation; sparse ones have a Structure."""
 
     def __init__(self) -> None:
-        self._parameters = list[tuple[Any, Structure | None, int]]()  # each with how many numbers it has
+        self._parameters = list[tuple[Any, Structure | None, int]]()  # each with its number of values
 
     def dense(self, *shape: int) -> Any:
-        """Return a new parameter of a shape."""
+        """Return a new parameter of this shape."""
         import cvxpy  # here: importing it takes two seconds
 
         parameter = cvxpy.Parameter(shape)
@@ -68,7 +69,7 @@ class Parameters:
         return parameter
 
     def sparse(self, structure: Structure) -> Any:
-        """Return a new parameter whose entries stand where a structure has any; zeros for one without entries."""
+        """Return a new parameter with the entries of a structure; zeros if it has no entries."""
         import cvxpy  # here: importing it takes two seconds
 
         if not structure.indices:
@@ -80,11 +81,11 @@ class Parameters:
 
     @property
     def size(self) -> int:
-        """How many numbers the parameters have in all."""
+        """Total number of values of the parameters."""
         return sum(count for _, _, count in self._parameters)
 
     def assign(self, numbers: Float[np.ndarray, " numbers"]) -> None:
-        """Give all parameters their values: dense ones by rows, sparse ones as compressed sparse rows."""
+        """Assign all parameters: dense ones by rows, sparse ones as compressed sparse rows."""
         first = 0
         for parameter, structure, count in self._parameters:
             values = numbers[first : first + count]
@@ -93,7 +94,7 @@ class Parameters:
                 parameter.value = values.reshape(parameter.shape)
             else:
                 entries = sparse.csr_array((values, structure.places), shape=structure.shape)
-                ordered = np.asarray(entries[parameter.sparse_idx]).ravel()  # cvxpy has an order of its own
+                ordered = np.asarray(entries[parameter.sparse_idx]).ravel()  # cvxpy has its own order
                 parameter.value_sparse = sparse.coo_array((ordered, parameter.sparse_idx), shape=structure.shape)
 
 
@@ -109,7 +110,7 @@ def state_cones(pattern: Pattern, d: Any, parameters: Parameters) -> list[Any]:
 
 
 def parameter_values(*first: Any, constraints: Constraints, scales: np.ndarray) -> Float[np.ndarray, " numbers"]:
-    """Return the numbers of a statement whose parameters are ``first``, then J / ``scales``, then those of cones."""
+    """Return a statement's numbers: the parameters ``first``, then J / ``scales``, then the cones."""
     numbers = [*first, constraints.jacobian.data / scales[constraints.entries.row]]
     for cone in constraints.cones:
         numbers += [[np.linalg.norm(cone.values)], cone.values, cone.rows.data]
@@ -117,7 +118,7 @@ def parameter_values(*first: Any, constraints: Constraints, scales: np.ndarray) 
 
 
 class Statement(NamedTuple):
-    """A statement in cvxpy: its variables d and t, its inequalities, None for none, and its cones."""
+    """A statement in cvxpy: variables d and t, inequalities (None if it has none) and cones."""
 
     problem: Any
     parameters: Parameters
@@ -128,14 +129,14 @@ class Statement(NamedTuple):
 
 
 class CanonicalForm:
-    """A statement canonicalised: minimise ½ xᵀPx + qᵀx with b − Ax in cones, q, A and b linear in the parameters."""
+    """A canonicalised statement: ½ xᵀPx + qᵀx, b − Ax in cones; q, A and b are linear in the parameters."""
 
     def __init__(self, statement: Statement) -> None:
         import cvxpy  # here: importing it takes two seconds
         from cvxpy.cvxcore.python.canonInterface import get_parameter_vector
 
         problem, parameters = statement.problem, statement.parameters
-        # Entries of all parameters are numbered from 2 on, 1 being the constant, and looked for in cvxpy's own vector.
+        # Entries of all parameters get the numbers 2, 3, ... (1 is the constant), to find them in cvxpy's own vector.
         parameters.assign(np.arange(2.0, parameters.size + 2.0))
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # cvxpy reads its own sparse parameters as dense ones
@@ -152,11 +153,11 @@ class CanonicalForm:
         self._cones = list(canonical.cone_dims.soc)
 
     def columns(self, variable: Any) -> np.ndarray:
-        """Return where the entries of a variable stand in x."""
+        """Return the places of a variable's entries in x."""
         return np.asarray(self._first[variable.id] + np.arange(variable.size))
 
     def rows_in_use(self, rows: int, near: np.ndarray) -> Bool[np.ndarray, " rows"]:
-        """Return which rows of A are used where of the first ``rows``, the inequalities, those ``near`` are."""
+        """Return a mask of the used rows of A: of the first ``rows``, the inequalities, only ``near``."""
         mask = np.ones(self.rows, dtype=bool)
         mask[:rows] = False
         mask[near] = True
@@ -170,10 +171,10 @@ class CanonicalForm:
         tolerance: float,
         P: sparse.csc_matrix | None = None,
     ) -> tuple[Float[np.ndarray, " variables"], Float[np.ndarray, " used"]]:
-        """Return x and the dual variables for values of the parameters, of the rows of A in a ``mask`` alone.
+        """Return x and the dual variables for these ``numbers``, with only the masked rows of A.
 
-        Rows of cones have to be in it; gaps and infeasibilities are within ``tolerance``. Raises SolverFailed, naming
-        the program, where Clarabel ends without a solution.
+        The mask must contain the rows of cones; gaps and infeasibilities are within ``tolerance``. Raises SolverFailed,
+        naming the program, if Clarabel ends without a solution.
         """
         vector = np.append(1.0, numbers)[self._order]
         A, b = self._cut(self._matrix @ vector, mask)
@@ -189,7 +190,7 @@ class CanonicalForm:
         P = sparse.csc_matrix((self.variables, self.variables)) if P is None else P
         solution = clarabel.DefaultSolver(P, self._linear @ vector, A, b, cones, settings).solve()
         if str(solution.status) not in ("Solved", "AlmostSolved"):
-            raise SolverFailed(f"{name}: Clarabel wanted to end with Solved, got {solution.status}")
+            raise SolverFailed(f"{name}: Clarabel must end with Solved, got {solution.status}")
         return np.array(solution.x), np.array(solution.z)
 
     def _cut(self, entries: np.ndarray, mask: np.ndarray) -> tuple[sparse.csc_matrix, np.ndarray]:
@@ -205,9 +206,9 @@ class CanonicalForm:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Step:
-    """A step d, the violation t that it leaves, and the multipliers of inequalities and of the vectors in cones.
+    """A step d, its violation t, and the multipliers of inequalities and of vectors in cones.
 
-    Without a trust region's t ≥ 0, as in the criticality, t is less than 0 by what all elastic inequalities gain.
+    In the criticality t may be negative: −t is what all elastic inequalities gain.
     """
 
     step: Float[np.ndarray, " columns"]
@@ -226,9 +227,12 @@ def solve_subproblem(
     penalty: float,
     tolerance: float = CLARABEL_TOLERANCE,
 ) -> Step:
-    """Return the solution, the first ``elastic`` inequalities being elastic.
+    """Return the solution of the subproblem with the first ``elastic`` inequalities elastic.
 
-    ``hessian`` has to be symmetric and positive semidefinite. Raises SolverFailed if Clarabel ends without a solution.
+        minimise    gᵀd + ½ dᵀHd + penalty · t
+        subject to  c + J d + t ≥ 0 (elastic),  c + J d ≥ 0 (others),  |dᵢ| ≤ radius,  t ≥ 0,  cones
+
+    ``hessian`` must be symmetric and positive semidefinite. Raises SolverFailed if Clarabel ends without a solution.
     """
     return subproblem_of(Pattern.of(constraints), elastic).solve(
         gradient, hessian, constraints, radius=radius, penalty=penalty, tolerance=tolerance
@@ -236,10 +240,11 @@ def solve_subproblem(
 
 
 def convexify(hessian: sparse.csr_array, unknowns: int, flattening: float) -> sparse.csr_array:
-    """Return the Hessian with its negative eigenvalues raised to nearly 0: the trust region bounds steps along them.
+    """Return the Hessian with negative eigenvalues raised to nearly 0.
 
-    Reflecting them, or stiffening the Hessian across the inequalities that bind, took two to five times as many steps
-    where curvature comes from kinks, and the latter 1.2 times as many on small dense programs.
+    The trust region bounds steps along them. Reflecting them, or stiffening the Hessian across active inequalities,
+    took two to five times as many steps if curvature comes from kinks; the latter took 1.2 times as many on small dense
+    programs.
     """
     dense = hessian.toarray()
     indices = np.flatnonzero(np.any(dense != 0, axis=1) | (np.arange(len(dense)) < unknowns))
@@ -256,7 +261,7 @@ def convexify(hessian: sparse.csr_array, unknowns: int, flattening: float) -> sp
 
 
 class ConvexSubproblem:
-    """The subproblem of one pattern, canonicalised; with a ``ball`` it is that of the criticality."""
+    """The canonicalised subproblem of one pattern; with a ``ball`` it is that of the criticality."""
 
     def __init__(self, pattern: Pattern, elastic: int, *, ball: bool = False) -> None:
         (self._rows, columns), self._elastic = pattern.jacobian.shape, elastic
@@ -276,12 +281,12 @@ class ConvexSubproblem:
         near: Int[np.ndarray, " near"] | None = None,
         tolerance: float = CLARABEL_TOLERANCE,
     ) -> Step:
-        """Return the solution for these numbers, without a Hessian that with a ball.
+        """Return the solution for these numbers, for the form with a ball without a Hessian.
 
         Only inequalities ``near`` count, by default those within reach. Raises SolverFailed if Clarabel finds none.
         """
         scales = constraints.row_norms.copy()
-        scales[: self._elastic] = 1.0  # their units decide what a violation costs
+        scales[: self._elastic] = 1.0  # their units determine what a violation costs
         numbers = _numbers(gradient, hessian, constraints, radius, penalty, scales)
         near = constraints.within_reach(radius, order=1) if near is None else near
         mask = self._form.rows_in_use(self._rows, near)
@@ -309,7 +314,7 @@ subproblem_of = lru_cache(maxsize=64)(ConvexSubproblem)  # canonicalised stateme
 
 
 def _state(pattern: Pattern, elastic: int, hessian: sparse.csr_array | None) -> Statement:
-    """Return the statement for a pattern and a Hessian, which is a constant: dᵀHd takes no Parameter H."""
+    """Return the statement for a pattern and a constant Hessian: dᵀHd takes no Parameter H."""
     import cvxpy  # here: importing it takes two seconds
 
     (rows, columns), unknowns, parameters = pattern.jacobian.shape, pattern.unknowns, Parameters()
@@ -338,7 +343,7 @@ def _numbers(
     penalty: float,
     scales: np.ndarray,
 ) -> Float[np.ndarray, " numbers"]:
-    """Return the values of all parameters, in the statement's order, inequalities divided by ``scales``."""
+    """Return the values of all parameters in the statement's order; ``scales`` divide inequalities."""
     linear = gradient[: 0 if hessian is None else len(gradient)]
     first = [radius, penalty], linear, constraints.values / scales
     return parameter_values(*first, constraints=constraints, scales=scales)
@@ -354,7 +359,7 @@ def solve_with_cvxpy(
     penalty: float,
     tolerance: float = CLARABEL_TOLERANCE,
 ) -> Step:
-    """Return what ``solve_subproblem`` does, by cvxpy's own solve of the same statement.
+    """Return the result of ``solve_subproblem`` by cvxpy's own solve of the same statement.
 
     Raises SolverFailed if there is no solution.
     """
@@ -367,7 +372,7 @@ def solve_with_cvxpy(
         tolerances = dict.fromkeys(("tol_gap_abs", "tol_gap_rel", "tol_feas"), tolerance)
         statement.problem.solve(solver="CLARABEL", **tolerances)
     if statement.d.value is None:
-        raise SolverFailed(f"step: a solution wanted, got {statement.problem.status}")
+        raise SolverFailed(f"step: Clarabel must end with a solution, got {statement.problem.status}")
     return Step(
         step=np.array(statement.d.value),
         violation=float(statement.t.value),

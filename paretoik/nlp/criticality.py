@@ -1,20 +1,20 @@
-"""How much all objectives can gain at once, to first order: the criticality χ of a point.
+"""The criticality χ of a point: how much all objectives can gain at once, to first order.
 
 maximise    χ
 subject to  −∇fᵢ·d − χ ≥ 0 for every objective
             c + J d ≥ 0, c at least 0
             ‖d‖ ≤ radius, and cones
 
-χ is 0 at a Pareto-critical point, positive elsewhere. It is the convex subproblem of ``nlp.subproblem``, stated in
+χ is 0 at a Pareto-critical point, positive elsewhere. It is a special case of ``nlp.convex_subproblem``, stated in
 cvxpy and solved by Clarabel: the elastic inequalities are the objectives' gains, and t = −χ. Source: Fliege & Svaiter
 2000, Eq. 2, with a ball in place of their quadratic term.
 
-Any λ ≥ 0, Σλ = 1, and μ ≥ 0 bound it from above, by weak duality:
+By weak duality, any λ ≥ 0 with Σλ = 1 and any μ ≥ 0 give an upper bound:
 
     χ ≤ radius · ‖Σ λᵢ ∇fᵢ − Jᵀ μ‖ + μ·c
 
-If the active inequalities alone have multipliers that bound it by next to nothing, and no others do, these are exact
-(nonnegative least squares: Lawson & Hanson 1974, chapter 23). Searches take this bound for χ.
+If multipliers of only the active inequalities give a bound of almost 0, and they are unique, they are exact
+(nonnegative least squares: Lawson & Hanson 1974, chapter 23). Searches use this bound for χ.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ from paretoik.nlp.convex_subproblem import Pattern, subproblem_of
 from paretoik.nlp.program import Constraints, dense_rows, stack_rows
 from paretoik.stop_flag import check_interruption
 
-# Elimination of auxiliary columns, in which few rows have entries, before dense factorisations of what is left.
+# Elimination of auxiliary columns, which are sparse, before dense factorisations of the rest.
 
 
 @dataclass(frozen=True, kw_only=True)
 class EliminationOptions:
-    """Entries up to ``pivot`` of rows of length one are none."""
+    """Smallest ``pivot``: smaller entries, of rows of length one, count as 0."""
 
     pivot: float = 1e-9
 
@@ -48,9 +48,10 @@ ELIMINATION_OPTIONS = EliminationOptions()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Elimination:
-    """Rows with auxiliary columns eliminated from all but one row each, their pivots.
+    """Rows after elimination: each eliminated column has an entry only in its pivot row.
 
-    ``pivots`` are the rows of ``columns``, ``remaining`` says which rows are none, ``free`` which columns stay.
+    pivots, columns: pivot row and column of every elimination
+    remaining, free: which rows are no pivots, and which columns stay
     """
 
     table: Float[np.ndarray, "rows columns"]
@@ -61,14 +62,14 @@ class Elimination:
 
     @property
     def reduced(self) -> Float[np.ndarray, "remaining free"]:
-        """What other rows have in the columns that stay."""
+        """Entries of the remaining rows in the columns that stay."""
         return self.table[np.ix_(self.remaining, self.free)]
 
 
 def eliminate(rows: Float[np.ndarray, "rows columns"], unknowns: int, pivot_rows: int | None = None) -> Elimination:
-    """Eliminate the columns from ``unknowns`` on (Gauss & Jordan), pivots being among the first ``pivot_rows``, or all.
+    """Eliminate the columns from ``unknowns`` on (Gauss–Jordan), with pivots among the first ``pivot_rows``, or all.
 
-    Pivots are the largest entries; a column without any stays.
+    Pivots are the largest entries; a column without a pivot stays.
     """
     table, (count, size) = rows.copy(), rows.shape
     remaining, free = np.ones(count, dtype=bool), np.ones(size, dtype=bool)
@@ -89,27 +90,27 @@ def eliminate(rows: Float[np.ndarray, "rows columns"], unknowns: int, pivot_rows
     return Elimination(table=table, pivots=pivots, columns=columns, remaining=remaining, free=free)
 
 
-# All multipliers that make a point critical, and how the objectives' weights may differ among them.
+# The set of all multipliers that make a point critical, and the ranges of the objectives' weights.
 #
 #     {(λ, μ): Σ λᵢ ∇fᵢ = Aᵀ μ,  λ ≥ 0, μ ≥ 0},  A the gradients of the active inequalities
 #
-# λ is unique up to its length where the parts of ∇fᵢ across the rows of A depend on each other in one way only: that
-# takes no solver. Elsewhere all solutions of the equation are λ = V y, μ = M y + N z, and linear programs as small as
-# these give the least and the largest share λᵢ / (λᵢ + λⱼ) of every pair:
+# λ is unique up to its length if the parts of ∇fᵢ across the rows of A have only one linear dependence: this test needs
+# no solver. Else all solutions of the equation are λ = V y, μ = M y + N z, and small linear programs give the least and
+# the largest share λᵢ / (λᵢ + λⱼ) of every pair:
 #
 #     extremise   λᵢ
 #     subject to  λᵢ + λⱼ = 1,  V y ≥ 0,  M y + N z ≥ 0
 #
-# They are solved by SciPy's HiGHS, whose simplex ends on a vertex; an interior point stops short of one where many
-# meet. Source: Gal & Nedoma 1972 for the set of multipliers; Charnes & Cooper 1962 for ratios.
+# SciPy's HiGHS solves them: its simplex ends on a vertex; an interior point stops short of one if many meet. Source:
+# Gal & Nedoma 1972 for the set of multipliers; Charnes & Cooper 1962 for ratios.
 
 
 @dataclass(frozen=True, kw_only=True)
 class MultiplierSetOptions:
-    """Tolerances; none has a unit, gradients being divided by their lengths."""
+    """Tolerances without unit: gradients are divided by their lengths."""
 
-    singular: float = 1e-7  # singular value that counts as none
-    negligible: float = 1e-12  # length, of the longest gradient, of one that is none
+    singular: float = 1e-7  # largest singular value that counts as 0
+    negligible: float = 1e-12  # length of a row that counts as 0
     balance: float = 1e-9  # by which a multiplier may be negative
     solver_tolerance: float = 1e-9  # of HiGHS's infeasibilities
 
@@ -122,9 +123,9 @@ def share_ranges(
     active: Float[np.ndarray, "rows columns"],
     unknowns: int | None = None,
 ) -> Float[np.ndarray, "n_obj n_obj 2"] | None:
-    """Return the least and largest λᵢ / (λᵢ + λⱼ) over all multipliers of a critical point; None where λ is unique.
+    """Return the ranges of λᵢ / (λᵢ + λⱼ) over all multipliers of a critical point; None if λ is unique.
 
-    Columns from ``unknowns`` on, if any, are auxiliary. Raises SolverFailed where HiGHS ends without a solution.
+    Columns from ``unknowns`` on, if any, are auxiliary. Raises SolverFailed if HiGHS ends without a solution.
     """
     longest = max(float(np.linalg.norm(gradients, axis=1).max()), 1e-300)
     scaled, lengths = gradients / longest, np.linalg.norm(active, axis=1)
@@ -148,9 +149,9 @@ def share_ranges(
 def _are_unique(
     gradients: Float[np.ndarray, "n_obj columns"], rows: Float[np.ndarray, "rows columns"], unknowns: int
 ) -> bool:
-    """Return whether gradients depend on each other in one way across rows, auxiliary columns being eliminated.
+    """Return whether gradients have one linear dependence across rows, after eliminating auxiliary columns.
 
-    Multiples of rows, added to gradients and to other rows, leave what is across all rows as it is.
+    Adding multiples of rows to gradients and to other rows does not change the parts across all rows.
     """
     elimination = eliminate(np.concatenate([rows, gradients]), unknowns, len(rows))
     reduced = elimination.reduced
@@ -167,7 +168,7 @@ def _are_unique(
 def _by_parameters(
     target: Float[np.ndarray, "rank y"], triangle: Float[np.ndarray, "rank rows"], order: np.ndarray
 ) -> tuple[Float[np.ndarray, "rows y"], Float[np.ndarray, "rows z"]]:
-    """Return M and N: all solutions of triangle · μ[order] = target · y are μ = M y + N z."""
+    """Return M and N: triangle · μ[order] = target · y has the solutions μ = M y + N z."""
     rank, count = triangle.shape
     particular, kernel = np.zeros((count, target.shape[1])), np.zeros((count, count - rank))
     if rank:
@@ -180,7 +181,7 @@ def _by_parameters(
 def _extreme_shares(
     weights: Float[np.ndarray, "n_obj y"], particular: Float[np.ndarray, "rows y"], kernel: Float[np.ndarray, "rows z"]
 ) -> Float[np.ndarray, "n_obj n_obj 2"]:
-    """Return the ends of the shares of all pairs."""
+    """Return the least and largest shares of all pairs, by linear programs."""
     count, free = len(weights), kernel.shape[1]
     padded = np.pad(weights, ((0, 0), (0, free)))
     nonnegative = np.concatenate([padded, np.hstack([particular, kernel])])
@@ -202,7 +203,7 @@ def _extreme_shares(
                 options={"primal_feasibility_tolerance": tolerance, "dual_feasibility_tolerance": tolerance},
             )
             if solution.status != 0:
-                raise SolverFailed(f"multipliers: HiGHS wanted to end with an optimum, got {solution.message}")
+                raise SolverFailed(f"multipliers: HiGHS must end with an optimum, got {solution.message}")
             shares[i, j, end] = np.clip(padded[i] @ solution.x, 0.0, 1.0)
         shares[j, i] = 1.0 - shares[i, j, ::-1]
     return shares
@@ -212,12 +213,12 @@ def _extreme_shares(
 class CriticalityOptions:
     """How the criticality is computed; no field has a unit."""
 
-    near_share: float = 0.01  # of the radius: inequalities that no step so short reaches are left out at first
-    gain_tolerance: float = 1e-10  # of the steepest gradient's length: a gain that is as good as 0
+    near_share: float = 0.01  # of the radius: inequalities beyond the reach of such steps are left out at first
+    gain_tolerance: float = 1e-10  # of the steepest gradient's length: a smaller gain counts as 0
     active: float = 1e-7  # slack up to which an inequality is active
-    bound: float = 1e-8  # of the steepest gradient's length times the radius: a bound of χ that stands for it
-    singular: float = 1e-7  # singular value that counts as none, of gradients of length one
-    solver_tolerances: tuple[float, ...] = (1e-11, 1e-9)  # of Clarabel's gaps and infeasibilities, until one is met
+    bound: float = 1e-8  # of the steepest gradient's length times the radius: a smaller bound replaces χ
+    singular: float = 1e-7  # largest singular value that counts as 0, of gradients of length one
+    solver_tolerances: tuple[float, ...] = (1e-11, 1e-9)  # of Clarabel's gaps and infeasibilities, tried in order
 
 
 OPTIONS = CriticalityOptions()
@@ -225,7 +226,7 @@ OPTIONS = CriticalityOptions()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Criticality:
-    """``value`` χ, the step that attains it, ``weights`` λ of the objectives, Σλ = 1, and multipliers μ of the rest."""
+    """The value χ, its step, weights λ of the objectives (Σλ = 1) and multipliers μ."""
 
     value: float
     step: Float[np.ndarray, " columns"]
@@ -237,11 +238,11 @@ class Criticality:
 def criticality(
     gradients: Float[np.ndarray, "objectives columns"], constraints: Constraints, radius: float
 ) -> Criticality:
-    """Return the criticality where objectives have these gradients.
+    """Return the criticality for these gradients of the objectives.
 
-    The nearest inequalities come first: with fewer χ can only be greater, so that χ = 0 with them is χ = 0 with all.
-    Multipliers of the active inequalities replace Clarabel's if they are unique: an interior point stops short of them.
-    Raises SolverFailed if Clarabel ends without a solution.
+    At first only the nearest inequalities count: fewer inequalities can only raise χ, so χ = 0 with them is χ = 0 with
+    all. Unique multipliers of the active inequalities replace Clarabel's: an interior point stops short of them. Raises
+    SolverFailed if Clarabel ends without a solution.
     """
     check_interruption()
     scale = _scale(gradients)
@@ -256,7 +257,7 @@ def criticality(
 def quick_criticality(
     gradients: Float[np.ndarray, "objectives columns"], constraints: Constraints, radius: float
 ) -> Criticality:
-    """Return the bound that active inequalities give, or the criticality if there is none. Raises as that does."""
+    """Return the bound from active inequalities, else the criticality. Raises as that does."""
     check_interruption()
     return active_set_criticality(gradients, constraints, radius) or criticality(gradients, constraints, radius)
 
@@ -264,9 +265,12 @@ def quick_criticality(
 def active_set_criticality(
     gradients: Float[np.ndarray, "objectives columns"], constraints: Constraints, radius: float
 ) -> Criticality | None:
-    """Return a bound of the criticality, and the only multipliers of the active inequalities that lead to it.
+    """Return a bound of the criticality with the unique multipliers of the active inequalities that give it.
 
-    None where the bound is not next to nothing, other multipliers do as well, or there are auxiliary columns.
+        minimise    ‖Σ λᵢ ∇fᵢ − Aᵀμ‖² + (Σλ + Σμ − 1)²
+        subject to  λ ≥ 0,  μ ≥ 0
+
+    None if the bound is not almost 0, other multipliers are as good, or there are auxiliary columns.
     """
     if constraints.cones or gradients.shape[1] > constraints.unknowns:
         return None
@@ -276,7 +280,7 @@ def active_set_criticality(
     total = np.concatenate([np.ones(count), np.zeros(len(active))])
     try:
         dual = nnls(np.vstack([rows.T, total]), np.append(np.zeros(rows.shape[1]), 1.0))[0]
-    except RuntimeError:  # no end within its iterations
+    except RuntimeError:  # iteration limit reached
         return None
     if not dual[:count].any():
         return None
@@ -297,7 +301,7 @@ def active_set_criticality(
 def _solve_near(
     gradients: np.ndarray, constraints: Constraints, radius: float, near: Int[np.ndarray, " near"]
 ) -> Criticality:
-    """Return the criticality with only the inequalities ``near``, by the first tolerance that Clarabel reaches."""
+    """Return the criticality with only the inequalities ``near``, at the first tolerance that Clarabel reaches."""
     (count, columns), scale = gradients.shape, _scale(gradients)
     statement = Constraints(
         unknowns=constraints.unknowns,
@@ -307,7 +311,7 @@ def _solve_near(
     )
     rows = np.concatenate([np.arange(count), count + near])
     subproblem = subproblem_of(Pattern.of(statement), count, ball=True)
-    for tolerance in OPTIONS.solver_tolerances:  # the next if there is no progress below what rounding leaves
+    for tolerance in OPTIONS.solver_tolerances:  # the next one if rounding stops progress
         try:
             solution = subproblem.solve(
                 np.zeros(columns), None, statement, radius=radius, near=rows, tolerance=tolerance

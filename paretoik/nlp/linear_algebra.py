@@ -1,4 +1,4 @@
-"""Sums and products over arrays, written as loops: array expressions take numba a second each to compile."""
+"""Linear algebra in loops, compiled: numba needs a second to compile each array expression."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from paretoik.compilation.numba_cache import compiled
 
 @compiled
 def cholesky(A, factor):
-    """Write the lower factor of A, its diagonal inverted; return whether A is positive definite."""
+    """Write the lower factor of A with inverted diagonal; return whether A is positive definite."""
     rows, largest = A.shape[0], 0.0
     tolerance = 1e-13  # share of the largest diagonal entry: a matrix with a smaller pivot counts as singular
     for i in range(rows):
@@ -46,7 +46,7 @@ def solve_cholesky(factor, right):
 
 @compiled
 def weighted_square(J, D, A):
-    """Write A = J D Jᵀ, D a diagonal."""
+    """Write A = J D Jᵀ for a diagonal D."""
     rows, n = J.shape
     for i in range(rows):
         for m in range(i + 1):
@@ -56,15 +56,15 @@ def weighted_square(J, D, A):
             A[i, m] = A[m, i] = total
 
 
-# Orthonormal bases by Householder's reflections I − v vᵀ, |v|² = 2, compiled (Golub & Van Loan, section 5.1).
+# Orthonormal bases by Householder reflections I − v vᵀ, |v|² = 2, compiled (Golub & Van Loan, section 5.1).
 
 
-RANK_TOLERANCE = 1e-11  # of a row's length: what the rows before it may leave of it at least
+RANK_TOLERANCE = 1e-11  # of a row's length: least part that is independent of the rows before it
 
 
 @compiled
 def triangularise(rows, triangle):
-    """Overwrite rows (m, n) by the reflections v of rowsᵀ = Q [R; 0], and write R; False where they are dependent."""
+    """Overwrite rows (m, n) with the reflections v of rowsᵀ = Q [R; 0]; write R; False if dependent."""
     m, n = rows.shape
     for i in range(m):
         whole, size = 0.0, 0.0
@@ -103,7 +103,7 @@ def reflect(v, x):
 
 @compiled
 def rotate(reflectors, x):
-    """Overwrite x with Qᵀ x: first what lies across the null space, then along it."""
+    """Overwrite x with Qᵀ x: first the part across the null space, then the part along it."""
     for i in range(len(reflectors)):
         reflect(reflectors[i], x)
 
@@ -146,7 +146,7 @@ def back_substitute(triangle, x):
 def eliminate(matrix, right, triangle):
     """Overwrite right with matrix⁻¹ right; return False beyond a fold of the equations.
 
-    Where the step started the matrix was the transpose of ``triangle``; until a fold, its pivots keep their signs.
+    At the start of the step the matrix was the transpose of ``triangle``; its pivots keep their signs up to a fold.
     """
     size = len(triangle)
     for i in range(size):
@@ -165,12 +165,12 @@ def eliminate(matrix, right, triangle):
     return True
 
 
-# Dense systems by LU factors, rows exchanged, in the first rows and columns of larger arrays; compiled.
+# Dense systems by LU factors with row exchanges, in the first rows and columns of larger arrays; compiled.
 
 
 @compiled
 def factorise_lu(matrix, exchanges, count):
-    """Overwrite the first ``count`` rows and columns with their factors; return whether they are regular."""
+    """Overwrite the first ``count`` rows and columns with their LU factors; return whether regular."""
     for k in range(count):
         pivot = k
         for i in range(k + 1, count):
@@ -202,7 +202,7 @@ def solve_lu(factors, exchanges, count, x):
 
 @compiled
 def substitute_lu(factors, count, x):
-    """Overwrite the first entries of x with the solution where no rows were exchanged."""
+    """Overwrite the first entries of x with the solution, without row exchanges."""
     for i in range(count):
         for j in range(i):
             x[i] -= factors[i, j] * x[j]
@@ -214,7 +214,7 @@ def substitute_lu(factors, count, x):
 
 @compiled
 def finite_indices(values):
-    """Return the indices of what is finite."""
+    """Return the indices of the finite values."""
     count = 0
     for value in values:
         count += np.isfinite(value)
@@ -229,7 +229,7 @@ def finite_indices(values):
 
 @compiled
 def clear(matrix):
-    """Make all entries of a matrix 0."""
+    """Set all entries of a matrix to 0."""
     for i in range(matrix.shape[0]):
         for j in range(matrix.shape[1]):
             matrix[i, j] = 0.0

@@ -1,4 +1,4 @@
-"""Local minima of a program from a batch of points, by the solver that suits it or the one that is asked for."""
+"""Local minima of a program from a batch of points, by a suitable or a chosen solver."""
 
 from __future__ import annotations
 
@@ -37,30 +37,30 @@ from paretoik.runs.distribution import Lost, distribute_remembered, threads, wor
 from paretoik.runs.journal import Values, remembered
 from paretoik.stop_flag import STOP, Interrupted, check_interruption
 
-# The ends of searches as plain arrays: from the journal of the run, from workers, and as a batch of solutions.
+# Results of searches as plain arrays: from the run's journal, from workers, and as a batch of solutions.
 
 
 END = ("x", "status", "iterations", "F", "multipliers", "stationarity", "violation")
 
 
 def remembered_end(key: bytes | None, search: Callable[[], tuple[Any, ...]]) -> tuple[Any, ...]:
-    """Return the end of a search, from the run's journal where it is there."""
+    """Return the result of a search, from the run's journal if it is there."""
     return search() if key is None else end_of(remembered(key, lambda: values_of_end(search())))
 
 
 def values_of_end(end: tuple[Any, ...]) -> Values:
-    """Return the end of a search as plain arrays by name."""
+    """Return the result of a search as plain arrays by name."""
     return {name: np.asarray(value) for name, value in zip(END, end, strict=True) if value is not None}
 
 
 def end_of(values: Values) -> tuple[Any, ...]:
-    """Return plain arrays by name as the end of a search."""
+    """Return the result of a search from plain arrays by name."""
     end = {name: values[name] if values[name].ndim else values[name].item() for name in END if name in values}
     return tuple(end.get(name) for name in END)
 
 
 def unknown_end(program: Program, start: np.ndarray, status: int) -> tuple[Any, ...]:
-    """Return the end of a search that was not made, or of which nothing came."""
+    """Return the result of a search that was not made or failed."""
     return start, status, 0, np.full(len(program.upper), np.nan), None, np.nan, np.nan
 
 
@@ -72,7 +72,7 @@ def distribute_searches(
     ends: list[tuple[Any, ...]],
     observe: Callable[[int], object] | None,
 ) -> None:
-    """Put in place what searches of workers end at, as they end: after a signal the others stay as they were."""
+    """Write the results of workers' searches to ``ends`` as they arrive; after a signal the others stay."""
     with suppress(Interrupted):
         for done, (i, values) in enumerate(distribute_remembered(search, program, starts, keys), start=1):
             if isinstance(values, Lost):
@@ -87,9 +87,10 @@ def distribute_searches(
 def collect_solutions(
     ends: Sequence[tuple[Any, ...]], shape: tuple[int, ...], objectives: int, upper: Float[np.ndarray, "points bounds"]
 ) -> Solutions:
-    """Return ends as a batch of points of a ``shape``: x, status, iterations, F, multipliers, stationarity, violation.
+    """Return results of searches as a batch of points with this ``shape``.
 
-    Of the multipliers the last are those of the finite bounds; None where they are unknown.
+    A result is (x, status, iterations, F, multipliers, stationarity, violation). The last multipliers are those of the
+    finite bounds; None if they are unknown.
     """
     x, status, iterations, F, multipliers, stationarity, violation = list(zip(*ends, strict=True)) or [()] * 7
     finite = np.isfinite(upper)
@@ -119,14 +120,17 @@ def minimise(
     solver: Solver = "auto",
     observe: Callable[[int], object] | None = None,
 ) -> Solutions:
-    """Return the local minima of weights · F, rows · F (F itself without rows) below ``upper``, that points lead to.
+    """Return the local minima that points lead to.
 
-    Every point is led by itself, whatever else is in the batch; ``options`` are for all, or one a point. The program's
-    own bounds hold as well. "auto" is the interior-point method where the program has a kernel, else SQP. Workers,
-    where there are any, show ``observe`` how many are done.
+        minimise    weights · F(x)
+        subject to  h(x) = 0,  c(x) ≥ 0,  rows · F(x) ≤ upper (F itself without rows),  F(x) ≤ the program's own bounds
 
-    Raises InvalidInput where the interior-point method is asked for a program that has none, and Interrupted, with the
-    solutions so far, after a signal.
+    A point's result does not depend on the rest of the batch; ``options`` are common, or one per point. "auto" is the
+    interior-point method if the program has a kernel, else SQP. ``observe`` gets the number of points that workers have
+    finished.
+
+    Raises InvalidInput if the interior-point method is chosen for a program without a kernel, and Interrupted, with
+    the solutions so far, after a signal.
     """
     check_interruption()
     check_solver(program, solver)
@@ -147,23 +151,23 @@ def minimise(
         solutions = _sqp(program, x, factors, table, bounds, each, observe)
     else:
         solutions = _interior_point(program, kernel, x, factors, table, bounds, each, observe)
-    # Below the program's own rounding no step makes a point better.
+    # Below the program's own rounding no step improves a point.
     near = (solutions.stationarity <= program.rounding) & (solutions.violation <= 1e-8)
     solutions.status[near & (solutions.status == NO_PROGRESS)] = CONVERGED
     return _finished(replace(solutions, x=program.pin(solutions.x)))
 
 
 def chosen_solver(program: Program, solver: Solver) -> Solver:
-    """Return the solver that a program is solved by: "auto" is "interior-point" if it has a kernel, else "sqp"."""
+    """Return the program's solver: "auto" is "interior-point" if it has a kernel, else "sqp"."""
     return "sqp" if solver == "sqp" or program.unsupported else "interior-point"
 
 
 def check_solver(program: Program, solver: str) -> None:
-    """Raise InvalidInput unless ``solver`` is one that can solve the program, naming what it cannot take."""
+    """Raise InvalidInput unless ``solver`` can solve the program, naming the unsupported functions."""
     check_solver_name(solver)
     if solver == "interior-point" and program.kernel is None:
         names = ", ".join(program.unsupported)
-        raise InvalidInput(f"solver: 'interior-point' wants functions of a sample, {names} relates samples: take 'sqp'")
+        raise InvalidInput(f"solver must be 'sqp' for functions that relate samples ({names}), got 'interior-point'")
 
 
 def _interior_point(
@@ -197,7 +201,7 @@ def _interior_point(
         return np.ascontiguousarray(x[i]), weights[i].copy(), rows, upper[i].copy(), options[i]
 
     def work(kernel: Any) -> None:
-        for i in remaining:  # whichever thread is free takes the next point
+        for i in remaining:  # a free thread takes the next point
             if STOP[0]:
                 return
             ends[i] = remembered_end(keys[i], partial(search, kernel, *start_of(i), STOP))
@@ -208,10 +212,10 @@ def _interior_point(
     elif count == 1 and type(kernel) in _COMPILED and _hears_signals():
         work(kernel)
     elif count:
-        kernels = [kernel, *(program.kernel for _ in range(1, min(count, threads())))]  # one for a thread
+        kernels = [kernel, *(program.kernel for _ in range(1, min(count, threads())))]  # one per thread
         _join([_pool().submit(work, each) for each in kernels])
         _COMPILED.add(type(kernel))
-    for i in range(count if program.kinked else 0):  # what was minimised is smoothed
+    for i in range(count if program.kinked else 0):  # the solver minimised smoothed functions
         if ends[i][1] not in (NOT_FINITE, INTERRUPTED, LOST):
             F, equalities, inequalities = program.evaluate(ends[i][0])
             violation = violation_of(program, F, equalities, inequalities, rows, upper[i])
@@ -227,7 +231,7 @@ def compile_method(
     *,
     solver: Solver,
 ) -> None:
-    """Compile the method that minimises a program from a point, where need be: workers find it on the disk."""
+    """Compile the method for a program if necessary; workers then load it from the disk."""
     kernel = None if solver == "sqp" else program.kernel
     if kernel is not None:
         size = len(program.upper)
@@ -243,11 +247,11 @@ def _compile_method(kernel: Any, start: tuple[Any, ...]) -> None:
         _COMPILED.add(type(kernel))
 
 
-_COMPILED: set[type] = set()  # kernels whose interior-point method needs no more compilation, which no signal ends
+_COMPILED: set[type] = set()  # kernels whose interior-point method is compiled: no signal ends a compilation
 
 
 def _hears_signals() -> bool:
-    """Return whether a signal is answered while this thread runs compiled code.
+    """Return whether a signal is noticed while this thread runs compiled code.
 
     Python handles signals in the main thread, between its own instructions.
     """
@@ -255,7 +259,10 @@ def _hears_signals() -> bool:
 
 
 def _join(futures: list[Future[None]], *, interval: float = 0.25) -> None:
-    """Wait for all; give up those that do not end within an ``interval`` [s] of a signal, as while code is compiled."""
+    """Wait for all; after a signal wait only ``interval`` [s] longer, as code may still compile.
+
+    Raises Interrupted if some have not ended by then.
+    """
     pending = set(futures)
     while pending:
         stopping = bool(STOP[0])
@@ -268,11 +275,11 @@ def _join(futures: list[Future[None]], *, interval: float = 0.25) -> None:
 
 @cache
 def _pool() -> ThreadPoolExecutor:
-    """Return threads, one a core, that last as long as the process: compiled code leaves Python's lock alone."""
+    """Return threads, one per core, for the life of the process: compiled code releases Python's lock."""
     return ThreadPoolExecutor(threads())
 
 
-os.register_at_fork(after_in_child=_pool.cache_clear)  # threads do not come along
+os.register_at_fork(after_in_child=_pool.cache_clear)  # a fork does not copy threads
 
 
 def _sqp(
@@ -322,10 +329,12 @@ def minimise_violation(
     upper: Float[np.ndarray, " objectives"],
     options: Sequence[InteriorPointOptions],
 ) -> Solutions:
-    """Return the points with the least violation of limits and bounds, locally.
+    """Return the local minima of the violation of limits and bounds.
 
-    Nothing else is minimised: by the interior-point method the sum of the violations, by SQP the largest. ``options``
-    are the points' in turn. Points that converged violate nothing.
+        minimise    Σ t (interior-point method) or max t (SQP),  t ≥ 0
+        subject to  h(x) = 0,  c(x) + t ≥ 0,  F(x) ≤ min(upper, the program's own bounds) + t
+
+    The points use the ``options`` cyclically. Points that converged violate nothing.
     """
     check_interruption()
     bounds = np.tile(np.minimum(upper, program.upper), (len(x), 1))
@@ -337,7 +346,7 @@ def minimise_violation(
 
 
 def _finished(solutions: Solutions) -> Solutions:
-    """Return solutions; raise Interrupted, with them, where a signal ended some of the searches."""
+    """Return solutions; raise Interrupted, with them, if a signal ended some of the searches."""
     if (solutions.status == INTERRUPTED).any():
         raise Interrupted(solutions)
     return solutions

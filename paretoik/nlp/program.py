@@ -1,12 +1,12 @@
-"""What a solver needs to know of a nonlinear program, whatever it describes: motions, postures, paths.
+"""The interface between solvers and nonlinear programs of any kind: motions, postures, paths.
 
     minimise    weights · F(x)
     subject to  h(x) = 0,  c(x) ≥ 0,  rows · F(x) ≤ upper
 
-x is a point: an array of any shape. F are the objectives, always minimised, then whatever else is bounded as a number
-of the whole point. Steps are taken along the tangent space of h(x) = 0; ``Linearisation.retract`` leads back to it:
-for a motion, its own self-motion at every sample. Functions with kinks (peaks, absolute values, norms) are written with
-auxiliary columns, slack and epigraph variables that follow from x, so that every function of the columns is smooth.
+x is a point: an array of any shape. F are the objectives, always minimised, then other bounded functions of the whole
+point. Steps are taken along the tangent space of h(x) = 0; ``Linearisation.retract`` leads back to it: for a motion,
+along the self-motion of every sample. Functions with kinks (peaks, absolute values, norms) are written with auxiliary
+columns, slack and epigraph variables that follow from x, so that every function of the columns is smooth.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ from paretoik.errors import EvaluationFailed
 from paretoik.inputs import check_choice
 from paretoik.runs.journal import is_journalled, key_of
 
-# The constraints that convex subproblems share, in sparse matrices whose structure never depends on numbers.
+# Constraints of convex subproblems, in sparse matrices whose structure never depends on numbers.
 
 
-CLARABEL_TOLERANCE = 1e-10  # of gaps and infeasibilities: steps and moves are known to about its square root
+CLARABEL_TOLERANCE = 1e-10  # of gaps and infeasibilities: steps and moves are exact to about its square root
 
 
 class Structure(NamedTuple):
@@ -41,7 +41,7 @@ class Structure(NamedTuple):
 
     @classmethod
     def of(cls, matrix: sparse.csr_array) -> Structure:
-        """Return that of a matrix, entries of 0 included."""
+        """Return the structure of a matrix, including entries of 0."""
         return cls(matrix.shape, matrix.indptr.astype(np.int32).tobytes(), matrix.indices.astype(np.int32).tobytes())
 
     @property
@@ -54,7 +54,7 @@ class Structure(NamedTuple):
 def structural_product(left: sparse.csr_array, right: sparse.csr_array) -> sparse.csr_array:
     """Return left · right with an entry wherever their structures allow one.
 
-    SciPy's product drops sums that are 0 by chance, so that its structure depends on numbers.
+    SciPy's product drops sums that happen to be 0, so its structure depends on numbers.
     """
     left_entries, right_entries, places, indptr, indices = _product_plan(Structure.of(left), Structure.of(right))
     entries = np.bincount(places, left.data[left_entries] * right.data[right_entries], len(indices))
@@ -63,7 +63,7 @@ def structural_product(left: sparse.csr_array, right: sparse.csr_array) -> spars
 
 @lru_cache(maxsize=16)
 def _product_plan(left: Structure, right: Structure) -> tuple[np.ndarray, ...]:
-    """Return the entries that each product multiplies, which entry it adds to, and the structure of these."""
+    """Return the factors of each product, the entry that it adds to, and the result's structure."""
     row, inner = left.places
     starts = np.frombuffer(right.indptr, dtype=np.int32)
     counts = np.diff(starts)[inner]
@@ -77,7 +77,7 @@ def _product_plan(left: Structure, right: Structure) -> tuple[np.ndarray, ...]:
 
 
 def dense_rows(matrix: Float[np.ndarray, "rows columns"]) -> sparse.csr_array:
-    """Return a dense matrix as a sparse one that has every entry: its pattern follows from its shape alone."""
+    """Return a dense matrix as a sparse one with all entries: its shape determines its pattern."""
     rows, columns = matrix.shape
     return sparse.csr_array(
         (matrix.ravel(), np.tile(np.arange(columns), rows), columns * np.arange(rows + 1)), shape=matrix.shape
@@ -85,7 +85,7 @@ def dense_rows(matrix: Float[np.ndarray, "rows columns"]) -> sparse.csr_array:
 
 
 def stack_rows(parts: Sequence[sparse.csr_array]) -> sparse.csr_array:
-    """Return matrices one below the other: as SciPy's vstack, in a tenth of its time where they are small."""
+    """Return matrices stacked by rows, as SciPy's vstack; small ones in a tenth of its time."""
     starts = np.cumsum([0, *(part.indptr[-1] for part in parts)])
     pointers = [part.indptr[1:] + start for part, start in zip(parts, starts[:-1], strict=True)]
     return sparse.csr_array(
@@ -100,7 +100,7 @@ def stack_rows(parts: Sequence[sparse.csr_array]) -> sparse.csr_array:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Cone:
-    """d[column] + ‖values‖ ≥ ‖values + rows d‖: at d = 0 the column stands for the length itself."""
+    """The cone d[column] + ‖values‖ ≥ ‖values + rows d‖: the column is the change of the length."""
 
     column: int
     values: Float[np.ndarray, " parts"]
@@ -109,7 +109,7 @@ class Cone:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Constraints:
-    """values + jacobian d ≥ 0, and cones; the length of a step d is that of its first ``unknowns`` entries."""
+    """Constraints values + jacobian d ≥ 0 and cones; ‖d‖ counts the first ``unknowns`` entries."""
 
     unknowns: int
     values: Float[np.ndarray, " inequalities"]
@@ -128,9 +128,9 @@ class Constraints:
         return np.maximum(np.sqrt(square), 1e-300)
 
     def within_reach(self, radius: float, *, order: int) -> Int[np.ndarray, " rows"]:
-        """Return the inequalities that some step within a ball could reach, ``order`` being that of the ball's norm.
+        """Return the inequalities that a step within a ball can reach; ``order``: dual norm of the ball's.
 
-        Those that bound an auxiliary column, which no ball bounds, always count.
+        Inequalities with an auxiliary column, which no ball bounds, always count.
         """
         bounded, count = self.entries.col < self.unknowns, len(self.values)
         row, value = self.entries.row[bounded], np.abs(self.entries.data[bounded])
@@ -140,7 +140,7 @@ class Constraints:
         return reachable
 
     def cone_multipliers(self, dual: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Return the multipliers of the vector in every cone from the dual variables of all their rows."""
+        """Return the multipliers of every cone's vector from the dual variables of all cone rows."""
         multipliers, first = [], 0
         for cone in self.cones:
             multipliers.append(-dual[first + 1 : first + 1 + len(cone.values)])
@@ -152,42 +152,42 @@ class Constraints:
 
 
 class InteriorPointOptions(NamedTuple):
-    """Settings of the interior-point method; none has a unit except ``radius``. Its kernels have further ones."""
+    """Settings of the interior-point method, without unit except ``radius``; kernels have more."""
 
     barrier: float = 0.1  # μ of the first subproblem
     last_barrier: float = 1e-13  # μ of the last
-    penalty: float = 1.0  # of one unit of violation, to begin with, times what is usual for the kernel
+    penalty: float = 1.0  # first penalty of one unit of violation, times the kernel's usual one
     tolerance: float = 1e-8  # of stationarity, and of violations
-    iterations: int = 150  # at most
-    kink_iterations: int = 3  # times as many where functions have kinks
-    regularisation: float = 1e-9  # of the largest entry: what is added first to a matrix that is not definite
-    kink_regularisation: float = 1e-13  # the same where functions have kinks: their entries are large
-    radius: float = 0.3  # [rad or arm lengths] of the first step, where sequential quadratic programming takes over
+    iterations: int = 150  # largest number
+    kink_iterations: int = 3  # factor of the number if functions have kinks
+    regularisation: float = 1e-9  # of the largest entry: first multiple of I for a matrix that is not definite
+    kink_regularisation: float = 1e-13  # the same for functions with kinks: their entries are large
+    radius: float = 0.3  # [rad or arm lengths] of the first step of sequential quadratic programming
     barrier_factor: float = 0.2  # μ₊ = min(factor · μ, μ^power): Wächter & Biegler 2006, Eq. 7
     barrier_power: float = 1.5
-    barrier_tolerance: float = 10.0  # times μ: the error up to which a subproblem counts as solved; ibid., Eq. 5
-    penalty_factor: float = 10.0  # by which the penalty grows
-    penalty_barrier: float = 3e-3  # μ from which on violations make the penalty grow
-    soft_violation: float = 100.0  # times μ over penalty: a violation that the barrier alone explains
-    helpless_growth: float = 100.0  # of the penalty without halving the violation: the constraints cannot all hold
+    barrier_tolerance: float = 10.0  # times μ: largest error of a solved subproblem; ibid., Eq. 5
+    penalty_factor: float = 10.0  # factor by which the penalty grows
+    penalty_barrier: float = 3e-3  # largest μ at which violations make the penalty grow
+    soft_violation: float = 100.0  # times μ / penalty: largest violation that the barrier explains
+    helpless_growth: float = 100.0  # of the penalty without halving the violation: constraints cannot all be satisfied
     armijo: float = 1e-4  # Nocedal & Wright, Eq. 3.4
-    halvings: int = 40  # of a step at most
+    halvings: int = 40  # of a step, largest number
     boundary_fraction: float = 0.995  # of the way to where a slack or multiplier is 0; Nocedal & Wright, Eq. 19.9
-    multiplier_range: float = 1e8  # by which a multiplier may differ from μ over its slack; Wächter & Biegler, Eq. 16
-    flat_decrease: float = 1e-15  # predicted decrease over merit below which there is nothing to gain
-    flat_barrier: float = 1e-6  # times μ: a predicted decrease below which a subproblem has nothing to gain
-    kink_flat_barrier: float = 1e-2  # the same where functions have kinks: steps along flat valleys end at each
+    multiplier_range: float = 1e8  # largest factor between a multiplier and μ / slack; Wächter & Biegler, Eq. 16
+    flat_decrease: float = 1e-15  # predicted decrease over merit below which nothing can be gained
+    flat_barrier: float = 1e-6  # times μ: predicted decrease below which a subproblem cannot gain
+    kink_flat_barrier: float = 1e-2  # the same for functions with kinks: each kink ends a step along a flat valley
     merit_rounding: float = 1e-14  # of the merit function, relative
-    stalled_decrease: float = 1e-12  # of the merit function, relative: less is as good as none
-    stalled_steps: int = 5  # that decrease it by less, after which a subproblem counts as solved
-    least_slack: float = 1e-2  # that unknown slacks begin with, or √μ where that is less
+    stalled_decrease: float = 1e-12  # of the merit function, relative: a smaller decrease counts as none
+    stalled_steps: int = 5  # number of stalled steps after which a subproblem counts as solved
+    least_slack: float = 1e-2  # first value of unknown slacks, or √μ if that is less
     residual_tolerance: float = 1e-10  # of the sum of residuals
     filter_margin: float = 1e-5  # γ of the filter; ibid., Eq. 18
-    filter_infeasible: float = 1e-4  # of the first residual, up to which the merit alone may decide; ibid., Eq. 21
-    restorations: int = 12  # without half the residuals: the filter is cleared, or slacks follow c again
+    filter_infeasible: float = 1e-4  # of the first residual: up to it only the merit may decide; ibid., Eq. 21
+    restorations: int = 12  # largest number without halving the residuals: clear the filter, or recentre slacks
 
 
-# What a solver returns: a batch of points with what is known of each.
+# Results of solvers: a batch of points.
 
 
 CONVERGED, ITERATION_LIMIT, NO_PROGRESS, SINGULAR, VIOLATED, NOT_FINITE, INTERRUPTED, LOST = range(8)
@@ -206,11 +206,13 @@ STATUSES = {
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Solutions:
-    """A batch of points that solvers ended at.
+    """Solvers' results: a batch of points.
 
-    ``objectives`` are F there, ``stationarity`` the RMS length of the Lagrangian's gradient, ``violation`` the worst of
-    all constraints as a share of its range, ``status`` a key of STATUSES. ``bound_multipliers`` are those of the upper
-    bounds that were asked for: 0 where there was none, NaN where they are unknown.
+    objectives: F at the points
+    bound_multipliers: multipliers of the given upper bounds: 0 for an infinite bound, NaN if unknown
+    stationarity: RMS length of the Lagrangian's gradient
+    violation: worst violation of all constraints, as a share of its range
+    status: a key of STATUSES
     """
 
     x: Points
@@ -228,7 +230,7 @@ class Solutions:
         return Solutions(**{name: values[rows] for name, values in vars(self).items()})
 
     def replace_rows(self, rows: Bool[np.ndarray, " points"], other: Solutions) -> Solutions:
-        """Return the batch with ``rows`` replaced by another's."""
+        """Return the batch with ``rows`` replaced by those of another batch."""
         parts = {name: values.copy() for name, values in vars(self).items()}
         for name, values in parts.items():
             values[rows] = getattr(other, name)
@@ -236,27 +238,27 @@ class Solutions:
 
     @property
     def converged(self) -> Bool[np.ndarray, " points"]:
-        """Which are stationary and within all constraints."""
+        """Which points are stationary and satisfy all constraints."""
         return self.status == CONVERGED
 
 
 def concatenate(batches: Sequence[Solutions]) -> Solutions:
-    """Return batches as one."""
+    """Return several batches as one."""
     return Solutions(**{name: np.concatenate([getattr(each, name) for each in batches]) for name in vars(batches[0])})
 
 
 Solver: TypeAlias = Literal["auto", "interior-point", "sqp"]
-"""Which solver refines: if "auto", interior points where the program has a kernel, else SQP."""
+"""Solver that refines; "auto": interior points if the program has a kernel, else SQP."""
 
 
 def check_solver_name(solver: object) -> None:
-    """Raise InvalidInput unless this is the name of a solver."""
+    """Raise InvalidInput unless ``solver`` is the name of a solver."""
     check_choice("solver", solver, get_args(Solver))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Goal:
-    """Minimise ``weights`` · F where ``rows`` · F ≤ ``upper``; a bound of inf does not count."""
+    """Minimise ``weights`` · F subject to ``rows`` · F ≤ ``upper``; a bound of inf does not count."""
 
     weights: Float[np.ndarray, " objectives"]
     rows: Float[np.ndarray, "bounds objectives"]
@@ -265,9 +267,9 @@ class Goal:
 
 @runtime_checkable
 class Linearisation(Protocol):
-    """A program to first order at a point, in columns: a step along the equalities, then auxiliary variables.
+    """A program to first order at a point; its columns are a step along the equalities, then auxiliary variables.
 
-    The inequalities that tie auxiliary columns hold exactly at any step that a solver may take.
+    Every step of a solver satisfies the inequalities that tie auxiliary columns exactly.
     """
 
     @property
@@ -280,15 +282,15 @@ class Linearisation(Protocol):
 
     @property
     def unknowns(self) -> int:
-        """Number of columns that are steps along the equalities; the others are auxiliary."""
+        """Number of columns of a step along the equalities; the others are auxiliary."""
 
     @property
     def unit(self) -> float:
-        """Euclidean length of a step of RMS length one."""
+        """Euclidean length of a step with RMS length one."""
 
     @property
     def objectives(self) -> Float[np.ndarray, " objectives"]:
-        """F."""
+        """The objectives F."""
 
     @property
     def equalities(self) -> Float[np.ndarray, " equalities"]:
@@ -300,7 +302,7 @@ class Linearisation(Protocol):
 
     @property
     def elastic(self) -> int:
-        """Number of inequalities that may be violated on the way: the first ones."""
+        """Number of elastic inequalities, which come first: steps may violate them."""
 
     @property
     def gradients(self) -> Float[np.ndarray, "objectives columns"]:
@@ -322,18 +324,18 @@ class Linearisation(Protocol):
     ) -> sparse.csr_array:
         """Return the Hessian (columns, columns) of the Lagrangian weights · F + ν · h − multipliers · c − cones.
 
-        ν are the multipliers of the equalities that leave no gradient across their tangent space.
+        The multipliers ν of the equalities cancel the gradient across the tangent space.
         """
 
     def retract(self, step: Float[np.ndarray, " columns"]) -> Point | None:
-        """Return the point that a step leads to, back on the equalities; None where it cannot be led back."""
+        """Return the point on the equalities that a step leads to; None for no such point."""
 
     def corrected_inequalities(
         self, step: Float[np.ndarray, " columns"], x: Point
     ) -> Float[np.ndarray, " inequalities"]:
-        """Return c at the point x that a step led to, auxiliary columns being what the step makes them.
+        """Return c at the point x that a step led to, with the step's auxiliary columns.
 
-        What is left after the part linear in the step is the curvature that a second-order correction makes up for.
+        The difference from the part linear in the step is the curvature, for a second-order correction.
         """
 
 
@@ -347,58 +349,58 @@ class Program(Protocol):
 
     @property
     def inequality_names(self) -> tuple[str, ...]:
-        """Names of c, its elastic part."""
+        """Names of the elastic part of c."""
 
     @property
     def upper(self) -> Float[np.ndarray, " objectives"]:
-        """The program's own upper bounds of F, inf where there is none."""
+        """The program's own upper bounds of F, inf for no bound."""
 
     @property
     def kernel(self) -> Any:
-        """What compiled solvers take, None where F or c has parts that they cannot take."""
+        """The program for compiled solvers; None if they do not support a part of F or c."""
 
     @property
     def kinked(self) -> tuple[str, ...]:
-        """Names of what has kinks: compiled solvers smooth them, and what they return of F is to be evaluated."""
+        """Names of functions with kinks: compiled solvers smooth them, so F must be evaluated again."""
 
     @property
     def unsupported(self) -> tuple[str, ...]:
-        """Names of what compiled solvers cannot take."""
+        """Names of functions that compiled solvers do not support."""
 
     @property
     def rounding(self) -> float:
-        """Stationarity that cannot be told from none."""
+        """Stationarity that rounding cannot distinguish from 0."""
 
     def project(self, x: Points) -> Points:
-        """Return starts with what no step changes put right: a given start, a last step at rest."""
+        """Return starts with their fixed parts corrected: a given start, a last step at rest."""
 
     def pin(self, x: Points) -> Points:
-        """Return points whose given parts are what they were given as, to the bit."""
+        """Return points with their given parts restored to the bit."""
 
     def evaluate(
         self, x: Point
     ) -> tuple[Float[np.ndarray, " objectives"], Float[np.ndarray, " equalities"], Float[np.ndarray, " inequalities"]]:
-        """Return F, h and c, its elastic part alone, divided by its ranges."""
+        """Return F, h and the elastic part of c, divided by its ranges."""
 
     def linearise(self, x: Point) -> Linearisation:
         """Return the program to first order at a point."""
 
     def kinks_at(self, x: Point) -> tuple[str, ...]:
-        """Return the names of what has a kink at a point that no auxiliary column stands for."""
+        """Return the names of functions with a kink at a point that no auxiliary column represents."""
 
     def distance(self, x: Point, others: Points) -> np.ndarray:
-        """Return how far a point is from others (others,), RMS in rad or alike: optima nearer than 0.01 are one."""
+        """Return RMS distances from others, in rad or similar; optima nearer than 0.01 are one."""
 
 
 def bounded(at: Linearisation, goal: Goal) -> tuple[Constraints, int]:
-    """Return the inequalities to first order, the goal's bounds among them, and how many of them are elastic.
+    """Return the inequalities to first order, with the goal's bounds, and the number of elastic ones.
 
-    First come the elastic inequalities, then the goal's bounds, as elastic, then those that tie auxiliary columns.
+    The elastic inequalities come first, then the goal's bounds (also elastic), then those that tie auxiliary columns.
     """
     finite = np.isfinite(goal.upper)
     rows, elastic = goal.rows[finite], at.elastic
     bounds = dense_rows(-rows @ at.gradients)
-    ties = np.maximum(at.inequalities[elastic:], 0.0)  # negative by rounding alone
+    ties = np.maximum(at.inequalities[elastic:], 0.0)  # only rounding makes them negative
     constraints = Constraints(
         unknowns=at.unknowns,
         values=np.concatenate([at.inequalities[:elastic], goal.upper[finite] - rows @ at.objectives, ties]),
@@ -408,7 +410,7 @@ def bounded(at: Linearisation, goal: Goal) -> tuple[Constraints, int]:
     return constraints, elastic + len(rows)
 
 
-# By how much a point violates what a program bounds.
+# Violations of a program at a point.
 
 
 def violation_at(program: Program, at: Linearisation) -> float:
@@ -424,9 +426,9 @@ def violation_of(
     rows: Float[np.ndarray, "bounds n_obj"] | None = None,
     upper: Float[np.ndarray, " bounds"] | None = None,
 ) -> float:
-    """Return the worst violation where F, h and the elastic part of c have these values; NaN where one of them is.
+    """Return the worst violation for these F, h and elastic c; NaN if one is NaN.
 
-    Bounded are rows · F ≤ ``upper``; without rows F itself, by the program's own bounds.
+    The bounds are rows · F ≤ ``upper``; without rows, the program's own bounds of F.
     """
     if rows is None or upper is None:
         rows, upper = np.eye(len(objectives)), program.upper
@@ -435,18 +437,18 @@ def violation_of(
     return float(np.concatenate([[0.0], np.abs(equalities), -inequalities, excess]).max())
 
 
-# What a run's journal knows the results of a program at a point by.
+# Keys of a program's results in the run's journal.
 
 
 def program_key(kind: str, program: Program, x: Point, *inputs: object) -> bytes | None:
-    """Return the key of what is made of a program at a point and of inputs; None where there is no journal.
+    """Return the key of a result for a program, a point and inputs; None if there is no journal.
 
-    The program is known by its names and its values at the point: other limits have other inequalities there.
+    Names and values at the point identify the program: other limits have other inequalities there.
     """
     if not is_journalled():
         return None
     values: tuple[np.ndarray, ...] = ()
-    with suppress(EvaluationFailed):  # where what is made of it fails, too
+    with suppress(EvaluationFailed):  # then the result fails too
         values = program.evaluate(x)
     names = program.objective_names, program.inequality_names, program.kinked
     return key_of(kind, *names, program.upper, *values, x, *inputs)

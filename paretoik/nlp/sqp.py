@@ -1,15 +1,15 @@
-"""Sequential quadratic programming for any Program, kinks included.
+"""Sequential quadratic programming for any Program, also with kinks.
 
-The program and its merit function, with the goal divided by its size:
+The program and its merit function (the goal is divided by its size):
 
     minimise    weights · F(x)
     subject to  h(x) = 0,  c(x) ≥ 0,  rows · F(x) ≤ upper
     merit       weights · F + penalty · (largest violation)
 
-Each iteration solves the convex subproblem of ``nlp.subproblem`` about the iterate: the inequalities to first order,
-elastic at the penalty, within a trust region, and the exact Hessian of the Lagrangian, with its negative eigenvalues
-raised to nearly 0. If a step gains less than the subproblem predicts, a second-order correction is tried. Source:
-Nocedal & Wright, Numerical Optimization, section 18.5; Fletcher 1982 for kinks.
+Each iteration solves the convex subproblem of ``nlp.convex_subproblem`` at the iterate: elastic inequalities to first
+order, a trust region, and the exact Hessian of the Lagrangian with negative eigenvalues raised to nearly 0. If a step
+gains less than the subproblem predicts, a second-order correction is tried. Source: Nocedal & Wright, Numerical
+Optimization, section 18.5; Fletcher 1982 for kinks.
 """
 
 from __future__ import annotations
@@ -41,29 +41,29 @@ from paretoik.stop_flag import STOP
 
 @dataclass(frozen=True, kw_only=True)
 class SqpOptions:
-    """How a search goes. Lengths of steps along the equalities are those of their largest entry [rad, arm lengths].
+    """Settings of a search. The length of a step is its largest entry along the equalities [rad, arm lengths].
 
     The size of the objective is Σ |weights · F| at the start, or the length of its gradient if that is more.
     """
 
     iterations: int = 150
     radius: float = 0.3  # of the first trust region
-    largest_radius: float = 0.4  # too little to reach another branch unseen
-    smallest_radius: float = 1e-10  # the shortest step that is tried
+    largest_radius: float = 0.4  # too short to reach another branch unnoticed
+    smallest_radius: float = 1e-10  # shortest step that is tried
     tolerance: float = 1e-8  # of violations, as shares of ranges
-    penalty: float = 10.0  # of a violation of a whole range, first, in sizes of the objective
-    largest_penalty: float = 1e7  # limits that are still violated at it are given up
+    penalty: float = 10.0  # first penalty of a violation of a whole range, in sizes of the objective
+    largest_penalty: float = 1e7  # if limits are still violated at it, the search ends
     penalty_factor: float = 10.0
-    recovery: float = 1e-2  # violation from which on a step that does not lower it by a tenth raises the penalty
-    acceptance: float = 1e-4  # of the predicted reduction: what a step has to gain
-    agreement: float = 0.75  # of the predicted reduction: a gain that needs no correction, and a larger trust region
-    excess: float = 1.3  # times the predicted reduction: a gain that shows the Hessian to be too stiff
-    corrections: int = 1  # to second order, of one step
+    recovery: float = 1e-2  # above this violation, a step that does not lower it by a tenth raises the penalty
+    acceptance: float = 1e-4  # of the predicted reduction: least gain of a step
+    agreement: float = 0.75  # of the predicted reduction: such a gain needs no correction and enlarges the trust region
+    excess: float = 1.3  # times the predicted reduction: such a gain shows that the Hessian is too stiff
+    corrections: int = 1  # second-order corrections of one step
     flattening: float = 1e-8  # of the Hessian's largest entry: least eigenvalue, if the Hessian is indefinite
     step_tolerance: float = 1e-8  # of a step's optimality gap and infeasibility
-    last_tolerance: float = 1e-12  # the same, of the last steps
+    last_tolerance: float = 1e-12  # the same for the last steps
     smallest_share: float = 1e-6  # of a flattened Hessian
-    reduction_tolerance: float = 1e-15  # of the merit function: a predicted reduction that is rounding
+    reduction_tolerance: float = 1e-15  # of the merit function: a smaller predicted reduction is rounding
     criticality_tolerance: float = 5e-7  # in sizes of the objective: first-order gain that rounding hides
 
 
@@ -72,10 +72,13 @@ OPTIONS = SqpOptions()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Solution:
-    """The last point of a search, and the multipliers of inequalities and of the goal's finite bounds.
+    """The last point of a search.
 
-    ``objectives`` are F there, ``stationarity`` the RMS length of the Lagrangian's gradient, ``violation`` the worst of
-    all constraints as a share of its range, ``status`` a key of STATUSES.
+    status: a key of STATUSES
+    objectives: F at the point
+    multipliers, bound_multipliers: those of inequalities, and of the goal's finite bounds
+    stationarity: RMS length of the Lagrangian's gradient
+    violation: worst violation of all constraints, as a share of its range
     """
 
     x: Point
@@ -90,9 +93,11 @@ class Solution:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Iterate:
-    """A point, F there, and the merit function's parts: the objective value and the largest violations.
+    """A point, F there, and the parts of the merit function.
 
-    ``excess`` is that of the goal's bounds, in sizes of the objective, ``infeasibility`` that of all other constraints.
+    value: objective value, weights · F
+    infeasibility: largest violation of all constraints but the goal's bounds
+    excess: largest violation of the goal's bounds, in sizes of the objective
     """
 
     x: Point
@@ -103,17 +108,17 @@ class _Iterate:
 
     @property
     def violation(self) -> float:
-        """The largest violation; NaN if any is."""
+        """The largest violation; NaN if any is NaN."""
         return float(np.maximum(self.infeasibility, self.excess))
 
     def merit(self, penalty: float) -> float:
-        """Return the merit function."""
+        """Return the value of the merit function."""
         return self.value + penalty * self.violation
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Model:
-    """The program about an iterate: the constraints of a step, the first ``elastic`` elastic, gradient and Hessian."""
+    """The program at an iterate: constraints of a step (the first ``elastic`` are elastic), gradient and Hessian."""
 
     constraints: Constraints
     elastic: int
@@ -123,9 +128,9 @@ class _Model:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Attempt:
-    """A step tried: where it leads, the gain in merit that was predicted and had, its length before any correction.
+    """A tried step: its trial point, predicted and actual gain in merit, and length before any correction.
 
-    It is ``settled`` if nothing was tried because the predicted gain was rounding.
+    settled: whether nothing was tried because the predicted gain was rounding
     """
 
     step: Step
@@ -137,11 +142,15 @@ class _Attempt:
 
 
 def minimise(program: Program, x: Point, goal: Goal, options: SqpOptions = OPTIONS) -> Solution:
-    """Return the local minimum of a goal that a point on, or near, the equalities leads to, or where a signal found it.
+    """Return the local minimum of a goal that a point on or near the equalities leads to.
 
-    It ends at once if the program has no finite values or derivatives; some programs raise EvaluationFailed then.
+        minimise    weights · F(x)
+        subject to  h(x) = 0,  c(x) ≥ 0,  rows · F(x) ≤ upper
+
+    After a signal it returns the current point. It ends at once if the program's values or derivatives are not finite;
+    some programs raise EvaluationFailed then.
     """
-    with np.errstate(invalid="ignore"):  # what is not finite is looked for
+    with np.errstate(invalid="ignore"):  # the search checks for values that are not finite
         search = _Search(program, x, goal, options)
         while search.status is None:
             search.advance()
@@ -149,9 +158,9 @@ def minimise(program: Program, x: Point, goal: Goal, options: SqpOptions = OPTIO
 
 
 class _Search:
-    """A search, its goal divided by its size: iterate, trust region, penalty, and the multipliers of the last step.
+    """The state of a search: iterate, trust region, penalty and the multipliers of the last step.
 
-    Bounds of the goal are divided by the size too: what their violation costs does not depend on the units of F.
+    The goal and its bounds are divided by the goal's size, so the cost of a violation does not depend on units of F.
     """
 
     def __init__(self, program: Program, x: Point, goal: Goal, options: SqpOptions) -> None:
@@ -183,18 +192,18 @@ class _Search:
             self.status = NOT_FINITE
             return
         self.iterations += 1
-        # the step of the subproblem, in ever smaller trust regions
+        # the step of the subproblem, in smaller and smaller trust regions
         model = self._model()
         attempt = self._accepted_step(model)
         if attempt is None or attempt.trial is None:
             self._end(model, settled=attempt is not None and attempt.settled)
             return
         before, self.iterate, self.last = self.iterate.violation, attempt.trial, attempt.step
-        # the penalty: 10 times higher if the violation is not a tenth less
+        # the penalty: 10 times higher if the violation has not fallen by a tenth
         if self.iterate.violation > max(options.recovery, 0.9 * before) and self.penalty < options.largest_penalty:
             self.penalty *= options.penalty_factor
         self.at = self.program.linearise(self.iterate.x)
-        # the share of the Hessian, and the trust region, by gain over predicted gain
+        # the share of the Hessian and the trust region, by the ratio of gain to predicted gain
         if attempt.gain > options.excess * attempt.predicted:
             self.share = max(self.share / 4, options.smallest_share)
         elif attempt.gain < options.agreement * attempt.predicted:
@@ -203,7 +212,7 @@ class _Search:
             self.radius = min(2 * self.radius, options.largest_radius)
 
     def solution(self) -> Solution:
-        """Return the end of the search."""
+        """Return the result of the search."""
         assert self.status is not None
         multipliers, bound_multipliers = self._split_multipliers()
         return Solution(
@@ -218,7 +227,7 @@ class _Search:
         )
 
     def _worst_violation(self) -> float:
-        """Return the worst violation of all, that of bounds in units of F."""
+        """Return the worst of all violations, those of bounds in units of F."""
         return float(np.maximum(self.iterate.infeasibility, self.size * self.iterate.excess))  # NaN if any is
 
     def _evaluate(self, x: Point) -> _Iterate:
@@ -255,7 +264,7 @@ class _Search:
         return np.concatenate([parts[0], parts[2]]), parts[1]
 
     def _accepted_step(self, model: _Model) -> _Attempt | None:
-        """Return the first attempt, in ever smaller trust regions, that gains enough or is settled; None for none."""
+        """Return the first attempt, in shrinking trust regions, that gains enough or is settled; else None."""
         while self.radius > self.options.smallest_radius:
             step = self._solve(model, model.constraints)
             if step is None:
@@ -268,7 +277,7 @@ class _Search:
         return None
 
     def _attempt(self, model: _Model, step: Step) -> _Attempt:
-        """Try a step, and its correction if it gains too little; nothing is tried if no gain is predicted."""
+        """Try a step, and its correction if it gains too little; try nothing if no gain is predicted."""
         options, d = self.options, step.step
         before, curvature = self.iterate.merit(self.penalty), model.hessian @ d
         linear = float(model.gradient @ d) + 0.5 * float(d @ curvature)
@@ -295,7 +304,7 @@ class _Search:
         return attempt
 
     def _corrected(self, model: _Model, step: Step, x: Point, trial: _Iterate) -> Constraints:
-        """Return the constraints with the curvature along a step that led to x made up for (Eq. 18.23)."""
+        """Return the constraints corrected for the curvature along the step that led to x (Eq. 18.23)."""
         inequalities = self.at.corrected_inequalities(step.step, x)
         elastic = self.at.elastic
         bounds = self.goal.upper - self.goal.rows @ trial.objectives
@@ -317,7 +326,7 @@ class _Search:
             return None
 
     def _end(self, model: _Model, *, settled: bool) -> None:
-        """End the search, or let violations that are left cost more; ``settled`` where no reduction is predicted."""
+        """End the search, or raise the penalty of violations; ``settled``: no reduction is predicted."""
         options = self.options
         if settled and self.tolerance > options.last_tolerance:
             self.tolerance = options.last_tolerance
@@ -335,6 +344,6 @@ class _Search:
             self.status = NO_PROGRESS
 
     def _is_critical(self, model: _Model) -> bool:
-        """Return whether no direction gains more than rounding, to first order."""
+        """Return whether no direction gains more than rounding to first order."""
         gain = quick_criticality(model.gradient[None], model.constraints, self.at.unit).value
         return gain <= self.options.criticality_tolerance

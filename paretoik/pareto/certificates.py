@@ -1,8 +1,8 @@
-"""Certificates of points of a front: that each keeps its limits, that it is critical, how objectives trade there.
+"""Certificates of front points: violation of limits, criticality, and exchange rates of objectives.
 
-Everything follows from the point alone, never from what a solver says of itself. Objectives are divided by ``ranges``,
-the nadir less the ideal of the run; the length of a direction is its RMS. See ``nlp.criticality``. What cannot be
-computed of one point leaves that one undetermined, with the reason, and no other.
+A certificate follows only from the point, never from a solver's report. Objectives are divided by ``ranges``, the nadir
+less the ideal of the run; the length of a direction is its RMS. See ``nlp.criticality``. If a computation fails, only
+that point is undetermined, with the reason.
 """
 
 from __future__ import annotations
@@ -35,16 +35,16 @@ from paretoik.runs.distribution import Lost, distribute_remembered, workers
 from paretoik.runs.journal import Values, remembered
 from paretoik.stop_flag import Interrupted, check_interruption
 
-# How objectives trade at a point of a front: rates from multipliers, and intervals where these are not unique.
+# Exchange rates of objectives from multipliers, and intervals if multipliers are not unique.
 
 
 @dataclass(frozen=True, kw_only=True)
 class ExchangeRateOptions:
-    """Tolerances of multipliers; none has a unit."""
+    """Tolerances of multipliers, without unit."""
 
-    weight: float = 1e-6  # share of all objectives' weight from which on one counts
-    active: float = 1e-7  # slack, of a limit's range, up to which it is active
-    unique: float = 1e-3  # relative width of an interval from which on no single rate stands for it
+    weight: float = 1e-6  # least weight that counts, as a share of all objectives' weights
+    active: float = 1e-7  # largest slack of an active limit, as a share of its range
+    unique: float = 1e-3  # largest relative width of an interval that one rate represents
 
 
 RATE_OPTIONS = ExchangeRateOptions()
@@ -56,9 +56,9 @@ def exchange_rates(
     ranges: Float[np.ndarray, " n_obj"],
     signs: Float[np.ndarray, " n_obj"],
 ) -> Float[np.ndarray, "points n_obj n_obj"]:
-    """Return ∂f_j/∂f_i = −λ_i/λ_j, the others held, in natural units and the objectives' own signs; diagonal 1.
+    """Return ∂f_j/∂f_i = −λ_i/λ_j with the others fixed, in natural units and the objectives' own signs.
 
-    NaN where a weight is none, or the ends of λ_i/λ_j are not known or apart.
+    The diagonal is 1. An entry is NaN if a weight is 0, or the ends of λ_i/λ_j are unknown or differ.
     """
     reliable, natural = np.where(weights >= RATE_OPTIONS.weight, weights, np.nan), ranges * signs
     rates = -reliable[:, :, None] / reliable[:, None, :] * natural[None, None, :] / natural[None, :, None]
@@ -75,7 +75,7 @@ def exchange_intervals(
     ranges: Float[np.ndarray, " n_obj"],
     signs: Float[np.ndarray, " n_obj"],
 ) -> Float[np.ndarray, "points n_obj n_obj 2"]:
-    """Return the ends of ∂f_j/∂f_i, lower first, for the ends of λ_i/λ_j."""
+    """Return the ends of ∂f_j/∂f_i, lower one first, from the ends of λ_i/λ_j."""
     natural = ranges * signs
     rates = -ratios * (natural[None, :] / natural[:, None])[..., None]
     i = np.arange(len(ranges))
@@ -86,9 +86,9 @@ def exchange_intervals(
 def weight_ratios(
     gradients: Float[np.ndarray, "n_obj columns"], constraints: Constraints, weights: Float[np.ndarray, " n_obj"]
 ) -> Float[np.ndarray, "n_obj n_obj 2"]:
-    """Return the least and largest λ_i/λ_j over all multipliers that make a point critical; NaN where one is none.
+    """Return the range of λ_i/λ_j over a critical point's multipliers; NaN if a weight is 0.
 
-    With cones they are taken for unique. Raises SolverFailed where their range cannot be computed.
+    With cones the multipliers are assumed unique. Raises SolverFailed if their range cannot be computed.
     """
     reliable = np.where(weights >= RATE_OPTIONS.weight, weights, np.nan)
     ratios = reliable[:, None] / reliable[None, :]
@@ -110,8 +110,8 @@ def weight_ratios(
 class CertificateOptions:
     """Tolerances without unit: objectives and limits are divided by their ranges."""
 
-    critical: float = 1e-6  # χ up to which a point is critical, so that its curvature and multipliers say something
-    resolved: float = 1e-3  # share of a value, or of its range if that is more, that discretisation may change
+    critical: float = 1e-6  # largest χ of a critical point: only then do curvature and multipliers count
+    resolved: float = 1e-3  # largest error of discretisation, as a share of a value, or of its range if that is more
 
 
 OPTIONS = CertificateOptions()
@@ -120,7 +120,7 @@ NUMBERS = ("violation", "weights", "ratios", "residual")  # of a certificate
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Certificate:
-    """The certificate of one point: violation, criticality χ, weights λ, the ends of λ_i/λ_j, and its curvature."""
+    """The certificate of one point: violation, weights λ, ends of λ_i/λ_j, criticality χ (residual), curvature."""
 
     violation: float
     weights: Float[np.ndarray, " n_obj"]
@@ -131,9 +131,9 @@ class _Certificate:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Discretisation:
-    """How far values of objectives ``names`` are off those of a motion's curve.
+    """Errors of objectives ``names`` compared with the values on a motion's curve.
 
-    ``judged`` says whether a status depends on it: the papers' finite differences promise no curve.
+    judged: whether a status depends on the errors; the papers' finite differences define no curve
     """
 
     names: Sequence[str]
@@ -153,14 +153,17 @@ def certify(
     discretisation: Discretisation | None = None,
     observe: Observe | None = None,
 ) -> tuple[Certificates, list[Point | None]]:
-    """Return the certificates of points of a program, or of one each, whose first objectives are those of the front.
+    """Return the certificates of points, and for every saddle a feasible point that is better in all objectives.
 
-    Beside them stands for every saddle a feasible point that is better in all objectives, None for other points.
+    For other points the second list has None. The first objectives of a program are those of the front. After a signal
+    the remaining points are undetermined.
 
-    ``signs`` are −1 for objectives that are maximised. ``violation_between`` is that of limits where the program does
-    not look, between samples; a point for which ``exceeded`` says in words which limit it exceeds there is no minimum.
-    ``discretisation`` are the errors of values: a minimum with a too large one is "under-resolved".
-    ``observe`` is called with what is done and with all. After a signal the points that are left are undetermined.
+    program: one program for all points, or one per point
+    signs: −1 for maximised objectives, else 1
+    violation_between: violation of limits between samples, which the program does not evaluate
+    exceeded: words that name the limit exceeded between samples, "" for none; such a point is no minimum
+    discretisation: errors of values; a minimum with a too large error is "under-resolved"
+    observe: called with the numbers of certified points and of all points
     """
     count, n_obj = len(x), len(ranges)
     programs = program if isinstance(program, Sequence) else [program] * count
@@ -194,7 +197,7 @@ def certify(
 
 
 def confirmed_criticality(program: Program, x: Point) -> float:
-    """Return the criticality of a point of a program with one objective, by its convex program; NaN if unknown."""
+    """Return the criticality of a point with one objective, by its convex program; NaN if unknown."""
     with suppress(Interrupted, SolverFailed, EvaluationFailed, np.linalg.LinAlgError):
         at = program.linearise(x)
         return criticality(at.gradients[:1], _constraints(program, at), at.unit).value
@@ -204,7 +207,7 @@ def confirmed_criticality(program: Program, x: Point) -> float:
 def _resolved(
     certificates: Sequence[_Certificate], ranges: Float[np.ndarray, " n_obj"], discretisation: Discretisation | None
 ) -> tuple[list[str], list[str]]:
-    """Return status and reason of points: minima whose values are too far off are "under-resolved"."""
+    """Return status and reason of points: minima with too large errors are "under-resolved"."""
     status = [each.curvature.status for each in certificates]
     reason = [each.curvature.reason for each in certificates]
     if discretisation is not None and discretisation.judged:
@@ -219,14 +222,14 @@ def _resolved(
 
 
 def criticality_at(program: Program, at: Linearisation, ranges: Float[np.ndarray, " n_obj"]) -> float:
-    """Return the criticality of a point, or a bound of next to nothing, objectives divided by ``ranges``."""
+    """Return the criticality of a point, or a bound of almost 0; ``ranges`` divide objectives."""
     return quick_criticality(at.gradients[: len(ranges)] / ranges[:, None], _constraints(program, at), at.unit).value
 
 
 def criticality_bound(program: Program, at: Linearisation, ranges: Float[np.ndarray, " n_obj"]) -> float:
-    """Return an upper bound of the criticality that takes no conic program; see ``active_set_criticality``.
+    """Return an upper bound of the criticality without a conic program; see ``active_set_criticality``.
 
-    It is infinite where there is none next to nothing; where there are auxiliary columns it is the criticality itself.
+    It is infinite if there is no bound of almost 0; with auxiliary columns it is the criticality itself.
     """
     gradients, constraints = at.gradients[: len(ranges)] / ranges[:, None], _constraints(program, at)
     if gradients.shape[1] > at.unknowns:
@@ -236,7 +239,7 @@ def criticality_bound(program: Program, at: Linearisation, ranges: Float[np.ndar
 
 
 def weights_at(program: Program, x: Points, n_obj: int) -> Float[np.ndarray, "points n_obj"]:
-    """Return the weights of the objectives, as the program has them, at points that are critical; NaN at others."""
+    """Return the weights of the program's objectives at critical points; NaN at others."""
     weights = np.full((len(x), n_obj), np.nan)
     for row, one in zip(weights, x, strict=True):
         check_interruption()
@@ -251,7 +254,7 @@ def weights_at(program: Program, x: Points, n_obj: int) -> Float[np.ndarray, "po
 def _certificates(
     programs: Sequence[Program], x: Points, ranges: Float[np.ndarray, " n_obj"]
 ) -> Iterator[tuple[int, _Certificate]]:
-    """Yield the place of every point with its certificate, from the run's journal where it is there.
+    """Yield the index and the certificate of every point, from the run's journal if it is there.
 
     Raises Interrupted after a signal.
     """
@@ -268,7 +271,7 @@ def _certificates(
 def _distributed_certificates(
     programs: Sequence[Program], x: Points, ranges: Float[np.ndarray, " n_obj"]
 ) -> Iterator[tuple[int, _Certificate]]:
-    """Yield the place of every point with its certificate, as workers return them."""
+    """Yield the index and the certificate of every point as workers return them."""
     check_interruption()
     points = list(zip(programs, x, strict=True))
     keys = [program_key("certificate", program, one, ranges) for program, one in points]
@@ -282,7 +285,7 @@ def _distributed_certificates(
 
 
 def _certify_values(common: Program | None, point: tuple[Program | None, Point, Float[np.ndarray, " n_obj"]]) -> Values:
-    """Return the certificate of a point of its program, or of the ``common`` one, as plain arrays."""
+    """Return a point's certificate for its program, or the ``common`` one, as plain arrays."""
     program, x, ranges = point
     program = common if program is None else program
     assert program is not None
@@ -294,7 +297,7 @@ def _certify_values(common: Program | None, point: tuple[Program | None, Point, 
 
 
 def _certificate_of(values: Values) -> _Certificate:
-    """Return plain arrays as a certificate."""
+    """Return a certificate from plain arrays."""
     status, reason = map(str, values["curvature"])
     return _Certificate(
         violation=float(values["violation"]),
@@ -333,7 +336,7 @@ def _certify_point(program: Program, x: Point, ranges: Float[np.ndarray, " n_obj
 
 
 def _unknown(program: Program, x: Point, n_obj: int, reason: str) -> _Certificate:
-    """Return the certificate of a point of which its violation alone is known, if that."""
+    """Return the certificate of a point with only its violation, if even that is known."""
     try:
         violation = violation_of(program, *program.evaluate(x))
     except EvaluationFailed:
@@ -349,6 +352,6 @@ def _unknown(program: Program, x: Point, n_obj: int, reason: str) -> _Certificat
 
 
 def _constraints(program: Program, at: Linearisation) -> Constraints:
-    """Return all inequalities to first order, the program's own bounds on F among them."""
+    """Return all inequalities to first order, with the program's own bounds on F."""
     size = len(program.upper)
     return bounded(at, Goal(weights=np.zeros(size), rows=np.eye(size), upper=program.upper))[0]

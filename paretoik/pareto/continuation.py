@@ -1,12 +1,12 @@
-"""An optimum followed while the upper bounds of its goal move: predicted, then corrected, by quadratic programs.
+"""Continuation of an optimum while its goal's upper bounds move, by quadratic programs.
 
     minimise    weights · F(x)
     subject to  h(x) = 0,  c(x) ≥ 0,  rows · F(x) ≤ upper(s),  s from 0 to 1
 
-At an optimum with its multipliers the quadratic models of all objectives, each with its own Hessian, predict the
-optimum of the bounds that are wanted next up to the cube of the step, constraints added and dropped on the way; each
-correction, by the Hessian of the Lagrangian, squares what is left. Source: Guddat, Guerra Vazquez & Jongen 1990,
-Parametric Optimization, chapter 2; Diehl, Bock & Schlöder 2005 for predictor steps of Newton's method.
+At an optimum with its multipliers, quadratic models of all objectives, each with its own Hessian, predict the optimum
+for the next bounds, with changes of the active set; the error is of the order of the step's cube. Each correction, with
+the Hessian of the Lagrangian, squares the error. Source: Guddat, Guerra Vazquez & Jongen 1990, Parametric Optimization,
+chapter 2; Diehl, Bock & Schlöder 2005 for predictor steps of Newton's method.
 """
 
 from __future__ import annotations
@@ -28,17 +28,18 @@ from paretoik.stop_flag import check_interruption
 class ContinuationOptions:
     """Tolerances and steps; objectives are divided by their ranges.
 
-    A point is an optimum where the length of the Lagrangian's gradient, of a step of RMS length one and over the sum of
-    the objectives' multipliers, is at most ``residual``, and no constraint is violated by more than ``violation``. More
-    than so many ``corrections``, or one that is not shorter than the one before by a factor of ``contraction``, halve
-    the step, at most ``few`` double it. So many ``attempts`` are made at most, good ones among them: where that is not
-    enough, a solver that starts anew is faster. The models predict in so many ``predictions`` of Newton's method, or
-    until one is a share ``predicted`` of the whole step. What nothing corrects has its values updated so many times,
-    ``updates``: once for curved bounds of objectives, once more for curved limits. If a bound or a
-    limit is then exceeded by a share ``missed`` of the step, the models do not reach so far.
-
-    Where multipliers begin: limits with a slack up to one of the ``active`` ones count as active, until the gradient
-    of the Lagrangian is at most ``balance``, a share of the objectives'.
+    residual: largest gradient of the Lagrangian at an optimum, for a step of RMS length one, over Σ multipliers of F
+    violation: largest violation of a constraint at an optimum
+    corrections: largest number of corrections; more halve the step
+    contraction: largest ratio of a correction to the one before; a larger ratio halves the step
+    few: number of corrections up to which the step doubles
+    attempts: largest number of attempts, successful ones included; after that a solver from a fresh start is faster
+    predictions: largest number of Newton steps of a prediction
+    predicted: share of the whole step; a shorter Newton step is the last
+    updates: updates of values without correction: one for curved bounds of objectives, one more for curved limits
+    missed: share of the step by which a predicted point may exceed a bound or a limit; else the step is too long
+    active: slacks up to which limits count as active for the first multipliers, tried in order
+    balance: gradient of the Lagrangian, as a share of the objectives', that ends these trials
     """
 
     residual: float = 1e-8
@@ -60,7 +61,7 @@ OPTIONS = ContinuationOptions()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Optimum:
-    """An optimum, or a guess of one, and the multipliers of the limits, then of the goal's and the program's bounds."""
+    """An optimum or a guess of one; multipliers of limits, then of the goal's and the program's bounds."""
 
     x: Point
     multipliers: Float[np.ndarray, " constraints"]
@@ -68,9 +69,10 @@ class Optimum:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Continuation:
-    """How far an optimum was followed: where it is, the ``share`` of the way, and what that took.
+    """The last optimum that was followed, and the effort.
 
-    ``corrections`` are those of all ``steps``; a share below 1 says that its branch ends, or bends back, there.
+    share: share of the way; below 1 the branch ends or bends back there
+    corrections, changes: corrections and changes of the active set in all steps
     """
 
     optimum: Optimum
@@ -81,14 +83,18 @@ class Continuation:
 
 
 def can_follow(program: Program) -> bool:
-    """Return whether optima can be followed: by a compiled kernel, and where no kinks make multipliers jump."""
+    """Return whether optima can be followed: with a compiled kernel and without kinks (multipliers jump)."""
     return not program.kinked and program.kernel is not None
 
 
 def guess_optimum(program: Program, x: Point, goal: Goal) -> Optimum | None:
-    """Return a point with the multipliers that balance the gradients of a goal best; None where none come near.
+    """Return a point with the multipliers y that best balance the goal's gradient; else None.
 
-    Limits that are tightened elsewhere are not active here, although their multipliers are positive.
+        minimise    ‖Aᵀy − gradient‖²,  rows of A: gradients of active limits and bounds
+        subject to  y ≥ 0
+
+    Limits that are tightened elsewhere are not active here, although their multipliers are positive. None if the point
+    is singular or the least squares fail.
     """
     from paretoik.nlp.parametric_qp.local_model import first_order  # here: numba
 
@@ -106,7 +112,7 @@ def guess_optimum(program: Program, x: Point, goal: Goal) -> Optimum | None:
         lengths = np.maximum(np.linalg.norm(normals, axis=1), 1e-300)
         try:
             solution, residual = nnls((normals / lengths[:, None]).T, gradient)
-        except RuntimeError:  # no end within its iterations
+        except RuntimeError:  # iteration limit reached
             return None
         multipliers = np.zeros(len(slacks) + len(rows))
         multipliers[limits] = (solution / lengths)[: len(limits)]
@@ -117,9 +123,9 @@ def guess_optimum(program: Program, x: Point, goal: Goal) -> Optimum | None:
 
 
 def follow(program: Program, start: Optimum, goal: Callable[[float], Goal], *, partly: bool = False) -> Continuation:
-    """Return how far the optimum of ``goal`` (share) is followed from that at 0, to 1 at most.
+    """Return how far the optimum of ``goal(share)`` is followed from share 0, to 1 at most.
 
-    Once the attempts that remain cannot lead to 1 it goes no further, unless ``partly`` will do.
+    It stops as soon as the remaining attempts cannot reach 1; ``partly`` does not change that.
     """
     optimum, share, step, steps, corrections, changes = start, 0.0, 1.0, 0, 0, 0
     kernel = program.kernel
@@ -139,16 +145,16 @@ def follow(program: Program, start: Optimum, goal: Callable[[float], Goal], *, p
 
 
 def correct(program: Program, start: Optimum, goal: Goal) -> Optimum | None:
-    """Return the optimum of a goal near a guess; None where few corrections do not lead to it."""
+    """Return the optimum of a goal near a guess; None if the corrections do not reach it."""
     result = _correct(program, program.kernel, start, goal)
     return None if result is None else result[0]
 
 
 def predict(program: Program, start: Optimum, goal: Callable[[float], Goal]) -> Point | None:
-    """Return the point predicted to be the optimum of ``goal`` (1), from that at 0; None where there is no prediction.
+    """Return the predicted optimum of ``goal(1)`` from that of ``goal(0)``; None if there is no prediction.
 
-    It is not corrected: h(x) = 0 holds there, limits and bounds nearly, and objectives err by the fourth power of the
-    step. Where models at the start do not reach so far, they are made anew on the way, where they predict.
+    It is not corrected: the point satisfies h(x) = 0 exactly and limits and bounds nearly; errors of objectives are of
+    the fourth power of the step. If the models at the start do not reach far enough, new models are made on the way.
     """
     optimum, share, step = start, 0.0, 1.0
     for remaining in range(OPTIONS.attempts, 0, -1):
@@ -167,7 +173,7 @@ def predict(program: Program, start: Optimum, goal: Callable[[float], Goal]) -> 
 
 
 def _predict(program: Program, start: Optimum, goal: Goal) -> Optimum | None:
-    """Return what one model predicts; None where a bound is missed by too large a part of the step."""
+    """Return one model's prediction; None if a bound is exceeded by too large a share of the step."""
     from paretoik.nlp.parametric_qp.prediction import PredictionOptions
     from paretoik.nlp.parametric_qp.prediction import predict as search
     from paretoik.nlp.parametric_qp.solution import QpOptions
@@ -187,7 +193,7 @@ def _predict(program: Program, start: Optimum, goal: Goal) -> Optimum | None:
 
 
 def _correct(program: Program, kernel: Any, start: Optimum, goal: Goal) -> tuple[Optimum, int, int] | None:
-    """Return the optimum of a goal, and how many corrections and changes of the active set led to it."""
+    """Return the optimum of a goal and the numbers of corrections and changes of the active set."""
     from paretoik.nlp.parametric_qp.correction import CorrectionOptions
     from paretoik.nlp.parametric_qp.correction import correct as search
     from paretoik.nlp.parametric_qp.solution import QpOptions
@@ -210,7 +216,7 @@ def _correct(program: Program, kernel: Any, start: Optimum, goal: Goal) -> tuple
 def _bounds(
     program: Program, goal: Goal
 ) -> tuple[Float[np.ndarray, "bounds objectives"], Float[np.ndarray, " bounds"]]:
-    """Return the finite rows of the goal, then those of the program's own bounds, and what they may be at most."""
+    """Return the finite rows of the goal, then those of the program's own bounds, and their upper bounds."""
     finite, bounded = np.isfinite(goal.upper), np.isfinite(program.upper)
     rows = np.concatenate([goal.rows[finite], np.eye(len(program.upper))[bounded]])
     return rows, np.concatenate([goal.upper[finite], program.upper[bounded]])

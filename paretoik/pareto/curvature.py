@@ -1,7 +1,8 @@
-"""Whether a critical point is a minimum: the Hessian of the Lagrangian on the critical cone.
+"""Second-order test of a critical point: the Hessian of the Lagrangian on the critical cone.
 
-The cone: ∇fᵢ·d = 0 where λᵢ > 0, ≤ 0 where λᵢ = 0; ∇c·d = 0 where a limit is strongly active, ≥ 0 where weakly. Without
-the rows ∇fᵢ·d = 0 every concave piece of a front would count as a saddle. Source: Nocedal & Wright, section 12.5.
+The cone: ∇fᵢ·d = 0 if λᵢ > 0, ≤ 0 if λᵢ = 0; ∇c·d = 0 if a limit is strongly active, ≥ 0 if it is weakly active.
+Without the rows ∇fᵢ·d = 0 every concave piece of a front would count as a saddle. Source: Nocedal & Wright, section
+12.5.
 """
 
 from __future__ import annotations
@@ -23,21 +24,25 @@ from paretoik.nlp.program import Cone, Constraints, InteriorPointOptions, Linear
 class CurvatureOptions:
     """Tolerances without unit: objectives and limits are divided by their ranges."""
 
-    curvature: float = 1e-7  # second derivative along a direction of length one, below which there is none
-    multiplier: float = 1e-6  # share of all multipliers from which on one counts
-    tie_share: float = 1e-3  # the same of a tie, among the ties of its slack or epigraph variable
-    least_multiplier: float = 1e-9  # that counts at all
-    active: float = 1e-7  # slack up to which a limit is active
-    violation: float = 1e-8  # that counts as none
+    curvature: float = 1e-7  # least second derivative along a direction of length one that counts
+    multiplier: float = 1e-6  # least multiplier that counts, as a share of all
+    tie_share: float = 1e-3  # the same for a tie, among the ties of its slack or epigraph variable
+    least_multiplier: float = 1e-9  # least multiplier that counts at all
+    active: float = 1e-7  # largest slack of an active limit
+    violation: float = 1e-8  # largest violation that counts as 0
     descent_steps: tuple[float, ...] = (1e-2, 1e-3, 1e-4)  # lengths tried along a direction of negative curvature
-    descents: tuple[InteriorPointOptions, ...] = (  # from the first of these, in turn until one leads to a better point
+    descents: tuple[
+        InteriorPointOptions, ...
+    ] = (  # tried in order from the first step until one leads to a better point
         InteriorPointOptions(barrier=1e-6, radius=0.02),
         InteriorPointOptions(barrier=1e-4, radius=0.02),
     )
-    met: float = 1e-4  # length of a step, RMS, that meets a limit or kink which counts as the end of a direction
-    slope: float = 1e-9  # along a direction that a weakly active limit or an objective without weight allows
-    dependent: float = 1e-9  # of rows of length one: what counts as none
-    names: int = 3  # limits and kinks that a reason names, at most
+    met: float = 1e-4  # RMS length of a step: a limit or kink within it ends a direction
+    slope: float = (
+        1e-9  # most negative rate of a weakly active limit, or of an objective without weight, along a direction
+    )
+    dependent: float = 1e-9  # of rows of length one: smaller lengths count as 0
+    names: int = 3  # largest number of limits and kinks that a reason names
 
 
 OPTIONS = CurvatureOptions()
@@ -45,9 +50,11 @@ OPTIONS = CurvatureOptions()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Curvature:
-    """Whether a critical point is a "minimum", a "saddle", with a point that is better in every objective, or why not.
+    """The result of the second-order test of a critical point.
 
-    ``status`` is one of the two or "undetermined", which has a ``reason``.
+    status: "minimum", "saddle" or "undetermined"
+    reason: why it is undetermined
+    better: for a saddle, a point that is better in every objective
     """
 
     status: str
@@ -56,16 +63,16 @@ class Curvature:
 
 
 def undetermined(reason: str) -> Curvature:
-    """Return that it is not known, for a reason, in one line."""
+    """Return the undetermined result, with its reason in one line."""
     return Curvature(status="undetermined", reason=" ".join(reason.split()))
 
 
 def curvature_at(
     program: Program, at: Linearisation, result: Criticality, constraints: Constraints, ranges: np.ndarray
 ) -> Curvature:
-    """Return what the second derivatives say of a critical point.
+    """Return the result of the second-order test of a critical point.
 
-    A saddle is called one where negative curvature leads to a point that is better in every objective.
+    A point is a saddle only if negative curvature leads to a point that is better in every objective.
     """
     gradients = at.gradients[: len(ranges)] / ranges[:, None]
     counts = result.weights >= OPTIONS.multiplier
@@ -73,7 +80,7 @@ def curvature_at(
     weak = ~strong & (constraints.values <= OPTIONS.active)
     hessian, cone_rows = _lagrangian(program, at, result, ranges)
     fixed = np.concatenate([gradients[counts], constraints.jacobian[strong].toarray(), *cone_rows])
-    edges = np.concatenate([constraints.jacobian[weak].toarray(), -gradients[~counts]])  # no direction lowers these
+    edges = np.concatenate([constraints.jacobian[weak].toarray(), -gradients[~counts]])  # no direction may lower these
     direction, curvature = _least_curved(fixed, hessian, at)
     if curvature >= -OPTIONS.curvature:
         return Curvature(status="minimum")
@@ -96,7 +103,7 @@ def curvature_at(
 def least_multipliers(
     constraints: Constraints, multipliers: Float[np.ndarray, " inequalities"]
 ) -> Float[np.ndarray, " inequalities"]:
-    """Return from which size on each multiplier counts: those of ties share the weight of what they tie."""
+    """Return the least size at which each multiplier counts; ties share the weight of their column."""
     auxiliary = abs(sparse.csc_array(constraints.jacobian)[:, constraints.unknowns :])
     if not auxiliary.shape[1]:
         return np.full(len(multipliers), OPTIONS.multiplier)
@@ -108,10 +115,12 @@ def least_multipliers(
 def edge_names(
     program: Program, at: Linearisation, weak: Bool[np.ndarray, " inequalities"], weightless: Bool[np.ndarray, " n_obj"]
 ) -> str:
-    """Return the names of weakly active limits, kinks and objectives without weight, each once."""
+    """Return the names of weakly active limits, kinks and objectives without weight, without repeats."""
     bounds = int(np.count_nonzero(np.isfinite(program.upper)))
     rows = np.flatnonzero(weak)
-    limits = [name for i in rows[rows < at.elastic] for name in program.inequality_names[i : i + 1]]  # few have none
+    limits = [
+        name for i in rows[rows < at.elastic] for name in program.inequality_names[i : i + 1]
+    ]  # a few have no name
     totals = np.flatnonzero(np.isfinite(program.upper))
     limits += [program.objective_names[totals[i - at.elastic]] for i in rows if 0 <= i - at.elastic < bounds]
     kinks = [f"a kink of {name}" for name in program.kinked] if (rows >= at.elastic + bounds).any() else []
@@ -122,7 +131,7 @@ def edge_names(
 
 
 def _least_curved(fixed: np.ndarray, hessian: np.ndarray, at: Linearisation) -> tuple[np.ndarray, float]:
-    """Return the direction of least curvature that no row of ``fixed`` looks along, and that curvature; ∞ for none."""
+    """Return the direction of least curvature in the null space of ``fixed``, and that curvature; ∞ if positive."""
     tangent, unit = null_space(fixed, at.unknowns), at.unit
     projected = tangent.T @ hessian @ tangent
     if is_positive_definite(projected + OPTIONS.curvature / unit**2 * np.eye(len(projected))):
@@ -135,9 +144,9 @@ def _least_curved(fixed: np.ndarray, hessian: np.ndarray, at: Linearisation) -> 
 def _lagrangian(
     program: Program, at: Linearisation, result: Criticality, ranges: np.ndarray
 ) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Return the Hessian (columns, columns) of the Lagrangian, lengths of cones included, and the rows that fix these.
+    """Return the Hessian (columns, columns) of the Lagrangian with lengths of cones, and the rows that fix those.
 
-    On the critical cone the column of a cone changes as its length does.
+    On the critical cone a cone's column changes with its length.
     """
     count, finite = len(ranges), np.isfinite(program.upper)
     elastic, bounds, ties = np.split(result.multipliers, [at.elastic, at.elastic + np.count_nonzero(finite)])
@@ -156,7 +165,7 @@ def _lagrangian(
 def null_space(
     rows: Float[np.ndarray, "rows columns"], unknowns: int | None = None
 ) -> Float[np.ndarray, "columns free"]:
-    """Return a basis of the directions that no row looks along, orthonormal in its first ``unknowns`` columns, or all.
+    """Return a basis of the null space of rows, orthonormal in the first ``unknowns`` columns (default all).
 
     Auxiliary columns, which follow those, are eliminated first: their rows are sparse. Rows count by direction, not
     length.
@@ -186,7 +195,7 @@ def is_positive_definite(matrix: Float[np.ndarray, "size size"]) -> bool:
 
 
 def _length(cone: Cone, columns: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the row that ties the column of a cone to its length, and the length's second derivatives."""
+    """Return the row that ties a cone's column to its length, and the length's second derivatives."""
     size, rows = float(np.linalg.norm(cone.values)), cone.rows.toarray()
     top = np.zeros((1, columns))
     top[0, cone.column] = 1.0
@@ -199,9 +208,12 @@ def _length(cone: Cone, columns: int) -> tuple[np.ndarray, np.ndarray]:
 def _better_point(
     program: Program, at: Linearisation, directions: list[np.ndarray], ranges: np.ndarray
 ) -> Point | None:
-    """Return a feasible point that is better in every objective, where a step along a direction leads to one.
+    """Return a feasible point that is better in every objective, if steps along the directions lead to one.
 
-    Where no step itself is better, all objectives together are minimised from the first, none above its value here.
+        minimise    Σ F̂(x)                     F̂: objectives divided by their ranges
+        subject to  F̂(x) ≤ F̂(this point)
+
+    This program is solved from the first step of each direction if no step itself is better.
     """
     values, starts = at.objectives[: len(ranges)], list[Point]()
     for direction in directions:

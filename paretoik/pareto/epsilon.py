@@ -1,4 +1,7 @@
-"""Fronts of any program by ε-constraints: one objective minimised, the others kept below ε, from several starts each.
+"""Fronts of any program by ε-constraints, each from several starts.
+
+    minimise    F_m(x) + weight · Σ_j≠m F_j(x)
+    subject to  F_j(x) ≤ ε_j for all j ≠ m
 
 Source: Tringali & Cocuzza 2020, section 4.3, with inequalities in place of the printed equality, which may return
 dominated points; Haimes et al. 1971.
@@ -43,16 +46,19 @@ def epsilon_points(
     solver: Solver = "auto",
     observe: ObserveSweep | None = None,
 ) -> tuple[Points, Float[np.ndarray, " n_obj"]]:
-    """Return at most so many points, but all ends, spread over the front, and the ranges of the objectives.
+    """Return at most ``points`` points spread over the front, always with its ends, and the objectives' ranges.
 
-    ``program_of`` returns the program with its objectives divided by its argument. First come the ends. Of two
-    objectives points are then placed where the front gains the most hypervolume, the first ``cold_points`` sought from
-    cold starts too; of more come what cold starts lead to below some ε, and the widest gaps: ε halfway between two
-    neighbours, started from those near it. ``initial`` points within all limits lead to ends and points as well, unless
-    ``refined`` already: none of them dominates what is returned. ``observe`` looks on.
+    1. Find the ends. 2. With two objectives, place points where the front gains the most hypervolume. With more, search
+    from cold starts below some ε, then fill the widest gaps: ε halfway between two neighbours, starts near it.
 
-    After a signal the points so far are returned, ``initial`` ones among them. Raises what ``cold`` does, and
-    Interrupted where a signal comes before there is any point.
+    program_of: returns the program with its objectives divided by the argument
+    cold_points: number of first points that are also searched from cold starts (two objectives)
+    initial: points; those within all limits lead to ends and points too; none of them dominates the result
+    refined: whether initial points are refined already
+    observe: called with the progress
+
+    After a signal the points so far are returned, with ``initial`` ones. Raises the errors of ``cold``, and Interrupted
+    if a signal comes before the first point.
     """
     natural = program_of(np.ones(n_obj))
     initial = feasible_points(natural, initial)
@@ -69,7 +75,7 @@ def epsilon_points(
     sizes = objective_sizes(natural, best, n_obj)
     near = natural.distance(best[0], best) <= OPTIONS.resolved_distance
     if len(alone) == n_obj and near.all() and (np.ptp(payoff, axis=0) <= OPTIONS.resolution * sizes).all():
-        return best[:1], np.where(sizes > 0, sizes, 1.0)
+        return best[:1], np.where(sizes > 0, sizes, 1.0)  # the front is one point
     ranges = ranges_of(payoff, sizes)
     program = program_of(ranges)
     ends = evaluate_points(program, best)
@@ -107,7 +113,7 @@ def epsilon_points(
 
 
 def _weights(program: Program, x: Points, n_obj: int) -> Float[np.ndarray, "points n_obj"] | None:
-    """Return the weights of two objectives at points, which are the slope of the front there; None after a signal."""
+    """Return the weights of two objectives at points (the front's slope there); None after a signal."""
     with suppress(Interrupted):
         return weights_at(program, x, n_obj) if n_obj == 2 else None
     return None
@@ -120,22 +126,22 @@ def _rescaled_ends(
     sizes: Float[np.ndarray, " n_obj"],
     solver: Solver,
 ) -> tuple[Solutions, Program, Float[np.ndarray, " n_obj"]]:
-    """Return the ends, and the program and ranges that they were found with: their own where these are narrower."""
+    """Return the ends with their program and ranges: the ends' own ranges if these are narrower."""
     program = program_of(ranges)
     ends = _ends(program, best, solver)
     narrower = ranges_of(ends.objectives[:, : len(best)] * ranges, sizes)
     if not (narrower < OPTIONS.narrower * ranges).any():
         return ends, program, ranges
-    rescaled = program_of(narrower)  # what is left open at an end may be far from the front
+    rescaled = program_of(narrower)  # an end that is not exact may be far from the front
     with suppress(Interrupted):
         return _ends(rescaled, best, solver), rescaled, narrower
     return ends, program, ranges
 
 
 def _ends(program: Program, best: Points, solver: Solver) -> Solutions:
-    """Return the ends of the front: each objective at its best, the others as good as they can be there.
+    """Return the ends of the front: one objective at its best, the others as good as possible.
 
-    Where no weight of the others leads to an optimum it is the objective's own, whatever the others are there.
+    If no weight of the others leads to an optimum, the end is the objective's own optimum.
     """
     count = len(best)
 
@@ -151,14 +157,16 @@ def _ends(program: Program, best: Points, solver: Solver) -> Solutions:
         better = new_merit < merit - POINT_TOLERANCE
         ends, merit = ends.replace_rows(better, again[better]), np.where(better, new_merit, merit)
     weight = OPTIONS.end_tolerance
-    while not ends.converged.all() and weight < OPTIONS.end_weight:  # a flat valley, steeper with more of the others
+    while (
+        not ends.converged.all() and weight < OPTIONS.end_weight
+    ):  # a flat valley: more weight of the others makes it steeper
         weight *= 10.0
         again, _ = solve(best, weight, OPTIONS.cold)
         missing = ~ends.converged & again.converged
         ends = ends.replace_rows(missing, again[missing])
     ends = ends.replace_rows(~ends.converged, evaluate_points(program, best)[~ends.converged])
     weights = np.full(count, OPTIONS.end_weight)
-    for _ in range(2):  # how much an objective gives way grows with the square of the others' weight
+    for _ in range(2):  # an objective's loss grows with the square of the others' weight
         finished = solve(ends.x, weights, OPTIONS.warm)[0]
         loss = np.diagonal(finished.objectives) - np.diagonal(ends.objectives)
         weights = weights * np.sqrt(OPTIONS.end_tolerance / np.maximum(loss, OPTIONS.end_tolerance)) / 2
@@ -169,7 +177,7 @@ def _ends(program: Program, best: Points, solver: Solver) -> Solutions:
 
 
 def _add_inner_optima(sweep: Sweep, cold: ColdSearch) -> None:
-    """Add the optima that cold starts lead to below an ε: a branch may belong to no objective's own optimum."""
+    """Add the optima from cold starts below an ε: a branch may contain no objective's own optimum."""
     n_obj, ends = sweep.n_obj, sweep.objectives[: sweep.n_obj, : sweep.n_obj]
     sweep.cold_points = n_obj
     ideal, nadir = ends.min(axis=0), ends.max(axis=0)

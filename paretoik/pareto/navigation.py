@@ -1,12 +1,12 @@
-"""Moving along a front from one of its points to a new one: followed where its branch goes on, else solved anew.
+"""Moves along a front from a known point to a new one: follow its branch, or solve again.
 
-Where the branch ends or bends back, or what is known already is better, the nearest known points that are good enough
-are followed to what is wished for, and a local optimum is sought from where the branch ended; where none leads there,
-also from these points, from points between them and the start, and last from others. The best counts.
+If the branch ends or bends back, or a known point is better, the nearest known points that are good enough are followed
+to the wish, and a local optimum is searched from the end of the branch. If none leads there, the search continues from
+these points, from points between them and the start, and last from others. The best optimum counts.
 
-Where the front jumps, the best optimum may lie in a valley that none of these points is in. So where a move leaves its
-branch, and where a front that is a curve jumps right behind the start or ahead of it, one more optimum is sought from
-the point behind the start, by a barrier that is high enough to leave a valley.
+If the front jumps, the best optimum may be in a valley without any of these points. Therefore one more optimum is
+searched from the point behind the start, with a barrier high enough to leave a valley, if a move leaves its branch, or
+if a front of two objectives jumps directly behind or ahead of the start.
 """
 
 from __future__ import annotations
@@ -24,22 +24,23 @@ from paretoik.nlp.program import Goal, InteriorPointOptions, Program, Solver, vi
 from paretoik.pareto.continuation import Continuation, can_follow, follow, guess_optimum
 from paretoik.pareto.scalarisation import WARM_OPTIONS as WARM
 
-# What a move along a front asks for: one objective better by so much, some that pay for it, the others no worse.
+# The goal of a move along a front: improve one objective by a given amount, let payers get worse, others not.
 #
 #     minimise    F̂_m + ρ Σ F̂_j                                 F̂ = F / ranges, m the payer with the largest weight
-#     subject to  F̂_i ≤ F̂_i(start) − s · by                     the objective that is improved
+#     subject to  F̂_i ≤ F̂_i(start) − s · by                     the improved objective
 #                 F̂_p − F̂_m ≤ F̂_p(start) − F̂_m(start)           the other payers: equal shares of their ranges
-#                 F̂_h ≤ F̂_h(start)                              those that are held
+#                 F̂_h ≤ F̂_h(start)                              all other objectives
 #
-# At s = 0 a Pareto-critical start is optimal, with multipliers that follow from its weights; unlike a weighted sum it
-# stays so where the front is concave. Source: Pascoletti & Serafini 1984; ρ is the augmentation of Wierzbicki 1980.
+# At s = 0 a Pareto-critical start is optimal, and its weights give the multipliers; unlike for a weighted sum, this is
+# true on a concave front too. Source: Pascoletti & Serafini 1984; ρ is the augmentation of Wierzbicki 1980.
 
 
 @dataclass(frozen=True, kw_only=True)
 class GoalOptions:
-    """The weight of all objectives beside the payer: ``augmentation``, or a ``share`` of the least weight if less.
+    """Weight ρ of all objectives: the smaller of two values, so that a point is the optimum of its own goal.
 
-    A point stays the optimum of its own goal then.
+    augmentation: the first value
+    share: the second value, as a share of the least weight
     """
 
     augmentation: float = 5e-4
@@ -51,7 +52,7 @@ GOAL_OPTIONS = GoalOptions()
 
 @dataclass(frozen=True, kw_only=True)
 class Wish:
-    """Improve objective ``improve`` by a share ``by`` of its range; ``payers`` may get worse, the others may not."""
+    """Improve one objective by a share ``by`` of its range; ``payers`` may get worse, the others may not."""
 
     improve: int
     payers: tuple[int, ...]
@@ -60,9 +61,11 @@ class Wish:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Aim:
-    """The goals from a start (``at_share`` 0) to what is wished for (1), of a program with objectives F.
+    """The goals from a start (``at_share(0)``) to the wish (``at_share(1)``).
 
-    ``weights`` are those of the objectives at the start, over their ranges, their sum 1.
+    start: objectives at the start
+    weights: weights of the objectives, divided by their ranges, at the start; their sum is 1
+    objectives: number of all objectives F of the program
     """
 
     wish: Wish
@@ -73,11 +76,11 @@ class Aim:
 
     @property
     def main(self) -> int:
-        """The payer that is minimised."""
+        """The payer that is minimised: the one with the largest weight."""
         return max(self.wish.payers, key=lambda payer: self.weights[payer])
 
     def at_share(self, share: float) -> Goal:
-        """Return the goal of a share of the way."""
+        """Return the goal at a share of the way."""
         count, main, wish = len(self.ranges), self.main, self.wish
         identity = np.eye(count, self.objectives) / np.append(self.ranges, np.ones(self.objectives - count))
         others = [k for k in range(count) if k != main]
@@ -95,7 +98,7 @@ class Aim:
 
     @property
     def predicted(self) -> Float[np.ndarray, " n_obj"]:
-        """How objectives change, in shares of their ranges, by the exchange rates at the start; inf without a payer."""
+        """Changes of objectives, as shares of ranges, by the exchange rates at the start; inf without a payer."""
         wish, change = self.wish, np.zeros(len(self.ranges))
         change[wish.improve] = -wish.by
         payers, total = list(wish.payers), float(self.weights[list(wish.payers)].sum())
@@ -105,13 +108,17 @@ class Aim:
 
 @dataclass(frozen=True, kw_only=True)
 class NavigationOptions:
-    """How a front is moved along; objectives are divided by their ranges.
+    """Settings of moves; objectives are divided by their ranges.
 
-    ``neighbours`` are so many known points to start from, ``farther`` more where these lead nowhere. ``violation`` is
-    what a limit or bound may be exceeded by, ``better`` what one point has to gain beside another. A branch that ends
-    before a ``worthwhile`` share of the way leads nowhere. Between two points lies a barrier where at one of so many
-    ``places`` an objective is worse than at both by ``height``. ``barriers`` of the solver are tried in turn until one
-    leads to an optimum. ``high`` is the one that leaves valleys, where it does so within a few iterations.
+    neighbours: number of known points to start from
+    farther: number of further ones if these lead nowhere
+    violation: largest excess over a limit or bound
+    better: least gain of one point relative to another
+    worthwhile: least share of the way at which a followed branch counts as a result
+    places: number of places between two points that are tested for a barrier
+    height: excess of an objective over both points that is a barrier
+    barriers: the solver's barriers, tried in order until one leads to an optimum
+    high: a barrier that leaves valleys, with few iterations
     """
 
     neighbours: int = 3
@@ -128,12 +135,12 @@ class NavigationOptions:
 OPTIONS = NavigationOptions()
 
 Between = Callable[[Point, Point, Float[np.ndarray, " shares"]], Float[np.ndarray, " between *point"]]
-"""Returns points at shares of the way from one to another, without those that are impossible."""
+"""Returns points at shares of the way from one point to another, without impossible ones."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FrontPoints:
-    """The points of a front, and their objectives as the program has them."""
+    """The points of a front and their objectives in the program's own scale."""
 
     x: Points
     objectives: Float[np.ndarray, "points n_obj"]
@@ -141,10 +148,12 @@ class FrontPoints:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Destination:
-    """Where a move led: the point, and the ``share`` of what was wished for that it reaches.
+    """The result of a move.
 
-    ``followed`` says how the branch was followed, None where it could not be; where that ``arrived``, at this point,
-    nothing was solved anew. ``jump`` says whether a barrier lies between the start and the point.
+    share: share of the wish that the point reaches
+    followed: how the branch was followed, None if that was impossible
+    arrived: whether the branch led to this point, so that nothing was solved again
+    jump: whether there is a barrier between the start and the point
     """
 
     x: Point
@@ -157,7 +166,8 @@ class Destination:
 def move(
     program: Program, front: FrontPoints, start: int, aim: Aim, between: Between, *, solver: Solver = "auto"
 ) -> Destination | None:
-    """Return where a move from a known point leads; None where nothing better in what is wished for was found."""
+    """Return the result of a move from a known point; None if none fulfils the wish."""
+    # follow the start's branch, and those of rivals
     goal, neighbours = aim.at_share(1.0), _neighbours(front, start, aim)
     followed = _follow(program, front, start, goal)
     arrived = followed is not None and followed.share >= 1.0
@@ -167,6 +177,7 @@ def move(
     branches = [followed, *(_follow(program, front, i, goal) for i in others)]
     candidates = [each.optimum.x for each in branches if each is not None and each.share >= 1.0]
     best = _best(program, candidates, goal)
+    # solve again if the move leaves its branch, also from behind a jump
     leaves = not arrived or best is not candidates[0]
     if leaves:
         starts = _starts(front, start, aim, followed, neighbours if best is None else [], between)
@@ -175,13 +186,14 @@ def move(
     if leaves or (is_curve and (others or has_barrier(program, front.x[start], front.x[behind], between, aim.ranges))):
         candidates += _solve(program, [front.x[behind]], goal, (OPTIONS.high,), solver)
     best = _best(program, candidates, goal)
-    if best is None:
+    if best is None:  # farther starts
         farther = [front.x[i] for i in _nearest(front, aim) if i not in (start, *neighbours)][: OPTIONS.farther]
         best = _best(program, _solve(program, farther, goal, OPTIONS.barriers, solver), goal)
     if best is not None:
         is_followed = arrived and best is candidates[0]
         jump = not is_followed and has_barrier(program, front.x[start], best, between, aim.ranges)
         return Destination(x=best, share=1.0, followed=followed, arrived=is_followed, jump=jump)
+    # a part of the way is better than nothing
     followed = _follow(program, front, start, goal, partly=True)
     if followed is not None and followed.share >= OPTIONS.worthwhile:
         return Destination(x=followed.optimum.x, share=followed.share, followed=followed, arrived=True, jump=False)
@@ -189,14 +201,14 @@ def move(
 
 
 def reach(program: Program, x: Point, goal: Goal, *, solver: Solver = "auto") -> Point | None:
-    """Return the optimum of a goal that a point near by leads to; None where it leads to none."""
+    """Return the optimum of a goal from a nearby point; None if none is found."""
     return _best(program, _solve(program, [x], goal, OPTIONS.barriers, solver), goal)
 
 
 def has_barrier(
     program: Program, x: Point, other: Point, between: Between, ranges: Float[np.ndarray, " n_obj"]
 ) -> bool:
-    """Return whether some place between two points is worse in an objective than both, or impossible."""
+    """Return whether a place between two points is impossible or worse than both in an objective."""
     shares = np.arange(1, OPTIONS.places + 1) / (OPTIONS.places + 1)
     inner = between(x, other, shares)
     if len(inner) < len(shares):
@@ -207,7 +219,7 @@ def has_barrier(
 
 
 def _follow(program: Program, front: FrontPoints, i: int, goal: Goal, *, partly: bool = False) -> Continuation | None:
-    """Return how far a known point is followed to a goal, from that with its own values as bounds."""
+    """Return how far a known point is followed to a goal; its own values are the first bounds."""
     if not can_follow(program):
         return None
     count = front.objectives.shape[1]
@@ -221,7 +233,7 @@ def _follow(program: Program, front: FrontPoints, i: int, goal: Goal, *, partly:
 
 
 def _neighbours(front: FrontPoints, start: int, aim: Aim) -> list[int]:
-    """Return the known points that have what is wished for: those that break other bounds least, nearest first."""
+    """Return the known points that fulfil the wish: least excess over other bounds first, then nearest."""
     goal, near = aim.at_share(1.0), _nearest(front, aim)
     excess = (front.objectives @ goal.rows[:, : len(aim.ranges)].T - goal.upper).max(axis=1)
     enough = _gains(front, aim) >= aim.wish.by - OPTIONS.better
@@ -230,12 +242,12 @@ def _neighbours(front: FrontPoints, start: int, aim: Aim) -> list[int]:
 
 
 def _nearest(front: FrontPoints, aim: Aim) -> list[int]:
-    """Return all known points by their distance from the start, objectives divided by their ranges."""
+    """Return all known points, sorted by distance from the start with objectives divided by ranges."""
     return [int(i) for i in np.argsort(np.linalg.norm((front.objectives - aim.start) / aim.ranges, axis=1))]
 
 
 def _gains(front: FrontPoints, aim: Aim) -> Float[np.ndarray, " points"]:
-    """Return how much better known points are in what is wished for than the start, as shares of its range."""
+    """Return the gains of known points over the start in the improved objective, as shares of its range."""
     k = aim.wish.improve
     return np.asarray((aim.start[k] - front.objectives[:, k]) / aim.ranges[k])
 
@@ -243,7 +255,7 @@ def _gains(front: FrontPoints, aim: Aim) -> Float[np.ndarray, " points"]:
 def _rivals(
     program: Program, front: FrontPoints, x: Point, neighbours: list[int], goal: Goal, between: Between
 ) -> list[int]:
-    """Return the known points that may lead to something better than x: better ones, and those in other valleys."""
+    """Return the best known point better than x, else the neighbours in other valleys."""
     count = front.objectives.shape[1]
     merit, merits = float(goal.weights @ program.evaluate(x)[0]), front.objectives @ goal.weights[:count]
     feasible = (front.objectives @ goal.rows[:, :count].T <= goal.upper + OPTIONS.violation).all(axis=1)
@@ -257,7 +269,7 @@ def _rivals(
 def _starts(
     front: FrontPoints, start: int, aim: Aim, followed: Continuation | None, neighbours: list[int], between: Between
 ) -> list[Point]:
-    """Return the points to solve from: where the branch ended, the start, neighbours, and points on the way there."""
+    """Return a solver's starts: the branch's end, the start, neighbours and points between."""
     starts = [front.x[start]]
     if followed is not None and 0.0 < followed.share < 1.0:
         starts.insert(0, followed.optimum.x)
@@ -271,9 +283,9 @@ def _starts(
 
 
 def _behind(front: FrontPoints, start: int, aim: Aim) -> int:
-    """Return the nearest known point that a move to the start could come from; the start where there is none.
+    """Return the nearest known point behind the start; else the start.
 
-    It has less of what is wished for and breaks none of the other bounds.
+    A move to the start could begin there: it is worse in the improved objective and satisfies all other bounds.
     """
     goal = aim.at_share(0.0)
     others = goal.rows[:, aim.wish.improve] == 0.0
@@ -289,7 +301,7 @@ def _solve(
     barriers: tuple[InteriorPointOptions, ...],
     solver: Solver,
 ) -> list[Point]:
-    """Return the optima that points lead to, each by the first barrier that does."""
+    """Return the optima that points lead to, each with the first barrier that converges."""
     optima, unsolved, starts = list[Point](), np.ones(len(points), dtype=bool), np.array(points)
     for options in barriers:
         rows = np.flatnonzero(unsolved)
@@ -303,7 +315,7 @@ def _solve(
 
 
 def _best(program: Program, candidates: list[Point], goal: Goal) -> Point | None:
-    """Return the candidate with the least merit among those within all limits and bounds; the first on a tie."""
+    """Return the feasible candidate with the least merit, the first on a tie; None if none is feasible."""
     best, lowest = None, np.inf
     for x in candidates:
         F, equalities, inequalities = program.evaluate(x)

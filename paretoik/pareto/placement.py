@@ -1,7 +1,7 @@
-"""Where points of a front of two objectives gain the most hypervolume, by the exchange rates of its points.
+"""Placement of points of a two-objective front for the most hypervolume, by exchange rates of its points.
 
-Between two neighbours the front is taken for the parabola that touches the tangents at both: at an end it is one, as
-an objective is least there. Where tangents contradict each other, as across a jump, it is taken for the chord.
+Between two neighbours the model of the front is the parabola with their tangents: near an end the front is a parabola,
+as an objective is least there. If the tangents contradict each other, as across a jump, the model is the chord.
 
 Source: sandwich algorithms, e.g. Rote 1992; the subset of most hypervolume, Auger, Bader, Brockhoff & Zitzler 2009.
 """
@@ -18,16 +18,17 @@ from jaxtyping import Float, Int
 
 from paretoik.front.geometry import curve_area, tangents_meet
 
-# How points spread over a front: which are part of it, how far apart they are, and where one more goes.
+# Spread of points over a front: non-dominated points, gaps, and the next point.
 
 
-POINT_TOLERANCE = 1e-7  # of the ranges: points nearer than this are one, and a gain of less is none
+POINT_TOLERANCE = 1e-7  # of the ranges: nearer points are one point, and a smaller gain counts as 0
 
 
 def front_rows(shares: Float[np.ndarray, "points n_obj"]) -> Int[np.ndarray, " rows"]:
-    """Return which points, as shares of the ranges, no other dominates or repeats, in the order of the first share.
+    """Return the rows of non-dominated points without repeats, sorted by the first objective.
 
-    Points are taken in the order of their sums: what dominates another has the smaller one. One with a NaN is left out.
+    ``shares`` are objectives as shares of their ranges. Points are tested in the order of their sums: a dominating
+    point has the smaller sum. Points with a NaN are left out.
     """
     rows = list[int]()
     for i in np.argsort(shares.sum(axis=1), kind="stable").tolist():
@@ -38,7 +39,7 @@ def front_rows(shares: Float[np.ndarray, "points n_obj"]) -> Int[np.ndarray, " r
 
 
 def spread_rows(shares: Float[np.ndarray, "points n_obj"], count: int) -> Int[np.ndarray, " rows"]:
-    """Return the rows of the best of every objective, however many, then always of the farthest, up to ``count``."""
+    """Return the rows of every objective's best point, then of the farthest points, up to ``count``."""
     rows = list(dict.fromkeys(shares.argmin(axis=0).tolist()))
     while len(rows) < min(count, len(shares)):
         gaps = np.linalg.norm(shares[:, None] - shares[None, rows], axis=2).min(axis=1)
@@ -52,11 +53,11 @@ def fill_gaps(
     points: int,
     look_ahead: Callable[[list[tuple[int, Float[np.ndarray, " n_obj"]]]], object] | None = None,
 ) -> None:
-    """Add points where neighbours on the front are farthest apart, until it has so many or no gap yields one.
+    """Add points in the widest gaps of the front until it has ``points`` or no gap yields one.
 
-    ``add`` minimises an objective below upper bounds (inf for its own), and says whether that was a new point. Across a
-    jump of the front it would give points at either edge without end: a gap that stays as wide is closed.
-    ``look_ahead`` is shown what ``add`` is called with first for every gap, the widest first, as far as is known.
+    add: minimises an objective below upper bounds (inf for its own); returns whether the point is new. At a jump it
+        could add points at either edge forever, so a gap that stays as wide is closed.
+    look_ahead: called with the likely arguments of ``add`` for every gap, the widest first
     """
     closed: set[tuple[float, ...]] = set()
     while True:
@@ -77,16 +78,16 @@ def fill_gaps(
 
 
 def _levels(ends: Float[np.ndarray, "2 n_obj"]) -> list[tuple[int, Float[np.ndarray, " n_obj"]]]:
-    """Return objectives with the upper bounds of the others halfway between two points.
+    """Return pairs of an objective and the others' upper bounds halfway between two points.
 
-    First across the longer side; a front with a jump may have a point for one ε and none for the other.
+    The longer side of the gap comes first; a front with a jump may have a point for one ε and none for the other.
     """
     mains, middle = np.argsort(np.abs(ends[0] - ends[1]), kind="stable"), ends.mean(axis=0)
     return [(int(main), np.where(np.arange(len(middle)) == main, np.inf, middle)) for main in mains]
 
 
 def _wide_gaps(values: np.ndarray, ends: np.ndarray, *, share: float = 0.95) -> list[tuple[float, ...]]:
-    """Return the gaps between two points, as pairs, that are still at least ``share`` as wide as these are apart."""
+    """Return the gaps between two points that are still at least ``share`` of their distance wide."""
     size = float(np.linalg.norm(ends[1] - ends[0]))
     off = np.linalg.norm(values[:, None] - ends, axis=2)
     inside = np.sum(off**2, axis=1) <= size**2 * (1 + 1e-9)
@@ -96,12 +97,12 @@ def _wide_gaps(values: np.ndarray, ends: np.ndarray, *, share: float = 0.95) -> 
 
 
 def is_duplicate(value: Float[np.ndarray, " n_obj"], others: Float[np.ndarray, "points n_obj"]) -> bool:
-    """Return whether a point is one of others."""
+    """Return whether a point repeats one of the others."""
     return bool((np.abs(others - value).max(axis=1) <= 10 * POINT_TOLERANCE).any())
 
 
 def _gaps(values: np.ndarray) -> list[tuple[int, int]]:
-    """Return pairs of neighbours, the farthest apart first: no other point lies in the ball between the two."""
+    """Return pairs of neighbours (no other point in the ball between them), the widest first."""
     square = np.sum((values[:, None] - values[None]) ** 2, axis=2)
     inside = square[:, None, :] + square[None, :, :] < square[:, :, None]  # (i, j, k): k between i and j
     first, second = np.nonzero(np.triu(~inside.any(axis=2) & (square > (10 * POINT_TOLERANCE) ** 2), 1))
@@ -111,10 +112,11 @@ def _gaps(values: np.ndarray) -> list[tuple[int, int]]:
 
 @dataclass(frozen=True, kw_only=True)
 class PlacementOptions:
-    """``places`` are looked at in every gap, of a front of many gaps fewer, at most about ``total``.
+    """Settings of the placement.
 
-    Once there are as many points as wanted, another one is worth while that adds ``gain``, a share of the hypervolume
-    that all gaps hold.
+    places: number of places tested in every gap
+    total: about the largest number of places in all gaps; if there are many gaps, each has fewer
+    gain: least gain of a replacement once there are enough points, as a share of the hypervolume in all gaps
     """
 
     places: int = 31
@@ -127,10 +129,12 @@ OPTIONS = PlacementOptions()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Gap:
-    """Two neighbours of a front and what is taken to lie between: ``places`` in their order, the neighbours ends.
+    """Two neighbours of a front and the model curve between them.
 
-    ``area`` is the hypervolume that the whole curve adds to its ends; ``contradicts`` where it is but the chord, as the
-    tangents contradict each other; ``is_concave`` where it lies above that.
+    places: places on the curve in order; the first and the last are the neighbours
+    area: hypervolume that the whole curve adds to its ends
+    contradicts: whether the tangents contradict each other; the curve is the chord then
+    is_concave: whether the curve is above the chord
     """
 
     places: Float[np.ndarray, "places 2"]
@@ -146,7 +150,7 @@ class Gap:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Target:
-    """A place for one more point, in which gap, and the hypervolume that it adds beside the ends of that."""
+    """A place for one more point, its gap, and the hypervolume that it adds to the gap's ends."""
 
     gap: int
     values: Float[np.ndarray, " 2"]
@@ -154,10 +158,10 @@ class Target:
 
 
 class BestSubsets:
-    """The subsets of points that have the most hypervolume less ``cost``, of every size, both ends among them.
+    """The subsets of every size with the most hypervolume less ``cost``; both ends are always included.
 
-    ``values`` are mutually non-dominated, in the order of the first objective; hypervolume is up to the worst value of
-    each objective. By dynamic programming, as far as sizes are asked for.
+    ``values`` are mutually non-dominated and sorted by the first objective; the reference point is the worst value of
+    each objective. Dynamic programming computes the sizes when they are needed.
     """
 
     def __init__(self, values: Float[np.ndarray, "points 2"], cost: Float[np.ndarray, " points"] | float = 0.0) -> None:
@@ -173,7 +177,7 @@ class BestSubsets:
             self._best.append(sums.max(axis=0))
 
     def rows(self, count: int) -> Int[np.ndarray, " rows"]:
-        """Return the rows of so many points: two or more, no more than there are."""
+        """Return the rows of the best subset of ``count`` points, at least 2 and at most all."""
         self._extend(count)
         rows = [len(self._gain) - 1]
         for before in reversed(self._before[: count - 2]):
@@ -181,7 +185,7 @@ class BestSubsets:
         return np.array([0, *reversed(rows)])
 
     def volume(self, count: int) -> float:
-        """Return the hypervolume, less the cost, of so many points: two or more, no more than there are."""
+        """Return the hypervolume less the cost of the best ``count`` points, at least 2 and at most all."""
         self._extend(count)
         return float(self._best[count - 2][-1])
 
@@ -189,16 +193,16 @@ class BestSubsets:
 def best_rows(
     values: Float[np.ndarray, "points 2"], count: int, cost: Float[np.ndarray, " points"] | float = 0.0
 ) -> Int[np.ndarray, " rows"]:
-    """Return the rows of at most so many points that have the most hypervolume less ``cost``, both ends among them.
+    """Return the rows of at most ``count`` points with the most hypervolume less ``cost``, with both ends.
 
-    ``values`` are mutually non-dominated, in the order of the first objective.
+    ``values`` are mutually non-dominated and sorted by the first objective.
     """
     count = max(count, 2)
     return np.arange(len(values)) if len(values) <= count else BestSubsets(values, cost).rows(count)
 
 
 def gap_between(values: Float[np.ndarray, "2 2"], weights: Float[np.ndarray, "2 2"]) -> Gap:
-    """Return the gap between two neighbours; ``weights`` are those of the objectives at each, NaN where unknown."""
+    """Return the gap between two neighbours; ``weights``: the objectives' at each, NaN if unknown."""
     left, right = values
     meeting = tangents_meet(left, right, *weights)
     control = values.mean(axis=0) if meeting is None else meeting
@@ -209,9 +213,9 @@ def gap_between(values: Float[np.ndarray, "2 2"], weights: Float[np.ndarray, "2 
 
 
 def hull_pairs(values: Float[np.ndarray, "points 2"]) -> list[tuple[int, int]]:
-    """Return neighbours on the lower convex hull of points that have others between them, as pairs of rows.
+    """Return pairs of neighbours on the lower convex hull that have other points between them, as rows.
 
-    ``values`` are in the order of the first objective. Points above the hull may lie on a worse branch.
+    ``values`` are sorted by the first objective. Points above the hull may be on a worse branch.
     """
     hull = list[int]()
     for i, value in enumerate(values):
@@ -225,11 +229,11 @@ def hull_pairs(values: Float[np.ndarray, "points 2"]) -> list[tuple[int, int]]:
 
 
 def next_targets(gaps: Sequence[Gap], values: Float[np.ndarray, "points 2"], points: int) -> list[Target]:
-    """Return where points go next, those first that add the most; none where there are enough, and no others add any.
+    """Return the next targets, the largest gain first; none if no place adds enough.
 
-    First all that are missing are shared out among the gaps: of each gap the place that adds the most. The first one
-    comes next; where that leads changes the others. Then come all the places of the best subset of points and places,
-    where each place has to add enough.
+    While points are missing, they are distributed among the gaps; each gap returns its best place. The first target
+    comes next, and its result changes the others. Later the targets are the places in the best subset of points and
+    places; each must add enough.
     """
     if not gaps:
         return []
@@ -239,7 +243,7 @@ def next_targets(gaps: Sequence[Gap], values: Float[np.ndarray, "points 2"], poi
 
 
 def _missing_targets(gaps: Sequence[Gap], missing: int) -> list[Target]:
-    """Return the best place in every gap for so many points, shared out one by one to where each adds the most."""
+    """Return the best place in every gap that gets points; each missing point goes to the largest gain."""
     totals, full = np.zeros(len(gaps), dtype=int), OPTIONS.places + 2
     gains = np.array([gap.subsets.volume(3) for gap in gaps])
     for _ in range(missing):
@@ -263,7 +267,7 @@ def _best_target(gap: Gap, index: int, rows: Int[np.ndarray, " rows"]) -> Target
 def _candidates(
     gaps: Sequence[Gap], values: Float[np.ndarray, "points 2"]
 ) -> tuple[Float[np.ndarray, "candidates 2"], Int[np.ndarray, " candidates"]]:
-    """Return those of the points and places that no other dominates, in order, and the gap of each: −1 of a point."""
+    """Return the non-dominated points and places in order, and the gap of each (−1 for a point)."""
     step = -(-OPTIONS.places * len(gaps) // OPTIONS.total)
     inner = [gap.places[1 + step // 2 : -1 : step] for gap in gaps]
     owners = np.concatenate([np.full(len(values), -1), *(np.full(len(each), i) for i, each in enumerate(inner))])
@@ -275,7 +279,7 @@ def _candidates(
 
 
 def _replacements(gaps: Sequence[Gap], values: Float[np.ndarray, "points 2"], points: int) -> list[Target]:
-    """Return the places among the best of points and places."""
+    """Return the places in the best subset of points and places."""
     candidates, owners = _candidates(gaps, values)
     enough = OPTIONS.gain * sum(gap.area for gap in gaps)
     chosen = best_rows(candidates, points, np.where(owners >= 0, enough, 0.0))

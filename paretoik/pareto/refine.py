@@ -1,4 +1,4 @@
-"""Points of a front refined by gradients: each to a local optimum that is no worse in any objective."""
+"""Refine front points by gradients to local optima that are no worse in any objective."""
 
 from __future__ import annotations
 
@@ -32,15 +32,18 @@ from paretoik.runs.distribution import Lost, distribute_remembered, workers
 from paretoik.runs.journal import Values, recalled, remembered
 from paretoik.stop_flag import Interrupted, check_interruption
 
-# Gradients that help a search on its way: a few iterations from points of its front, every few generations.
+# Gradients that help an evolutionary search: a few iterations from points of its front, every few generations.
 
 
 @dataclass(frozen=True, kw_only=True)
 class ImproverOptions:
-    """When and how much: every so many generations (``every``), iterations up to ``share`` of all evaluations.
+    """When and how much gradients help.
 
-    The widest ``gaps`` are aimed at each time, with ``weight`` for the objectives that are not minimised there, and
-    ``brief`` iterations a point.
+    every: number of generations between two helps
+    share: largest share of iterations in all evaluations
+    gaps: number of widest gaps that are targets each time
+    weight: weight of the objectives that are not minimised there
+    brief: solver settings, with the iterations per point
     """
 
     every: int = 10
@@ -61,10 +64,13 @@ def suggest_points(
     *,
     solver: Solver = "auto",
 ) -> tuple[Float[np.ndarray, " suggested *point"], int]:
-    """Return points that a few iterations from those of a front (two at least) lead to, and how many iterations.
+    """Return points after a few iterations from a front (at least two points), and the number of iterations.
 
-    At the ends of the front an objective is minimised; in its widest gaps, and at the best point of every branch, one
-    with the others below the middle of the gap, or where they are.
+        minimise    F̂_m + weight · Σ F̂_j        F̂: objectives divided by their ranges
+        subject to  F_j ≤ ε_j for j ≠ m
+
+    At the ends of the front ε is infinite; in its widest gaps ε is the middle of the gap; at the best point of every
+    branch ε is that point.
     """
     count, ranges = F.shape[1], ranges_of(F)
     shares = F / ranges
@@ -88,19 +94,25 @@ def suggest_points(
 
 @dataclass(frozen=True, kw_only=True)
 class RefineOptions:
-    """How points are refined; objectives are divided by their ranges.
+    """Settings of refinement; objectives are divided by their ranges.
 
-    ``weight`` is that of the sum of all objectives beside the first: no gain is left that costs next to nothing. A
-    point is left as it is where its criticality is at most ``critical`` and its violation at most ``violation``. What a
-    solver returns is optimal if its stationarity is at most ``stationary``, or else its criticality ``flat``. So
-    many points are refined at a time as ``batch`` says: in between somebody may look, or end it. ``straight`` is tried
-    first; where that does not converge, or an objective rises by more than ``rise``, a share of its range, comes
-    ``below``: all objectives count the same, none may rise (Benson 1978). It converges in a tenth of the iterations
-    where the way straight ahead is curved. Last come ``near`` and ``cold``, straight ahead again.
+    Attempts come in the order ``straight``, ``below``, ``near``, ``cold``. The next one starts if an attempt does not
+    converge or an objective rises. A critical point may be only weakly optimal if an objective has no weight: this
+    objective may still gain. This point is refined ``below`` too.
 
-    A critical point at which an objective has less than the share ``no_weight`` of all weights may be optimal weakly:
-    other objectives cannot gain there, as where they are constant, but this one may. It is refined ``below`` too, and
-    that is kept where it gains more than ``gain``, a share of a range.
+    weight: weight of the sum of all objectives, added to the first: no gain is left that costs almost nothing
+    critical: largest criticality of a point that is not refined
+    flat: largest criticality of an optimum that is not stationary
+    stationary: largest stationarity of an optimum
+    violation: largest violation of a feasible point
+    rise: largest rise of an objective that counts as 0
+    no_weight: least weight that counts, as a share of all weights
+    gain: least gain of a refined weak optimum that is kept
+    batch: number of points refined between two calls of the observer, which may end the refinement
+    straight: solver settings of the first attempt, straight ahead: the others gain at least as much as the first
+    below: the same for equal weights where no objective may rise (Benson 1978): a tenth of the iterations if the way
+        straight ahead is curved
+    near, cold: the same for further attempts straight ahead
     """
 
     weight: float = 0.1
@@ -124,13 +136,16 @@ OPTIONS = RefineOptions()
 def refine(
     program: Program, x: Points, n_obj: int, *, solver: Solver = "auto", observe: Observe | None = None
 ) -> tuple[Points, Bool[np.ndarray, " points"]]:
-    """Return points, none worse than it was, and which are local optima now.
+    """Return points, none worse than before, and which of them are local optima now.
 
-    The first objectives of the program are those of the front, divided by their ranges. The first is minimised, every
-    other to gain as much, so that each point goes straight ahead and none to where its neighbours go (Pascoletti &
-    Serafini 1984). Points that are critical stay, and so do those from which no solver finds better. ``observe`` is
-    called with what is done, with all, and the point refined last; if it returns true, and after a signal, the others
-    stay as they are.
+        minimise    F₀(y) + weight · Σ F_j(y)
+        subject to  F_j(y) − F₀(y) ≤ F_j(x) − F₀(x) for j > 0,  F₀(y) ≤ F₀(x)
+
+    Every objective gains at least as much as the first, so each point goes straight ahead and keeps its place among its
+    neighbours (Pascoletti & Serafini 1984). The program's first objectives are those of the front, divided by their
+    ranges. Critical points stay, and so do points from which no solver finds a better one. ``observe`` is called with
+    the number of refined points, the number of all, and the last refined point; if it returns true, or after a signal,
+    the others stay as they are.
     """
     ends, done, count = dict[int, Values](), 0, len(x)
     keys = [program_key("refined point", program, one, n_obj, solver) for one in x]
@@ -141,13 +156,13 @@ def refine(
             while done < count and all(j in ends for j in range(done, min(done + OPTIONS.batch, count))):
                 done = min(done + OPTIONS.batch, count)
                 stop = observe is not None and observe(done, count, ends[done - 1]["x"])
-                if stop:  # whoever computed: these are refined, no others
+                if stop:  # the same points, no matter which process computed them
                     return _points_of({j: ends[j] for j in range(done)}, x)
     return _points_of(ends, x)
 
 
 def _points_of(ends: Mapping[int, Values], x: Points) -> tuple[Points, Bool[np.ndarray, " points"]]:
-    """Return points, those that were refined in place of what they were, and which are local optima."""
+    """Return points with the refined ones replaced, and which are local optima."""
     x, converged = x.copy(), np.zeros(len(x), dtype=bool)
     for i, values in ends.items():
         x[i], converged[i] = values["x"], values["converged"]
@@ -157,9 +172,9 @@ def _points_of(ends: Mapping[int, Values], x: Points) -> tuple[Points, Bool[np.n
 def _refine_here(
     program: Program, x: Points, n_obj: int, solver: Solver, keys: Sequence[bytes | None]
 ) -> Iterator[tuple[int, Values]]:
-    """Yield the place of every point with what it is refined to, some at a time, from the run's journal if there.
+    """Yield the index and the refined values of every point, from the run's journal if they are there.
 
-    Raises Interrupted after a signal, when what is better by then is yielded.
+    Raises Interrupted after a signal, once the better points so far are yielded.
     """
     attempts = _attempts(n_obj, len(program.upper))
     for first in range(0, len(x), OPTIONS.batch):
@@ -182,7 +197,7 @@ def _refine_here(
 def _refine_in_workers(
     program: Program, x: Points, n_obj: int, solver: Solver, keys: Sequence[bytes | None]
 ) -> Iterator[tuple[int, Values]]:
-    """Yield the place of every point with what workers refine it to, as they do; one that is lost stays as it is."""
+    """Yield every point's index and values as workers refine it; lost points stay the same."""
     check_interruption()
     attempt = _attempts(n_obj, len(program.upper))[0]
     compile_method(program, x[0], attempt.weights, attempt.options, solver=solver)
@@ -196,7 +211,7 @@ def _refine_in_workers(
 
 
 def _refine_point(program: Program, item: tuple[Point, int, Solver]) -> Values:
-    """Return what a point is refined to, in a worker."""
+    """Return the refined values of a point, in a worker."""
     point, n_obj, solver = item
     ((_, values),) = _refine_here(program, point[None], n_obj, solver, [None])
     return values
@@ -207,7 +222,7 @@ def _values_of(point: Point, converged: Any) -> Values:
 
 
 class _Attempt(NamedTuple):
-    """Minimise weights · F where rows · F is no more than at the start."""
+    """Minimise weights · F(y) subject to rows · F(y) ≤ rows · F(x) for the start x."""
 
     weights: Float[np.ndarray, "1 objectives"]
     rows: Float[np.ndarray, "n_obj objectives"]
@@ -215,7 +230,7 @@ class _Attempt(NamedTuple):
 
 
 def _attempts(n_obj: int, objectives: int) -> tuple[_Attempt, ...]:
-    """Return what is tried in turn."""
+    """Return the attempts in order."""
     equal, straight = np.zeros((1, objectives)), np.zeros((1, objectives))
     equal[0, :n_obj], straight[0, :n_obj] = 1.0, OPTIONS.weight
     straight[0, 0] += 1.0
@@ -238,7 +253,7 @@ def _refine_rows(
     n_obj: int,
     solver: Solver,
 ) -> None:
-    """Refine some of the points in place. Raises Interrupted after a signal, with what converged by then kept."""
+    """Refine some of the points in place. Raises Interrupted after a signal; converged points are kept."""
     for i in rows:
         check_interruption()
         converged[i] = _is_critical(program, x[i], n_obj, OPTIONS.critical, criticality_bound)
@@ -262,7 +277,7 @@ def _refine_rows(
 
 
 def _leave_weak_optima(program: Program, x: Points, below: _Attempt, solver: Solver) -> None:
-    """Replace points where an objective has no weight, in place, by ones that gain in it at no cost, where there are.
+    """Replace weak optima, where an objective has no weight, in place, by points that gain at no cost.
 
     Raises Interrupted after a signal.
     """
@@ -287,10 +302,10 @@ def _keep(
     solutions: Solutions,
     attempt: _Attempt,
 ) -> Int[np.ndarray, " better"]:
-    """Replace points by solutions that are no worse, also by feasible ones that are not yet optimal; return the rows.
+    """Replace points by solutions that are no worse, optimal or only feasible; return the replaced rows.
 
-    An optimum of the attempt is one of the front where no objective counts negatively in it: straight ahead, the first
-    may have to rise so that the others fall with it.
+    An optimum of the attempt is an optimum of the front only if no objective has a negative weight: straight ahead, the
+    first objective may have to rise so that the others fall.
     """
     n_obj = len(attempt.rows)
     weights = attempt.weights + solutions.bound_multipliers[:, :n_obj] @ attempt.rows
@@ -300,15 +315,15 @@ def _keep(
     good = better & (solutions.converged | (feasible & np.isfinite(solutions.objectives).all(axis=1)))
     x[rows[good]] = solutions.x[good]
     for i, solved, optimal in zip(rows[good], solutions.converged[good], critical[good], strict=True):
-        # in a flat valley a solver stops where rounding hides its gain, though all objectives together may have one
+        # in a flat valley rounding hides a gain from the solver, but all objectives together may still gain
         converged[i] = solved and (optimal or _is_critical(program, x[i], n_obj, OPTIONS.flat, criticality_at))
     return rows[good]
 
 
 def _correct(program: Program, x: Points, converged: Bool[np.ndarray, " points"], i: int, attempt: _Attempt) -> None:
-    """Replace a point by the critical one that Newton's method leads to, where that is no worse.
+    """Replace a point by the critical point that Newton's method leads to, if it is no worse.
 
-    In a flat valley rounding hides from a solver's merit function what is to gain; gradients still show it.
+    In a flat valley rounding hides a gain from the solver's merit function; gradients still show it.
     """
     n_obj = len(attempt.rows)
     goal = Goal(weights=attempt.weights[0], rows=attempt.rows, upper=attempt.rows @ program.evaluate(x[i])[0])
@@ -323,7 +338,7 @@ def _correct(program: Program, x: Points, converged: Bool[np.ndarray, " points"]
 
 
 def _no_worse(program: Program, x: Points, solutions: Solutions, n_obj: int) -> Bool[np.ndarray, " points"]:
-    """Return which solutions are no worse in any objective than the points they came of, where these are feasible."""
+    """Return which solutions are no worse in any objective than their start, or have an infeasible start."""
     before = evaluate_points(program, x)
     rise = (solutions.objectives - before.objectives)[:, :n_obj].max(axis=1)
     return (rise <= OPTIONS.rise) | (before.violation > OPTIONS.violation)
@@ -336,7 +351,7 @@ def _is_critical(
     tolerance: float,
     value: Callable[[Program, Linearisation, np.ndarray], float],
 ) -> bool:
-    """Return whether a point keeps its limits and the value of its criticality, or of a bound, is next to nothing."""
+    """Return whether a point satisfies its limits and its criticality, or a bound of it, is almost 0."""
     try:
         at = program.linearise(x)
         if violation_at(program, at) > OPTIONS.violation:

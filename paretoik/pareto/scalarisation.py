@@ -1,4 +1,4 @@
-"""Objectives made one: divided by their ranges, weighted, and bounded from above by ε."""
+"""Scalarisation: objectives divided by their ranges, weighted, and bounded from above by ε."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ from paretoik.nlp.program import (
 from paretoik.runs.distribution import workers
 
 Observe: TypeAlias = Callable[..., object]
-"""Called with what is done and with all there is to do; by a cold search of motions also with what they violate."""
+"""Called with the numbers done and total; by a cold search of motions also with a summary of violations."""
 
 
 def objective_sizes(program: Program, x: Points, n_obj: int) -> Float[np.ndarray, " n_obj"]:
-    """Return the size of every objective at points: the largest of |F|, and of what F changes by in a step of length 1.
+    """Return the size of every objective at points: the largest |F| or first-order change of F in a step of 1.
 
-    The second is to first order, along the gradient (rad, RMS): optima may have values of nothing but rounding. What an
-    objective owes to auxiliary variables has no such length and does not count.
+    The step is along the gradient (rad, RMS): at optima F itself may be only rounding. Changes by auxiliary variables
+    have no such length and do not count.
     """
     at = [program.linearise(one) for one in x]
     values = np.array([each.objectives[:n_obj] for each in at])
@@ -43,7 +43,7 @@ def objective_sizes(program: Program, x: Points, n_obj: int) -> Float[np.ndarray
 
 
 def main_weights(n_obj: int, mains: Int[np.ndarray, " rows"], weight: float | np.ndarray) -> np.ndarray:
-    """Return weights (rows, n_obj): 1 for each row's main objective, ``weight``, one or (rows,), for the others."""
+    """Return weights (rows, n_obj): 1 for each row's main objective, ``weight`` (one or per row) for the others."""
     weights = np.repeat(np.broadcast_to(weight, len(mains))[:, None], n_obj, axis=1)
     weights[np.arange(len(mains)), mains] = 1.0
     return weights
@@ -60,10 +60,14 @@ def minimise_weighted(
     batch: int | None = None,
     observe: Observe | None = None,
 ) -> Solutions:
-    """Return where points lead when weights · F is minimised with F below ``upper``; ``observe`` looks on batchwise.
+    """Return the solutions from points.
 
-    Only the first n_obj of the program's F are weighted and bounded. ``barrier`` is for all, or one a point. Workers
-    are given all points at once, and looked on as they return them.
+        minimise    weights · F(x)
+        subject to  F(x) ≤ upper (ε)
+
+    Only the first n_obj of the program's F are weighted and bounded. ``barrier`` is common, or one per point.
+    ``observe`` is called after each batch of ``batch`` points; workers get all points at once, and it is called as they
+    return them.
     """
     count, n_obj = len(x), weights.shape[1]
     upper = np.full((1, n_obj), np.inf) if upper is None else upper
@@ -83,16 +87,16 @@ def minimise_weighted(
     return concatenate(parts)
 
 
-# Local minima from points that are known already: none of them is lost, whatever the barriers do.
+# Local minima from known points: no barrier can lose a known point.
 
 
 @dataclass(frozen=True, kw_only=True)
 class WarmStartOptions:
-    """How points to start from are minimised.
+    """Settings of minimisation from known points.
 
-    ``barriers`` are tried in turn, the next where one leads to nothing better: a barrier above 1e-3 may leave the basin
-    of a point. A point counts as feasible up to ``violation``, a share of a limit's range. A solution that is worse by
-    at most ``rounding``, a share of the objective's size, says that its start is optimal.
+    barriers: tried in order until one leads to a better point; a barrier above 1e-3 may leave the basin of a point
+    violation: largest violation of a feasible point, as a share of a limit's range
+    rounding: a solution worse by at most this share of the objective's size shows that its start is optimal
     """
 
     barriers: tuple[InteriorPointOptions, ...] = (
@@ -108,7 +112,7 @@ WARM_OPTIONS = WarmStartOptions()
 
 
 def evaluate_points(program: Program, x: Points) -> Solutions:
-    """Return points as they are, with their objectives and violations; none of them is said to be optimal."""
+    """Return points as they are with objectives and violations; none counts as optimal."""
     ends = [program.evaluate(one) for one in x]
     violation = [violation_of(program, *each) for each in ends]
     return Solutions(
@@ -123,17 +127,17 @@ def evaluate_points(program: Program, x: Points) -> Solutions:
 
 
 def feasible_points(program: Program, x: Points | None) -> Float[np.ndarray, " feasible *point"] | None:
-    """Return the points within all limits; None for none."""
+    """Return the points that satisfy all limits; None without points."""
     return None if x is None else np.asarray(x[evaluate_points(program, x).violation <= WARM_OPTIONS.violation])
 
 
 def minimise_from(
     program: Program, x: Points, weights: Float[np.ndarray, " n_obj"], *, solver: Solver = "auto"
 ) -> Solutions:
-    """Return the local minima of weights · F that points lead to; none is worse than its start where that is feasible.
+    """Return the local minima of weights · F that points lead to; none is worse than a feasible start.
 
-    A feasible start from which no barrier leads to anything better is returned as it is: as converged where a solution
-    is as good to rounding, else as one that no step makes better.
+    If no barrier improves a feasible start, it is returned as it is: as converged if a solution equals it to rounding,
+    else with the status of no progress.
     """
     factors = np.pad(weights, (0, len(program.upper) - len(weights)))
     starts = evaluate_points(program, x)
@@ -159,7 +163,7 @@ def minimise_from(
 
 
 def insert_best(optima: Solutions, others: Solutions, weights: Float[np.ndarray, " n_obj"]) -> Solutions:
-    """Return optima, and of feasible others the best in front of them where it is better than all."""
+    """Return optima, preceded by the best feasible one of the others if it beats all."""
     feasible = others[others.violation <= WARM_OPTIONS.violation]
     if not len(feasible):
         return optima
@@ -170,17 +174,19 @@ def insert_best(optima: Solutions, others: Solutions, weights: Float[np.ndarray,
     return concatenate((feasible[best : best + 1], optima)) if better else optima
 
 
-# Local optima from nothing: what ε-sweeps ask for, and it for programs whose starts are points like any other.
+# Cold searches: local optima without known points, for ε-sweeps; and one for programs whose starts are points.
 
 
 @dataclass(frozen=True, kw_only=True)
 class ColdSearchOptions:
-    """So many ``starts`` there are where nobody says how many.
+    """Settings of cold searches.
 
-    ``weight`` is that of the other objectives where one is minimised alone: alone they may have no least value.
-
-    So many starts are led at a time as ``batch`` says: in between somebody may look. Points nearer than ``distinct``
-    (rad or m, RMS) are one. Of initial points so many lead to optima of an objective, the best in it.
+    starts: default number of starts
+    weight: weight of the other objectives when one is minimised alone; without it they may be unbounded
+    initial: number of initial points, the best in an objective, that lead to its optima
+    batch: number of starts between two calls of the observer
+    distinct: distance (rad or m, RMS) below which points are one
+    barrier, second_barrier: solver settings of the first and the second attempt
     """
 
     starts: int = 48
@@ -197,28 +203,28 @@ COLD_OPTIONS = ColdSearchOptions()
 
 @runtime_checkable
 class ColdSearch(Protocol):
-    """How a formulation finds local optima from nothing; with ``multimodal`` basins many neighbours differ."""
+    """A formulation's search for local optima without known points; ``multimodal``: many basins differ."""
 
     multimodal: bool
 
     def optima(self, objective: int) -> Points:
         """Return the local optima of one objective alone, best first.
 
-        Raises Infeasible or SolverFailed where there is none.
+        Raises Infeasible or SolverFailed without any optimum.
         """
 
     def optima_below(
         self, program: Program, main: int, upper: Float[np.ndarray, " n_obj"], weight: float
     ) -> Solutions | None:
-        """Return what cold starts lead to for one objective, the others below ``upper``; None where nowhere.
+        """Return the optima of one objective with the others below ``upper``, from cold starts; None if none.
 
-        Objectives are those of ``program``, divided by their ranges; the others count with ``weight``.
+        The objectives of ``program`` are divided by their ranges; the others count with ``weight``.
         """
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StartSearch:
-    """Minimises from every one of ``starts``; a ``ColdSearch``. ``names`` are those of the objectives."""
+    """A ``ColdSearch`` that minimises from all ``starts``; ``names``: names of the objectives."""
 
     program_of: Callable[[Float[np.ndarray, " n_obj"]], Program]
     starts: Points
@@ -233,9 +239,9 @@ class StartSearch:
         return len(self.names)
 
     def optima(self, objective: int) -> Points:
-        """Return the local optima of one objective, nearly alone, best first.
+        """Return the local optima of one objective, best first; the others count a little.
 
-        Raises SolverFailed where no start leads to a point within all limits.
+        Raises SolverFailed if no start leads to a point within all limits.
         """
         natural = self.program_of(np.ones(self.n_obj))
         values = np.array([natural.evaluate(x)[0][: self.n_obj] for x in self.starts]).reshape(-1, self.n_obj)
@@ -244,11 +250,11 @@ class StartSearch:
         alone = replace(self, observe=naming_objective(self.observe, self.names, objective))
         solutions = alone.optima_below(program, objective, np.full(self.n_obj, np.inf), COLD_OPTIONS.weight)
         if not len(solutions):
-            raise SolverFailed("epsilon_front: a start that leads to a point within all limits wanted, found none")
+            raise SolverFailed("epsilon_front: at least one start must lead to a point within all limits, got none")
         return solutions.x
 
     def optima_below(self, program: Program, main: int, upper: Float[np.ndarray, " n_obj"], weight: float) -> Solutions:
-        """Return what the starts lead to for one objective, the others below ``upper``, best first."""
+        """Return the optima of one objective with the others below ``upper``, best first."""
         weights = main_weights(self.n_obj, np.array([main]), weight)
 
         def solve(starts: Points, barrier: InteriorPointOptions) -> Solutions:
@@ -272,7 +278,7 @@ class StartSearch:
 
 
 def naming_objective(observe: Observe | None, names: Sequence[str], objective: int) -> Observe | None:
-    """Return an observer that is told which objective of how many is planned."""
+    """Return an observer that is also told the current objective and the number of objectives."""
     words = f"{names[objective]} ({objective + 1} of {len(names)})"
 
     def show(done: int, total: int, summary: str = "") -> object:
@@ -290,11 +296,10 @@ def optima_alone(
     initial: Float[np.ndarray, " initial *point"] | None,
     solver: Solver,
 ) -> Points:
-    """Return the local optima of one objective alone, best first; also those that feasible ``initial`` points lead to.
+    """Return the local optima of one objective alone, best first, also from feasible ``initial`` points.
 
-    From these the other objectives count a little: without, one of them may rise beyond all bounds where a direction
-    costs the first nothing.
-    Raises what ``cold`` does where there are no initial points.
+    From initial points the other objectives count a little: else one could rise without bound along a direction that
+    costs the first nothing. Raises the errors of ``cold`` if there are no initial points.
     """
     if initial is None or not len(initial):
         return cold.optima(objective)
@@ -305,7 +310,7 @@ def optima_alone(
     initial = initial[np.argsort(values, kind="stable")[: COLD_OPTIONS.initial]]
     weights = main_weights(n_obj, np.array([objective]), COLD_OPTIONS.weight)[0]
     x = minimise_from(program, initial, weights, solver=solver).x
-    with suppress(Infeasible, SolverFailed):  # the initial points will do
+    with suppress(Infeasible, SolverFailed):  # the initial points are enough
         x = np.concatenate([cold.optima(objective), x])
     values = np.array([natural.evaluate(one)[0][objective] for one in x])
     rows = list[int]()

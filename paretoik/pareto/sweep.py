@@ -1,4 +1,4 @@
-"""A sweep of ε-constraints: the points so far, and how more are added where the front gains the most."""
+"""A sweep of ε-constraints: its points, and new points where the front gains the most."""
 
 from __future__ import annotations
 
@@ -29,31 +29,31 @@ from paretoik.pareto.placement import (
 from paretoik.pareto.scalarisation import ColdSearch, Observe, main_weights, minimise_weighted
 from paretoik.runs.distribution import workers
 
-# How fronts are swept by ε-constraints.
+# Settings of ε-sweeps.
 
 
 @dataclass(frozen=True, kw_only=True)
 class EpsilonOptions:
-    """How a front is swept; objectives are divided by their ranges, so that values here are shares of these.
+    """Settings of a sweep; objectives are divided by their ranges, so values are shares of these.
 
-    ``end_tolerance`` is what an objective gives way for the others at an end of the front, ``end_weight`` the weight of
-    the others there at first. Where a range of the ends is ``narrower`` than that of the objectives' own optima, by so
-    much of it, they are sought once more with objectives divided by the ends' ranges. ``weight`` is that of the others
-    at any ε: with none a point may be only weakly optimal. Where the ends are within ``resolved_distance`` (rad or
-    lengths of the arm, RMS) and ``resolution`` of every objective's size, the front is one point: that is what a
-    solver's last barrier leaves open.
-
-    Of two objectives the first ``cold_points`` are sought from cold starts too, as a branch may belong to no
-    objective's own optimum, and the best ``cold_optima`` of each search looked at. The second neighbour's motion is a
-    start where that of the nearer one ``falls_short`` of the expected gain, by a share of it. So many points more than
-    wanted are solved at most as ``further`` says, or ``further_share`` of these. Bounds of points are at even places of
-    a gap, ``grid`` in number. Of more objectives each is sought from cold starts once, at ``inner``
-    between nadir and ideal, and every ε starts from the ``nearest`` points. Each point tries the basins of its
-    ``neighbours``, in at most so many ``rounds`` of ``basin_iterations`` each. So many points are minimised at a time
-    as ``batch`` says.
-
-    The barriers: ``warm`` from a point near by; ``cold`` and ``near`` where ends are tried once more: from a flat
-    valley one may get lost, or find a better one.
+    end_tolerance: loss of an objective at its end of the front, for the others
+    end_weight: first weight of the others at an end
+    narrower: ends are searched again with their own ranges if these are below this share of the optima's ranges
+    weight: weight of the others at any ε; without it a point may be only weakly optimal
+    cold_points: with two objectives, number of first points that are also searched from cold starts
+    cold_optima: number of best optima used from each cold search
+    inner: with more objectives, ε of each one's cold search, between nadir (0) and ideal (1)
+    falls_short: the second neighbour is a start too if the nearer one's gain is below the expected one by this share
+    further, further_share: most extra points to solve, as a number or as a share of all points (the larger counts)
+    grid: number of even places in a gap for bounds of points
+    nearest: with more objectives, number of nearest points from which every ε starts
+    neighbours, rounds, basin_iterations: every point tries the basins of this number of neighbours, in at most this
+        number of rounds, with this number of iterations
+    batch: number of points minimised between two calls of the observer
+    resolution, resolved_distance: the front is one point if its ends are within these: a share of every objective's
+        size, and an RMS distance in rad or arm lengths. A solver's last barrier leaves such a difference.
+    warm: solver settings from a nearby point
+    near, cold: settings for a second attempt at ends: from a flat valley one may lose the point or find a better one
     """
 
     end_tolerance: float = 1e-6
@@ -82,17 +82,17 @@ class EpsilonOptions:
 OPTIONS = EpsilonOptions()
 
 
-# Levels of ε, each minimised when its turn comes, or by workers ahead of that.
+# Levels of ε, minimised in order, or earlier by workers.
 #
-# A sweep is sequential: where a level goes depends on those before. It often can be foretold, and as what a level
-# leads to follows from the level alone, workers may be there first: the sweep comes to the same, bit for bit.
+# A sweep is sequential: each level depends on those before. Often it can be predicted; a level's result depends only on
+# the level, so workers may compute it earlier: the sweep stays the same bit for bit.
 
 
 Key: TypeAlias = tuple[bytes, int, bytes, InteriorPointOptions]
 
 
 class Level(NamedTuple):
-    """The objective ``main`` is minimised from a point ``x``, the others below ``upper`` and with little weight."""
+    """Minimise F_main + weight · Σ F_j from ``x`` subject to F_j ≤ upper_j (ε)."""
 
     x: Point
     main: int
@@ -101,13 +101,13 @@ class Level(NamedTuple):
 
     @property
     def key(self) -> Key:
-        """What tells it from others."""
+        """A key that identifies the level."""
         return self.x.tobytes(), self.main, self.upper.tobytes(), self.barrier
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LevelSolver:
-    """Minimises levels of a ``program``; ``ahead`` has what workers have minimised before its turn."""
+    """Minimises levels of a program; ``ahead``: results that workers computed earlier."""
 
     program: Program
     n_obj: int
@@ -115,7 +115,7 @@ class LevelSolver:
     ahead: dict[Key, Solutions] = field(default_factory=dict)
 
     def solve(self, levels: Sequence[Level], observe: Observe | None = None) -> Solutions:
-        """Return where levels lead, workers having been there or not; ``observe`` looks on."""
+        """Return the solutions of levels, computed earlier or now; ``observe`` gets the progress."""
         missing = [level for level in levels if level.key not in self.ahead]
         solutions = self.ahead | (self._minimise(missing, observe) if missing else {})
         if observe is not None and not missing:
@@ -123,7 +123,7 @@ class LevelSolver:
         return concatenate([solutions[level.key] for level in levels])
 
     def look_ahead(self, levels: Sequence[Level]) -> None:
-        """Let workers, if there are any, minimise levels that are likely to come, once the first of them is due."""
+        """Minimise levels that are likely to come, in workers (if any), once the first level is due."""
         missing = {level.key: level for level in levels if level.key not in self.ahead}
         if workers() > 1 and len(missing) > 1 and levels[0].key in missing:
             self.ahead.update(self._minimise(list(missing.values()), None))
@@ -147,15 +147,18 @@ SweepPhase: TypeAlias = Literal["", "gap filling", "jump search", "basin exchang
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SweepProgress:
-    """How far a sweep has come: ``done`` of ``total`` points, and all that it has found.
+    """The progress of a sweep.
 
-    ``x`` are all points, ``objectives`` (points, n_obj) minimised and not divided by anything, ``front`` the rows that
-    no other dominates; ``epsilon`` (n_obj,) are the bounds under which was minimised, inf for what was minimised, None
-    where nothing was bounded. Objectives are divided by ``ranges`` when points are sought. ``solved`` levels were
-    minimised, about ``ahead`` are to come; None while points are sought from cold starts. ``phase`` is how the front is
-    improved once its points are placed: "gap filling" adds further ones that replace others, "jump search" looks for
-    better branches beside jumps of the front, "basin exchange" tries every point in the basins of its neighbours. It is
-    "" before.
+    done, total: number of points on the front so far, and of those asked for
+    x: all points
+    objectives: their minimised objectives in natural units
+    front: rows of non-dominated points
+    epsilon: upper bounds of the last minimisation, inf for the minimised objective; None without bounds
+    ranges: divisors of the objectives while points are searched
+    solved: number of minimised levels
+    ahead: estimated number of further levels; None during cold searches
+    phase: "" until points are placed; then "gap filling" (extra points replace others), "jump search" (better branches
+        next to jumps of the front) or "basin exchange" (every point in the basins of its neighbours)
     """
 
     done: int
@@ -175,12 +178,16 @@ ObserveSweep: TypeAlias = Callable[[SweepProgress], object]
 
 @dataclass(kw_only=True, eq=False)
 class Sweep:
-    """The points so far, with their objectives and the weights of these in the Lagrangian, NaN where unknown.
+    """The state of a sweep.
 
-    Objectives are divided by ``ranges``; ``epsilon`` are the bounds of what was minimised last, None without any.
-    ``tried`` has the objectives that were minimised between two neighbours (rows) without a new point, ``gaps`` what
-    is taken to lie between them. ``cold_points`` are still to be sought from cold starts, about ``further`` ones will
-    replace others, and ``rounds`` of basin exchange are expected.
+    objectives: objectives of the points, divided by ``ranges``
+    weights: weights of the objectives in the Lagrangian, NaN if unknown
+    epsilon: bounds of the last minimisation, None without bounds
+    cold_points: number of points still to be searched from cold starts
+    further: estimated number of points that will replace others
+    rounds: expected number of rounds of basin exchange
+    tried: for two neighbours (rows), the objectives that were minimised between them without a new point
+    gaps: for two neighbours (rows), the gap between them
     """
 
     program: Program
@@ -202,7 +209,7 @@ class Sweep:
     gaps: dict[tuple[int, int], Gap] = field(default_factory=dict)
 
     def add(self, solutions: Solutions, weights: Float[np.ndarray, "#points n_obj"] | None = None) -> None:
-        """Add points, whether they are part of the front or not; ``weights`` are their objectives', if known."""
+        """Add points, on the front or not; ``weights``: weights of their objectives, if known."""
         weights = np.full((1, self.n_obj), np.nan) if weights is None else weights
         self.weights = np.concatenate([self.weights, np.broadcast_to(weights, (len(solutions), self.n_obj))])
         self.x = np.concatenate([self.x, solutions.x])
@@ -210,15 +217,15 @@ class Sweep:
         self._show()
 
     def _lagrangian(self, solutions: Solutions, weights: np.ndarray) -> Float[np.ndarray, "points n_obj"]:
-        """Return the weights of the objectives in the Lagrangian where ``weights`` are minimised below bounds."""
+        """Return the weights of the objectives in the Lagrangian: ``weights`` plus the bounds' multipliers."""
         return np.asarray(weights + solutions.bound_multipliers[:, : self.n_obj])
 
     def front(self) -> Int[np.ndarray, " front"]:
-        """Return the rows that no other dominates, by the first objective."""
+        """Return the rows of non-dominated points, sorted by the first objective."""
         return front_rows(self._values)
 
     def spread(self) -> Int[np.ndarray, " rows"]:
-        """Return the rows of as many points of the front as are wanted: of two objectives with most hypervolume."""
+        """Return the rows of ``points`` points of the front; with two objectives, those of most hypervolume."""
         rows = self.front()
         values = self._values[rows]
         return rows[best_rows(values, self.points) if self.n_obj == 2 else spread_rows(values, self.points)]
@@ -228,15 +235,15 @@ class Sweep:
         return self.objectives[:, : self.n_obj]
 
     def _ahead(self, count: int) -> float | None:
-        """Return about how many levels are still to be minimised if the front has so many points."""
+        """Return the estimated number of remaining levels if the front has ``count`` points."""
         if self.cold_points > 0:
             return None
-        each = self.solved / max(count - self.n_obj, 1)  # ends are not found by levels
+        each = self.solved / max(count - self.n_obj, 1)  # levels do not find the ends
         exchange = self.rounds * OPTIONS.neighbours * self.points
         return max(each, 1.0) * (max(self.points - count, 0) + self.further) + exchange
 
     def _show(self, done: int = 0, total: int = 0) -> None:
-        """Show how far the sweep is, with ``done`` of the ``total`` levels that are minimised now."""
+        """Show the progress, with ``done`` of the ``total`` levels that are minimised now."""
         if self.observe is None:
             return
         front, ahead = self.front(), None
@@ -259,7 +266,7 @@ class Sweep:
         )
 
     def _solve(self, levels: Sequence[Level]) -> Solutions:
-        """Return where levels lead that have one ε."""
+        """Return the solutions of levels with a common ε."""
         self.epsilon = levels[0].upper
         self.solved += len(levels)
         return self._level_solver.solve(levels, self._show)
@@ -271,7 +278,7 @@ class Sweep:
     def place_points(self, cold: ColdSearch, cold_points: int, further: int) -> None:
         """Add points where the front of two objectives gains the most hypervolume, until it has enough.
 
-        The first ``cold_points`` are sought from cold starts as well; at most ``further`` ones replace others.
+        The first ``cold_points`` are also searched from cold starts; at most ``further`` points replace others.
         """
         self.cold_points, self.further = cold_points, further / 2
         while True:
@@ -295,10 +302,10 @@ class Sweep:
                     self.further -= enough
 
     def search_jumps(self) -> None:
-        """Try the points beside what may be a jump of the front from both sides: a better branch may pass there.
+        """Solve again at both sides of possible jumps of the front: a better branch may pass there.
 
-        Where tangents contradict each other from the other side near by, always over the ridges between valleys, with a
-        high barrier.
+        Each side starts from the other side with a high barrier, which crosses ridges between valleys; if tangents
+        contradict each other, also with a low one.
         """
         self.phase, self.cold_points, self.further, jumps = "jump search", 0, 0, list[tuple[int, list[Level]]]()
         for pair in (list(pair) for pair in pairwise(self.spread().tolist())):
@@ -316,9 +323,9 @@ class Sweep:
             self._add_new(solutions[solutions.converged], weights, levels[0].upper)
 
     def _gaps(self, rows: Int[np.ndarray, " front"]) -> tuple[list[tuple[int, int]], list[Gap]]:
-        """Return the gaps that may hold new points, and their ends: those between neighbours, and those of the hull.
+        """Return the gaps that may contain new points, between neighbours and on the hull, and their ends.
 
-        Between neighbours on the hull whose tangents agree there may be a branch below the points that they enclose.
+        If tangents of hull neighbours agree, there may be a branch below the points between them.
         """
         hull = [(int(rows[i]), int(rows[j])) for i, j in hull_pairs(self._values[rows])]
         pairs = [*pairwise(rows.tolist()), *hull]
@@ -327,13 +334,13 @@ class Sweep:
         return pairs, [self._gap(pair) for pair in pairs]
 
     def _gap(self, pair: tuple[int, int]) -> Gap:
-        """Return the gap between two rows, which never change."""
+        """Return the gap between two rows; rows never change."""
         if pair not in self.gaps:
             self.gaps[pair] = gap_between(self._values[list(pair)], self.weights[list(pair)])
         return self.gaps[pair]
 
     def _place(self, pair: tuple[int, int], gap: Gap, target: Target, cold: ColdSearch | None) -> None:
-        """Minimise across the longer side of a gap, to the target on that, or else across the other side."""
+        """Minimise to a target across the longer untried side of a gap."""
         ends, levels = self._values[list(pair)], self._levels(pair, target)
         main, upper = levels[0].main, levels[0].upper
         weights = main_weights(self.n_obj, np.array([main]), OPTIONS.weight)
@@ -349,7 +356,7 @@ class Sweep:
             self.tried.setdefault(pair, []).append(main)
 
     def _levels(self, pair: tuple[int, int], target: Target) -> list[Level]:
-        """Return how a gap's longer side, or else the other, is crossed to a target: from its nearer end, the other."""
+        """Return the levels to a target across a gap's longer untried side, nearer end first."""
         ends, mains = self._values[list(pair)], self.tried.get(pair, ())
         main = next(k for k in np.argsort(np.abs(ends[0] - ends[1]), kind="stable").tolist() if k not in mains)
         upper = np.where(np.arange(self.n_obj) == main, np.inf, _on_grid(target.values, ends))
@@ -357,12 +364,12 @@ class Sweep:
         return [Level(self.x[pair[i]], main, upper) for i in nearer]
 
     def _gain(self, solutions: Solutions, corner: Float[np.ndarray, " 2"]) -> float:
-        """Return the most hypervolume that one of the solutions has below a corner."""
+        """Return the largest hypervolume of one solution below a corner."""
         sides = np.maximum(corner - solutions.objectives[:, : self.n_obj], 0.0)
         return float(np.where(solutions.converged, np.prod(sides, axis=1), 0.0).max(initial=0.0))
 
     def _add_new(self, solutions: Solutions, weights: np.ndarray, corner: np.ndarray) -> bool:
-        """Add those that are new; return whether one of them is a point of the front below a corner."""
+        """Add new solutions; return whether one of them is a point of the front below a corner."""
         before, new = self._values[self.front()], False
         for i, value in enumerate(solutions.objectives):
             if is_duplicate(value, self.objectives):
@@ -378,18 +385,18 @@ class Sweep:
         fill_gaps(lambda: self._values[self.front()], self._minimise_below, self.points, self._look_below)
 
     def _look_below(self, bounds: Sequence[tuple[int, Float[np.ndarray, " n_obj"]]]) -> None:
-        """Let workers minimise objectives below bounds ahead, the first ones, as many as there are workers for."""
+        """Minimise the first of the next bounds in workers ahead, as many as there are workers for."""
         first = bounds[: max(workers() // OPTIONS.nearest, 1)]
         self._level_solver.look_ahead([level for main, upper in first for level in self._levels_below(main, upper)])
 
     def _levels_below(self, main: int, upper: Float[np.ndarray, " n_obj"]) -> list[Level]:
-        """Return how objective ``main`` is minimised below ``upper``, from the nearest points."""
+        """Return the levels that minimise ``main`` below ``upper`` from the nearest points."""
         off = np.abs(self._values - np.where(np.isfinite(upper), upper, self._values)).max(axis=1)
         nearest = np.argsort(off, kind="stable")[: OPTIONS.nearest]
         return [Level(x, main, upper) for x in self.x[nearest]]
 
     def _minimise_below(self, main: int, upper: Float[np.ndarray, " n_obj"]) -> bool:
-        """Minimise objective ``main`` below ``upper`` from the nearest points; return whether that is a new one."""
+        """Minimise ``main`` below ``upper`` from the nearest points; return whether the best is new."""
         weights = main_weights(self.n_obj, np.array([main]), OPTIONS.weight)
         solutions = self._solve(self._levels_below(main, upper))
         best = int(np.argmin(np.where(solutions.converged, solutions.objectives[:, main], np.inf)))
@@ -399,9 +406,12 @@ class Sweep:
         return True
 
     def exchange_basins(self) -> None:
-        """Try for every point of the front whether its neighbours' basins hold one that is better in everything.
+        """Search the neighbours' basins of every front point for a point that is better in all objectives.
 
-        Where there are many valleys, a neighbour that came later may lie in a better one.
+            minimise    Σ F(y)  from a neighbour's point
+            subject to  F(y) ≤ F(x)
+
+        If there are many valleys, a later neighbour may be in a better one.
         """
         options, self.phase = OPTIONS.warm._replace(iterations=OPTIONS.basin_iterations), "basin exchange"
         tried = np.zeros((0, 2), dtype=int)
@@ -413,7 +423,7 @@ class Sweep:
             self.solved, self.rounds = self.solved + len(pairs), 0
             tried = np.concatenate([tried, pairs])
             upper = self._values[pairs[:, 0]]
-            self.epsilon = upper[0] if len(upper) == 1 else None  # else each has bounds of its own
+            self.epsilon = upper[0] if len(upper) == 1 else None  # else each has its own bounds
             solutions = minimise_weighted(
                 self.program,
                 self.x[pairs[:, 1]],
@@ -431,7 +441,7 @@ class Sweep:
             self.add(solutions[better], self._lagrangian(solutions[better], np.ones((1, self.n_obj))))
 
     def _neighbours(self) -> Int[np.ndarray, "pairs 2"]:
-        """Return pairs of rows: every point that spreads over the front, and one of the nearest others of these."""
+        """Return pairs of rows: every point of the spread with each of its nearest neighbours in it."""
         rows = self.spread()
         values = self._values[rows]
         distances = np.linalg.norm(values[:, None] - values, axis=2)
@@ -441,7 +451,7 @@ class Sweep:
 
 
 def _on_grid(values: Float[np.ndarray, " 2"], ends: Float[np.ndarray, "2 2"]) -> Float[np.ndarray, " 2"]:
-    """Return values between two ends at the nearest of even places: there the rounding of tangents moves no point."""
+    """Return values between two ends, moved to an even grid, so that rounding of tangents moves no point."""
     low, width = ends.min(axis=0), np.ptp(ends, axis=0)
     share = np.clip(np.round((values - low) / width * OPTIONS.grid), 1, OPTIONS.grid - 1) / OPTIONS.grid
     return np.asarray(low + share * width)

@@ -1,4 +1,4 @@
-"""One motion locally, step by step: projection methods, a quadratic program within limits, prediction, Nedungadi."""
+"""Local resolution of one motion: projection methods, a quadratic program within limits, prediction, Nedungadi."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""Motions whose every step keeps its limits: joints' positions, velocities and accelerations, and distances."""
+"""Motions with limits in every step: joint positions, velocities, accelerations, and distances."""
 
 from __future__ import annotations
 
@@ -18,21 +18,22 @@ from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import OPTIONS as RETRACTION_OPTIONS
 from paretoik.task.retraction import row_scales
 
-# One step within limits: the quadratic program of joint rates, stated about the rates that no limit would change.
+# One step within limits: a quadratic program of joint rates
 #
-# With rates z that the criteria ask for and weights W, a step solves
+# With rates z of the criteria and weights W, a step solves
 #
-# minimise    ½ (q̇ − z)ᵀ W (q̇ − z) subject to  J q̇ = v                       what the task asks for
-# lower ≤ q̇ ≤ upper             joint limits, as rates             ∇d · q̇ ≥ −approach            distances from
-# obstacles
+#     minimise    ½ (q̇ − z)ᵀ W (q̇ − z)
+#     subject to  J q̇ = v                  (task)
+#                 lower ≤ q̇ ≤ upper        (joint limits, as rates)
+#                 ∇d · q̇ ≥ −approach       (distances from obstacles)
 #
-# where the task is damped by ρ, or limits leave it no solution, it gives way:
+# If the task is damped by ρ, or limits leave it no solution, it is relaxed:
 #
-# minimise    ½ ‖J q̇ − v‖² + ½ ρ² (q̇ − z)ᵀ W (q̇ − z)
+#     minimise    ½ ‖J q̇ − v‖² + ½ ρ² (q̇ − z)ᵀ W (q̇ − z)
 #
-# About the solution without limits, q̇ = free + W^(−½) N x, both are: minimise ½ xᵀ P x subject to Gx ≤ h. P = I
+# With q̇ = free + W^(−½) N x about the solution without limits, both are: minimise ½ xᵀPx subject to Gx ≤ h. P = I
 # along the null space N of J W^(−½), or P = I + W^(−½) Jᵀ J W^(−½) / ρ² and N = I. The convex subproblem of the SQP
-# solves it where a limit is active.
+# solves it if a limit is active.
 #
 # Source: Cheng, Chen & Sun 1994, Resolving Manipulator Redundancy under Inequality Constraints; of the distances
 # Faverjon & Tournassoud 1987.
@@ -42,10 +43,10 @@ from paretoik.task.retraction import row_scales
 class StepOptions:
     """Tolerances of a step within limits."""
 
-    tolerance: float = 1e-9  # share of the largest rate without limits, or bound: limits exceeded by less are kept
+    tolerance: float = 1e-9  # share of the largest rate without limits, or bound: a smaller excess counts as none
     singular: float = 1e-13  # share of the largest singular value: the Jacobian counts as singular
-    least_damping: float = 1e-4  # share of the largest singular value, where the task gives way and nothing is damped
-    penalty: float = 1e6  # of a rate by which a distance shrinks too fast, in shares of the largest
+    least_damping: float = 1e-4  # share of the largest singular value, if an undamped task is relaxed
+    penalty: float = 1e6  # of the excess rate of a shrinking distance, in shares of the largest
 
 
 OPTIONS = StepOptions()
@@ -53,7 +54,7 @@ OPTIONS = StepOptions()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StepGoal:
-    """What a step is to do: the task's rates, those of the criteria, inverse weights D of joints, and damping."""
+    """Goal of a step: rates of the task and of the criteria, inverse joint weights D, and damping."""
 
     jacobian: Float[np.ndarray, "rows dof"]
     task_rates: Float[np.ndarray, " rows"]
@@ -65,27 +66,27 @@ class StepGoal:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StepLimits:
-    """Bounds of joint rates, and the least rates of distances with these gradients."""
+    """Bounds of joint rates, and gradients and least rates of distances."""
 
     bounds: Float[np.ndarray, "dof 2"]
     gradients: Float[np.ndarray, "distances dof"]
     lowest_rates: Float[np.ndarray, " distances"]
 
     def slack(self, rates: Float[np.ndarray, " dof"]) -> Float[np.ndarray, " limits"]:
-        """Return what rates leave of every limit: of distances, then lower and upper bounds; negative past it."""
+        """Return the slack of every limit at rates: distances, then lower and upper bounds; negative if violated."""
         return np.concatenate(
             [self.gradients @ rates - self.lowest_rates, rates - self.bounds[:, 0], self.bounds[:, 1] - rates]
         )
 
     def keep(self, rates: Float[np.ndarray, " dof"], free: Float[np.ndarray, " dof"]) -> bool:
-        """Return whether rates keep every limit, to a share of the rates without limits, or of bounds if less."""
+        """Return whether rates satisfy all limits, up to a share of the rates without limits, or of bounds if less."""
         size = min(float(np.abs(free).max()), float(np.abs(self.bounds).max()))
         return bool(self.slack(rates).min() >= -OPTIONS.tolerance * size)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LimitedStep:
-    """The rates of a step and those without limits, the projector onto what the task leaves free, the damping ρ.
+    """The rates of a step with and without limits, the projector onto the task's null space, and the damping ρ.
 
     ``status`` is an index into STATUS.
     """
@@ -98,7 +99,7 @@ class LimitedStep:
 
 
 def limited_step(goal: StepGoal, limits: StepLimits) -> LimitedStep:
-    """Return the step: as without limits where it keeps them, else by the quadratic program."""
+    """Return the step without limits if it satisfies them, else that of the quadratic program."""
     root = np.sqrt(goal.inverse_weights)
     weighted = goal.jacobian * root
     U, sizes, V = np.linalg.svd(weighted)
@@ -134,7 +135,7 @@ def limited_step(goal: StepGoal, limits: StepLimits) -> LimitedStep:
 
 
 def _still(root: Float[np.ndarray, " dof"], limits: StepLimits) -> Float[np.ndarray, " dof"]:
-    """Return the least rates that keep the limits, or, where no rates do, those within the bounds of joints."""
+    """Return the least rates that satisfy the limits, or only the joint bounds if no rates satisfy all."""
     zeros, identity = np.zeros_like(root), np.eye(len(root))
     rates: np.ndarray = np.clip(zeros, *limits.bounds.T)
     if limits.slack(rates).min() >= 0:
@@ -144,9 +145,9 @@ def _still(root: Float[np.ndarray, " dof"], limits: StepLimits) -> Float[np.ndar
 
 
 def _nearest(free: np.ndarray, N: np.ndarray, root: np.ndarray, P: np.ndarray, limits: StepLimits) -> np.ndarray | None:
-    """Return free + root N x within limits, x of least ½ xᵀPx; None for no such rates.
+    """Return free + root N x within limits with the least ½ xᵀPx, or None if no rates are.
 
-    Where bounds of rates allow for no others, distances shrink as little too fast as they can.
+    If the bounds of rates require it, distances shrink too fast, but by as little as possible.
     """
     values, distances, basis = limits.slack(free), len(limits.lowest_rates), root[:, None] * N
     G = np.concatenate([limits.gradients @ basis, basis, -basis])
@@ -171,23 +172,23 @@ def _nearest(free: np.ndarray, N: np.ndarray, root: np.ndarray, P: np.ndarray, l
     return np.asarray(free + size * (basis @ solution.step))
 
 
-# The rates that keep joints, and distances, within their limits in a step and in all steps after it.
+# Rates that satisfy limits of joints and distances in a step and in all later steps
 #
-# Rates are constant over a step, and change from step to step as accelerations allow. What approaches a limit must be
-# able to brake before it: at a rate v, braking by aⱼ in the steps after, it goes no less than v Tₙ − Sₙ in n + 1
-# steps, where Tₙ = Σ hⱼ and Sₙ = Σ hⱼ Σᵢ≤ⱼ aᵢ hᵢ. A rate by which this exceeds no distance from a limit leaves
-# another such rate in the next step.
+# Rates are constant in a step, and change between steps within acceleration limits. A joint that approaches a limit
+# must be able to brake before it: from a rate v, with decelerations aⱼ in later steps, it moves at least v Tₙ − Sₙ in
+# n + 1 steps, with Tₙ = Σ hⱼ and Sₙ = Σ hⱼ Σᵢ≤ⱼ aᵢ hᵢ. If this exceeds no distance from a limit, there is an admissible
+# rate in the next step too.
 #
 # Source: Del Prete 2018, Joint Position and Velocity Bounds in Discrete-Time Acceleration/Torque Control of Robot
 # Arms, for any steps and for limits that vary.
 
 
-KINDS = "acceleration", "step", "velocity", "position"  # of limits on a joint's rate, the first to be kept first
+KINDS = "acceleration", "step", "velocity", "position"  # of limits on a joint's rate, the most important first
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RateLimits:
-    """Limits (steps, dof, 2) at the sample after every step, −inf and inf where there are none, and ``steps`` [s]."""
+    """Limits (steps, dof, 2) at the sample after every step, −inf and inf for none, and ``steps`` [s]."""
 
     position: Float[np.ndarray, "steps dof 2"]
     velocity: Float[np.ndarray, "steps dof 2"]
@@ -196,7 +197,7 @@ class RateLimits:
 
     @classmethod
     def of(cls, task: MotionTask) -> RateLimits:
-        """Return those of a task."""
+        """Return the limits of a task."""
         steps, dof = np.diff(task.times), task.arm.dof
         shape, none = (len(task.times), dof, 2), np.array([-np.inf, np.inf])
         limits = {
@@ -206,7 +207,7 @@ class RateLimits:
         return cls(position=position, **limits, steps=steps)
 
     def bounds(self, k: int, q: np.ndarray, previous: np.ndarray) -> Float[np.ndarray, "kinds *batch dof 2"]:
-        """Return lower and upper bounds of the rates in step k from q (*batch, dof), after ``previous`` rates."""
+        """Return lower and upper bounds of rates in step k from q (*batch, dof), after ``previous`` rates."""
         sides = []
         for side, sign in ((0, -1.0), (1, 1.0)):
             braking = self._braking(k, side)
@@ -214,7 +215,7 @@ class RateLimits:
             drop = np.cumsum(braking * self.steps[k : k + len(braking), None], axis=0)
             bounds = (
                 sign * previous + sign * self.acceleration[k, :, side] * self.steps[k],
-                np.full_like(q, 1.0 / self.steps[k]),  # rad or m: a Jacobian says nothing farther away
+                np.full_like(q, 1.0 / self.steps[k]),  # rad or m: a Jacobian is useless farther away
                 np.broadcast_to((sign * self.velocity[k : k + len(braking), :, side] + drop).min(axis=0), q.shape),
                 highest_rate(slack, braking, self.steps[k : k + len(braking)]),
             )
@@ -222,11 +223,11 @@ class RateLimits:
         return np.stack(sides, axis=-1)
 
     def approach(self, k: int, slack: np.ndarray, gradients: np.ndarray) -> Float[np.ndarray, "*batch"]:
-        """Return how fast distances (*batch,) may shrink in step k, their ``slack`` [m] being left.
+        """Return how fast distances (*batch,) with a ``slack`` [m] may shrink in step k.
 
-        Every joint brakes as its acceleration limits let it, the gradients (*batch, dof) staying as they are.
+        Every joint brakes within its acceleration limits; the gradients (*batch, dof) are taken as constant.
         """
-        lower, upper = (self._braking(k, side) for side in (0, 1))  # of motion downwards, and upwards
+        lower, upper = (self._braking(k, side) for side in (0, 1))  # of downward and upward motion
         rising, falling = np.maximum(gradients, 0.0), np.maximum(-gradients, 0.0)
         with np.errstate(invalid="ignore"):
             braking = np.nan_to_num(rising[..., None, :] * lower, nan=0.0, posinf=np.inf)
@@ -235,9 +236,9 @@ class RateLimits:
         return highest_rate(slack[..., None, None], braking[..., None], steps)[..., 0]
 
     def _braking(self, k: int, side: int) -> Float[np.ndarray, "later dof"]:
-        """Return by how much rates towards a side can shrink in step k, where they cannot any more, and in later ones.
+        """Return by how much rates towards a side can decrease in step k (0) and in later ones.
 
-        One step where nothing limits accelerations: then rates can end at once.
+        There is one step if no acceleration is limited, since rates can then end at once.
         """
         opposite = self.acceleration[k:, :, 1 - side] * (1.0 if side == 0 else -1.0)
         later = opposite if np.isfinite(opposite).any() else opposite[:1]
@@ -249,16 +250,16 @@ def highest_rate(
     braking: Float[np.ndarray, "*#batch later columns"],
     steps: Float[np.ndarray, " later"],
 ) -> Float[np.ndarray, "*batch columns"]:
-    """Return the highest rate from which no ``slack``, until the end of this step and of each later one, is exceeded.
+    """Return the highest rate that exceeds no ``slack`` until the end of this step and of each later one.
 
-    ``braking`` is by how much rates can shrink per second in these steps, 0 in the first.
+    ``braking`` is the possible deceleration in these steps, 0 in the first.
     """
     drop = np.cumsum(braking * steps[:, None], axis=-2)
     return np.asarray(((slack + np.cumsum(drop * steps[:, None], axis=-2)) / np.cumsum(steps)[:, None]).min(axis=-2))
 
 
 def intersection(bounds: Float[np.ndarray, "kinds *batch dof 2"]) -> Float[np.ndarray, "*batch dof 2"]:
-    """Return the interval within bounds of all kinds; where they contradict each other the first kinds are kept."""
+    """Return the interval within bounds of all kinds; if they contradict each other, the first kinds count."""
     lower, upper = bounds[0, ..., 0], bounds[0, ..., 1]
     for each in bounds[1:]:
         lower, upper = np.clip(each[..., 0], lower, upper), np.clip(each[..., 1], lower, upper)
@@ -270,10 +271,11 @@ ACTIVE = np.array(["", *(f"{side} {kind}" for kind in KINDS for side in ("lower"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ConstrainedTraces(Traces):
-    """The limits that steps are at besides the motion; ``repulsion`` is what limits change of the velocities.
+    """The traces of a motion within limits.
 
-    ``active`` names, "upper position" for one, the limit that each joint is at, "" for none, and in its last column
-    "clearance" where a link may come no nearer to an obstacle.
+    repulsion: change of velocities by limits
+    active: limit that each joint is at, such as "upper position", or ""; the last column is "clearance" if a link must
+        not come nearer to an obstacle
     """
 
     active: Shaped[np.ndarray, "*batch steps limits"]
@@ -284,7 +286,7 @@ class ConstrainedTraces(Traces):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Linearisation:
-    """The step program's results at a posture; a criterion's row is its value and its gradient."""
+    """The step program's results at a posture; a criterion's row has its value and its gradient."""
 
     errors: Float[np.ndarray, " rows"]
     travel: Float[np.ndarray, " rows"]
@@ -309,7 +311,7 @@ def follow_constrained(
     criteria, dof = method.criterion_list, task.arm.dof
     weights = np.ones(dof) if method.joint_weights is None else np.asarray(method.joint_weights, dtype=float)
     if weights.shape != (dof,):
-        raise InvalidInput(f"ConstrainedQP: joint_weights ({dof},) wanted, got shape {weights.shape}")
+        raise InvalidInput(f"ConstrainedQP: joint_weights must have shape ({dof},), got {weights.shape}")
     program = step_program(task, tuple(each.objective for each in criteria), with_distances=bool(task.obstacles))
     traces["active"] = np.zeros((*traces["velocities"].shape[:2], dof + 1), dtype=np.int8)
     stepper = _Stepper(task, program, exact=method.feedback is None, inverse_weights=1.0 / weights)
@@ -339,7 +341,7 @@ def follow_constrained(
 
 
 class _Stepper:
-    """Takes the steps of motions of one task."""
+    """Computes the steps of motions of one task."""
 
     def __init__(
         self, task: MotionTask, program: StepProgram, *, exact: bool, inverse_weights: Float[np.ndarray, " dof"]
@@ -348,7 +350,7 @@ class _Stepper:
         self.limits = RateLimits.of(task)
 
     def linearise(self, k: int, q: Float[np.ndarray, " dof"], dq: Float[np.ndarray, " dof"]) -> _Linearisation:
-        """Return the task of sample k, the criteria and the distances about a posture with its last rates."""
+        """Return the task of sample k, the criteria and the distances at a posture with its last rates."""
         n, rows, count = len(q), self.task.rows, self.program.distances
         inputs = np.concatenate([q, dq, np.zeros(2 * n), self.program.table[k]])
         outputs = self.program.program(inputs[:, None])[:, 0]
@@ -367,10 +369,10 @@ class _Stepper:
     def take(
         self, k: int, q: np.ndarray, previous: np.ndarray, at: _Linearisation, goal: StepGoal
     ) -> tuple[LimitedStep, np.ndarray]:
-        """Return step k from q, after rates ``previous``, and what limits are active, as indices into ACTIVE.
+        """Return step k from q, after rates ``previous``, and the active limits as indices into ACTIVE.
 
-        An exact step is solved for again about its own end, until that is on the path and distances are what they must
-        be: Newton's method.
+        An exact step is computed again about its own end, by Newton's method, until that is on the path and distances
+        are correct.
         """
         dt, bounds = self.limits.steps[k], self.limits.bounds(k, q, previous)
         interval = intersection(bounds)
@@ -392,7 +394,7 @@ class _Stepper:
             step = replace(step, status=MISSED)
         active = _active(step, bounds, limits)
         broken = np.stack([bounds[..., 0] - interval[:, 1], interval[:, 0] - bounds[..., 1]], axis=-1) > _rounding(step)
-        if broken.any():  # by limits that come before: accelerations, or velocities
+        if broken.any():  # because of more important limits: accelerations or velocities
             step = replace(step, status=LIMITED)
             kinds = broken.transpose(1, 0, 2).reshape(len(q), -1)
             active[:-1] = np.where(kinds.any(axis=1), 1 + kinds.argmax(axis=1), active[:-1])
@@ -402,9 +404,9 @@ class _Stepper:
 def _secondary(
     criteria: Sequence[Criterion], gains: np.ndarray, rows: np.ndarray
 ) -> tuple[Float[np.ndarray, "criteria dof"], Float[np.ndarray, " criteria"]]:
-    """Return the rates that descend each criterion (Wan et al. 2018, Eq. 12) and their coefficients.
+    """Return the rates that decrease each criterion (Wan et al. 2018, Eq. 12) and their coefficients.
 
-    A criterion that is not finite asks for nothing, its coefficient being NaN.
+    A criterion that is not finite has rates 0 and a coefficient NaN.
     """
     finite = np.isfinite(rows).all(axis=1)
     signs = np.array([each.objective.sign for each in criteria]).reshape(-1, 1)
@@ -418,7 +420,7 @@ def _rounding(step: LimitedStep) -> float:
 
 
 def _active(step: LimitedStep, bounds: np.ndarray, limits: StepLimits) -> np.ndarray:
-    """Return the limit that each joint is at and whether one of distances is, as indices into ACTIVE."""
+    """Return the active limit of each joint, and whether a distance is active, as indices into ACTIVE."""
     first, rounding = len(limits.lowest_rates), _rounding(step)
     distances, lower, upper = np.split(limits.slack(step.rates), [first, first + len(step.rates)])
     kinds = 1 + 2 * np.abs(bounds - limits.bounds).argmin(axis=0) + [0, 1]

@@ -1,4 +1,4 @@
-"""Follow a path by a method, as far as it can be followed: one motion for each start and set of numbers."""
+"""Methods that follow a path as far as possible: one motion for each start and set of numbers."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from paretoik.task.limits import position_ranges
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import task_errors
 
-SETTINGS = "region", "damping", "buffer", "repulsion", "band"  # columns after the feedback; 0 where a method has none
+SETTINGS = "region", "damping", "buffer", "repulsion", "band"  # columns after the feedback, 0 for methods without them
 TRACKING_TOLERANCE = 0.01  # m or rad: a motion farther off its path has lost it
 
 
@@ -38,8 +38,8 @@ def follow(
 ) -> ResolvedMotion:
     """Return the motions of a method from ``start``, broadcast against its numbers.
 
-    ``tolerance`` [m, rad], 0.01 by default, is the distance from the path beyond which nothing is predicted.
-    Raises InvalidInput for what is no method, and for starts and numbers that cannot be used.
+    ``tolerance`` [m, rad], 0.01 by default, is the distance from the path above which nothing is predicted. Raises
+    InvalidInput for other methods, and for starts and numbers that cannot be used.
     """
     if isinstance(method, Nedungadi):
         return _follow_extremal(task, method, start)
@@ -48,7 +48,7 @@ def follow(
         return follow_predictively(task, method, start, tolerance=limit)
     if isinstance(method, VelocityMethod):
         return _follow_velocities(task, method, start)
-    raise InvalidInput(f"resolve: wants a method, such as PseudoInverse(), got {shown(method)}")
+    raise InvalidInput(f"method must be one of pk.methods, such as PseudoInverse(), got {shown(method)}")
 
 
 def _follow_velocities(task: MotionTask, method: VelocityMethod, start: np.ndarray) -> ResolvedMotion:
@@ -70,7 +70,7 @@ def _follow_velocities(task: MotionTask, method: VelocityMethod, start: np.ndarr
     outputs = (q, *traces.values())
 
     def run(first: int, last: int) -> None:
-        arrays = program.program.arrays  # with a workspace of its own: one for a thread
+        arrays = program.program.arrays  # with its own workspace: one per thread
         compiled_kernels().follow(first, last, arrays, *inputs, outputs)
 
     threads = max(min(os.cpu_count() or 1, count), 1)
@@ -83,22 +83,22 @@ def _follow_velocities(task: MotionTask, method: VelocityMethod, start: np.ndarr
 def _broadcast(
     method: VelocityMethod, criteria: Sequence[Criterion], start: np.ndarray, steps: np.ndarray
 ) -> tuple[tuple[int, ...], Float[np.ndarray, "motions columns"], Float[np.ndarray, "motions criteria 2"]]:
-    """Return the batch's shape, of each motion feedback and ``SETTINGS``, and gain and rank of criteria, 0 the first.
+    """Return the batch's shape, each motion's feedback and ``SETTINGS``, and its gains and ranks of criteria from 0.
 
-    Raises InvalidInput where numbers do not fit each other.
+    Raises InvalidInput if numbers do not fit each other.
     """
     name, highest = type(method).__name__, 1.0 / float(steps.max())
     feedback = np.asarray(highest if method.feedback is None else method.feedback, dtype=float)
     if not ((feedback >= 0) & (feedback <= highest * (1 + 1e-12))).all():
         raise InvalidInput(
-            f"{name}: feedback from 0 to {highest:.4g} 1/s wanted, one over the longest step, got {method.feedback}"
+            f"{name}: feedback must be from 0 to {highest:.4g} 1/s, one over the longest step, got {method.feedback}"
         )
     numbers = [feedback, *(np.asarray(getattr(method, each, 0.0), dtype=float) for each in SETTINGS)]
     numbers += [np.asarray(each.gain, dtype=float) for each in criteria]
     priorities = getattr(method, "priorities", None)
     ranks = np.arange(len(criteria)) if priorities is None else np.argsort(np.argsort(priorities, axis=-1), axis=-1)
     if ranks.shape[-1:] != (len(criteria),):
-        raise InvalidInput(f"{name}: priorities for each of {len(criteria)} criteria wanted, got shape {ranks.shape}")
+        raise InvalidInput(f"{name}: priorities must be one for each of {len(criteria)} criteria, got {ranks.shape}")
     shape = broadcast_shape(method, start, [ranks.shape[:-1], *(each.shape for each in numbers)])
     columns = np.stack([np.broadcast_to(each, shape).ravel() for each in numbers], axis=1)
     settings, gains = np.split(columns, [1 + len(SETTINGS)], axis=1)
@@ -107,7 +107,7 @@ def _broadcast(
 
 
 def _modes(method: VelocityMethod) -> tuple[int, bool, bool]:
-    """Return how joints are weighted, whether the projector is the paper's, and whether criteria are normalised."""
+    """Return the kind of joint weights, whether the projector is the paper's, and whether criteria are normalised."""
     kernels = compiled_kernels()
     if isinstance(method, WeightedGradientProjection):
         return kernels.CLAMPING, method.variant == "paper", True
@@ -115,9 +115,9 @@ def _modes(method: VelocityMethod) -> tuple[int, bool, bool]:
 
 
 def _follow_extremal(task: MotionTask, method: Nedungadi, start: np.ndarray) -> ResolvedMotion:
-    """Return the motions of stationary kinetic energy; they stand still where they run into a singularity.
+    """Return the motions of stationary kinetic energy; they stop if they run into a singularity.
 
-    The task's share of their velocities is the shortest, the rest is traced as projected.
+    In the traces the task's part of the velocities is the shortest one, the rest is ``projected``.
     """
     shape = np.broadcast_shapes(start.shape[:-1], np.shape(method.tolerance))
     start, dof, samples = np.broadcast_to(start, (*shape, task.arm.dof)), task.arm.dof, len(task.times)

@@ -1,4 +1,4 @@
-"""Minimise an objective over a few samples ahead, from a posture and its velocity: a small nonlinear program.
+"""The small nonlinear program of an objective over a few samples ahead, from a posture and its velocity.
 
     minimise    Σ f(qₖ, q̇ₖ, q̈ₖ) Δt      over q₁ ... q_h, the last sample with a terminal weight
     subject to  h(qₖ, xₖ) = 0             the path's equations, sample by sample
@@ -35,7 +35,7 @@ DEGREE = 4  # of the splines through the positions ahead
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class HorizonSolution:
-    """The positions ahead, the objective there, and whether it is stationary on the path after so many iterations."""
+    """The positions ahead, their objective, whether it is stationary on the path, and the number of iterations."""
 
     q: Float[np.ndarray, "horizon dof"]
     value: float
@@ -45,12 +45,15 @@ class HorizonSolution:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class HorizonProgram:
-    """The program of ``horizon`` samples ahead, ``interval`` [s] from each other.
+    """The program of a few samples ahead.
 
-    The last sample counts ``terminal`` times more. ``derivatives`` gives, of positions ahead, posture, velocity,
-    targets, terminal weight and interval, the objective, its gradient, the path's equations and their Jacobian, sample
-    by sample; ``hessian``, of multipliers too, the entries of the Hessian of the Lagrangian at ``indices`` (rows,
-    columns).
+    horizon: number of samples
+    interval: time between them [s]
+    terminal: additional weight of the last sample
+    derivatives: evaluator of the objective, its gradient, the path's equations and their Jacobian by samples; its
+        inputs are positions ahead, posture, velocity, targets, terminal weight and interval
+    hessian: evaluator of the entries of the Lagrangian's Hessian at ``indices`` (rows, columns), with multipliers as
+        more inputs
     """
 
     horizon: int
@@ -69,7 +72,7 @@ class HorizonProgram:
         velocity: Float[np.ndarray, " dof"],
         targets: Float[np.ndarray, "horizon numbers"],
     ) -> Float[np.ndarray, "inputs 1"]:
-        """Return what the evaluators take, multipliers and jerk being 0."""
+        """Return the inputs of the evaluators, with multipliers and jerk 0."""
         settings, zeros = [self.terminal, self.interval], np.zeros(self.horizon * self.rows + self.dof)
         return np.concatenate([q.ravel(), posture, velocity, targets.ravel(), settings, zeros])[:, None]
 
@@ -94,17 +97,17 @@ def horizon_program(
 ) -> HorizonProgram:
     """Return the program of an objective over samples ahead; the last counts ``terminal`` times more.
 
-    Raises InvalidInput, naming the objective, where it looks at more than one sample's positions, velocities and
-    accelerations, or depends on none of them.
+    Raises InvalidInput, naming the objective, if it depends on more than one sample's positions, velocities and
+    accelerations, or on none of them.
     """
     return replace(_trace_program(task, objective, horizon), interval=interval, terminal=terminal)
 
 
-@lru_cache(maxsize=64)  # a search over a method's numbers asks for the same few programs again and again
+@lru_cache(maxsize=64)  # a search over a method's numbers uses the same few programs repeatedly
 def _trace_program(task: MotionTask, objective: Objective, horizon: int) -> HorizonProgram:
     n, label = task.arm.dof, f"objective {objective.name}"
     if objective.form != "integral":
-        raise InvalidInput(f"{label}: form 'integral' wanted, got {shown(objective.form)}")
+        raise InvalidInput(f"{label}: form must be 'integral', got {shown(objective.form)}")
     trace = Trace(len(task.times))
     tape = trace.tape
     samples = [trace.inputs(n) for _ in range(horizon)]
@@ -131,7 +134,9 @@ def _trace_program(task: MotionTask, objective: Objective, horizon: int) -> Hori
     total = as_entry(tape, Expression(tape, total) + terminal * term)
     read, variables = set(dependencies(tape, [total])), [as_entry(tape, one) for q in samples for one in q.entries]
     if read & {as_entry(tape, one) for one in jerk.entries} or trace.parameters:
-        raise InvalidInput(f"{label}: wants a function of positions, velocities and accelerations of one sample alone")
+        raise InvalidInput(
+            f"{label} must be a function of positions, velocities and accelerations of one sample, got another"
+        )
     if not read & set(variables):
         raise InvalidInput(f"{label}: is the same whatever {task.arm.name} does; has it no masses?")
     lagrangian = Expression(tape, total)
@@ -152,10 +157,10 @@ def _trace_program(task: MotionTask, objective: Objective, horizon: int) -> Hori
 def quartic_spline(
     points: Float[np.ndarray, "points dof"], rate: Float[np.ndarray, " dof"], second: Float[np.ndarray, " dof"]
 ) -> Float[np.ndarray, "pieces 5 dof"]:
-    """Return the coefficients of a quartic spline through points one unit of time from each other, C² at all of them.
+    """Return the coefficients of a C² quartic spline through points one unit of time apart.
 
-    ``rate`` and ``second`` are its derivatives at the first; at the last both are 0 (with one piece only the first).
-    With two pieces, as in the paper, that determines it; with more it has the least jerk.
+    ``rate`` and ``second`` are its derivatives at the first point; at the last both are 0 (with one piece only the
+    first). This determines the spline of two pieces, as in the paper; with more pieces it has the least jerk.
     """
     pieces, dof = len(points) - 1, points.shape[1]
     conditions = np.concatenate([points[:-1], points[1:], rate[None], second[None]])
@@ -163,7 +168,7 @@ def quartic_spline(
 
 
 def spline_position(coefficients: Float[np.ndarray, "pieces 5 dof"], time: float) -> Float[np.ndarray, " dof"]:
-    """Return the spline at a time in pieces; it stays at its end."""
+    """Return the spline at a time in units of pieces; after its end it is constant."""
     piece = min(int(time), len(coefficients) - 1)
     u = min(time - piece, 1.0)
     position: np.ndarray = u ** np.arange(DEGREE + 1) @ coefficients[piece]
@@ -172,7 +177,7 @@ def spline_position(coefficients: Float[np.ndarray, "pieces 5 dof"], time: float
 
 @lru_cache(maxsize=32)
 def _coefficient_matrix(pieces: int) -> np.ndarray:
-    """Return the matrix from positions at all beginnings and ends, and derivatives at the first, to coefficients."""
+    """Return the matrix from positions of all pieces' ends, and derivatives at the first, to coefficients."""
     width, powers = DEGREE + 1, np.arange(DEGREE + 1)
 
     def derivative(order: int, u: float) -> np.ndarray:
@@ -200,6 +205,6 @@ def _coefficient_matrix(pieces: int) -> np.ndarray:
 
 @cache
 def _compiled() -> Any:
-    from paretoik.resolution.horizon_newton import minimise  # here: numba takes its time
+    from paretoik.resolution.horizon_newton import minimise  # here: numba is slow to load
 
     return minimise

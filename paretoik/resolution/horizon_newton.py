@@ -17,13 +17,13 @@ class NewtonOptions(NamedTuple):
     iterations: int = 60
     corrections: int = 12  # of Newton's method back onto the path
     stationarity: float = 1e-9  # of the reduced gradient, share of the gradient's largest entry
-    stalled_stationarity: float = 1e-6  # the same, accepted where rounding hides any descent
+    stalled_stationarity: float = 1e-6  # the same, accepted if rounding hides any descent
     feasibility: float = 1e-12  # m or rad: of the path's equations
-    stalled_feasibility: float = 1e-10  # m or rad: accepted where rounding hides any progress
+    stalled_feasibility: float = 1e-10  # m or rad: accepted if rounding hides any progress
     largest_move: float = 0.5  # rad or m: of one joint in one step
     shortest_step: float = 1e-7  # share of a step
     sufficient_decrease: float = 1e-4  # share of the predicted decrease (Armijo; Nocedal & Wright, Eq. 3.4)
-    regularisation: float = 1e-3  # share of the Hessian's largest diagonal entry added first where it is indefinite
+    regularisation: float = 1e-3  # first addition to an indefinite Hessian, share of its largest diagonal entry
 
 
 OPTIONS = NewtonOptions()
@@ -33,10 +33,12 @@ OPTIONS = NewtonOptions()
 def minimise(derivatives, hessian, row, column, inputs, horizon, dof, rows):
     """Overwrite the positions in ``inputs`` with a local minimum; return (objective, converged, iterations).
 
-    ``inputs`` (inputs, 1) has positions, what is fixed, and multipliers after that. ``derivatives`` gives the
-    objective, its gradient, equations and their Jacobian, ``hessian`` its entries at ``row`` and ``column``. Every step
-    minimises the quadratic model in the null space of the Jacobian and is retracted onto the path; where the reduced
-    Hessian is indefinite it is regularised. Source: Nocedal & Wright, Numerical Optimization, algorithm 3.3 and
+    inputs: positions, fixed numbers, then multipliers (inputs, 1)
+    derivatives: evaluator of the objective, its gradient, equations and their Jacobian
+    hessian: evaluator of the Hessian's entries at ``row`` and ``column``
+
+    Every step minimises the quadratic model in the null space of the Jacobian and is retracted onto the path; an
+    indefinite reduced Hessian is regularised. Source: Nocedal & Wright, Numerical Optimization, algorithm 3.3 and
     section 16.2; Gabay 1982.
     """
     size, count, free = horizon * dof, horizon * rows, horizon * (dof - rows)
@@ -87,9 +89,9 @@ def minimise(derivatives, hessian, row, column, inputs, horizon, dof, rows):
 
 @compiled
 def _line_search(derivatives, inputs, outputs, step, value, decrease, factors, work, horizon, dof, rows):
-    """Take the longest of ever shorter steps that decreases the objective sufficiently; return whether there is one.
+    """Take the longest step of a shrinking sequence with sufficient decrease; return whether there is one.
 
-    Without one the positions stay as they were.
+    Without one the positions do not change.
     """
     size = step.shape[0]
     start, largest = np.empty(size), 0.0
@@ -114,9 +116,9 @@ def _line_search(derivatives, inputs, outputs, step, value, decrease, factors, w
 
 @compiled
 def _retract(derivatives, inputs, outputs, factors, work, horizon, dof, rows):
-    """Correct positions onto the path by Newton's method with shortest steps; return whether they arrive.
+    """Correct positions onto the path by Newton's method with shortest steps; return whether it converges.
 
-    ``outputs`` are those of the program there, ``factors`` the Cholesky factors of J Jᵀ of every sample.
+    ``outputs`` are those of the program at the positions, ``factors`` the Cholesky factors of every sample's J Jᵀ.
     """
     size, count = horizon * dof, horizon * rows
     square, previous, flat = np.empty((rows, rows)), np.inf, outputs.reshape(outputs.shape[0])
@@ -152,7 +154,7 @@ def _retract(derivatives, inputs, outputs, factors, work, horizon, dof, rows):
 
 @compiled
 def _null_basis(J, factor, work, basis):
-    """Write an orthonormal basis (dof, dof − rows) of the null space, by projected unit vectors, the longest first."""
+    """Write an orthonormal basis (dof, dof − rows) of the null space from projected unit vectors, longest first."""
     rows, dof = J.shape
     projected = np.eye(dof)
     for j in range(dof):
@@ -221,7 +223,7 @@ def _reduce_hessian(H, basis, reduced):
 
 @compiled
 def _factorise_regularised(matrix, factor):
-    """Factorise a matrix, with as much added to its diagonal as that takes; return whether it succeeds.
+    """Factorise a matrix, with a large enough addition to its diagonal; return whether it succeeds.
 
     Source: Nocedal & Wright, algorithm 3.3.
     """

@@ -1,4 +1,4 @@
-"""Motions followed step by step, compiled: any of the methods, on a batch of starts and parameters.
+"""Compiled steps of all methods, on a batch of starts and parameters.
 
 With weights D, A = J D Jᵀ + ρ²I and task velocities v, a step is D Jᵀ A⁻¹ v + z − B z, where z is the sum of the
 repulsion from joint limits and of the gradients of criteria, and B is D Jᵀ A⁻¹ J; in the paper's variant
@@ -14,14 +14,14 @@ from paretoik.compilation.numba_cache import compiled
 from paretoik.nlp.linear_algebra import cholesky, rotate_back, solve_cholesky, triangularise, weighted_square
 from paretoik.resolution.protocol import DAMPED, DONE, HELD, SHORTENED
 
-# Weights of joints near their position limits, and of criteria, compiled.
+# Weights of joints near their position limits, and of criteria; compiled
 #
 # Equation numbers are those of Wan et al. 2018.
 
 
 @compiled
 def buffer_depth(q, lower, upper, width):
-    """Return the depth of a joint in a buffer: −1 at its lower limit or past it, 0 between, 1 at the upper.
+    """Return the depth of a joint in a buffer: −1 at or below its lower limit, 0 between the buffers, 1 at the upper.
 
     Source: Eqs. 16 and 20.
     """
@@ -37,7 +37,7 @@ def buffer_depth(q, lower, upper, width):
 
 @compiled
 def clamping_weight(depth):
-    """Return the weight of a joint at a depth in its buffer: from 1 outside to 0 at its limit. Source: Eq. 17."""
+    """Return the weight of a joint at a depth in its buffer: 1 outside, 0 at its limit. Source: Eq. 17."""
     d = abs(depth)
     if d <= 0.0:
         return 1.0
@@ -48,7 +48,7 @@ def clamping_weight(depth):
 
 @compiled
 def criterion_weight(exponent, sign, band):
-    """Return the weight of a criterion: 1 where its normalised value is below ``band``, 0 above 1 − band.
+    """Return the weight of a criterion: 1 if its normalised value is below ``band``, 0 above 1 − band.
 
     ``exponent`` is (reference − H) times the sign. Source: Eqs. 24 to 28, the cubic being 1 − 3s² + 2s³.
     """
@@ -61,7 +61,7 @@ def criterion_weight(exponent, sign, band):
 def least_norm_weight(q, lower, upper, span, previous_slope, j):
     """Return the inverse weight of joint j (Eq. 10), and write its slope for the next step.
 
-    A joint with one limit is slowed in the half of its range that is next to it.
+    A joint with one limit is slowed in the half of its range next to the limit.
     """
     if not span < np.inf:
         return 1.0
@@ -81,7 +81,7 @@ def least_norm_weight(q, lower, upper, span, previous_slope, j):
     return 1.0 / (1.0 + slope) if approaching else 1.0
 
 
-UNWEIGHTED, LEAST_NORM, CLAMPING = 0, 1, 2  # how joints are weighted
+UNWEIGHTED, LEAST_NORM, CLAMPING = 0, 1, 2  # kinds of joint weights
 FEEDBACK, REGION, DAMPING, BUFFER, REPULSION, BAND = 0, 1, 2, 3, 4, 5  # columns of settings
 
 
@@ -89,10 +89,13 @@ FEEDBACK, REGION, DAMPING, BUFFER, REPULSION, BAND = 0, 1, 2, 3, 4, 5  # columns
 def follow(first, last, parts, table, steps, limits, modes, settings, gains, scaling, traces):
     """Follow the motions ``first`` to ``last`` of a batch; all results are in ``traces``.
 
-    ``table`` (time, rows) is the data of the step program, ``steps`` (time − 1) the times between samples, ``limits``
-    (1 or time, dof, 3) lower, upper and range. ``modes``: how joints are weighted, whether the projector is the
-    paper's, whether criteria are normalised. ``settings`` (motions, columns); ``gains`` (motions, criteria, 2): gain
-    and rank, 0 for the first; ``scaling`` (criteria, 3): −1 for what is maximised, reference, scale.
+    table: data (time, rows) of the step program
+    steps: times between samples (time − 1)
+    limits: lower limit, upper limit and range (1 or time, dof, 3)
+    modes: kind of joint weights, whether the projector is the paper's, whether criteria are normalised
+    settings: numbers of the method (motions, columns)
+    gains: gain and rank of each criterion, 0 for the first (motions, criteria, 2)
+    scaling: sign (−1 if maximised), reference and scale of each criterion (criteria, 3)
     """
     q, errors, damping, weights, coefficients, repulsion, projected, velocities, status = traces
     time, n = q.shape[1], q.shape[2]
@@ -101,7 +104,7 @@ def follow(first, last, parts, table, steps, limits, modes, settings, gains, sca
     count = last - first
     inputs = np.zeros((4 * n + table.shape[1], count))
     outputs = np.empty((parts[3].shape[0], count))
-    previous_slope = np.zeros((count, n))  # |∂H/∂qᵢ| at the last sample, of the weighted least norm
+    previous_slope = np.zeros((count, n))  # |∂H/∂qᵢ| at the last sample, for the weighted least norm
     J, A, factor = np.empty((rows, n)), np.empty((rows, rows)), np.empty((rows, rows))
     work, v = np.empty((rows, rows)), np.empty(rows)
     reflectors, triangle, scaled = np.empty((rows, n)), np.zeros((rows, rows)), np.empty(n)
@@ -193,10 +196,10 @@ def _solve_task(J, D, multipliers, velocities):
 
 @compiled
 def solve_weighted_task(J, D, v, reflectors, triangle, scaled, velocities):
-    """Write D^½ (J D^½)⁺ v, exact to rounding however far apart the weights are.
+    """Write D^½ (J D^½)⁺ v, exact up to rounding for all weights.
 
-    A⁻¹ v is huge next to joints at their limits; Householder's reflections of D^½ Jᵀ, its largest rows first, avoid it
-    (Cox & Higham 1998).
+    A⁻¹ v is very large if joints are near their limits; Householder reflections of D^½ Jᵀ, largest rows first, avoid
+    it (Cox & Higham 1998).
     """
     rows, n = J.shape
     order = np.argsort(-D)
@@ -223,7 +226,7 @@ def _add(velocities, term):
 
 @compiled
 def _largest_move(dt, velocities):
-    """Return the largest move of a joint in a step; NaN where a velocity is."""
+    """Return the largest move of a joint in a step; NaN if a velocity is NaN."""
     largest = 0.0
     for j in range(velocities.shape[0]):
         largest = np.maximum(largest, abs(dt * velocities[j]))  # NaN stays
@@ -252,7 +255,7 @@ def _clamp(q, limits, settings, D, E, repulsive, weights):
 
 @compiled
 def _criterion_gain(outputs, modes, settings, gains, scaling, n):
-    """Return the gain of a criterion, normalised or not; NaN where its value or gradient is not finite."""
+    """Return the gain of a criterion, normalised or not; NaN if its value or gradient is not finite."""
     gain = gains[0]
     if modes[2]:
         sign = scaling[0]
@@ -265,7 +268,7 @@ def _criterion_gain(outputs, modes, settings, gains, scaling, n):
 
 @compiled
 def _descend(outputs, gain, modes, rank, sign, limits, E, z):
-    """Write the velocities that descend a criterion. Source: Wan et al. 2018, Eqs. 12 and 29."""
+    """Write the velocities that decrease a criterion. Source: Wan et al. 2018, Eqs. 12 and 29."""
     weighting, _, normalised = modes
     for j in range(z.shape[0]):
         priority = np.exp(-rank * E[j]) if normalised else 1.0
@@ -275,7 +278,7 @@ def _descend(outputs, gain, modes, rank, sign, limits, E, z):
 
 @compiled
 def step(k, dt, jacobian, task_velocity, secondary, q, velocities, repulsion, projected, status):
-    """Take a step of every motion with the task's velocities and the projection of ``secondary`` (motions, dof).
+    """Take a step of every motion: the task's velocities plus the projection of ``secondary`` (motions, dof).
 
     ``jacobian`` (motions, rows · dof), ``task_velocity`` (motions, rows). Source: Tringali & Cocuzza 2021, Eq. 2.
     """
@@ -308,8 +311,8 @@ def step(k, dt, jacobian, task_velocity, secondary, q, velocities, repulsion, pr
 
 @compiled
 def _limit_step(motion, k, largest, velocities, repulsion, projected, status):
-    """Shorten a step whose largest move is too long; take none where it is not finite."""
-    limit = 1.0  # rad or m that a joint moves in one step at most: a Jacobian says nothing farther away
+    """Shorten a step whose largest move is too long; take no step if it is not finite."""
+    limit = 1.0  # rad or m: largest move of a joint in one step; a Jacobian is useless farther away
     if largest < np.inf and largest <= limit:
         return
     stops = not largest < np.inf
@@ -332,7 +335,7 @@ def _advance(motion, k, dt, q, velocities):
 def squared_damping(A, region, highest, factor, work):
     """Return ρ² of Wan et al. 2018, Eq. 4, for A = J D Jᵀ, whose smallest eigenvalue is σ_min².
 
-    The eigenvalue is computed only where A − ε²I is not positive definite.
+    The eigenvalue is computed only if A − ε²I is not positive definite.
     """
     if not (region > 0.0 and highest > 0.0):
         return 0.0

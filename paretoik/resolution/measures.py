@@ -1,4 +1,4 @@
-"""Objectives of resolved motions, beside those of any motion: they look at what the method did."""
+"""Objectives of resolved motions only: they depend on the method's steps."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from paretoik.task.starts import wrap_difference
 
 @objective(unit="m, rad", form="general")
 def tracking_error(motion: Motion) -> np.ndarray:
-    """Greatest error of any task equation at any sample."""
+    """Largest error of any task equation at any sample."""
     return np.asarray(np.abs(_resolved("tracking_error", motion).traces.errors).max(axis=(-2, -1)))
 
 
 @objective(unit="", form="general", maximise=True)
 def limit_margin(motion: Motion) -> np.ndarray:
-    """Least distance of a joint from its position limits over its range, negative past them; maximised.
+    """Smallest distance of a joint from its position limits over its range, negative past them; maximised.
 
     It is 0 for an arm without position limits.
     """
@@ -36,20 +36,20 @@ def limit_margin(motion: Motion) -> np.ndarray:
 
 @objective(unit="", form="general")
 def speed_ratio(motion: Motion) -> np.ndarray:
-    """Greatest joint speed over its limit, over 1 rad/s or m/s where it has none."""
+    """Largest ratio of joint speed to its limit, or to 1 rad/s or m/s without one."""
     highest = np.where(np.isfinite(motion.arm.velocity_limits), motion.arm.velocity_limits, 1.0)
     return np.asarray((np.abs(motion.dq) / highest).max(axis=(-2, -1)))
 
 
 @objective(unit="", form="general")
 def evaluations(motion: Motion) -> np.ndarray:
-    """Work of an update in the mean: samples evaluated by a prediction, cone programs solved by a plan.
+    """Mean work of an update: samples evaluated by a prediction, cone programs solved by a plan.
 
     Raises InvalidInput for methods that predict nothing.
     """
     count = getattr(_resolved("evaluations", motion).traces, "evaluations", None)
     if count is None:
-        raise InvalidInput("evaluations: wants a method that looks ahead, such as PredictiveKineticEnergy, got another")
+        raise InvalidInput("evaluations: method must look ahead, as PredictiveKineticEnergy does, got another")
     return np.asarray(count)
 
 
@@ -61,19 +61,21 @@ def duration(motion: Motion) -> np.ndarray:
 
 @check_call
 def distance_to(reference: Motion) -> Objective:
-    """Return the objective ``distance`` from a motion: the joint distance, RMS over time, angles modulo whole turns.
+    """Return the objective ``distance``: the joint distance from a motion, RMS over time, angles modulo 2π.
 
-    Raises InvalidInput for what is not one motion; the objective does for motions with other samples.
+    reference: one motion
+
+    Raises InvalidInput unless this is one motion; the objective raises it for motions with other samples.
     """
     if not isinstance(reference, Motion):
-        raise InvalidInput(f"reference: a Motion wanted, got {shown(reference)}")
+        raise InvalidInput(f"reference must be a Motion, got {shown(reference)}")
     if reference.q.ndim != 2:
-        raise InvalidInput(f"reference: one motion wanted, got a batch of shape {reference.q.shape[:-2]}")
+        raise InvalidInput(f"reference must be one motion, got a batch of shape {reference.q.shape[:-2]}")
 
     @objective(unit="rad, m", form="general")
     def distance(motion: Motion) -> np.ndarray:
         if motion.q.shape[-2:] != reference.q.shape:
-            raise InvalidInput(f"reference: one motion of shape {motion.q.shape[-2:]} wanted, got {reference.q.shape}")
+            raise InvalidInput(f"reference must be one motion of shape {motion.q.shape[-2:]}, got {reference.q.shape}")
         difference = wrap_difference(motion.q - reference.q, motion.arm.periodic)
         return np.asarray(np.sqrt(np.mean(np.sum(difference**2, axis=-1), axis=-1)))
 
@@ -82,5 +84,5 @@ def distance_to(reference: Motion) -> Objective:
 
 def _resolved(name: str, motion: Motion) -> ResolvedMotion:
     if not isinstance(motion, ResolvedMotion):
-        raise InvalidInput(f"{name}: wants the motion of a method, as resolve returns it, got another Motion")
+        raise InvalidInput(f"{name}: motion must be that of a method, as resolve returns it, got another Motion")
     return motion

@@ -1,8 +1,8 @@
-"""The methods that resolve velocities, and what they improve on the side.
+"""The methods that resolve velocities, and their secondary criteria.
 
-All make a step of the form q̇ = D Jᵀ(J D Jᵀ + ρ²I)⁻¹ v + N z, v what the tool must do, D a diagonal, N a projector. They
-differ in D, in ρ and in z; ``ConstrainedQP`` makes the step nearest to it within limits. A method's numbers and the
-gains of criteria may be arrays (*batch,): one motion each.
+All have steps q̇ = D Jᵀ(J D Jᵀ + ρ²I)⁻¹ v + N z, with the task velocities v, a diagonal D and a projector N. They
+differ in D, ρ and z; ``ConstrainedQP`` takes the nearest step within limits. A method's numbers and the gains of
+criteria may be arrays (*batch,): one motion each.
 """
 
 from __future__ import annotations
@@ -48,7 +48,9 @@ Weighted = TypeVar("Weighted", bound="WeightedGradientProjection")
 @check_call
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class VelocityMethod(Method):
-    """Task velocities with ``feedback`` [1/s] of the tracking error, by default 1/Δt: more would overshoot.
+    """Base of methods with feedback of the tracking error.
+
+    feedback: gain [1/s], at most 1/Δt; None for 1/Δt
 
     Source: Wan et al. 2018, Eqs. 32 and 33.
     """
@@ -56,14 +58,14 @@ class VelocityMethod(Method):
     feedback: Number | None = None
 
     def __post_init__(self) -> None:
-        """Check that numbers are within their ranges; of the feedback ``resolve`` does, which knows the steps."""
+        """Check that numbers are within their ranges; ``resolve``, which knows the steps, checks the feedback."""
         super().__post_init__()
         if self.feedback is not None:
             finite_array(f"{type(self).__name__}: feedback", self.feedback)
 
     @property
     def criterion_list(self) -> tuple[Criterion, ...]:
-        """What is improved on the side."""
+        """The secondary criteria."""
         return ()
 
     def parameters(self, times: Float[np.ndarray, " time"]) -> tuple[Parameter, ...]:
@@ -75,13 +77,16 @@ class VelocityMethod(Method):
 @check_call
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class PseudoInverse(VelocityMethod):
-    """The least joint velocities that do the task: q̇ = J⁺v. It refuses singular postures. Source: Whitney 1969."""
+    """The least joint velocities that satisfy the task: q̇ = J⁺v.
+
+    Singular postures are refused. Source: Whitney 1969.
+    """
 
 
 @check_call
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class LeastSquaresVelocity(PseudoInverse):
-    """The pseudoinverse without feedback, by Euler steps: what the error of a step was, stays.
+    """The pseudoinverse without feedback, by Euler steps: the error of a step remains.
 
     Source: Tringali & Cocuzza 2021, LSV.
     """
@@ -92,10 +97,12 @@ class LeastSquaresVelocity(PseudoInverse):
 @check_call
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class DampedLeastSquares(VelocityMethod):
-    """Near singular postures velocities are damped and the task gives way: ρ² = ρ_max²(1 − (σ_min/ε)²), σ_min < ε.
+    """Damped velocities near singular postures: ρ² = ρ_max²(1 − (σ_min/ε)²) if σ_min < ε.
 
-    ``region`` is ε, ``damping`` ρ_max, both in units of the Jacobian. Source: Nakamura & Hanafusa 1986; Wan et al.
-    2018, Eqs. 3 and 4.
+    region: ε, in units of the Jacobian
+    damping: ρ_max, in units of the Jacobian
+
+    Source: Nakamura & Hanafusa 1986; Wan et al. 2018, Eqs. 3 and 4.
     """
 
     region: Number = field(default=0.02, metadata=number(search=(1e-3, 1e-1), scale="log"))
@@ -105,21 +112,23 @@ class DampedLeastSquares(VelocityMethod):
 @check_call
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class WeightedLeastNorm(DampedLeastSquares):
-    """Joints are slowed as they come nearer to their position limits, and free as they leave.
+    """Joints are slow when they approach their position limits, and free when they leave.
 
-    A joint at its limit, or past it, stays there: the method has nothing that pushes it back.
-    Source: Chan & Dubey 1995; Wan et al. 2018, Eqs. 10, 11 and 14.
+    A joint at or past its limit stays there: nothing pushes it back. Source: Chan & Dubey 1995; Wan et al. 2018,
+    Eqs. 10, 11 and 14.
     """
 
 
 @check_call
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class GradientProjection(DampedLeastSquares):
-    """The gradients of criteria, times their gains, projected onto what the task leaves free.
+    """The gradients of criteria, times their gains, projected onto the null space of the task.
 
-    An objective alone is a criterion of gain 1. What reads positions is differentiated by these, at the last
-    velocities; what reads velocities alone by them. Raises InvalidInput for what is neither, names that do not differ,
-    and numbers out of range. Source: Liégeois 1977; Wan et al. 2018, Eqs. 12 and 13.
+    criteria: one or more criteria, or objectives, which are criteria of gain 1
+
+    A criterion that depends on positions is differentiated by these, at the last velocities; one that depends only on
+    velocities is differentiated by velocities. Raises InvalidInput for other objects, equal names, and numbers out of
+    range. Source: Liégeois 1977; Wan et al. 2018, Eqs. 12 and 13.
     """
 
     criteria: Iterable[Criterion | Objective] | Criterion | Objective = ()
@@ -133,13 +142,13 @@ class GradientProjection(DampedLeastSquares):
 
     @property
     def criterion_list(self) -> tuple[Criterion, ...]:
-        """The criteria, all of them with gains; raises InvalidInput for what is none."""
+        """The criteria, all with gains; raises InvalidInput for other objects."""
         criteria = (self.criteria,) if isinstance(self.criteria, Criterion | Objective) else self.criteria
         listed = read_list("criteria", criteria, object, "objectives of form integral or peak")
         return tuple(one if isinstance(one, Criterion) else Criterion(objective=one) for one in listed)
 
     def parameters(self, times: Float[np.ndarray, " time"]) -> tuple[Parameter, ...]:
-        """Return the numbers that are searched by default, the gain of every criterion among them."""
+        """Return the numbers that are searched by default, with the gain of every criterion."""
         return (*super().parameters(times), *(one.parameter for one in self.criterion_list))
 
     def with_values(self: Gradient, values: Mapping[str, np.ndarray], times: Float[np.ndarray, " time"]) -> Gradient:
@@ -154,18 +163,17 @@ class GradientProjection(DampedLeastSquares):
 @check_call
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class WeightedGradientProjection(GradientProjection):
-    """Joints near position limits are clamped and repelled; criteria count where they are bad.
+    """Joints near position limits are clamped and repelled; criteria count only if they are bad.
 
-    ``buffer`` Ω is the share of a joint's range, at either end, in which it is clamped; ``repulsion`` t_rmax [rad/s,
-    m/s] its velocity of repulsion at its limit; ``band`` λ the share of a normalised criterion's range, at
-    either end, in which its weight no longer changes. Of several criteria the first weighs most, or as ``priorities``
-    (*batch, criteria) say, the lowest first.
+    buffer: Ω, share of a joint's range at each end in which it is clamped
+    repulsion: t_rmax, velocity of repulsion at a limit [rad/s, m/s]
+    band: λ, share of a normalised criterion's range at each end in which its weight is constant
+    priorities: order of the criteria (*batch, criteria), the lowest first; None for the order in which they are given
+    variant: "paper" to project onto the null space of J E_c as printed, which disturbs the task near limits;
+        "consistent" to project onto that of J, which does not disturb it without damping
 
-    ``variant="paper"`` projects onto the null space of J E_c, as printed, which near limits disturbs the task;
-    "consistent" onto that of J, which does not where nothing is damped.
-
-    Raises InvalidInput for numbers out of range and another variant. Source: Wan et al. 2018, Eqs. 15 to 30, with the
-    signs by which criteria are descended.
+    Raises InvalidInput for numbers out of range and another variant. Source: Wan et al. 2018, Eqs. 15 to 30, with
+    signs that decrease criteria.
     """
 
     buffer: Number = field(default=0.25, metadata=number(below=0.5, search=(0.02, 0.48)))
@@ -185,7 +193,7 @@ class WeightedGradientProjection(GradientProjection):
         return [f"priority of {one.objective.name}" for one in self.criterion_list]
 
     def parameters(self, times: Float[np.ndarray, " time"]) -> tuple[Parameter, ...]:
-        """Return the numbers that are searched by default; of several criteria the lowest priority comes first."""
+        """Return the numbers that are searched by default; with several criteria also priorities, lowest first."""
         names = self._priority_names if len(self.criterion_list) > 1 else []
         return (*super().parameters(times), *(Parameter(name, 0.0, 1.0) for name in names))
 
@@ -203,14 +211,15 @@ class WeightedGradientProjection(GradientProjection):
 @check_call
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class ConstrainedQP(GradientProjection):
-    """The step of gradient projection that is nearest within limits: a quadratic program of joint rates.
+    """The nearest step to gradient projection within limits: a quadratic program of joint rates.
 
-    Limits on positions, velocities and accelerations, from rest on, and clearance from obstacles are kept at every
-    step; rates leave enough way to brake before limits. ``joint_weights`` (dof,) W, by default 1, weigh the rates:
-    the least ½ (q̇ − z)ᵀ W (q̇ − z) does the task, z being the criteria's. With ``feedback=None`` a step is solved for
-    again about its own end until that is on the path to 1e-12 and clear of obstacles; with a number once, as by other
-    methods, and clearance is kept to first order. Where limits leave no rates that do the task, it gives way in least
-    squares, damped by ``damping``, and the step's status is "limited".
+    joint_weights: weights W (dof,) of the rates, None for 1; a step minimises ½ (q̇ − z)ᵀ W (q̇ − z), z the criteria's
+    feedback: None to compute a step again about its own end until that is on the path to 1e-12 and clear of obstacles;
+        a number [1/s] for one computation, as in other methods, with clearance to first order
+
+    Every step satisfies limits on positions, velocities and accelerations (from rest), and clearance from obstacles;
+    rates leave enough distance to brake before limits. If limits leave no rates that satisfy the task, its error is
+    minimised in least squares, damped by ``damping``, and the step's status is "limited".
 
     Raises InvalidInput for weights that are not positive and for numbers out of range. Source: Cheng, Chen & Sun 1994;
     Faverjon & Tournassoud 1987; Del Prete 2018.
@@ -223,21 +232,23 @@ class ConstrainedQP(GradientProjection):
         if self.joint_weights is not None:
             weights = finite_array("ConstrainedQP: joint_weights", self.joint_weights)
             if not (weights > 0).all():
-                raise InvalidInput(f"ConstrainedQP: positive joint_weights wanted, got {weights.min():g}")
+                raise InvalidInput(f"ConstrainedQP: joint_weights must be positive, got {weights.min():g}")
 
 
 @check_call
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Nedungadi(Method):
-    """The motion along which the kinetic energy's integral is stationary, from the start on: exact, not by steps.
+    """The motion from a start along which the integral of kinetic energy is stationary.
 
-    It begins with the velocities of least kinetic energy, and no torque drives the self-motion. ``tolerance`` is that
-    of every integration step; it may be an array (*batch,). Source: Nedungadi & Kazerounian 1989; Tringali & Cocuzza
-    2020, Eq. 20, its sign corrected. Raises InvalidInput for a tolerance that is not positive.
+    tolerance: tolerance of every integration step, a number or an array (*batch,)
+
+    It begins with the velocities of least kinetic energy, and no torque drives the self-motion. It is exact, not by
+    steps. Source: Nedungadi & Kazerounian 1989; Tringali & Cocuzza 2020, Eq. 20, with corrected sign. Raises
+    InvalidInput for a tolerance that is not positive.
     """
 
     tolerance: Number = field(default=1e-8, metadata={"search": (1e-12, 1e-3), "scale": "log"})
 
     def __post_init__(self) -> None:
         if not (finite_array("Nedungadi: tolerance", self.tolerance) > 0).all():
-            raise InvalidInput(f"Nedungadi: a positive tolerance wanted, got {shown(self.tolerance)}")
+            raise InvalidInput(f"Nedungadi: tolerance must be positive, got {shown(self.tolerance)}")

@@ -1,7 +1,7 @@
-"""Predictive minimisation: an objective minimised over a few samples ahead, and velocities that lead there.
+"""Predictive minimisation of an objective over a few samples ahead.
 
-At every update the positions ahead are found at which the objective's integral is least (``horizon``), a quartic spline
-is laid through them, and the steps until the next update use what the task leaves free to follow it.
+At every update the positions ahead with the least integral of the objective are computed (``horizon``), with a quartic
+spline through them. The steps until the next update follow this spline in the null space of the task.
 
 Source: Tringali & Cocuzza 2021, Table 1.
 """
@@ -36,7 +36,7 @@ from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective, kinetic_energy
 from paretoik.task.retraction import retract_nearest
 
-# The method that looks a few samples ahead: its numbers, and how they follow from times of the path.
+# The predictive method and its numbers
 
 
 Predictive = TypeVar("Predictive", bound="PredictiveKineticEnergy")
@@ -45,13 +45,16 @@ Predictive = TypeVar("Predictive", bound="PredictiveKineticEnergy")
 @check_call
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class PredictiveKineticEnergy(Method):
-    """The null space of the task is used to minimise the kinetic energy over a few samples ahead.
+    """The kinetic energy over a few samples ahead is minimised in the null space of the task.
 
-    ``objective`` may be another integral one of positions, velocities and accelerations: the torque norm, for one.
-    ``horizon`` h is the number of samples ahead, ``prediction_step`` ΔT [s] the time between, by default 0.2 of the
-    path's duration over h, and ``update_interval`` [s] that between predictions, by default half of it. The last sample
-    counts ``terminal`` times more: what comes after the horizon costs as well. ``feedback`` [1/s] of the tracking error
-    is 0 by default: open loop, as in the paper. These may be arrays (*batch,).
+    objective: integral objective of positions, velocities and accelerations, such as the torque norm
+    horizon: number h of samples ahead
+    prediction_step: time ΔT between them [s], None for 0.2 of the path's duration over h
+    update_interval: time between predictions [s], None for half the prediction step
+    terminal: additional weight of the last sample, for the costs after the horizon
+    feedback: gain of the tracking error [1/s]; 0 is open loop, as in the paper
+
+    All numbers may be arrays (*batch,).
 
     Raises InvalidInput for numbers out of range. Source: Tringali & Cocuzza 2021, PMKE.
     """
@@ -68,28 +71,26 @@ class PredictiveKineticEnergy(Method):
         finite_array("PredictiveKineticEnergy: horizon", self.horizon)
         horizon = np.asarray(self.horizon)
         if horizon.dtype.kind not in "iu" or not (horizon >= 1).all():
-            raise InvalidInput(
-                f"PredictiveKineticEnergy: a horizon of 1 sample or more wanted, got {shown(self.horizon)}"
-            )
+            raise InvalidInput(f"PredictiveKineticEnergy: horizon must be 1 sample or more, got {shown(self.horizon)}")
         for name in ("prediction_step", "update_interval"):
             value = getattr(self, name)
             if value is not None and not (finite_array(f"PredictiveKineticEnergy: {name}", value) > 0).all():
-                raise InvalidInput(f"PredictiveKineticEnergy: {name} of more than 0 s wanted, got {shown(value)}")
+                raise InvalidInput(f"PredictiveKineticEnergy: {name} must be more than 0 s, got {shown(value)}")
         if not (finite_array("PredictiveKineticEnergy: feedback", self.feedback) >= 0).all():
-            raise InvalidInput(f"PredictiveKineticEnergy: feedback of 0 or more wanted, got {shown(self.feedback)}")
+            raise InvalidInput(f"PredictiveKineticEnergy: feedback must be 0 or more, got {shown(self.feedback)}")
         if not isinstance(self.objective, Objective):
-            raise InvalidInput(f"PredictiveKineticEnergy: an objective wanted, got {shown(self.objective)}")
+            raise InvalidInput(f"PredictiveKineticEnergy: objective must be an Objective, got {shown(self.objective)}")
 
     def parameters(self, times: Float[np.ndarray, " time"]) -> tuple[Parameter, ...]:
         """Return the numbers that are searched by default.
 
-        Beside its fields these are ``prediction_time`` [s], the horizon times the prediction step, and
-        ``update_share``, the update interval over the prediction time.
+        Besides fields these are ``prediction_time`` [s], the horizon times the prediction step, and ``update_share``,
+        the update interval over the prediction time.
 
         Raises InvalidInput for a path of fewer than three samples.
         """
         if len(times) < 3:
-            raise InvalidInput(f"path: at least 3 samples wanted, got {len(times)}")
+            raise InvalidInput(f"path must have at least 3 samples, got {len(times)}")
         return (
             Parameter("horizon", 1, min(6, (len(times) - 1) // 2), scale="integer"),
             Parameter("prediction_time", 0.0, 0.5 * float(times[-1] - times[0])),
@@ -102,7 +103,7 @@ class PredictiveKineticEnergy(Method):
     ) -> Predictive:
         """Return the method with values (motions,) for some of its numbers.
 
-        Times become whole samples: at least one, and as many as fit into the path.
+        Times are rounded to whole samples, at least one and at most those of the path.
         """
         dt, derived = float(times[1] - times[0]), ("prediction_time", "update_share")
         fields = {name: value for name, value in values.items() if name not in derived}
@@ -124,11 +125,13 @@ class PredictiveKineticEnergy(Method):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PredictiveTraces(Traces):
-    """The predictions besides the motion: padded with −1 and NaN where motions have fewer updates.
+    """The traces of predictions, padded with −1 and NaN for motions with fewer updates.
 
-    ``updates`` are the samples of the updates, ``predictions`` (updates, horizon, dof) [rad, m] the positions ahead,
-    ``values`` the minimised objective over the horizon, its last sample with its terminal weight, ``converged`` whether
-    that is a minimum on the path, ``iterations`` and ``seconds`` the effort of each update, the spline included.
+    updates: samples of the updates
+    predictions: positions ahead (updates, horizon, dof) [rad, m]
+    values: minimised objective over the horizon, its last sample with its terminal weight
+    converged: whether it is a minimum on the path
+    iterations, seconds: effort of each update, with the spline
     """
 
     updates: Int[np.ndarray, "*batch updates"]
@@ -143,7 +146,7 @@ class PredictiveTraces(Traces):
 
     @property
     def evaluations(self) -> Float[np.ndarray, "*batch"]:
-        """Samples evaluated by an update in the mean, all its iterations together."""
+        """Mean number of samples evaluated by an update in all its iterations."""
         performed = self.updates >= 0
         horizon = np.isfinite(self.predictions[..., 0]).sum(axis=-1).max(axis=-1)
         total = np.where(performed, self.iterations + 1, 0).sum(axis=-1)
@@ -152,10 +155,10 @@ class PredictiveTraces(Traces):
 
 @runtime_checkable
 class HorizonSolver(Protocol):
-    """Finds the positions ahead: ``HorizonProgram``, or another solver to compare it with."""
+    """A solver for the positions ahead: ``HorizonProgram``, or another one for comparison."""
 
     def solve(self, q: np.ndarray, posture: np.ndarray, velocity: np.ndarray, targets: np.ndarray) -> HorizonSolution:
-        """Return the minimum from positions (horizon, dof), after a posture and its velocity."""
+        """Return the minimum found from positions (horizon, dof), after a posture and its velocity."""
         ...
 
 
@@ -165,9 +168,12 @@ MakeSpline = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 @dataclass(frozen=True, kw_only=True)
 class Schedule:
-    """When a motion is predicted, in samples: ``horizon`` samples, ``stride`` from each other, at every ``interval``.
+    """The schedule of a motion's predictions, in samples.
 
-    The last of them counts ``terminal`` times more.
+    horizon: number of samples ahead
+    stride: distance between them
+    interval: distance between predictions
+    terminal: additional weight of the last sample
     """
 
     horizon: int
@@ -176,7 +182,7 @@ class Schedule:
     terminal: float
 
     def updates(self, samples: int) -> list[int]:
-        """Return the samples at which all of the horizon lies before the end, at least the first."""
+        """Return the samples of updates: those with the whole horizon before the end, at least the first."""
         last = max(samples - 1 - self.horizon * self.stride, 0)
         return list(range(0, last + 1, self.interval))
 
@@ -185,7 +191,7 @@ def schedules(method: PredictiveKineticEnergy, times: np.ndarray, shape: tuple[i
     """Return each motion's schedule; raise InvalidInput for times that are not whole numbers of samples."""
     dt, duration = float(times[1] - times[0]), float(times[-1] - times[0])
     if np.ptp(np.diff(times)) > 1e-9 * dt:
-        raise InvalidInput("PredictiveKineticEnergy: a path with samples evenly spaced in time wanted")
+        raise InvalidInput("PredictiveKineticEnergy: path must have samples evenly spaced in time, got others")
     horizon = np.broadcast_to(method.horizon, shape)
     step = (
         0.2 * duration / horizon if method.prediction_step is None else np.broadcast_to(method.prediction_step, shape)
@@ -199,11 +205,11 @@ def schedules(method: PredictiveKineticEnergy, times: np.ndarray, shape: tuple[i
         for name, value, samples in (("prediction_step", seconds, stride), ("update_interval", again, period)):
             if getattr(method, name) is not None and abs(value / dt - samples) > 1e-6 * samples:
                 raise InvalidInput(
-                    f"PredictiveKineticEnergy: {name} of whole samples of {dt:g} s wanted, got {value:g} s"
+                    f"PredictiveKineticEnergy: {name} must be whole samples of {dt:g} s, got {value:g} s"
                 )
         if h * stride > len(times) - 1:
             raise InvalidInput(
-                f"PredictiveKineticEnergy: a horizon within the path's {duration:g} s wanted, got {h} times "
+                f"PredictiveKineticEnergy: horizon must be within the path's {duration:g} s, got {h} times "
                 f"{stride * dt:g} s"
             )
         result.append(Schedule(horizon=h, stride=stride, interval=period, terminal=weight))
@@ -221,8 +227,8 @@ def follow_predictively(
 ) -> ResolvedMotion:
     """Return the predictive motions, one for each start and set of the method's numbers.
 
-    Farther than ``tolerance`` [m, rad] off the path nothing is predicted: the arm returns to the path first. Studies
-    compare other solvers, and other splines through the positions ahead.
+    If the arm is farther than ``tolerance`` [m, rad] off the path, nothing is predicted: it first returns to the path.
+    Studies compare other solvers, and other splines through the positions ahead.
     """
     numbers = (method.horizon, method.prediction_step, method.update_interval, method.terminal, method.feedback)
     shape = broadcast_shape(method, start, [np.shape(each) for each in numbers if each is not None])
@@ -231,7 +237,7 @@ def follow_predictively(
     feedback = np.broadcast_to(np.asarray(method.feedback, dtype=float), shape).ravel()
     if feedback.max() * dt > 1 + 1e-12:
         raise InvalidInput(
-            f"PredictiveKineticEnergy: feedback from 0 to {1 / dt:.4g} 1/s wanted, got {method.feedback}"
+            f"PredictiveKineticEnergy: feedback must be from 0 to {1 / dt:.4g} 1/s, got {method.feedback}"
         )
     solvers = {
         each: make_solver(task, method.objective, each.horizon, each.stride * dt, each.terminal) for each in set(plans)
@@ -272,7 +278,7 @@ class Predictor:
         self._origin, self._spline = 0, np.zeros((0, DEGREE + 1, task.arm.dof))
 
     def next_position(self, k: int, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, *, is_off_path: bool) -> np.ndarray:
-        """Return the desired positions at the sample after k; predict first where an update is due.
+        """Return the desired positions at the sample after k; predict first if an update is due.
 
         Off the path, or past the end of the prediction, they are those at k.
         """
@@ -304,7 +310,7 @@ class Predictor:
         self.updates.append((k, solution, time.perf_counter() - begin))
 
     def _initial_guess(self, q: np.ndarray, targets: np.ndarray) -> np.ndarray:
-        """Return positions along the path, from one to the next the shortest way."""
+        """Return positions along the path, each the nearest to the one before."""
         guess, current = np.empty((len(targets), len(q))), q
         for j, target in enumerate(targets):
             result = retract_nearest(self.task.arm, self.task.tasks, current, target)
@@ -335,6 +341,6 @@ def _update_traces(task: MotionTask, predictors: list[Predictor]) -> dict[str, n
 @cache
 def compiled_kernels() -> Any:
     """Return the compiled kernels."""
-    from paretoik.resolution import kernels  # here: numba takes its time
+    from paretoik.resolution import kernels  # here: numba is slow to load
 
     return kernels

@@ -1,4 +1,4 @@
-"""What every method is: named numbers, the ranges that they are searched in, and a way to follow a path."""
+"""The protocol of methods: named numbers, their search ranges, and a way to follow a path."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from paretoik.task.objectives import Objective
 from paretoik.task.task import path_errors, path_jacobian
 from paretoik.task.traced_motion import trace_sample, trace_sample_function
 
-# The program of one step at a posture: task errors, Jacobian, criteria, distances, and their gradients.
+# The program of one step at a posture
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -31,10 +31,11 @@ class StepProgram:
     """The program of a step; its inputs are q, q̇, q̈, jerk (dof rows each) and a row of ``table``.
 
     The table (time, rows) has the targets of every sample, their travel to the next, and data of criteria that vary
-    with time. Accelerations and jerks are not read. The outputs are the task errors, the travel of the target in the
-    same coordinates, the Jacobian by rows, then of every criterion its value and its gradient: with respect to
-    positions, or to velocities where it reads these alone; then, where they were asked for, of every distance of a
-    moving link from an obstacle its value and its gradient with respect to positions.
+    with time. Accelerations and jerks have no effect. The outputs are
+
+    - the task errors, the travel of the target in the same coordinates, and the Jacobian by rows
+    - value and gradient of every criterion, by positions, or by velocities if it depends only on these
+    - if requested, value and gradient by positions of every distance of a moving link from an obstacle
     """
 
     program: Evaluator
@@ -42,13 +43,13 @@ class StepProgram:
     distances: int
 
 
-@lru_cache(maxsize=64)  # a search over a method's numbers asks for the same program in every generation
+@lru_cache(maxsize=64)  # a search over a method's numbers uses the same program in every generation
 def step_program(task: MotionTask, criteria: tuple[Objective, ...], *, with_distances: bool = False) -> StepProgram:
     """Return the program of one step of a task, with the distances from its obstacles or without.
 
-    Raises InvalidInput, naming the criterion, where it looks at more than one sample's positions and velocities.
+    Raises InvalidInput, naming the criterion, if it depends on more than one sample's positions and velocities.
     """
-    motion = trace_sample(task, duration=1.0)  # means over time are then what they are of one sample
+    motion = trace_sample(task, duration=1.0)  # means over time are then those of one sample
     trace, tape = motion.trace, motion.trace.tape
     travels = np.concatenate([each.displacements(task.times) for each in task.tasks], axis=1)
     targets, travel = (list(trace.inputs(width).entries) for width in (task.targets.shape[1], travels.shape[1]))
@@ -69,7 +70,7 @@ def step_program(task: MotionTask, criteria: tuple[Objective, ...], *, with_dist
         result = as_entry(tape, Expression(tape, as_entry(tape, value)) * 1.0)
         read = {order for order, part in enumerate(inputs) if set(part) & set(dependencies(tape, [result]))}
         if read & {2, 3} or not read:
-            raise InvalidInput(f"{label}: wants a function of positions, velocities or both, got one of other things")
+            raise InvalidInput(f"{label} must be a function of positions, velocities or both, got one of other things")
         outputs += [result, *gradient(tape, result, inputs[0 if 0 in read else 1])]
     values = [value for each in motion.distances for value in each.entries.ravel()] if with_distances else []
     distances = [as_entry(tape, Expression(tape, as_entry(tape, value)) * 1.0) for value in values]
@@ -83,7 +84,7 @@ def step_program(task: MotionTask, criteria: tuple[Objective, ...], *, with_dist
     )
 
 
-# The result of a method: a motion, and what happened at every step.
+# The result of a method: a motion, and the traces of its steps
 
 
 STATUS = np.array(["done", "damped", "shortened", "held", "limited", "missed"])
@@ -92,16 +93,22 @@ DONE, DAMPED, SHORTENED, HELD, LIMITED, MISSED = range(6)  # indices into STATUS
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Traces:
-    """What a method did at every step, to the sample after it; steps = time − 1.
+    """The traces of a method's steps, each to the sample after it; steps = time − 1.
 
-    ``errors`` [m, rad] are the task errors at every sample, ``velocities`` [rad/s, m/s] the commanded ones, ``damping``
-    ρ, ``weights`` those of the joints: W of the weighted least norm, E_c of the weighted gradient projection, else 1.
-    ``coefficients`` are those of the criteria, NaN where one is not finite and was left out; ``repulsion`` and
-    ``projected`` the velocities added to the task's: by the repulsion from joint limits, and by each criterion.
-    ``status`` says of each step whether it was "done", "damped", "shortened" to a move of at most 1 rad or m of every
-    joint, "held": the weighted Jacobian is singular and undamped, so that joints follow the repulsion alone, or
-    "limited": limits leave no velocities that do the task, which gives way in least squares, or "missed": Newton's
-    method, by which a step of ``ConstrainedQP`` ends on the path, does not converge.
+    errors: task errors at every sample [m, rad]
+    velocities: commanded velocities [rad/s, m/s]
+    damping: ρ
+    weights: joint weights: W of the weighted least norm, E_c of the weighted gradient projection, else 1
+    coefficients: coefficients of the criteria, NaN if one is not finite and was left out
+    repulsion, projected: velocities added to the task's by the repulsion from joint limits, and by each criterion
+    status: one word per step, see below
+
+    - "done"
+    - "damped"
+    - "shortened" to a move of at most 1 rad or m of every joint
+    - "held": the weighted Jacobian is singular and undamped, so that joints follow only the repulsion
+    - "limited": limits leave no velocities that satisfy the task, which is solved in least squares
+    - "missed": Newton's method, which ends a step of ``ConstrainedQP`` on the path, does not converge
     """
 
     errors: Float[np.ndarray, "*batch time rows"]
@@ -128,7 +135,7 @@ class ResolvedMotion(Motion):
     traces: Traces
 
     def __repr__(self) -> str:
-        """Return the motion in words, and how many steps ended how."""
+        """Return the motion in words, and the number of steps of each status."""
         status, counts = np.unique(self.traces.status, return_counts=True)
         steps = ", ".join(f"{count} {name}" for name, count in zip(status, counts, strict=True))
         largest = np.abs(self.traces.errors).max(initial=0.0)
@@ -148,7 +155,7 @@ class ResolvedMotion(Motion):
         traces: dict[str, np.ndarray],
         kind: type[Traces] = Traces,
     ) -> ResolvedMotion:
-        """Return joint positions (motions, time, dof) and arrays as ``empty_traces`` makes them, as a batch."""
+        """Return a batch from joint positions (motions, time, dof) and arrays as in ``empty_traces``."""
         shaped = {name: each.reshape(*batch, *each.shape[1:]) for name, each in traces.items()}
         motion = task.motion(q.reshape(*batch, *q.shape[1:]))
         result = kind(**{**shaped, "status": STATUS[shaped["status"]]})
@@ -156,7 +163,7 @@ class ResolvedMotion(Motion):
 
 
 def empty_traces(count: int, time: int, dof: int, rows: int, criteria: int) -> dict[str, np.ndarray]:
-    """Return arrays for the traces of ``count`` motions, to be filled; ``status`` as indices into STATUS."""
+    """Return arrays for the traces of ``count`` motions; ``status`` has indices into STATUS."""
     steps = time - 1
     return {
         "errors": np.zeros((count, time, rows)),
@@ -178,10 +185,14 @@ Tuned = TypeVar("Tuned", bound="Method")
 @check_call
 @dataclass(frozen=True)
 class Parameter:
-    """A number that is searched between ``lower`` and ``upper``.
+    """A number that is searched between bounds.
 
-    ``scale`` "log" searches its decimal logarithm, "integer" whole numbers. It sets the ``fields`` of the method, by
-    default the one of its own name: one number may set several. Raises InvalidInput for bounds that are no range.
+    name: name of the number
+    lower, upper: bounds
+    scale: "linear", "log" to search its decimal logarithm, or "integer" for whole numbers
+    fields: fields of the method that it sets, by default that of its own name
+
+    Raises InvalidInput for bounds that are no range.
     """
 
     name: str
@@ -198,11 +209,11 @@ class Parameter:
         fields = read_list(f"{label}: fields", self.fields, str, "names of fields")
         lower, upper = (finite_array(f"{label}, {side}", getattr(self, side), ()) for side in ("lower", "upper"))
         if not lower <= upper:
-            raise InvalidInput(f"{label}: a lower bound up to the upper one wanted, got {lower:g} to {upper:g}")
+            raise InvalidInput(f"{label}: lower bound must be at most the upper one, got {lower:g} to {upper:g}")
         if self.scale == "log" and not lower > 0:
-            raise InvalidInput(f"{label}: a lower bound above 0 wanted on a log scale, got {lower:g}")
+            raise InvalidInput(f"{label}: lower bound must be above 0 on a log scale, got {lower:g}")
         if self.scale == "integer" and (lower % 1 or upper % 1):
-            raise InvalidInput(f"{label}: whole bounds wanted on an integer scale, got {lower:g} to {upper:g}")
+            raise InvalidInput(f"{label}: bounds must be whole on an integer scale, got {lower:g} to {upper:g}")
         object.__setattr__(self, "fields", fields or (self.name,))
 
     @property
@@ -214,7 +225,7 @@ class Parameter:
         return float(self.lower), float(self.upper) + margin
 
     def decode(self, genes: Float[np.ndarray, " points"]) -> Shaped[np.ndarray, " points"]:
-        """Return the values that genes stand for."""
+        """Return the values of genes."""
         if self.scale == "log":
             return np.asarray(10.0**genes)
         return np.floor(genes).astype(int) if self.scale == "integer" else genes
@@ -223,13 +234,16 @@ class Parameter:
 @check_call
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Criterion:
-    """What a projection improves on the side: an objective that looks at one sample's postures, or rates, alone.
+    """A secondary criterion of a projection.
 
-    ``gain`` scales its gradient and must not be negative. In ``WeightedGradientProjection`` its weight falls from 1
-    where the criterion is bad to 0 where it is good, by H, its value over ``scale``: normalised to
-    exp(reference − H) for what is minimised, to 1 − exp(reference − H) for what is maximised. So ``reference`` is the
-    best H of what is minimised, and the worst tolerable one of what is maximised (Wan et al. 2018, Eqs. 27 and 28).
-    A mean over time, as ``manipulability`` is, counts as its value at the sample: ``motion.duration`` is 1 s there.
+    objective: objective that depends only on one sample's postures or rates
+    gain: factor of its gradient, 0 or more
+    reference: best H of a minimised criterion, or worst tolerable H of a maximised one
+    scale: divisor of its value, H = value / scale
+
+    In ``WeightedGradientProjection`` the weight decreases from 1 if the criterion is bad to 0 if it is good. It follows
+    from exp(reference − H) for a minimised criterion, 1 − exp(reference − H) for a maximised one (Wan et al. 2018, Eqs.
+    27 and 28). A mean over time, such as ``manipulability``, has its value at the sample: ``motion.duration`` is 1 s.
 
     Raises InvalidInput for other objectives and for numbers out of range.
     """
@@ -241,21 +255,19 @@ class Criterion:
 
     def __post_init__(self) -> None:
         if not isinstance(self.objective, Objective) or self.objective.form not in ("integral", "peak"):
-            raise InvalidInput(
-                f"criteria: wants as objective one of form integral or peak, got {shown(self.objective)}"
-            )
+            raise InvalidInput(f"criteria: objective must be one of form integral or peak, got {shown(self.objective)}")
         label = f"criterion {self.objective.name}"
         finite_array(f"{label}, reference", self.reference, ())
         if not finite_array(f"{label}, scale", self.scale, ()) > 0:
-            raise InvalidInput(f"{label}: a positive scale wanted, got {self.scale}")
+            raise InvalidInput(f"{label}: scale must be positive, got {self.scale}")
         if not (finite_array(f"{label}, gain", self.gain) >= 0).all():
-            raise InvalidInput(f"{label}: a gain of 0 or more wanted, got {shown(self.gain)}")
+            raise InvalidInput(f"{label}: gain must be 0 or more, got {shown(self.gain)}")
 
     @property
     def parameter(self) -> Parameter:
-        """The gain's default range; raises InvalidInput where the gain is an array already."""
+        """The gain's default range; raises InvalidInput if the gain is an array already."""
         if np.ndim(self.gain):
-            raise InvalidInput(f"criterion {self.objective.name}: one gain wanted, got {self.gain}")
+            raise InvalidInput(f"criterion {self.objective.name}: gain must be one number, got {self.gain}")
         lower, upper = (float(self.gain or 1.0) * share for share in (1e-4, 10.0))
         return Parameter(f"gain of {self.objective.name}", lower, upper, scale="log")
 
@@ -263,14 +275,14 @@ class Criterion:
 def number(
     *, below: float = np.inf, search: tuple[float, float] | None = None, scale: Scale = "linear"
 ) -> dict[str, Any]:
-    """Return the metadata of a field of 0 or more and less than ``below``, searched in ``search`` by default."""
+    """Return the metadata of a field from 0 to less than ``below``, searched in ``search`` by default."""
     return {"below": below, "search": search, "scale": scale}
 
 
 @check_call
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Method:
-    """A way to resolve one motion, or a batch of them where its numbers are arrays; ``resolve`` takes any."""
+    """A way to resolve one motion, or a batch if its numbers are arrays; ``resolve`` takes any method."""
 
     __repr__ = field_representation
     _repr_html_ = html_representation
@@ -286,7 +298,7 @@ class Method:
             )
             values, bound = finite_array(label, value), "" if np.isinf(upper) else f" and less than {upper:g}"
             if not ((values >= 0) & (values < upper)).all():
-                raise InvalidInput(f"{label} of 0 or more{bound} wanted, got {shown(value)}")
+                raise InvalidInput(f"{label} must be 0 or more{bound}, got {shown(value)}")
 
     def parameters(self, times: Float[np.ndarray, " time"]) -> tuple[Parameter, ...]:
         """Return the numbers that are searched by default, on a path with these sample times [s]."""
@@ -296,27 +308,28 @@ class Method:
     def with_values(self: Tuned, values: Mapping[str, np.ndarray], times: Float[np.ndarray, " time"]) -> Tuned:
         """Return the method with values (motions,) for some of its numbers, one motion each.
 
-        Raises InvalidInput for what is none of its numbers, and for numbers out of range.
+        Raises InvalidInput for unknown names, and for numbers out of range.
         """
         names = dict.fromkeys([each.name for each in self.parameters(times)])
         names.update(dict.fromkeys(each.name for each in fields(self)))
         for name in values:
             if name not in names:
                 hint = likely_spelling(name, names)
-                raise InvalidInput(f"{type(self).__name__}: one of {', '.join(names)} wanted, got {shown(name)}{hint}")
+                wish = f"must be one of {', '.join(names)}"
+                raise InvalidInput(f"{type(self).__name__}: number {wish}, got {shown(name)}{hint}")
         return replace(self, **values)
 
     def follow(
         self, task: MotionTask, start: Float[np.ndarray, "*batch dof"], *, tolerance: float | None = None
     ) -> ResolvedMotion:
         """Return the motions from ``start``, as ``resolve(..., unreachable="track")`` does."""
-        from paretoik.resolution.follow import follow  # here: it takes its time to load
+        from paretoik.resolution.follow import follow  # here: it is slow to load
 
         return follow(task, self, start, tolerance=tolerance)
 
 
 def broadcast_shape(method: Method, start: np.ndarray, shapes: Sequence[tuple[int, ...]]) -> tuple[int, ...]:
-    """Return the batch that starts (*starts, dof) and a method's numbers make, or raise InvalidInput."""
+    """Return the batch shape of starts (*starts, dof) and a method's numbers; raises InvalidInput if they don't fit."""
     name, starts = type(method).__name__, start.shape[:-1]
     try:
         shape = np.broadcast_shapes(starts, *shapes)
@@ -326,5 +339,5 @@ def broadcast_shape(method: Method, start: np.ndarray, shapes: Sequence[tuple[in
             f"{name}: starts of shape {starts} and numbers of {different} do not fit each other"
         ) from None
     if 0 in shape:
-        raise InvalidInput(f"{name}: numbers wanted, got an empty array")
+        raise InvalidInput(f"{name}: arrays must have numbers, got an empty one")
     return shape

@@ -1,4 +1,4 @@
-"""One motion along a path by a method: what is asked for, checked, and the motion or why there is none."""
+"""Resolution of one motion along a path by a method: checks, and the motion or an error."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ from paretoik.task.task import Task, describe_errors, error_unit
 from paretoik.task.validation import motion_task
 
 LOST_STEPS = {
-    "held": "no velocities do what the task wants",
+    "held": "no velocities satisfy the task",
     "shortened": "a joint were to go more than 1 rad or m in the step",
-    "limited": "limits leave no velocities that do what the task wants",
+    "limited": "limits leave no velocities that satisfy the task",
 }
 Unreachable = Literal["refuse", "track"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Resolution:
-    """What is to be resolved, checked: a task by a method from starts (*batch, dof).
+    """A checked request: a task by a method from starts (*batch, dof).
 
     ``unreachable`` and ``tolerance`` are those of ``paretoik.resolve``.
     """
@@ -50,7 +50,7 @@ class Resolution:
 
     @property
     def criteria(self) -> Sequence[Criterion]:
-        """What the method improves on the side."""
+        """The secondary criteria of the method."""
         return self.method.criterion_list if isinstance(self.method, VelocityMethod) else ()
 
 
@@ -67,12 +67,12 @@ def resolution_of(
     tolerance: float,
     seed: int,
 ) -> Resolution:
-    """Return what ``paretoik.resolve`` is asked for; raises InvalidInput naming what cannot be used, and OutOfReach."""
+    """Return the request of ``paretoik.resolve``; raises InvalidInput, naming an unusable part, and OutOfReach."""
     if not isinstance(method, Method):
-        raise InvalidInput(f"resolve: wants a method, such as PseudoInverse(), got {shown(method)}")
+        raise InvalidInput(f"method must be one of pk.methods, such as PseudoInverse(), got {shown(method)}")
     check_choice("unreachable", unreachable, get_args(Unreachable))
     if not finite_array("tolerance", tolerance, ()) > 0:
-        raise InvalidInput(f"tolerance: a positive distance in m or rad wanted, got {tolerance}")
+        raise InvalidInput(f"tolerance must be a positive distance in m or rad, got {tolerance}")
     check_seed("seed", seed)
     criteria = method.criterion_list if isinstance(method, VelocityMethod) else ()
     task = motion_task(
@@ -90,10 +90,10 @@ def resolution_of(
 
 
 def resolve(resolution: Resolution) -> ResolvedMotion:
-    """Return the motion that is asked for.
+    """Return the motion of a request.
 
-    Raises Infeasible where the path is lost, and EvaluationFailed where a criterion is not finite, unless
-    ``unreachable`` is "track".
+    Raises Infeasible if the path is lost, and EvaluationFailed if a criterion is not finite, unless ``unreachable`` is
+    "track".
     """
     task, criteria, tolerance = resolution.task, resolution.criteria, resolution.tolerance
     motion = follow(task, resolution.method, resolution.starts, tolerance=tolerance)
@@ -104,7 +104,7 @@ def resolve(resolution: Resolution) -> ResolvedMotion:
 
 
 def _starts(task: MotionTask, start: object, seed: int) -> np.ndarray:
-    """Return the postures (*batch, dof) that motions start in, by default that of 64 farthest from singular."""
+    """Return the start postures (*batch, dof), by default that of 64 farthest from singular."""
     if start is None:
         rng = np.random.default_rng(seed)
         candidates = sample_postures(task, 64, rng)
@@ -116,23 +116,23 @@ def _starts(task: MotionTask, start: object, seed: int) -> np.ndarray:
         return np.asarray(candidates[np.argmax(singular_values.min(axis=1) + 1e3 * within)])
     q = finite_array("start", start)
     if q.ndim == 0 or q.shape[-1] != task.arm.dof or not q.size:
-        raise InvalidInput(f"start: joint positions (..., {task.arm.dof}) wanted, got shape {q.shape}")
+        raise InvalidInput(f"start must be joint positions (..., {task.arm.dof}), got shape {q.shape}")
     return q
 
 
 def _check_criteria(task: MotionTask, motion: ResolvedMotion, criteria: Sequence[Criterion]) -> None:
-    """Raise EvaluationFailed where a criterion is not finite, with the first such sample."""
+    """Raise EvaluationFailed if a criterion is not finite, with its first sample."""
     missing = np.isnan(motion.traces.coefficients).reshape(-1, len(task.times) - 1, max(len(criteria), 1)).any(axis=0)
     if criteria and missing.any():
         sample, index = np.argwhere(missing)[0]
         raise EvaluationFailed(
-            f"criterion {criteria[index].objective.name}: wants a finite value and gradient, got none at sample "
+            f"criterion {criteria[index].objective.name} must have a finite value and gradient, got none at sample "
             f'{sample} ({task.times[sample]:.3g} s); unreachable="track" leaves it out there'
         )
 
 
 def _check_tracking(task: MotionTask, motion: ResolvedMotion, tolerance: float) -> None:
-    """Raise Infeasible where a motion loses its path, with the first such sample."""
+    """Raise Infeasible if a motion loses its path, with its first sample."""
     dof, samples = task.arm.dof, len(task.times)
     errors = np.abs(motion.traces.errors).max(axis=-1).reshape(-1, samples)
     broken = np.zeros_like(errors, dtype=bool)
@@ -153,21 +153,21 @@ def _check_tracking(task: MotionTask, motion: ResolvedMotion, tolerance: float) 
         hint = degrees_hint(q[task.arm.periodic])
         raise InvalidInput(
             f"resolve: {name}start must be at most {tolerance:g} {error_unit(task.tasks)} off the path's first sample, "
-            f'or unreachable="track" said, got {distance}{f"; {hint}" if hint else ""}'
+            f'or unreachable="track" given, got {distance}{f"; {hint}" if hint else ""}'
         )
     cause = LOST_STEPS[str(status[i, sample - 1])] if broken[i, sample] else f"{distance} off the path"
     active = _active_limits(task, motion, i, sample) if status[i, before] == "limited" else ""
     cause += f": {active}" if active else ""
     raise Infeasible(
         f"resolve: {name}{cause} at sample {sample} ({task.times[sample]:.3g} s), where the Jacobian's condition "
-        f'number is {np.linalg.cond(jacobian):.3g}; unreachable="track" goes on as well as can be',
+        f'number is {np.linalg.cond(jacobian):.3g}; unreachable="track" follows it as well as possible',
         motion=motion,
         limit=active,
     )
 
 
 def _active_limits(task: MotionTask, motion: ResolvedMotion, index: int, sample: int) -> str:
-    """Return in words the limits that a constrained step to a sample is at."""
+    """Return in words the active limits of a constrained step to a sample."""
     assert isinstance(motion.traces, ConstrainedTraces)
     active = motion.traces.active.reshape(-1, *motion.traces.active.shape[-2:])[index, sample - 1]
     words = [f"{limit} of {joint}" for limit, joint in zip(active, task.arm.joint_names, strict=False) if limit]
@@ -178,7 +178,7 @@ def _active_limits(task: MotionTask, motion: ResolvedMotion, index: int, sample:
 
 
 def _check_limits(task: MotionTask, limits: Limits | None, starts: np.ndarray) -> None:
-    """Raise InvalidInput for limits that rates say nothing of, and for starts past limits."""
+    """Raise InvalidInput for limits that rates cannot satisfy, and for starts past limits."""
     for kind in ("torque", "power"):
         if getattr(limits, kind, None) is not None:
             raise InvalidInput(
@@ -189,13 +189,13 @@ def _check_limits(task: MotionTask, limits: Limits | None, starts: np.ndarray) -
     if (excess > LIMIT_TOLERANCE).any():
         joint = int(excess.argmax())
         raise InvalidInput(
-            f"start: ConstrainedQP wants joints within their position limits, got {task.arm.joint_names[joint]} "
+            f"start: joints must be within their position limits for ConstrainedQP, got {task.arm.joint_names[joint]} "
             f'{excess[joint]:.3g} past one; unreachable="track" brings it back'
         )
     if task.obstacles and starts.size:
         smallest = float(clearance(task.obstacles, link_nodes(task.arm, starts), task.link_radius).min())
         if smallest < task.min_clearance - LIMIT_TOLERANCE:
             raise InvalidInput(
-                f"start: ConstrainedQP wants links {task.min_clearance:g} m clear of obstacles, got {smallest:.3g} m; "
-                'unreachable="track" moves away from them'
+                f"start: links must be {task.min_clearance:g} m clear of obstacles for ConstrainedQP, got "
+                f'{smallest:.3g} m; unreachable="track" moves away from them'
             )

@@ -2,8 +2,8 @@
 
 Under the path's constraint J q̇ = ẋ the Euler–Lagrange equation is M q̈ + n = Jᵀλ, with n(q, q̇) the Coriolis and
 centrifugal torques: no torque drives the self-motion. Without λ: q̈ = J_B⁺(ẍ − J̇q̇) − (I − J_B⁺J) M⁻¹n, J_B⁺ weighted
-by the inertia. Tringali & Cocuzza 2020, Eq. 20, has the opposite sign, along which nothing is stationary. Where an
-end is free, no momentum is left in the self-motion (transversality), which is q̇ = J_B⁺ẋ.
+by the inertia. Tringali & Cocuzza 2020, Eq. 20, has the opposite sign, which makes nothing stationary. At a free end
+no momentum is left in the self-motion (transversality), which means q̇ = J_B⁺ẋ.
 
 Source: Nedungadi & Kazerounian 1989, A local solution with global characteristics for the joint torque optimization
 of a redundant manipulator; Gelfand & Fomin 1963, Calculus of Variations, chapter 5 (Jacobi's condition).
@@ -32,14 +32,14 @@ from paretoik.task.retraction import retract_nearest, task_errors
 from paretoik.task.task import describe_errors, error_unit, path_equations
 from paretoik.task.validation import START_TOLERANCE
 
-# The equation of motion of least kinetic energy under a path, M q̈ + n = Jᵀλ with J q̇ = ẋ; see ``variational``.
+# The equation of motion of least kinetic energy on a path, M q̈ + n = Jᵀλ with J q̇ = ẋ
 
 
 @dataclass(frozen=True, kw_only=True)
 class EquationOptions:
     """Settings of the equation of motion."""
 
-    knots: int = 2000  # of the splines through the targets, which give their derivatives in time
+    knots: int = 2000  # of the splines through the targets, for time derivatives
     massless: float = 1e-12  # ratio of the inertia matrix's eigenvalues below which a joint moves no mass
 
 
@@ -48,7 +48,7 @@ EQUATION_OPTIONS = EquationOptions()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Terms:
-    """The terms at one instant: J, the rates ẋ and accelerations that J q̇ and J q̈ must equal, M, and n(q, q̇)."""
+    """The terms at one instant: J, the required J q̇ and J q̈, M, and n(q, q̇)."""
 
     jacobian: Float[np.ndarray, "motions rows dof"]
     velocity: Float[np.ndarray, "motions rows"]
@@ -59,9 +59,11 @@ class Terms:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EquationOfMotion:
-    """M q̈ + n = Jᵀλ with J q̇ = ẋ; ``targets`` are splines of the targets and of their two derivatives in time.
+    """The equation M q̈ + n = Jᵀλ with J q̇ = ẋ.
 
-    ``sign`` is that of n, −1; Tringali & Cocuzza 2020 print 1 in Eq. 20; ``program`` computes what ``Terms`` hold.
+    targets: splines of the targets and of their two time derivatives
+    sign: sign of n, −1; Tringali & Cocuzza 2020, Eq. 20, has 1
+    program: evaluator of ``Terms``
     """
 
     task: MotionTask
@@ -80,7 +82,7 @@ class EquationOfMotion:
         return self.project(np.zeros(len(q)), q, np.zeros_like(q))
 
     def project(self, t: np.ndarray, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
-        """Return the velocities nearest to dq, in the metric of the inertia, that follow the path."""
+        """Return the velocities on the path that are nearest to dq in the metric of the inertia."""
         terms = self.terms(t, q, dq)
         return _solve_kkt(terms, (terms.inertia @ dq[..., None])[..., 0], terms.velocity)
 
@@ -105,11 +107,11 @@ def equation_of_motion(task: MotionTask) -> EquationOfMotion:
     Raises InvalidInput for a cyclic task, and an arm with joints that move no mass.
     """
     if task.cyclic:
-        raise InvalidInput("variational: wants an open motion, got a cyclic one")
+        raise InvalidInput("variational: motion must be open, got a cyclic one")
     inertia = dynamics.inertia_matrix(task.arm, np.full((1, task.arm.dof), 0.5))[0]
     smallest, largest = np.linalg.eigvalsh(inertia)[[0, -1]]
     if smallest <= EQUATION_OPTIONS.massless * largest:
-        raise InvalidInput(f"variational: wants an arm whose every joint moves a mass, {task.arm.name} has others")
+        raise InvalidInput(f"variational: every joint of the arm must move a mass, got {task.arm.name}")
     parts = max(1, -(-EQUATION_OPTIONS.knots // (len(task.times) - 1)))
     knots = np.interp(np.arange(parts * (len(task.times) - 1) + 1) / parts, np.arange(len(task.times)), task.times)
     spline = make_interp_spline(knots, np.concatenate([each.targets(knots) for each in task.tasks], axis=1), k=5)
@@ -122,9 +124,9 @@ def equation_of_motion(task: MotionTask) -> EquationOfMotion:
 
 
 def _terms_program(task: MotionTask, arm: Arm) -> Evaluator:
-    """Return the program of ``Terms``, of q, q̇, and the targets with their two derivatives in time.
+    """Return the program of ``Terms``; its inputs are q, q̇, and the targets with two time derivatives.
 
-    Along the path the path equations h(q, x) = 0 keep holding: J q̇ + ∂h/∂x ẋ = 0, and once more.
+    The path equations h(q, x) = 0 are satisfied along the path: J q̇ + ∂h/∂x ẋ = 0, and its time derivative too.
     """
     tape, dof, numbers = Tape(), arm.dof, task.targets.shape[1]
     inputs: list[Any] = [[tape.input() for _ in range(count)] for count in (dof, dof, numbers, numbers, numbers)]
@@ -146,7 +148,7 @@ def _terms_program(task: MotionTask, arm: Arm) -> Evaluator:
 
 
 def _solve_kkt(terms: Terms, force: np.ndarray, rates: np.ndarray) -> np.ndarray:
-    """Return x with J x = ``rates`` and M x = ``force`` + Jᵀλ, which is J_B⁺ rates + (I − J_B⁺J) M⁻¹ force.
+    """Return x with J x = ``rates`` and M x = ``force`` + Jᵀλ: x = J_B⁺ rates + (I − J_B⁺J) M⁻¹ force.
 
     It is NaN at a singularity.
     """
@@ -165,7 +167,7 @@ class IntegrationOptions:
     """Settings of the step size control."""
 
     first_step: float = 1e-2  # share of the duration
-    shortest_step: float = 1e-5  # share of the duration: shorter steps are those of a motion into a singularity
+    shortest_step: float = 1e-5  # share of the duration: shorter steps mean a singularity
     safety: float = 0.9  # factor of the step length that the error estimate allows (Hairer et al. 1993, section II.4)
     smallest_change: float = 0.2  # of a step length from one step to the next
     largest_change: float = 5.0
@@ -177,7 +179,7 @@ OPTIONS = IntegrationOptions()
 def extremal_paths(
     task: MotionTask, start: Float[np.ndarray, "motions dof"], *, tolerance: Float[np.ndarray, " motions"]
 ) -> tuple[JointPaths, JointPaths]:
-    """Return positions and velocities of stationary kinetic energy, NaN from where a motion runs into a singularity.
+    """Return positions and velocities of stationary kinetic energy, NaN after a singularity.
 
     Raises InvalidInput for a cyclic task, a massless arm, starts off the path and tolerances out of range.
     """
@@ -189,26 +191,26 @@ def extremal_paths(
 
 def check_tolerance(tolerance: float | np.ndarray) -> None:
     """Raise InvalidInput for a tolerance out of range."""
-    lowest, highest = 1e-13, 1e-3  # finer ones are below rounding, coarser ones leave the path
+    lowest, highest = 1e-13, 1e-3  # smaller ones are below rounding, larger ones leave the path
     for value in np.ravel(tolerance):
         if not lowest <= value <= highest:
             raise InvalidInput(f"variational: tolerance must be {lowest:g} to {highest:g}, got {value:g}")
 
 
 def starts_on_path(task: MotionTask, start: np.ndarray | None) -> np.ndarray:
-    """Return postures (*batch, dof) on the path's first sample; raise InvalidInput where they are not."""
+    """Return postures (*batch, dof) on the path's first sample; raises InvalidInput for others."""
     q = task.start if start is None else np.asarray(start, dtype=float)
     if q is None:
-        raise InvalidInput("variational: wants start postures, the task has no start of its own")
+        raise InvalidInput("variational: start must be postures, got none, and the task has no start of its own")
     if q.ndim == 0 or q.shape[-1] != task.arm.dof or not np.isfinite(q).all():
-        raise InvalidInput(f"variational: start wants finite postures (..., {task.arm.dof}), got shape {q.shape}")
+        raise InvalidInput(f"variational: start must be finite postures (..., {task.arm.dof}), got shape {q.shape}")
     errors = np.abs(task_errors(task.arm, task.tasks, q, task.targets[0])[0]).reshape(-1, task.rows)
     distance = errors.max(axis=1, initial=0.0)
     if (distance > START_TOLERANCE).any():
         worst = int(np.argmax(distance))
         raise InvalidInput(
-            f"variational: start {worst} is {describe_errors(task.tasks, errors[worst])} off the path's first sample; "
-            f"wants at most {START_TOLERANCE} {error_unit(task.tasks)}"
+            f"variational: start {worst} must be at most {START_TOLERANCE} {error_unit(task.tasks)} off the path's "
+            f"first sample, got {describe_errors(task.tasks, errors[worst])}"
         )
     retraction = retract_nearest(task.arm, task.tasks, q, task.targets[0])
     return np.where(retraction.on_path[..., None], retraction.q, q)
@@ -235,16 +237,16 @@ def integrate(
     times: Float[np.ndarray, " time"],
     tolerance: float | Float[np.ndarray, " motions"],
 ) -> Float[np.ndarray, "motions time state"]:
-    """Return states at ``times``, NaN from the sample that a motion does not reach.
+    """Return states at ``times``, NaN from the first sample that a motion does not reach.
 
-    ``tolerance`` is that of every step, of positions and velocities, relative where they are larger than 1.
+    ``tolerance`` is that of every step, for positions and velocities, relative if these are larger than 1.
     """
     states = np.full((len(start), len(times), start.shape[1]), np.nan)
     duration = times[-1] - times[0]
     allowed = np.broadcast_to(np.asarray(tolerance, dtype=float), (len(start),))
     t, y = np.full(len(start), times[0]), start.copy()
     length = np.full(len(start), OPTIONS.first_step * duration)
-    with np.errstate(all="ignore"):  # towards a singularity numbers overflow, and shorter steps are tried
+    with np.errstate(all="ignore"):  # near a singularity numbers overflow, and shorter steps are tried
         rate = equation(t, y)
         for sample, end in enumerate(times):
             while len(active := np.flatnonzero((t < end) & (length > OPTIONS.shortest_step * duration))):

@@ -9,7 +9,7 @@ from jaxtyping import Float, Int
 
 from paretoik.task.obstacles import Box, Capsule, Circle, Obstacle, Sphere
 
-# Where a label can be put beside its mark or in a frame, and how much it covers there; in any unit of length.
+# Places of a label next to its mark or in a frame, and what it covers there; in any unit of length.
 
 
 Point = Float[np.ndarray, " 2"]
@@ -20,12 +20,12 @@ SIDES = np.array([(1, 0), (-1, 0), (0, -1), (0, 1), (1, -1), (-1, -1), (1, 1), (
 
 
 def places_beside(mark: Point, half: Point, distances: tuple[float, ...]) -> Places:
-    """Return the middles of a label of half a size on all sides of its `mark`, the nearest first."""
+    """Return the middles of a label with half size ``half`` on all sides of its `mark`, the nearest first."""
     return np.concatenate([mark + SIDES * (half + distance) for distance in distances])
 
 
 def places_between(low: Point, high: Point, count: int) -> Places:
-    """Return so many places across and along from one corner to the other; one only where there is no way between."""
+    """Return a grid of ``count`` places each way between two corners; only one across an empty range."""
     across, along = (np.linspace(a, b, count) if a < b else np.array([a]) for a, b in zip(low, high, strict=True))
     return np.stack(np.meshgrid(across, along), axis=-1).reshape(-1, 2)
 
@@ -33,7 +33,7 @@ def places_between(low: Point, high: Point, count: int) -> Places:
 def count_covered(
     middles: Places, half: Point, others: Float[np.ndarray, "marks 2"], *, gap: float = 0.0
 ) -> Int[np.ndarray, " places"]:
-    """Return how many marks a label of half a size, and a ``gap`` around it, covers at each of its places."""
+    """Return how many marks a label of half a size, plus a ``gap`` around it, covers at each place."""
     across, along = (
         np.abs(others[:, axis] - middles[:, axis, None]) < half[axis] + gap for axis in (0, 1)
     )  # axis by axis: reducing pairs takes NumPy several times as long
@@ -50,9 +50,9 @@ def freest_place(
     *,
     reach: float = 0.0,
 ) -> Point:
-    """Return the place that covers fewest marks, and whose line to its own `mark` crosses fewest ``lines``.
+    """Return the place that covers the fewest marks, with the fewest crossings of its line to `mark` and ``lines``.
 
-    Of such that whose line touches fewest other marks, all within ``reach`` of it, then the nearest to its mark.
+    Among these, take the one whose line touches the fewest other marks, within ``reach``, then the nearest to its mark.
     """
     ends = np.clip(mark, middles - half, middles + half)
     crossed = count_crossed(mark, ends, lines)
@@ -63,7 +63,7 @@ def freest_place(
 
 
 def count_crossed(start: Point, ends: Places, lines: Lines) -> Int[np.ndarray, " places"]:
-    """Return how many ``lines`` each way from a `start` to one of its ends crosses."""
+    """Return how many ``lines`` are crossed on the way from a `start` to each of its ends."""
     tails, tips = lines[:, 0], lines[:, 1]
     sides = _side(start, ends[:, None], tails) * _side(start, ends[:, None], tips)
     ways = _side(tails, tips, start) * _side(tails, tips, ends[:, None])
@@ -73,9 +73,9 @@ def count_crossed(start: Point, ends: Places, lines: Lines) -> Int[np.ndarray, "
 def count_touched(
     start: Point, ends: Places, marks: Float[np.ndarray, "marks 2"], reach: float
 ) -> Int[np.ndarray, " places"]:
-    """Return how many marks each line from a `start` to one of its ends comes within ``reach`` of.
+    """Return how many marks are within ``reach`` of the line from a `start` to each of its ends.
 
-    Of a mark that is no farther from the start itself, only a line that leads towards it counts.
+    A mark that is no farther than that from the start itself only counts if the line leads towards it.
     """
     along, away = ends - start, marks - start
     squared = np.maximum((along**2).sum(axis=1), np.finfo(float).tiny)
@@ -85,7 +85,7 @@ def count_touched(
 
 
 def _side(tail: np.ndarray, tip: np.ndarray, point: np.ndarray) -> np.ndarray:
-    """Return on which side of a line a point lies, by its sign."""
+    """Return the side of a line that a point is on, as a sign."""
     along, away = tip - tail, point - tail
     return np.asarray(along[..., 0] * away[..., 1] - along[..., 1] * away[..., 0])
 
@@ -98,7 +98,7 @@ EDGES = [(i, j) for i in range(8) for j in range(i) if (i ^ j).bit_count() == 1]
 
 
 def outline(obstacle: Obstacle) -> Polyline | None:
-    """Return the closed outline (points, 2) [m] of an obstacle in the plane z = 0; None where it does not reach it."""
+    """Return the closed outline (points, 2) [m] of an obstacle in the plane z = 0; None if it does not reach it."""
     match obstacle:
         case Circle():
             return np.asarray(obstacle.center + obstacle.radius * RING[:, :2])
@@ -114,7 +114,7 @@ def outline(obstacle: Obstacle) -> Polyline | None:
 def wires(obstacle: Obstacle, height: tuple[float, float]) -> list[Polyline]:
     """Return an obstacle in space as lines, each (points, 3) [m].
 
-    What has no ends is drawn as long as the two numbers of ``height`` [m] are apart.
+    Unbounded obstacles are drawn between the two numbers of ``height`` [m].
     """
     match obstacle:
         case Circle():
@@ -132,7 +132,7 @@ def wires(obstacle: Obstacle, height: tuple[float, float]) -> list[Polyline]:
 
 
 def _capsule_wires(capsule: Capsule) -> list[Polyline]:
-    """Return a ring about each end, the lines between them, and two arcs over each end."""
+    """Return a ring around each end, the lines between them, and two arcs over each end."""
     axis = capsule.end - capsule.start
     length = float(np.linalg.norm(axis))
     axis = axis / length if length > 0 else np.array([0.0, 0.0, 1.0])
@@ -148,13 +148,13 @@ def _capsule_wires(capsule: Capsule) -> list[Polyline]:
 
 
 def _box_corners(box: Box, height: tuple[float, float]) -> Float[np.ndarray, "8 3"]:
-    """Return the corners of a box; a beam, which has two half sizes, is as long as the heights are apart."""
+    """Return the corners of a box; a beam, which has two half sizes, spans the range of heights."""
     sizes = box.half_sizes if len(box.half_sizes) == 3 else [*box.half_sizes, 0.5 * (height[1] - height[0])]
     return np.asarray(box.pose.apply(np.array(list(product((-1.0, 1.0), repeat=3))) * sizes))
 
 
 def _slice_of_box(box: Box) -> Polyline:
-    """Return where the edges of a box meet the plane z = 0, (points, 2); of a rectangle in it, its corners."""
+    """Return where the edges of a box meet the plane z = 0, (points, 2); the corners of a rectangle in it."""
     corners = _box_corners(box, (0.0, 0.0))
     crossings: list[np.ndarray] = []
     for low, high in (corners[list(edge)] for edge in EDGES):
@@ -175,7 +175,7 @@ def _slice_of_ball(center: np.ndarray, radius: float) -> Polyline:
 
 
 def _hull(points: Float[np.ndarray, "_ 2"]) -> Polyline | None:
-    """Return the closed convex hull of points, counter-clockwise; None of fewer than three that are no line."""
+    """Return the counter-clockwise closed convex hull of points; None if they do not span an area."""
     from scipy.spatial import ConvexHull, QhullError
 
     try:

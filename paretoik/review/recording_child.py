@@ -1,7 +1,7 @@
 """The process that records, started by ``recording_process``.
 
-It reads messages from stdin and answers on stdout, a line of JSON a message. It ends with its parent, by whatever
-death: then it completes the file with what it has.
+It reads messages from stdin and answers on stdout, one line of JSON per message. It ends with its parent, however that
+ends: then it completes the file with the data that it has.
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ if TYPE_CHECKING:
 
 
 class Parent:
-    """The run: what it sends, and what it is told."""
+    """The run: its messages, and the answers to it."""
 
     def __init__(self) -> None:
         self._process = os.getppid()
         self._input = os.dup(0)
         self._answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
-        os.dup2(2, 1)  # what anybody prints is no answer
+        os.dup2(2, 1)  # other prints are not answers
         self._last_answer = 0.0
 
     def messages(self) -> Iterator[tuple[str, Any, int] | None]:
-        """Yield kind, message and the parent's stride as they come, until the parent is gone.
+        """Yield kind, message and the parent's stride as they arrive, until the parent is gone.
 
-        Yield None when there was no message for a while.
+        Yield None if there was no message for a while.
         """
         part = bytearray()
         while True:
@@ -47,7 +47,7 @@ class Parent:
                 continue
             if not select.select([self._input], [], [], OPTIONS.tick)[0]:
                 yield None
-                if os.getppid() != self._process:  # where a fork of the parent holds its end of the pipe
+                if os.getppid() != self._process:  # if a fork of the parent still has its end of the pipe
                     return
                 continue
             piece = os.read(self._input, 1 << 20)
@@ -62,14 +62,14 @@ class Parent:
             print(json.dumps(answer), file=self._answers, flush=True)
 
     def beat(self) -> None:
-        """Let the parent know now and then that work goes on."""
+        """Tell the parent from time to time that work continues."""
         if time.monotonic() - self._last_answer > 4 * OPTIONS.tick:
             self.tell()
 
 
 def main() -> None:
-    """Record what the parent sends until it ends the recording or ends itself."""
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):  # the run decides; it may want to finish the file
+    """Record the parent's messages until it ends the recording or itself."""
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):  # the run decides, and may still finish the file
         signal.signal(number, signal.SIG_IGN)
     with suppress(OSError):
         os.nice(OPTIONS.niceness)

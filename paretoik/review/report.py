@@ -1,4 +1,4 @@
-"""The report of a front: one page of HTML that needs nothing else and loads nothing."""
+"""The report of a front: one self-contained page of HTML that loads nothing."""
 
 from __future__ import annotations
 
@@ -31,18 +31,18 @@ from paretoik.search.maximin import greedy_order
 from paretoik.task.limits import JOINT_UNITS, LIMITED
 from paretoik.task.motion import Motion
 
-# Motions as a report holds them: curves and arms in small blocks, one a point, as many as there is room for.
+# Motions in a report: curves and arms in small blocks, one per point, for as many as fit.
 
 
-STEPS = 65535  # of a channel's range: values are whole numbers of 16 bits
+STEPS = 65535  # of a channel's range: values are integers of 16 bits
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ReportMotions:
-    """Motions of a front for a page: ``channels`` (points, channels, time), and what is drawn around them.
+    """Motions of a front for a page: ``channels`` (points, channels, time), and the scene around them.
 
     A channel is the time [s], a joint's position, velocity, acceleration, torque or power, or a coordinate of a node of
-    the arm. Motions whose arm is unknown have time and positions alone.
+    the arm. Motions of an unknown arm have only time and positions.
     """
 
     front: Front
@@ -54,12 +54,12 @@ class ReportMotions:
 
     @property
     def has_arm(self) -> bool:
-        """Whether the arm is known, so that there are more than positions."""
+        """Whether the arm is known, so that there is more than positions."""
         return isinstance(self.motions, Motion)
 
     @cached_property
     def channels(self) -> Float[np.ndarray, "points channels time"]:
-        """Everything that changes with time."""
+        """All quantities that change with time."""
         motions = self.motions
         parts = [np.asarray(motions.time)[..., None], motions.q]
         if self.has_arm:
@@ -69,7 +69,7 @@ class ReportMotions:
 
     @cached_property
     def kinds(self) -> tuple[str, ...]:
-        """What is drawn of joints: torques and powers of an arm without masses are not, as they are 0."""
+        """The drawn joint quantities; without masses no torques and powers, since they are 0."""
         massless = not np.any(self.motions.torque)
         return tuple(kind for kind in JOINT_UNITS if not (massless and kind in ("torque", "power")))
 
@@ -91,7 +91,7 @@ class ReportMotions:
         return base64.b64encode(gzip.compress(planes.tobytes(), 9, mtime=0)).decode()
 
     def blocks(self, rows: Sequence[int], room: int) -> dict[int, str]:
-        """Return the blocks of as many ``rows``, in turn, as fit in so many bytes, by the id of the point, in order."""
+        """Return the blocks of the first ``rows`` that fit into ``room`` bytes, by the id of the point, in order."""
         blocks: dict[int, str] = {}
         for row in rows:
             number, block = int(self.front.ids[row]), self.block(row)
@@ -102,7 +102,7 @@ class ReportMotions:
         return {number: blocks[number] for number in self.front.ids.tolist() if number in blocks}
 
     def description(self) -> dict[str, Any]:
-        """Return what the page must know to draw blocks: joints, quantities, limits, arm, path and obstacles."""
+        """Return what the page needs to draw blocks: joints, quantities, limits, arm, path and obstacles."""
         low, step = self._ranges
         names = self.motions.arm.joint_names
         described: dict[str, Any] = {
@@ -123,7 +123,7 @@ class ReportMotions:
         return described
 
     def _limits(self) -> dict[str, Any]:
-        """Return the limits of each kind: at what times, and of each joint the lower and the upper ones there."""
+        """Return the limits of each kind: their times, and each joint's lower and upper limits there."""
         task = task_of(self.front.problem)
         if task is None:
             return {}
@@ -161,7 +161,7 @@ class ReportMotions:
         }
 
     def _arrows(self) -> list[dict[str, Any]]:
-        """Return the directions along which objectives say how fast or strong a posture is."""
+        """Return the directions in which objectives measure the speed or force of a posture."""
         directions = getattr(self.front.problem, "directions", None)
         if directions is None:
             return []
@@ -173,11 +173,11 @@ def _lines(points: np.ndarray) -> list[Any]:
 
 
 def _digits(values: np.ndarray, digits: int = 6) -> list[float | None]:
-    """Return numbers to so many digits; None where they are not finite."""
+    """Return numbers with ``digits`` significant digits; None if they are not finite."""
     return [float(f"{value:.{digits}g}") if np.isfinite(value) else None for value in np.asarray(values, dtype=float)]
 
 
-# The page of a report: what its script is told, its table, and the frame around them.
+# The page of a report: the data of its script, its table, and its frame.
 
 
 SCRIPTS = ("page.js", "front.js", "curves.js", "arm.js", "start.js")
@@ -185,18 +185,18 @@ SCRIPTS = ("page.js", "front.js", "curves.js", "arm.js", "start.js")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ReportPage:
-    """Some points of a report's front as a page: their ``rows`` in the order in which motions get room."""
+    """The page of some points of a report's front; motions get space in the order of their ``rows``."""
 
     report: Report
     rows: Int[np.ndarray, " points"]
 
     @property
     def size_without_motions(self) -> int:
-        """The bytes of the page if no motion has room."""
+        """The bytes of the page without any motion."""
         return len(self._render({}).encode())
 
     def render(self, room: int) -> str:
-        """Return the page with as many motions as fit into so many bytes."""
+        """Return the page with as many motions as fit into ``room`` bytes."""
         return self._render({} if self._motions is None else self._motions.blocks(self._order.tolist(), room))
 
     @cached_property
@@ -211,7 +211,7 @@ class ReportPage:
 
     @cached_property
     def _marks(self) -> dict[int, str]:
-        """What the points of the page are marked as, by their id."""
+        """The marks of the points of the page, by their id."""
         ids, marks = self.report.front.ids, self.report.marks
         return {int(ids[row]): marks[row] for row in self.rows.tolist() if row in marks}
 
@@ -222,7 +222,7 @@ class ReportPage:
 
     @cached_property
     def _data(self) -> dict[str, Any]:
-        """What the script is told, except the motions themselves."""
+        """The data of the script, except the motions."""
         front, steps, certificates = self.front, self.report.steps, self.front.certificates
         return {
             "objectives": [
@@ -247,7 +247,7 @@ class ReportPage:
         }  # fmt: skip
 
     def _branches(self) -> list[list[int]] | None:
-        """Return the ids of each branch of optima of two objectives in order; None where jumps are not known."""
+        """Return the ids of each branch of optima of two objectives in order; None if jumps are unknown."""
         whole = self.report.front
         jumps = whole.jumps
         if jumps is None:
@@ -293,7 +293,7 @@ class ReportPage:
 
     @cached_property
     def _checks(self) -> dict[str, tuple[str, Values]]:
-        """Return what is checked of every point, by the head of its column: what that means, and the values."""
+        """Return the checks of every point, by column head: their meaning, and their values."""
         violated = "worst of all limits at the samples, as a share of its range"
         front, certificates = self.front, self.front.certificates
         if certificates is None:
@@ -313,7 +313,7 @@ class ReportPage:
     def _check_heads(self) -> list[tuple[str, str]]:
         heads = [(name, meaning) for name, (meaning, _) in self._checks.items()]
         certified = self.front.certificates is not None
-        return [*heads, *[("certificate", "what a point is, locally")] * certified]
+        return [*heads, *[("certificate", "local type of the point")] * certified]
 
     def _table_row(self, row: int) -> dict[str, Any]:
         front = self.front
@@ -327,7 +327,7 @@ class ReportPage:
 
 
 def _computed_by(provenance: Mapping[str, Any]) -> dict[str, str]:
-    """Return who computed a run in words, by the name of that entry; nothing where it has none."""
+    """Return the text on who computed a run, by the name of that entry; nothing if it has none."""
     return {"computed": computed_text(provenance["computed"])} if "computed" in provenance else {}
 
 
@@ -341,7 +341,7 @@ def plotly_bundle() -> str:
 
 @cache
 def _packed_bundle() -> str:
-    """Return Plotly's JavaScript, gzip and base64: two fifths of its size, so that motions have room."""
+    """Return Plotly's JavaScript, gzip and base64: two fifths of its size, which leaves space for motions."""
     return base64.b64encode(gzip.compress(plotly_bundle().encode(), 9, mtime=0)).decode()
 
 
@@ -359,12 +359,12 @@ def _template() -> Any:
 
 
 def _hash(script: str) -> str:
-    """Return what lets a browser run this script and no other (Content Security Policy, level 2)."""
+    """Return the hash with which a browser only runs this script (Content Security Policy, level 2)."""
     return "sha256-" + base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
 
 
 def _embed(data: Mapping[str, Any]) -> str:
-    """Return JSON that no HTML parser can leave: "<" is written as JSON writes other characters."""
+    """Return JSON that no HTML parser can leave: "<" is escaped."""
     text = json.dumps(data, allow_nan=False, separators=(",", ":"), ensure_ascii=False)
     return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
 
@@ -374,7 +374,7 @@ def _size(value: float) -> str:
 
 
 def _significant(values: np.ndarray) -> Any:
-    """Return nested numbers to 5 digits, None where they are not finite."""
+    """Return nested numbers with 5 significant digits, None if they are not finite."""
     rounded = [float(f"{value:.5g}") if np.isfinite(value) else None for value in values.ravel()]
     return np.array(rounded, dtype=object).reshape(values.shape).tolist()
 
@@ -383,7 +383,7 @@ def _significant(values: np.ndarray) -> Any:
 class ReportOptions:
     """The most bytes of a page, and the most points that it lists and draws.
 
-    Where there is no room for so many, there are fewer; at least one point and the script are on every page.
+    There are fewer points if they do not fit; at least one point and the script are on every page.
     """
 
     size: int = 5_000_000
@@ -392,7 +392,7 @@ class ReportOptions:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Steps:
-    """What a closed loop chose at every step: times (steps,), and (steps, n_obj) the chosen, best and worst values."""
+    """The choices of a closed loop: times (steps,), and chosen, best and worst values (steps, n_obj)."""
 
     times: Values
     chosen: np.ndarray
@@ -402,9 +402,9 @@ class Steps:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Report:
-    """What a page is made of: a front, choices kept in its run, sentences about it, steps of a closed loop.
+    """The content of a page: a front, its run's choices, notes, and steps of a closed loop.
 
-    ``nearest`` says that the only point of the front is none: it comes nearest to being feasible where nothing is.
+    ``nearest``: the front's only point is infeasible, but comes nearest to being feasible.
     """
 
     front: Front
@@ -416,7 +416,7 @@ class Report:
     options: ReportOptions = field(default_factory=ReportOptions)
 
     def write(self, file: Path) -> None:
-        """Write the page; raises InvalidInput where that fails."""
+        """Write the page; raises InvalidInput if that fails."""
         replace_file(file, self.page().encode())
 
     def page(self) -> str:
@@ -430,13 +430,13 @@ class Report:
             count //= 2
 
     def _rows(self, count: int) -> Int[np.ndarray, " points"]:
-        """Return the rows of so many points: those marked first, then each next one far from all before (MaxiMin)."""
+        """Return ``count`` rows: the marked points, then each next one far from all earlier ones (MaxiMin)."""
         front, first = self.front, (list(self.marks) or [0])[:count]
         return greedy_order(front.shares, count, np.full(len(front), np.inf), first)[0]
 
     @cached_property
     def marks(self) -> dict[int, str]:
-        """Return the rows that are marked, and as what: chosen, best of an objective, compromise."""
+        """Return the marked rows with their marks: chosen, best of an objective, compromise."""
         front = self.front
         if self.nearest:
             return dict.fromkeys(range(len(front)), "least-violating, not feasible")

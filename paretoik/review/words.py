@@ -1,4 +1,4 @@
-"""What is said of a run: its problem and settings, why it ended, and what it took."""
+"""Texts about a run: its problem and settings, why it ended, and its counts."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from paretoik.front.front import Front
 from paretoik.runs.executor import computed_text
 from paretoik.task.motion import Motion
 
-# What pictures and summaries say of limits that motions of a front exceed between their samples.
+# Text about limits that motions of a front exceed between their samples.
 
 
 def describe_limits_between(front: Front, rows: Sequence[int] | None = None) -> str:
     """Return which limit, at which joint and time, motions violate most between samples, and what helps.
 
-    "" where none does, or the problem cannot say it; ``rows`` are those of the points that are looked at, else all.
+    "" if none does, or the problem cannot say it. ``rows``: points to look at, by default all.
     """
     motions, task = front.motions, task_of(front.problem)
     if task is None or not isinstance(motions, Motion) or is_loop(front):
@@ -27,7 +27,7 @@ def describe_limits_between(front: Front, rows: Sequence[int] | None = None) -> 
     return f"{message}, or refine" if message and front.certificates is None else message
 
 
-SETTINGS = {  # those that are told, by name, in words
+SETTINGS = {  # shown settings by name, in words
     "population": "population",
     "generations": "generations",
     "seed": "seed",
@@ -38,7 +38,7 @@ SETTINGS = {  # those that are told, by name, in words
     "weights": "weights",
     "warm_start": "warm start",
 }
-COUNTS = {  # what a run took, one and many of it
+COUNTS = {  # counts of a run, in singular and plural
     "generations": ("generation", "generations"),
     "evaluations": ("evaluation", "evaluations"),
     "steps": ("step", "steps"),
@@ -46,7 +46,7 @@ COUNTS = {  # what a run took, one and many of it
     "starts": ("start", "starts"),
     "optima": ("optimum", "optima"),
 }
-ENDINGS = {  # what a status means; others are told as they are
+ENDINGS = {  # meanings of statuses; others are shown unchanged
     "epsilon": "the sweep is complete",
     "optima": "all starts were tried",
     "refined": "all points were refined",
@@ -56,7 +56,7 @@ ENDINGS = {  # what a status means; others are told as they are
     "generations": "all generations were run",
     "evaluations": "all evaluations that were allowed are spent",
     "time limit": "the time limit was reached",
-    "stagnation": "the hypervolume hardly grew any more",
+    "stagnation": "the hypervolume almost stopped growing",
     "target": "a point reached the target",
     "end of the path": "the path was followed to its end",
 }
@@ -72,7 +72,7 @@ def ending_words(status: str) -> str:
 
 
 def run_text(provenance: Mapping[str, Any]) -> str:
-    """Return what is to be known of a run: its problem, settings, and how long it took; "" for nothing."""
+    """Return the text of a run: its problem, settings, and how long it took; "" for nothing."""
     counts, status = provenance.get("counts") or {}, provenance.get("status")
     took = [counted(counts[name], *words) for name, words in COUNTS.items() if isinstance(counts.get(name), int)]
     took += [f"{counts['seconds']:.4g} s"] if "seconds" in counts else []
@@ -92,11 +92,11 @@ def counted(number: int, one: str, many: str = "") -> str:
 
 
 def _settings(provenance: Mapping[str, Any]) -> list[str]:
-    """Return the settings that a run had, a line each; of what it did not use none."""
+    """Return the settings of a run, one line each, without those that it did not use."""
     settings = {name: value for name, value in (provenance.get("settings") or {}).items() if value is not None}
     if settings.get("refine") is False:  # then nothing was solved
         settings.pop("solver", None)
-    searched = "population" in settings  # an archive holds so many points at most, a sweep looks for so many
+    searched = "population" in settings  # the most points of an archive, but the desired points of a sweep
     words = SETTINGS | ({"points": "points of the front, at most"} if searched else {})
     words |= {"starts": "starts for every redundant degree"} if "optima" in (provenance.get("counts") or {}) else {}
     return [f"- {words[name]}: {_setting_text(settings[name])}" for name in words if name in settings]
@@ -107,12 +107,12 @@ def _setting_text(setting: object) -> str:
 
 
 def named_unit(name: str, unit: str) -> str:
-    """Return the name of an objective, with [1] where its values have no unit to be told with."""
+    """Return the name of an objective, with [1] if its values have no unit."""
     return name if unit else f"{name} [1]"
 
 
 def value_text(value: float, unit: str, *, digits: int = 4, sign: str = "-") -> str:
-    """Return a value to so many digits with its unit, if it has one; with the ``sign`` "+" gains have one, too.
+    """Return a value with ``digits`` digits and its unit, if any; with ``sign`` "+", gains have a sign too.
 
     >>> value_text(2.0, "J s", sign="+"), value_text(-0.5, "")
     ('+2 J s', '-0.5')

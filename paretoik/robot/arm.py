@@ -56,12 +56,23 @@ EARTH_GRAVITY = (0.0, 0.0, -9.81)  # m/s²
 class Arm:
     """A serial arm, frozen; make one with ``planar``, ``from_dh`` or ``from_urdf``.
 
-    Joint i moves link i about (or along) the z axis of its own frame; ``placements[i]`` is that frame in the previous
-    one (the base for the first) at q = 0. Units are SI and radians. Limits are (lower, upper) rows, infinite where
-    there is none; limits of acceleration and jerk come from a URDF of version 1.2. ``source`` is the URDF it comes
-    from, ``source_digest`` that file's SHA-256, ``notices`` say what it had that the arm has not, such as frozen
-    joints. Every constructor and every method that returns an arm raises
-    InvalidInput for values that no arm can have.
+    Joint i moves link i about (or along) the z axis of its own frame. A missing limit is infinite.
+
+    joint_types: "revolute", "continuous" or "prismatic", one per joint
+    placements: pose of each joint's frame in the previous one at q = 0 (in the base for the first)
+    bodies: mass, centre and inertia of each link
+    tool: pose of the tool in the last link
+    base: pose of the base in the world
+    gravity: acceleration (3,) [m/s²], in world axes
+    position_limits: rows (lower, upper) [rad, m]
+    velocity_limits, torque_limits: symmetric limits (dof,) [rad/s, m/s; N m, N]
+    acceleration_limits, jerk_limits: symmetric limits (dof,), only from a URDF of version 1.2
+    is_planar: whether the arm moves in the x-y plane of its base
+    frames: named frames on the arm
+    source, source_digest: URDF that the arm comes from, and the SHA-256 of that file
+    notices: parts of the URDF that the arm lacks, such as frozen joints
+
+    Every constructor and every method that returns an arm raises InvalidInput for values that no arm can have.
     """
 
     name: str
@@ -119,13 +130,17 @@ class Arm:
         torque_limits: object = None,
         name: str = "planar arm",
     ) -> Arm:
-        """Return an arm of revolute joints in the x-y plane, angles relative, without gravity.
+        """Return an arm of revolute joints in the x-y plane, without gravity.
 
-        ``lengths`` [m], ``masses`` [kg], ``centers`` of gravity from the proximal joint [m] and barycentric
-        ``inertias`` about z [kg m²] have one value a link; without masses the links are massless (kinematics only).
-        Limits as in ``from_dh``. Source of the convention: Tringali & Cocuzza 2020, section 3.2.
+        lengths: length of each link [m]
+        masses: mass of each link [kg]; None for massless links (kinematics only)
+        centers: distance of each centre of gravity from the proximal joint [m]
+        inertias: inertia of each link about z through its centre [kg m²]
+        position_limits, velocity_limits, torque_limits: limits as in ``from_dh``
+        name: name of the arm
 
-        Raises InvalidInput where a length is not positive or the lists differ in length.
+        Joint angles are relative: Tringali & Cocuzza 2020, section 3.2. Raises InvalidInput if a length is not
+        positive or the lists differ in length.
 
         >>> Arm.planar(lengths=[1.0, 1.0, 1.0]).dof
         3
@@ -167,15 +182,21 @@ class Arm:
         torque_limits: object = None,
         name: str = "DH arm",
     ) -> Arm:
-        """Return an arm from a table of Denavit–Hartenberg parameters, one value a joint.
+        """Return an arm from Denavit–Hartenberg parameters, one value per joint.
 
-        ``a``, ``d`` in m, ``alpha``, ``theta`` in rad; ``theta`` (``d`` for a prismatic joint) is the offset that the
-        joint coordinate is added to. "modified" (Craig): row i holds a and alpha of link i − 1, and link frames sit on
-        their own joint. "standard": link frames sit on the next joint; the last one is the tool. ``centers`` (dof, 3)
-        and barycentric ``inertias`` (dof, 3, 3) are given in the link frames of the convention. ``position_limits``:
-        None, or as (lower, upper), or a symmetric number or array. Gravity is (0, 0, −9.81).
+        a, d: lengths (dof,) [m]; ``d`` of a prismatic joint is an offset that its coordinate is added to
+        alpha, theta: angles (dof,) [rad]; ``theta`` of a rotational joint is an offset that its coordinate is added to
+        convention: "modified" (Craig: row i has a and alpha of link i − 1, link frames are on their own joint) or
+            "standard" (link frames are on the next joint, the last one is the tool)
+        types: joint types, None for revolute
+        joint_names, name: names of the joints (joint1, joint2, ... by default) and of the arm
+        masses: mass of each link [kg]
+        centers: centres of gravity (dof, 3) [m], in the link frames of the convention
+        inertias: inertias (dof, 3, 3) about those centres [kg m²], in the same frames
+        position_limits: None for none, a tuple (lower, upper), or a symmetric number or array
+        velocity_limits, torque_limits: symmetric numbers or arrays (dof,), None for none
 
-        Raises InvalidInput where the table is not rectangular, or an entry is not finite.
+        Gravity is (0, 0, −9.81). Raises InvalidInput if the table is not rectangular or an entry is not finite.
         """
         check_choice("convention", convention, ("modified", "standard"))
         check_text("name", name)
@@ -213,17 +234,19 @@ class Arm:
         soft: bool = False,
         repair_inertias: bool = False,
     ) -> Arm:
-        """Return the chain from link ``base`` (default: the root) to ``tip`` (default: the only leaf below) of a URDF.
+        """Return the arm between two links of a URDF.
 
-        Positions and poses are those in the base link; gravity points down in the world of the file's root. Links are
-        merged with what is fixed to them; joints off the chain are frozen at 0, those named in ``fixed`` at given
-        values, and joints that mimic a frozen one where it puts them. The file is validated first: ``check_robot`` with
-        the same arguments lists its faults. Its meshes are never opened.
+        file: path of the URDF; its meshes are never opened
+        base: first link of the chain, None for the root
+        tip: last link of the chain, None for the only leaf below the base
+        fixed: values [rad, m] of joints that are frozen, by name; joints off the chain are frozen at 0
+        zero_limits: "unlimited" to ignore limits of 0 on velocity, effort, acceleration or jerk
+        soft: True to narrow position limits to those of the file's safety controllers
+        repair_inertias: True to replace an impossible inertia by the nearest one of a real body (see ``notices``)
 
-        ``zero_limits``: "unlimited" takes limits of 0 on velocity, effort, acceleration or jerk as none.
-        ``soft``: True narrows position limits to those of the file's safety controllers.
-        ``repair_inertias``: True puts the nearest inertia of a real body in the place of an impossible one, and says so
-        in ``notices``.
+        Positions and poses are given in the base link; gravity points down in the world of the file's root. Links are
+        merged with the bodies that are fixed to them, and joints that mimic a frozen one are frozen too. The file is
+        validated first: ``check_robot`` with the same arguments lists its faults.
 
         Raises InvalidRobot listing every fault, InvalidInput for unknown names or zero limits.
         """
@@ -242,10 +265,12 @@ class Arm:
     def with_tool(
         self, pose: Pose, *, mass: float = 0.0, center: object = (0.0, 0.0, 0.0), inertia: object = None
     ) -> Arm:
-        """Return the arm with a tool whose working point is ``pose`` in the present tool frame.
+        """Return the arm with a tool on its present tool frame.
 
-        ``mass`` [kg], ``center`` (3,) [m] and barycentric ``inertia`` (3, 3) [kg m²] are given in the present tool
-        frame.
+        pose: pose of the new working point in the present tool frame
+        mass: mass of the tool [kg]
+        center: centre of gravity (3,) [m] in the present tool frame
+        inertia: inertia (3, 3) [kg m²] about that centre, None for a point mass
         """
         check_pose("pose", pose)
         return replace(self.with_payload(mass, center=center, inertia=inertia), tool=self.tool @ pose)
@@ -253,16 +278,19 @@ class Arm:
     def with_payload(self, mass: float, *, center: object = (0.0, 0.0, 0.0), inertia: object = None) -> Arm:
         """Return the arm carrying a body in the tool frame.
 
-        ``mass`` [kg], ``center`` (3,) [m], barycentric ``inertia`` (3, 3) [kg m²], None for a point mass.
+        mass: mass of the body [kg]
+        center: centre of gravity (3,) [m] in the tool frame
+        inertia: inertia (3, 3) [kg m²] about that centre, None for a point mass
         """
         payload = Body.from_values("payload", mass, center, inertia)
         last = combine_bodies(self.bodies[-1], transform_body(payload, self.tool))
         return replace(self, bodies=(*self.bodies[:-1], last))
 
     def mounted(self, *, base: Pose | None = None, gravity: object = None) -> Arm:
-        """Return the arm mounted at ``base`` in the world, under ``gravity`` (3,) [m/s²], both given in world axes.
+        """Return the arm mounted elsewhere in the world.
 
-        None keeps the present one, gravity with its components in world axes.
+        base: pose of the base in the world, None for the present one
+        gravity: acceleration (3,) [m/s²] in world axes, None for the present one
         """
         vector = self.gravity.copy() if gravity is None else finite_array("gravity", gravity, (3,))
         if base is not None:
@@ -272,7 +300,9 @@ class Arm:
     def fixed(self, positions: Mapping[str, float] | None = None, /, **joints: float) -> Arm:
         """Return the arm with joints frozen at values [rad or m], by name: ``arm.fixed(joint2=0.3)``.
 
-        Raises InvalidInput for an unknown joint, a value that is not finite, or for the last moving joint.
+        positions: values by joint name; ``joints`` are the same as keywords
+
+        Raises InvalidInput for an unknown joint, a value that is not finite, or the last moving joint.
         """
         arm = self
         if positions is not None:
@@ -282,10 +312,13 @@ class Arm:
         return arm
 
     def pose(self, q: ArrayLike, *, frame: str = TOOL_FRAME) -> Pose:
-        """Return the pose of a frame in the world at joint positions q (*batch, dof) [rad, m], or a batch of poses.
+        """Return the pose of a frame in the world, or a batch of poses.
 
-        One pose goes wherever one is wanted: ``pk.line(arm.pose(q), ...)``. Raises InvalidInput for a wrong number of
-        joints, a value that is not finite, or an unknown frame.
+        q: joint positions (*batch, dof) [rad, m]
+        frame: name of a link or joint, or "tool" or "base"
+
+        Functions that take a pose take this one: ``pk.line(arm.pose(q), ...)``. Raises InvalidInput for a wrong number
+        of joints, a value that is not finite, or an unknown frame.
         """
         from paretoik.robot.kinematics import forward_kinematics  # here, because it builds on this class
 
@@ -293,7 +326,10 @@ class Arm:
         return pose_batch(position, matrix_to_quaternion(rotation))
 
     def jacobian(self, q: ArrayLike, *, frame: str = TOOL_FRAME) -> Jacobians:
-        """Return the geometric Jacobian (*batch, 6, dof) of a frame at joint positions q (*batch, dof) [rad, m].
+        """Return the geometric Jacobian (*batch, 6, dof) of a frame.
+
+        q: joint positions (*batch, dof) [rad, m]
+        frame: name of a link or joint, or "tool" or "base"
 
         J q̇ is the linear velocity of the frame's origin [m/s], then its angular velocity [rad/s], in world axes; a
         planar arm moves in rows 0, 1 and 5. Raises as ``pose`` does. Siciliano et al., section 3.1.
@@ -303,10 +339,12 @@ class Arm:
         return jacobian(self, joint_positions(q, self.dof), frame)
 
     def frame(self, name: str) -> Frame:
-        """Return the frame called ``name``: a link of the URDF, or a joint, which stands for the link that it moves.
+        """Return the frame of a name.
 
-        ``"tool"`` and ``"base"`` are the arm's tool and base, unless a link or joint has this name; ``"<tool>"`` and
-        ``"<base>"`` always are. Raises InvalidInput listing the valid names.
+        name: a link of the URDF, a joint (its frame is that of the link that it moves), "tool" or "base"
+
+        ``"<tool>"`` and ``"<base>"`` always are the arm's tool and base, also if a link or joint is called "tool" or
+        "base". Raises InvalidInput listing the valid names.
         """
         origin = Pose(np.zeros(3))
         tool, base = Frame(link=self.dof - 1, pose=self.tool), Frame(link=-1, pose=origin)
@@ -319,8 +357,8 @@ class Arm:
         }
         if not isinstance(name, str) or name not in frames:
             hint = likely_spelling(name, frames)
-            wish = f"one of {', '.join(frames)} wanted, which {self.name} has"
-            raise InvalidInput(f"frame: {wish}, got {shown(name)}{hint}")
+            wish = f"must be one of {', '.join(frames)}, which {self.name} has"
+            raise InvalidInput(f"frame {wish}, got {shown(name)}{hint}")
         return frames[name]
 
 
@@ -329,24 +367,24 @@ def check_arm(name: str, arm: object) -> None:
     check_instance(name, arm, Arm, "an Arm", example="pk.arms.tringali_3r() or Arm.from_urdf(...)")
 
 
-# Joints frozen at a value: the arm with one joint less, and the motion of a joint.
+# Joints frozen at a value
 
 
 def fix_joint(arm: Arm, joint: str, value: float) -> Arm:
-    """Return the arm with one joint frozen at ``value`` [rad, m], its link part of the one before.
+    """Return the arm with one joint frozen at ``value`` [rad, m]; its link joins the one before.
 
     Raises InvalidInput for an unknown joint, a value that is not finite, or the last joint of an arm.
     """
     if joint not in arm.joint_names:
         hint = likely_spelling(joint, arm.joint_names)
-        raise InvalidInput(f"fixed: joints among {', '.join(arm.joint_names)} wanted, got {shown(joint)}{hint}")
+        raise InvalidInput(f"fixed must name joints among {', '.join(arm.joint_names)}, got {shown(joint)}{hint}")
     value = finite_number(f"joint {joint}", value)
     if arm.dof == 1:
-        raise InvalidInput(f"joint {joint}: wanted one of several that move, got the last of {arm.name}")
+        raise InvalidInput(f"joint {joint} must be one of several that move, got the last of {arm.name}")
     i = arm.joint_names.index(joint)
     lower, upper = arm.position_limits[i]
     if not lower <= value <= upper:
-        raise InvalidInput(f"joint {joint}: a value from {lower:g} to {upper:g} wanted, got {value:g}")
+        raise InvalidInput(f"joint {joint} must be from {lower:g} to {upper:g}, got {value:g}")
     fixed = arm.placements[i] @ joint_motion(arm.joint_types[i], value)
     placements, bodies, tool = list(arm.placements), list(arm.bodies), arm.tool
     if i + 1 < arm.dof:
@@ -374,7 +412,7 @@ def fix_joint(arm: Arm, joint: str, value: float) -> Arm:
 
 
 def joint_motion(joint_type: str, value: float, axis: Sequence[float] = (0.0, 0.0, 1.0)) -> Pose:
-    """Return the pose that a joint at ``value`` [rad or m] adds after its placement; none for those of other types."""
+    """Return the pose that a joint at ``value`` [rad or m] adds to its placement, the identity for other types."""
     if joint_type == "prismatic":
         return Pose(value * np.array(axis))
     if joint_type in ("revolute", "continuous"):

@@ -17,9 +17,11 @@ TRINGALI_MASSES = {"printed": (0.615, 0.615, 0.307), "fitted": (0.619, 0.821, 0.
 def tringali_3r(masses: Literal["printed", "fitted"] = "printed") -> Arm:
     """Return the planar prototype with three revolute joints of Tringali & Cocuzza 2020 (Table 1) and 2021.
 
-    With the masses as printed the kinematics of both papers reproduce, but energies come out 27 % low. ``"fitted"``
-    masses are an inference, not in the papers: they reproduce eleven published energies within 0.85 %. No limits:
-    those of 2020, Table 2, differ from simulation to simulation. Raises InvalidInput for other words.
+    masses: "printed" for the masses in the papers, or "fitted"
+
+    The printed masses reproduce the kinematics of both papers, but give energies that are 27 % too low. The fitted
+    masses are not in the papers: they were fitted to eleven published energies and reproduce these within 0.85 %. The
+    arm has no limits, because those of 2020, Table 2, differ between simulations. Raises InvalidInput for other words.
 
     >>> tringali_3r("fitted").bodies[2].mass
     0.503
@@ -36,10 +38,12 @@ def tringali_3r(masses: Literal["printed", "fitted"] = "printed") -> Arm:
 
 @check_call
 def marcos_nr(links: Literal[3, 4] = 3) -> Arm:
-    """Return the planar arm with 3 or 4 unit links of Marcos et al. 2012, section 5.1; kinematics only, no limits.
+    """Return the planar arm with unit links of Marcos et al. 2012, section 5.1.
 
-    The paper asks for identical links; their length of 1 m is a reading that its figures agree with. Raises
-    InvalidInput for another number of links.
+    links: number of links, 3 or 4
+
+    The arm has kinematics only, and no limits. The paper says that links are identical; a length of 1 m is assumed and
+    agrees with its figures. Raises InvalidInput for another number of links.
 
     >>> marcos_nr(4).dof
     4
@@ -75,7 +79,9 @@ def wan_7r() -> Arm:
 def kim_3r(masses: Sequence[float] = (0.5, 0.5, 0.5)) -> Arm:
     """Return the planar arm with three revolute joints of Kim, Choi & Jang 2021, Table 2, under gravity (0, −9.81).
 
-    The paper prints no masses: 0.5 kg a link, in its middle, is an assumption, and so is that joints have no limits.
+    masses: mass of each link [kg], in its middle
+
+    The paper prints neither masses nor limits: 0.5 kg per link and no limits are assumptions.
 
     >>> kim_3r().dof
     3

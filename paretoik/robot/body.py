@@ -35,10 +35,10 @@ class Body:
 
     @classmethod
     def from_values(cls, name: str, mass: float, center: object, inertia: object) -> Body:
-        """Return a body of checked values; ``inertia`` None is that of a point mass. Messages begin with ``name``.
+        """Return a body of checked values; messages begin with ``name``.
 
-        Raises InvalidInput where the mass is negative, a number not finite, or the inertia not that of a real body (not
-        symmetric, not positive, or against the triangle inequality).
+        ``inertia`` None is that of a point mass. Raises InvalidInput if the mass is negative, a number is not finite,
+        or no real body has the inertia (not symmetric, not positive, or against the triangle inequality).
         """
         mass = finite_number(f"{name}: mass", mass)
         position = real_array(f"{name}: centre of gravity", center)
@@ -46,9 +46,9 @@ class Body:
         if mass < 0:
             raise InvalidInput(f"{name}: mass must be a finite number, not negative, got {mass}")
         if position.shape != (3,) or not np.all(np.isfinite(position)):
-            raise InvalidInput(f"{name}: centre of gravity wants three finite numbers, got {shown(center)}")
+            raise InvalidInput(f"{name}: centre of gravity must be three finite numbers, got {shown(center)}")
         if tensor.shape != (3, 3) or not np.all(np.isfinite(tensor)):
-            raise InvalidInput(f"{name}: inertia wants 3 × 3 finite numbers, got {shown(inertia)}")
+            raise InvalidInput(f"{name}: inertia must be 3 × 3 finite numbers, got {shown(inertia)}")
         for part, values, unit in (
             ("mass", mass, "kg"),
             ("centre of gravity", position, "m"),
@@ -101,7 +101,7 @@ def inertia_fault(inertia: Matrix3) -> str | None:
 
 
 def nearest_inertia(inertia: Matrix3) -> Matrix3:
-    """Return the nearest inertia that a real body has, with no second moment ∫ r rᵀ dm below 0.
+    """Return the nearest inertia of a real body: no second moment ∫ r rᵀ dm is below 0.
 
     The second moments are ½ tr(I) 1 − I; those below 0 become 0. Source: Wensing, Kim & Slotine 2018.
     """
@@ -112,7 +112,7 @@ def nearest_inertia(inertia: Matrix3) -> Matrix3:
 
 
 def transform_body(body: Body, pose: Pose) -> Body:
-    """Return the body, given in a frame at ``pose``, in the frame that ``pose`` is given in."""
+    """Return a body of the frame at ``pose`` in the frame that ``pose`` is given in."""
     rotation = pose.rotation
     return Body(mass=body.mass, center=pose.apply(body.center), inertia=rotation @ body.inertia @ rotation.T)
 
@@ -127,18 +127,18 @@ def combine_bodies(first: Body, second: Body) -> Body:
     return Body(mass=mass, center=center, inertia=first.inertia_about_origin + second.inertia_about_origin - about)
 
 
-# What users give to make an arm, checked: numbers a joint, limits and bodies.
+# Checks of arguments that make an arm
 
 
 JointType: TypeAlias = Literal["revolute", "continuous", "prismatic"]
 JOINT_TYPES: tuple[JointType, ...] = ("revolute", "continuous", "prismatic")
-TOOL_FRAME, BASE_FRAME = OWN_FRAMES = ("<tool>", "<base>")  # that every arm has; no joint or link has these names
-OTHER_NAMES = ("tool", "base")  # of the same frames, unless a joint or link has them
+TOOL_FRAME, BASE_FRAME = OWN_FRAMES = ("<tool>", "<base>")  # frames of every arm; no joint or link has these names
+OTHER_NAMES = ("tool", "base")  # names of the same frames, unless a joint or link has them
 
 
 @dataclass(frozen=True, kw_only=True)
 class ArmInputOptions:
-    """An arm has at most so many joints: what takes more is a mistake, and Jacobians of it fill the memory."""
+    """Largest number of joints: more are a mistake, and their Jacobians fill the memory."""
 
     most_joints: int = 1000
 
@@ -151,18 +151,18 @@ def check_joints(
 ) -> None:
     """Raise InvalidInput, by the name of the ``arm``, for joints that no arm can have."""
     if not names:
-        raise InvalidInput(f"arm {arm}: wants at least one moving joint, got none")
+        raise InvalidInput(f"arm {arm} must have at least one moving joint, got none")
     if len(set(names)) != len(names):
         raise InvalidInput(f"arm {arm}: joint names must differ, got {', '.join(names)}")
     for joint_type in types:
         check_choice(f"arm {arm}: joint type", joint_type, JOINT_TYPES)
     for name, (low, high) in zip(names, np.reshape(limits, (-1, 2)), strict=False):
         if not low <= high:
-            raise InvalidInput(f"arm {arm}, {name}: position limits lower ≤ upper wanted, got {low:g}, {high:g}")
+            raise InvalidInput(f"arm {arm}, {name}: position limits must be lower ≤ upper, got {low:g}, {high:g}")
 
 
 def limit_rows(name: str, limits: object, count: int) -> Float[np.ndarray, "dof 2"]:
-    """Return limits as rows (lower, upper), (count, 2); None is unlimited, a tuple (lower, upper), else symmetric."""
+    """Return limits as rows (lower, upper), (count, 2): a tuple is (lower, upper), None unlimited, others symmetric."""
     if limits is None:
         return np.tile([-np.inf, np.inf], (count, 1))
     if isinstance(limits, tuple) and len(limits) == 2:
@@ -173,12 +173,12 @@ def limit_rows(name: str, limits: object, count: int) -> Float[np.ndarray, "dof 
     try:
         rows = np.stack([np.broadcast_to(side, (count,)) for side in (lower, upper)], axis=-1)
     except ValueError:
-        raise InvalidInput(f"{name} wants one value or {count}, one a joint, got {shown(limits)}") from None
+        raise InvalidInput(f"{name} must be one value or {count}, one per joint, got {shown(limits)}") from None
     check_magnitude(name, rows, "")
     if np.isnan(rows).any() or np.any(rows[:, 0] > rows[:, 1]):
         first = int(np.argmax(np.isnan(rows).any(axis=1) | (rows[:, 0] > rows[:, 1])))
         raise InvalidInput(
-            f"{name} of joint {first + 1}: wants lower ≤ upper, got {rows[first, 0]} and {rows[first, 1]}"
+            f"{name} of joint {first + 1} must be lower ≤ upper, got {rows[first, 0]} and {rows[first, 1]}"
         )
     return rows
 
@@ -190,18 +190,18 @@ def symmetric_limits(name: str, limits: object, count: int) -> Float[np.ndarray,
     except ValueError as fault:
         if isinstance(fault, InvalidInput):
             raise
-        raise InvalidInput(f"{name} wants one value or {count}, one a joint, got {shown(limits)}") from None
+        raise InvalidInput(f"{name} must be one value or {count}, one per joint, got {shown(limits)}") from None
     if not np.all(values > 0):
-        raise InvalidInput(f"{name} wants positive values, got {shown(limits)}")
+        raise InvalidInput(f"{name} must be positive values, got {shown(limits)}")
     check_magnitude(name, values, "", positive=True)
     return values
 
 
 def joint_tuple(names: object, count: int) -> tuple[str, ...]:
-    """Return names of joints; raises InvalidInput unless there are ``count``, all different, none that of a frame."""
+    """Return names of joints; raises InvalidInput unless they are ``count`` different names, none that of a frame."""
     joints = read_list("joint_names", names, str, "a list of names")
     if len(joints) != count or len(set(joints)) != count:
-        raise InvalidInput(f"joint_names wants {count} different names, got {shown(names)}")
+        raise InvalidInput(f"joint_names must be {count} different names, got {shown(names)}")
     for joint in joints:
         check_text("joint_names", joint)
         if joint in (*OWN_FRAMES, *OTHER_NAMES):
@@ -211,47 +211,48 @@ def joint_tuple(names: object, count: int) -> tuple[str, ...]:
 
 
 def type_tuple(types: object, count: int) -> tuple[JointType, ...]:
-    """Return types of joints, all revolute for None; raises InvalidInput unless there are ``count`` that are known."""
+    """Return types of joints, all revolute for None; raises InvalidInput unless they are ``count`` known ones."""
     if types is None:
         return tuple[JointType, ...](["revolute"] * count)
     kinds = read_list("types", types, str, "a list of types of joints")
     if len(kinds) != count:
-        raise InvalidInput(f"types wants {count} values, one a joint, got {len(kinds)}")
+        raise InvalidInput(f"types must be {count} values, one per joint, got {len(kinds)}")
     for kind in kinds:
         check_choice("types", kind, JOINT_TYPES)
     return kinds
 
 
 def number_array(name: str, values: object, count: int | None, *, positive: bool = False) -> np.ndarray:
-    """Return finite numbers (count,); ``count`` None takes any length but 0. Raises InvalidInput by ``name``."""
+    """Return finite numbers (count,), any number but 0 without ``count``; raises InvalidInput by ``name``."""
     array = real_array(name, values)
     if count is None and array.ndim == 1 and array.size > OPTIONS.most_joints:
-        raise InvalidInput(f"{name} wants at most {OPTIONS.most_joints} joints, got {array.size}")
+        raise InvalidInput(f"{name} must be for at most {OPTIONS.most_joints} joints, got {array.size}")
     if array.ndim != 1 or (count is not None and len(array) != count) or not np.all(np.isfinite(array)):
-        wish = "a list of finite numbers" if count is None else f"{count} finite numbers, one a joint"
-        raise InvalidInput(f"{name} wants {wish}, got {shown(values)}")
+        wish = "a list of finite numbers" if count is None else f"{count} finite numbers, one per joint"
+        raise InvalidInput(f"{name} must be {wish}, got {shown(values)}")
     if len(array) == 0:
-        raise InvalidInput(f"{name} wants at least one moving joint's value, got none")
+        raise InvalidInput(f"{name} must have a value for at least one moving joint, got none")
     if positive and np.any(array <= 0):
-        raise InvalidInput(f"{name} wants positive numbers, got {shown(values)}")
+        raise InvalidInput(f"{name} must be positive numbers, got {shown(values)}")
     check_magnitude(name, array, "", positive=positive)
     return array
 
 
 def body_tuple(masses: object, centers: object, inertias: object, count: int) -> tuple[Body, ...]:
-    """Return one checked body a link; None is 0 for all."""
+    """Return one checked body per link; None is 0 for all."""
     mass = np.zeros(count) if masses is None else number_array("masses", masses, count)
     center = np.zeros((count, 3)) if centers is None else real_array("centers", centers)
     inertia = np.zeros((count, 3, 3)) if inertias is None else real_array("inertias", inertias)
     if center.shape != (count, 3) or inertia.shape != (count, 3, 3):
         raise InvalidInput(
-            f"centers and inertias want shapes {(count, 3)} and {(count, 3, 3)}, got {center.shape} and {inertia.shape}"
+            f"centers and inertias must have shapes {(count, 3)} and {(count, 3, 3)}, got {center.shape} and "
+            f"{inertia.shape}"
         )
     return tuple(Body.from_values(f"link {i + 1}", mass[i], center[i], inertia[i]) for i in range(count))
 
 
 def planar_bodies(masses: object, centers: object, inertias: object, count: int) -> tuple[Body, ...]:
-    """Return one body a link of a planar arm, its centre on the x axis, its inertia about z; None is 0 for all."""
+    """Return one body per link of a planar arm: its centre is on the x axis, its inertia about z; None is 0 for all."""
     mass, center, inertia = (
         np.zeros(count) if values is None else number_array(name, values, count)
         for name, values in (("masses", masses), ("centers", centers), ("inertias", inertias))
@@ -269,5 +270,5 @@ def joint_positions(q: object, dof: int) -> np.ndarray:
     """Return joint positions (*batch, dof) as floats; raises InvalidInput for others."""
     positions = finite_array("q", q)
     if positions.shape[-1:] != (dof,):
-        raise InvalidInput(f"q: must have shape (..., {dof}), one a joint, got shape {positions.shape}")
+        raise InvalidInput(f"q: must have shape (..., {dof}), one per joint, got shape {positions.shape}")
     return positions

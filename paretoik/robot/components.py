@@ -1,10 +1,10 @@
-"""Vector algebra on components, the form in which the robot kernels compute, and their evaluation on batches.
+"""Vector algebra on the components that robot kernels compute with, and evaluation of kernels on batches.
 
-A component is an array over samples, a plain number where it is the same for all of them, or an expression where
-derivatives are wanted. Vectors are triples of components, matrices are three rows. Products and sums with the numbers 0
-and 1 are folded away: one set of three-dimensional kernels runs a planar arm at planar cost, and a Panda, whose frames
-are turned by right angles, without multiplying by zeros. Nothing here takes an absolute value, a maximum or a branch on
-an array, so that everything runs on complex input too.
+A component is an array over samples, a plain number if it is the same for all of them, or an expression to take
+derivatives of. Vectors are triples of components, matrices are three rows. Products and sums with the numbers 0 and 1
+are left out: the same three-dimensional kernels run a planar arm at planar cost, and a Panda, whose frames are turned
+by right angles, without multiplying by zeros. No function takes an absolute value, a maximum or a branch on an array,
+so that all run on complex input too.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ from paretoik.errors import InvalidInput
 from paretoik.robot.arm import Arm
 
 if TYPE_CHECKING:
-    Component: TypeAlias = "float | np.ndarray"  # as far as types go, an expression passes for an array
+    Component: TypeAlias = "float | np.ndarray"  # an expression has the type of an array here
 else:
     Component = float | np.ndarray | Expression
 Vector: TypeAlias = tuple[Component, Component, Component]
 Matrix: TypeAlias = tuple[Vector, Vector, Vector]
 
-BLOCK_SIZE = 6144  # samples: enough to drown the cost of a call; at 48 KB a column, memory is reused, not mapped anew
+BLOCK_SIZE = 6144  # samples: enough to make the cost of a call negligible; columns of 48 KB reuse memory
 ZERO: Vector = (0.0, 0.0, 0.0)
 
 
 def times(a: Component, b: Component) -> Component:
-    """Return a·b, folded where one of them is the number 0, 1 or −1."""
+    """Return a·b, simplified if one of them is the number 0, 1 or −1."""
     if isinstance(a, float):
         a, b = b, a
     if isinstance(b, float):
@@ -44,7 +44,7 @@ def times(a: Component, b: Component) -> Component:
 
 
 def plus(a: Component, b: Component) -> Component:
-    """Return a + b, folded where one of them is the number 0."""
+    """Return a + b, simplified if one of them is the number 0."""
     if isinstance(a, float) and a == 0.0:
         return b
     if isinstance(b, float) and b == 0.0:
@@ -53,7 +53,7 @@ def plus(a: Component, b: Component) -> Component:
 
 
 def minus(a: Component, b: Component) -> Component:
-    """Return a − b, folded where one of them is the number 0."""
+    """Return a − b, simplified if one of them is the number 0."""
     if isinstance(b, float) and b == 0.0:
         return a
     if isinstance(a, float) and a == 0.0:
@@ -112,7 +112,7 @@ def multiply(a: Matrix, b: Matrix) -> Matrix:
 
 
 def rotate_about_z(a: Vector, cosine: Component, sine: Component) -> Vector:
-    """Return a rotated about z by the angle whose cosine and sine are given."""
+    """Return a rotated about z by the angle of this cosine and sine."""
     return (minus(times(cosine, a[0]), times(sine, a[1])), plus(times(sine, a[0]), times(cosine, a[1])), a[2])
 
 
@@ -134,10 +134,10 @@ def to_matrix(matrix: np.ndarray) -> Matrix:
 def evaluate_in_blocks(
     kernel: Callable[..., Sequence[Component]], arm: Arm, shape: tuple[int, ...], *arrays: np.ndarray
 ) -> np.ndarray:
-    """Run ``kernel(*columns)`` over samples (*batch, dof), a block at a time; return (*batch, *shape).
+    """Run ``kernel(*columns)`` over samples (*batch, dof) in blocks; return (*batch, *shape).
 
-    Each argument reaches the kernel as a list of dof contiguous columns; the kernel returns the entries of ``shape`` in
-    order. Raises InvalidInput where an array's last axis is not the arm's dof or the batches differ.
+    The kernel gets each argument as a list of dof contiguous columns and returns the entries of ``shape`` in order.
+    Raises InvalidInput if an array's last axis is not the arm's dof or the batches differ.
     """
     arrays = tuple(np.asarray(array) for array in arrays)
     for array in arrays:

@@ -21,8 +21,11 @@ def joint_placements(
 ) -> tuple[tuple[Pose, ...], tuple[Pose, ...], Pose]:
     """Return the placement of each joint on the one before, of each link frame on its joint, and of the tool.
 
-    ``a``, ``d`` [m], ``alpha``, ``theta`` [rad] have one value a joint. A joint's frame has the joint's axis along z
-    in both conventions; the link frames are those of the convention. The joint moves along or about z, so that its
+    a, d: lengths [m], one per joint
+    alpha, theta: angles [rad], one per joint
+    convention: that of the parameters and link frames
+
+    A joint's frame has the joint's axis along z in both conventions. The joint moves along or about z, so that its
     offsets d and theta commute with its motion. Source: Craig, Introduction to Robotics, chapter 3 (modified);
     Siciliano et al., chapter 2 (standard).
     """

@@ -35,9 +35,9 @@ from paretoik.robot.kinematics import ArmConstants, LinkConstants, arm_constants
 
 
 def inverse_dynamics(arm: Arm, q: Joints, dq: Joints, ddq: Joints) -> Joints:
-    """Return the joint torques (forces) τ = M q̈ + n(q, q̇), gravity included; all (*batch, dof) [N m, N].
+    """Return the joint torques (forces) τ = M q̈ + n(q, q̇) [N m, N], gravity included.
 
-    Raises InvalidInput where the arrays don't fit the arm.
+    All arrays are (*batch, dof). Raises InvalidInput if they don't fit the arm.
     """
     return evaluate_in_blocks(partial(torque_components, arm), arm, (arm.dof,), q, dq, ddq)
 
@@ -59,7 +59,7 @@ def torque_components(
 def inertia_matrix(arm: Arm, q: Joints) -> InertiaMatrices:
     """Return M(q), (*batch, dof, dof) [kg m², kg m, kg]: its columns are the torques of unit accelerations.
 
-    Raises InvalidInput where q doesn't fit the arm.
+    Raises InvalidInput if q doesn't fit the arm.
     """
     dof = arm.dof
 
@@ -68,7 +68,7 @@ def inertia_matrix(arm: Arm, q: Joints) -> InertiaMatrices:
         cosines_and_sines, zeros = _cosines_and_sines(constants, q, ZERO), [0.0] * dof
         units = [[1.0 if i == j else 0.0 for i in range(dof)] for j in range(dof)]
         columns = [_newton_euler(constants, q, cosines_and_sines, zeros, unit, ZERO) for unit in units]
-        # The column of joint j is exact from row j on; the rest is its mirror image, so that M is symmetric to the bit.
+        # The column of joint j is exact from row j on; the rest is mirrored, so that M is exactly symmetric.
         return [columns[min(i, j)][max(i, j)] for i in range(dof) for j in range(dof)]
 
     return evaluate_in_blocks(kernel, arm, (dof, dof), q)
@@ -77,13 +77,13 @@ def inertia_matrix(arm: Arm, q: Joints) -> InertiaMatrices:
 def kinetic_energy(arm: Arm, q: Joints, dq: Joints) -> Values:
     """Return ½ q̇ᵀ M q̇ (*batch,) [J].
 
-    Raises InvalidInput where the arrays don't fit the arm.
+    Raises InvalidInput if the arrays don't fit the arm.
     """
     return evaluate_in_blocks(partial(energy_components, arm), arm, (1,), q, dq)[..., 0]
 
 
 def energy_components(arm: Arm, q: Sequence[Component], dq: Sequence[Component]) -> list[Component]:
-    """Return the kinetic energy, alone in a list, as a component."""
+    """Return the kinetic energy as a component, in a list of one."""
     constants = arm_constants(arm)
     angular_velocity, velocity = ZERO, ZERO
     doubled: Component = 0.0
@@ -114,9 +114,9 @@ def power(torque: Joints, dq: Joints) -> Joints:
 def _cosines_and_sines(
     constants: ArmConstants, q: Sequence[Component], acceleration: Vector
 ) -> list[tuple[Component, Component]]:
-    """Return ``joint_cosines_and_sines``, except (1, 0) for the first joint where its angle has no effect.
+    """Return ``joint_cosines_and_sines``, but (1, 0) for a first joint whose angle has no effect.
 
-    That is where the base's ``acceleration`` lies on the joint's axis.
+    It has none if the base's ``acceleration`` is along the joint's axis.
     """
     x, y, _ = apply_transposed(constants.links[0].rotation, acceleration)
     if isinstance(x, float) and isinstance(y, float) and x == y == 0.0:
@@ -170,7 +170,7 @@ def _newton_euler(
 
 
 def _acceleration_gradient(omega: Vector, omega_rate: Vector) -> Matrix:
-    """Return [ω̇]× + [ω]×[ω]×: times a point of the link, that point's acceleration relative to the origin's."""
+    """Return [ω̇]× + [ω]×[ω]×; times a point of the link it is that point's acceleration relative to the origin."""
     x, y, z = omega
     xx, yy, zz, xy, xz, yz = times(x, x), times(y, y), times(z, z), times(x, y), times(x, z), times(y, z)
     return (
@@ -192,7 +192,7 @@ def _moment(link: LinkConstants, gradient: Matrix, acceleration: Vector) -> Vect
 
 
 def _origin(link: LinkConstants, q: Component) -> Vector:
-    """Return the origin of a link in the frame of the one before, the travel of a prismatic joint included."""
+    """Return the origin of a link in the frame before it, with the travel of a prismatic joint."""
     if not link.prismatic:
         return link.translation
     axis = (link.rotation[0][2], link.rotation[1][2], link.rotation[2][2])

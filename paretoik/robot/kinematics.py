@@ -35,18 +35,22 @@ from paretoik.robot.components import (
 )
 from paretoik.robot.pose import Frame, Pose
 
-# An arm's constants as components: frames, and inertial parameters regrouped so that most of them are zero.
+# Constants of an arm as components
 
 
-ROTATION_TOLERANCE = 1e-15  # entries of a rotation this close to 0 or ±1 are the rounding of right angles
+ROTATION_TOLERANCE = 1e-15  # entries of a rotation this close to 0 or ±1 come from rounded right angles
 
 
 @dataclass(frozen=True, kw_only=True)
 class LinkConstants:
     """Constants of one joint and the link it moves, as components.
 
-    ``mass`` [kg], ``first_moment`` ∫ r dm [kg m], ``second_moments`` ∫ r rᵀ dm and ``inertia`` [kg m²], all about the
-    link's origin, are base parameters: those of the link after ``_regroup_inertias``.
+    Inertial parameters are base parameters about the link's origin, see ``_regroup_inertias``.
+
+    mass: mass [kg]
+    first_moment: ∫ r dm [kg m]
+    second_moments: ∫ r rᵀ dm [kg m²]
+    inertia: inertia [kg m²]
     """
 
     prismatic: bool
@@ -110,11 +114,11 @@ def pose_constants(pose: Pose) -> tuple[Matrix, Vector]:
 
 
 def _regroup_inertias(arm: Arm) -> list[np.ndarray]:
-    """Return each link's pseudo-inertia (4, 4) regrouped: moments that a joint does not move go to the link before.
+    """Return each link's pseudo-inertia (4, 4), regrouped into base parameters.
 
-    Mass on the axis of a rotating joint may as well belong to the link before, and so may the rotary inertia of a
-    prismatic link: motions, torques and energies are the same. Passed from the tip to the base, most entries vanish,
-    and the kernels skip zeros. Source: Khalil & Kleinfinger 1987, base inertial parameters.
+    Moments that a joint does not move go to the link before: mass on the axis of a rotating joint, and the rotary
+    inertia of a prismatic link. Motions, torques and energies stay the same. Most entries become zero, and kernels skip
+    zeros. Source: Khalil & Kleinfinger 1987, base inertial parameters.
     """
     inertias = [body.pseudo_inertia for body in arm.bodies]
     for i in reversed(range(arm.dof)):
@@ -134,14 +138,14 @@ def _snap(rotation: np.ndarray) -> np.ndarray:
     return np.where(np.abs(rotation - nearest) < ROTATION_TOLERANCE, nearest, rotation)
 
 
-# The scales of joint and tool positions: no number depends on the choice of units.
+# Scales of joint and tool positions, which make numbers independent of units
 
 
 @lru_cache(maxsize=256)
 def characteristic_length(arm: Arm) -> float:
-    """Return the length [m] of an arm stretched out, from its first joint to its tool, slides at 0.
+    """Return the length [m] of a stretched-out arm from its first joint to its tool, slides at 0.
 
-    If all of that is 0, it is the longest range of a slide, or 1 m if none is limited.
+    If that is 0, return the longest range of a slide, or 1 m if none is limited.
     """
     offsets = [*arm.placements[1:], arm.tool]
     length = float(sum(np.linalg.norm(pose.position) for pose in offsets))
@@ -153,13 +157,13 @@ def characteristic_length(arm: Arm) -> float:
 
 @lru_cache(maxsize=256)
 def joint_scales(arm: Arm) -> Float[np.ndarray, " dof"]:
-    """Return what distances of each joint are measured in: 1 rad, or the arm's characteristic length [m] of a slide."""
+    """Return the unit of each joint's distances: 1 rad, or the arm's characteristic length [m] for a slide."""
     return read_only(np.where(arm.periodic, 1.0, characteristic_length(arm)))
 
 
 @lru_cache(maxsize=256)
 def geometry_key(arm: Arm) -> tuple[object, ...]:
-    """Return all that poses of an arm's links and its scales depend on, for dictionaries: arms alike share a key."""
+    """Return a dictionary key that is equal for arms with the same link poses and scales."""
     poses = [*arm.placements, arm.tool, arm.base]
     numbers = np.concatenate([part for pose in poses for part in (pose.position, pose.quaternion)])
     return arm.joint_types, arm.is_planar, characteristic_length(arm), numbers.tobytes()
@@ -210,7 +214,7 @@ def frame_components(arm: Arm, links: LinkFrames, frame: Frame) -> tuple[Matrix,
 
 
 def jacobian_components(arm: Arm, links: LinkFrames, frame: Frame, position: Vector) -> list[tuple[Vector, Vector]]:
-    """Return the Jacobian of a frame at ``position``: for each joint its linear and angular column."""
+    """Return the linear and angular Jacobian column of each joint, for a frame at ``position``."""
     columns = []
     for i, link in enumerate(arm_constants(arm).links):
         axis = transpose(links.rotations[i])[2]
@@ -259,7 +263,7 @@ def link_nodes(arm: Arm, q: Joints) -> Inexact[np.ndarray, "*batch nodes 3"]:
 
 
 def node_components(arm: Arm, q: Sequence[Component]) -> list[Component]:
-    """Return the nodes of ``link_nodes`` as components, x, y, z of each in turn."""
+    """Return the nodes of ``link_nodes`` as components: x, y, z of each node."""
     links = link_frames(arm, q)
     tool = frame_components(arm, links, arm.frame(TOOL_FRAME))[1]
     return [value for node in (arm_constants(arm).base_translation, *links.origins, tool) for value in node]

@@ -1,7 +1,7 @@
 """Poses: position and orientation of a frame, and functions on arrays of rotations.
 
-Quaternions are (w, x, y, z) of length 1; a quaternion and its negative are the same orientation. Rotation matrices turn
-coordinates in the frame into coordinates outside it: a pose takes a point to ``position + rotation @ point``.
+Quaternions are (w, x, y, z) of length 1; a quaternion and its negative are the same orientation. A pose maps a point
+of its frame to ``position + rotation @ point`` outside it.
 """
 
 from __future__ import annotations
@@ -16,19 +16,20 @@ from paretoik.errors import InvalidInput
 from paretoik.inputs import ArrayLike, check_angles, check_call, check_magnitude, finite_array, finite_number, shown
 from paretoik.tables import field_representation, html_representation
 
-UNIT_TOLERANCE = 1e-6  # a quaternion or a rotation matrix this near to orthonormal is normalised
+UNIT_TOLERANCE = 1e-6  # largest error of a quaternion's length or a matrix's orthogonality that is corrected
 
 
 @check_call
 @dataclass(frozen=True, init=False, eq=False)
 class Pose:
-    """Position and orientation of one frame: ``position`` (3,) [m] and unit ``quaternion`` (4,), (w, x, y, z).
+    """Position and orientation of one frame.
 
-    A quaternion within 1e-6 of length 1 is normalised. Both arrays are read-only. Raises InvalidInput for anything but
-    three finite coordinates and a finite unit quaternion.
+    position: coordinates (3,) [m], read-only
+    quaternion: orientation (4,) as (w, x, y, z), read-only; normalised if its length is within 1e-6 of 1
 
-    ``arm.pose`` of many postures gives a batch of poses: position (*batch, 3), quaternion (*batch, 4), all else
-    alike; ``poses[i]`` picks from it. Where one pose is wanted a batch is refused.
+    ``arm.pose`` of many postures returns a batch: position (*batch, 3) and quaternion (*batch, 4); ``poses[i]``
+    picks from it. Functions that take one pose refuse a batch. Raises InvalidInput unless there are three finite
+    coordinates and a finite unit quaternion.
 
     >>> tool = Pose.planar(1.0, 0.0, angle=np.pi / 2) @ Pose([0.5, 0.0, 0.0])
     >>> tool.position.round(12)
@@ -49,14 +50,17 @@ class Pose:
 
     @classmethod
     def from_xyzw(cls, position: ArrayLike, xyzw: ArrayLike) -> Pose:
-        """Pose from a quaternion whose scalar comes last, (x, y, z, w), as ROS and SciPy write it."""
+        """Return a pose from a quaternion (x, y, z, w), as ROS and SciPy write it."""
         return cls(position, np.roll(finite_array("pose xyzw", xyzw, shape=(4,)), 1))
 
     @classmethod
     def from_matrix(cls, matrix: ArrayLike, position: ArrayLike | None = None) -> Pose:
-        """Pose from a (3, 3) rotation and a position (the origin if None), or from a (4, 4) homogeneous matrix alone.
+        """Return a pose from a rotation matrix or a homogeneous matrix.
 
-        A rotation within 1e-6 of an orthogonal matrix is made orthogonal, any other (mirrors included) refused.
+        matrix: rotation (3, 3), or homogeneous matrix (4, 4), which takes no position
+        position: coordinates (3,) [m] for a rotation, None for the origin
+
+        A rotation within 1e-6 of an orthogonal matrix is made orthogonal; others, such as mirrors, are refused.
         """
         array = finite_array("pose matrix", matrix)
         if array.shape == (4, 4) and position is None:
@@ -75,14 +79,14 @@ class Pose:
 
     @classmethod
     def from_rpy(cls, position: ArrayLike, rpy: ArrayLike) -> Pose:
-        """Pose from roll, pitch and yaw [rad] about the fixed axes x, y, z in this order, as URDF writes it."""
+        """Return a pose from roll, pitch and yaw [rad] about fixed x, y, z in this order, as URDF writes it."""
         angles = finite_array("pose rpy", rpy, shape=(3,))
         check_angles("pose rpy", rpy)
         return cls(position, rpy_to_quaternion(angles))
 
     @classmethod
     def planar(cls, x: float, y: float, angle: float = 0.0) -> Pose:
-        """Pose in the xy-plane: position (x, y) [m], rotated by ``angle`` [rad] about +z."""
+        """Return a pose in the xy-plane at (x, y) [m], rotated by ``angle`` [rad] about +z."""
         half = finite_number("pose angle", angle) / 2
         check_angles("pose angle", angle)
         position = {"pose x": finite_number("pose x", x), "pose y": finite_number("pose y", y)}
@@ -117,23 +121,23 @@ class Pose:
         return matrix
 
     def __matmul__(self, other: Pose) -> Pose:
-        """Return the pose of ``other``, which is given in this frame, in the frame that this pose is given in."""
+        """Return ``other``, a pose in this frame, in the frame that this pose is given in."""
         if not isinstance(other, Pose):
             return NotImplemented
         position, quaternion = self.apply(other.position), quaternion_product(self.quaternion, other.quaternion)
         return Pose(position, quaternion) if position.ndim == 1 else pose_batch(position, quaternion)
 
     def inverse(self) -> Pose:
-        """Return the pose with which ``pose @ pose.inverse()`` is the identity."""
+        """Return the inverse: ``pose @ pose.inverse()`` is the identity."""
         conjugate = self.quaternion * (1.0, -1.0, -1.0, -1.0)
         if self.position.ndim == 1:
             return Pose(-(self.rotation.T @ self.position), conjugate)
         return pose_batch(-np.einsum("...ji,...j->...i", self.rotation, self.position), conjugate)
 
     def apply(self, points: ArrayLike) -> Float[np.ndarray, "*batch 3"]:
-        """Return ``points`` (..., 3) [m], given in this frame, in the frame that this pose is given in.
+        """Return points of this frame in the frame that this pose is given in.
 
-        Each pose of a batch takes its own point, or all of them one point (3,).
+        points: coordinates (..., 3) [m]; for a batch of poses one point each, or one (3,) for all
         """
         inside = finite_array("points", points)
         if inside.shape[-1:] != (3,):
@@ -143,7 +147,7 @@ class Pose:
             return outside
         batch = self.position.shape[:-1]
         if inside.shape[:-1] not in ((), batch):
-            raise InvalidInput(f"points: one wanted, or one for each of {batch} poses, got shape {inside.shape}")
+            raise InvalidInput(f"points must be one, or one for each of {batch} poses, got shape {inside.shape}")
         return np.einsum("...ij,...j->...i", self.rotation, inside) + self.position
 
 
@@ -161,7 +165,7 @@ def _freeze(pose: Pose, position: np.ndarray, quaternion: np.ndarray) -> None:
 
 
 def unit_quaternions(name: str, quaternions: Float[np.ndarray, "*batch 4"]) -> Float[np.ndarray, "*batch 4"]:
-    """Normalise quaternions that are within 1e-6 of length 1; refuse the first other one by ``name`` and index."""
+    """Return normalised quaternions; refuse the first whose length is not within 1e-6 of 1, by ``name`` and index."""
     with np.errstate(over="ignore"):
         lengths = np.linalg.norm(quaternions, axis=-1, keepdims=True)
     invalid = np.argwhere(np.abs(lengths[..., 0] - 1) > UNIT_TOLERANCE)
@@ -179,7 +183,7 @@ def unit_quaternions(name: str, quaternions: Float[np.ndarray, "*batch 4"]) -> F
 def quaternion_product(
     left: Float[np.ndarray, "*#batch 4"], right: Float[np.ndarray, "*#batch 4"]
 ) -> Float[np.ndarray, "*batch 4"]:
-    """Return Hamilton's product: the rotation by ``right`` first, then by ``left``."""
+    """Return Hamilton's product: a rotation by ``right``, then by ``left``."""
     a, b, c, d = np.moveaxis(left, -1, 0)
     w, x, y, z = np.moveaxis(right, -1, 0)
     return np.stack(
@@ -194,7 +198,7 @@ def quaternion_product(
 
 
 def rpy_to_quaternion(rpy: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " 4"]:
-    """Return the unit quaternion (w, x, y, z) of roll, pitch and yaw [rad], turns about fixed x, y, z in this order."""
+    """Return the unit quaternion (w, x, y, z) of roll, pitch and yaw [rad] about fixed x, y, z in this order."""
     roll, pitch, yaw = rpy / 2
     about_x = np.array([np.cos(roll), np.sin(roll), 0.0, 0.0])
     about_y = np.array([np.cos(pitch), 0.0, np.sin(pitch), 0.0])
@@ -218,7 +222,8 @@ def quaternion_to_matrix(quaternions: Float[np.ndarray, "*batch 4"]) -> Float[np
 def matrix_to_quaternion(matrices: Float[np.ndarray, "*batch 3 3"]) -> Float[np.ndarray, "*batch 4"]:
     """Return the unit quaternions (w, x, y, z) with w ≥ 0 of rotation matrices.
 
-    Shepperd's method: the matrix gives 4 q qᵀ, whose row of largest diagonal, normalised, is q without cancellation.
+    Shepperd's method: the matrix gives 4 q qᵀ; its row with the largest diagonal entry, normalised, is q without
+    cancellation.
     """
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = np.moveaxis(matrices, (-2, -1), (0, 1))
     trace = np.asarray(xx + yy + zz)
@@ -239,9 +244,9 @@ def matrix_to_quaternion(matrices: Float[np.ndarray, "*batch 3 3"]) -> Float[np.
 
 
 def rotation_vector(matrices: Float[np.ndarray, "*batch 3 3"]) -> Float[np.ndarray, "*batch 3"]:
-    """Return axis · angle [rad], angle in [0, π], of rotation matrices: the logarithm, accurate near 0 and near π.
+    """Return axis · angle [rad] of rotation matrices, angle in [0, π]: their logarithm.
 
-    At π itself both signs of the axis are correct and one is returned.
+    It is accurate near 0 and near π. At π both signs of the axis are correct and one is returned.
 
     >>> rotation_vector(Pose.from_rpy([0, 0, 0], [0, 0, 1e-9]).rotation)
     array([0.e+00, 0.e+00, 1.e-09])
@@ -256,7 +261,7 @@ def rotation_vector(matrices: Float[np.ndarray, "*batch 3 3"]) -> Float[np.ndarr
 
 
 def vector_to_quaternion(vectors: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 4"]:
-    """Return the unit quaternions (w, x, y, z) of rotation vectors [rad]: the exponential, continuous in the vector."""
+    """Return the unit quaternions (w, x, y, z) of rotation vectors [rad]: their exponential, continuous."""
     half_angles = np.sqrt((vectors * vectors).sum(axis=-1, keepdims=True)) / 2
     return np.concatenate([np.cos(half_angles), 0.5 * np.sinc(half_angles / np.pi) * vectors], axis=-1)
 
@@ -264,12 +269,12 @@ def vector_to_quaternion(vectors: Float[np.ndarray, "*batch 3"]) -> Float[np.nda
 def check_pose(name: str, pose: object) -> None:
     """Raise InvalidInput unless ``pose`` is one Pose."""
     if not isinstance(pose, Pose):
-        raise InvalidInput(f"{name}: a Pose wanted, got {shown(pose)}")
+        raise InvalidInput(f"{name} must be a Pose, got {shown(pose)}")
     if pose.position.ndim > 1:
-        raise InvalidInput(f"{name}: one pose wanted, got a batch of {pose.position.shape[:-1]}; pick one: poses[0]")
+        raise InvalidInput(f"{name} must be one pose, got a batch of {pose.position.shape[:-1]}; pick one: poses[0]")
 
 
-# A frame on an arm.
+# A frame on an arm
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -51,16 +51,17 @@ from paretoik.robot.urdf_description import (
 from paretoik.robot.urdf_reading import read_robot
 from paretoik.tables import fit_screen, html_representation
 
-# The chain of a URDF that becomes an arm: joints that move between base and tip, and frozen ones.
+# The chain of a URDF that becomes an arm
 
 
 @dataclass(frozen=True, kw_only=True)
 class Chain:
-    """The joints of a robot, split into those that move the ``tip`` against the ``base`` and those that are frozen.
+    """The joints of a robot: those that move the tip relative to the base, and those that are frozen.
 
-    ``joints`` are all of the file, a parent before its children; ``links`` and ``moving`` go from base to tip;
-    ``above`` are the joints between the root and the base, the nearest to the base first; ``frozen`` maps the name of
-    every other joint that could move to its value [rad, m].
+    joints: all joints of the file, a parent before its children
+    links, moving: links and moving joints from base to tip
+    above: joints between the root and the base, the nearest to the base first
+    frozen: values [rad, m] of all other joints that could move, by name
     """
 
     base: str
@@ -79,9 +80,9 @@ def select_chain(
 ) -> Chain:
     """Return the chain from link ``base`` (default: the root) to ``tip`` (default: the only leaf below the base).
 
-    Joints named in ``fixed`` [rad, m] and joints off the chain are frozen, and so are the joints that mimic them.
-    Faults of the chain are in its ``faults``, those off it in its ``notices``. Raises InvalidInput, naming ``source``,
-    for links and joints that the robot has not.
+    Joints named in ``fixed`` [rad, m], joints off the chain, and joints that mimic these are frozen. ``faults`` are
+    those of the chain, ``notices`` tell those off it. Raises InvalidInput, naming ``source``, for links and joints
+    that the robot does not have.
     """
     root, (start, end) = robot.roots[0], _ends(source, robot, base, tip)
     joints = robot.joints_below(root)
@@ -95,7 +96,7 @@ def select_chain(
     faults, notices = _sort_faults(robot, path, above, still=links[: first + 1], moved=links[first + 1 :])
     for joint in moving:
         if joint.mimic or joint.type in OTHER_TYPES:
-            wish = "joints of one freedom of their own wanted on the chain from base to tip"
+            wish = "must have one freedom of its own on the chain from base to tip"
             hint = f"fixed= freezes {leaders[joint.name][0]!r}" if joint.mimic else f"base={joint.child!r} is below it"
             got = f"a {'mimic' if joint.mimic else joint.type} one"
             faults.append((joint.line, f"joint {joint.name!r}: {wish}, got {got}; {hint}"))
@@ -146,11 +147,11 @@ def _ends(source: str, robot: RobotDescription, base: str | None, tip: str | Non
     for name, link in (("base", base), ("tip", tip)):
         if link is not None and (not isinstance(link, str) or link not in robot.links):
             hint = likely_spelling(link, robot.links)
-            raise InvalidInput(f"{source}: {name}: one of {listed(robot.links)} wanted, got {shown(link)}{hint}")
+            raise InvalidInput(f"{source}: {name} must be one of {listed(robot.links)}, got {shown(link)}{hint}")
     start = base or robot.roots[0]
     leaves = robot.leaves_below(start)
     if tip is None and len(leaves) > 1:
-        raise InvalidInput(f"{source}: tip: one of the leaves {listed(leaves)} wanted, got none")
+        raise InvalidInput(f"{source}: tip must be one of the leaves {listed(leaves)}, got none")
     return start, tip or leaves[0]
 
 
@@ -161,7 +162,7 @@ def _path(source: str, joints: Sequence[JointDescription], base: str, tip: str) 
     link = tip
     while link != base:
         if link not in parent_joint:
-            raise InvalidInput(f"{source}: base: a link wanted that carries the tip {shown(tip)}, got {shown(base)}")
+            raise InvalidInput(f"{source}: base must be a link that carries the tip {shown(tip)}, got {shown(base)}")
         path.append(parent_joint[link])
         link = parent_joint[link].parent
     return path[::-1]
@@ -172,14 +173,14 @@ def _check_fixed(source: str, joints: Sequence[JointDescription], fixed: Mapping
     for name, value in fixed.items():
         if name not in known:
             hint = likely_spelling(name, known)
-            raise InvalidInput(f"{source}: fixed: joints among {listed(known)} wanted, got {shown(name)}{hint}")
+            raise InvalidInput(f"{source}: fixed must name joints among {listed(known)}, got {shown(name)}{hint}")
         lower, upper = known[name].lower, known[name].upper
         if not lower <= finite_number(f"{source}: joint {name!r}", value) <= upper:
-            raise InvalidInput(f"{source}: joint {name!r}: a value from {lower:g} to {upper:g} wanted, got {value:g}")
+            raise InvalidInput(f"{source}: joint {name!r} must be from {lower:g} to {upper:g}, got {value:g}")
 
 
 def _leader(robot: RobotDescription, joint: JointDescription, fixed: Collection[str]) -> tuple[str, float, float]:
-    """Return the joint that a joint follows in the end, itself if it mimics none, with multiplier and offset."""
+    """Return the joint at the end of a mimic chain (itself if it mimics none), with multiplier and offset."""
     name, multiplier, offset = joint.name, 1.0, 0.0
     passed = set[str]()
     while name in robot.joints and name not in fixed and name not in passed and (mimic := robot.joints[name].mimic):
@@ -196,9 +197,9 @@ def _sort_faults(
     still: Collection[str],
     moved: Collection[str],
 ) -> tuple[list[Fault], list[str]]:
-    """Return the faults of the chain's parts, and those of others as notices that say what becomes of them.
+    """Return the faults of the chain's parts, and notices about faults of other parts and their consequence.
 
-    A joint above the base must be readable as far as it says where gravity points.
+    A joint above the base must be readable if gravity's direction depends on it.
     """
     faults: list[Fault] = []
     notices: list[Fault] = []
@@ -217,7 +218,7 @@ def _sort_faults(
 
 
 def _take_soft_limits(joint: JointDescription) -> JointDescription:
-    """Return a joint whose limits are within those of its safety controller, if it has any."""
+    """Return a joint with its limits narrowed to those of its safety controller, if it has one."""
     if joint.limits.soft is None:
         return joint
     lower, upper = max(joint.limits.lower, joint.limits.soft[0]), min(joint.limits.upper, joint.limits.soft[1])
@@ -233,12 +234,12 @@ def _frozen_notice(joint: JointDescription, value: float, on_chain: bool) -> str
     return f"joint {joint.name!r}: {where} the chain, frozen at {value:g} {unit}{outside}"
 
 
-TILT_TOLERANCE = 1e-9  # m/s² of gravity: what rounding makes of a base that is level
+TILT_TOLERANCE = 1e-9  # m/s² of gravity: rounding error of a base that is level
 
 
 @dataclass(frozen=True, kw_only=True)
 class RobotReport:
-    """Faults of a URDF, warnings about what loads but may surprise, and a summary in a few lines."""
+    """Faults of a URDF, warnings about parts that load but may surprise, and a summary."""
 
     file: Path
     faults: tuple[str, ...]
@@ -252,7 +253,7 @@ class RobotReport:
 
 
 def report_text(report: RobotReport) -> str:
-    """Return the summary of a URDF, then warnings, those alike as one, and faults, each a line; the first of many."""
+    """Return the summary, grouped warnings and faults of a URDF, one per line; of many, the first."""
     lines = [*report.summary, *(f"warning: {line}" for line in shorten_list(group_messages(report.warnings)))]
     lines += [f"fault: {line}" for line in shorten_list(report.faults)] or ["no faults"]
     return "\n".join(lines)
@@ -268,10 +269,12 @@ def check_robot(
     soft: bool = False,
     repair_inertias: bool = False,
 ) -> RobotReport:
-    """Return what ``Arm.from_urdf`` makes of a URDF with the same arguments, and every fault that it would refuse.
+    """Return a report on a URDF: its chain, and every fault that ``Arm.from_urdf`` would refuse.
 
-    If ``tip`` is not given and the base carries several leaves, faults are those that every tip has. Never opens a
-    mesh. Raises InvalidInput for a missing file, and for links and joints that it has not.
+    file, base, tip, fixed, soft, repair_inertias: arguments as for ``Arm.from_urdf``
+
+    Without a ``tip``, if the base carries several leaves, faults are those that every tip has. Meshes are never
+    opened. Raises InvalidInput for a missing file, and for links and joints that the robot does not have.
     """
     file = file_path("file", file)
     fixed = _check_options(fixed, soft, repair_inertias)
@@ -340,7 +343,7 @@ def _check_options(fixed: Mapping[str, float] | None, soft: bool, repair_inertia
 
 
 def _trunk_text(chain: Chain) -> str:
-    """Return which links, from the last moving joint on, carry all leaves: one may be the tip; "" if there are none."""
+    """Return in words the links after the last moving joint that carry all leaves and may be the tip; "" if none."""
     moved = [joint.child for joint in chain.moving]
     last = max((row for row, link in enumerate(chain.links) if link in moved), default=None)
     return "" if last is None else f", or a link that all of them hang from: {', '.join(chain.links[last:])}"
@@ -359,13 +362,13 @@ def _summarise(joint: JointDescription) -> str:
 def _build_arm(
     robot: RobotDescription, chain: Chain, repair: bool
 ) -> tuple[Arm | None, tuple[str, ...], tuple[str, ...]]:
-    """Return the arm of a chain, None if there are faults; these faults; and notices of what the arm has not.
+    """Return the arm of a chain (None if it has faults), the faults, and notices of parts that the arm lacks.
 
     Gravity is (0, 0, −9.81) m/s² in the world of the file's root.
     """
     moving, faults, notices = chain.moving, list(chain.faults), list(chain.notices)
     if not moving:
-        faults.append((1, f"a joint that moves wanted between {chain.base!r} and {chain.tip!r}, got none"))
+        faults.append((1, f"a joint between {chain.base!r} and {chain.tip!r} must move, got none"))
     try:
         with np.errstate(over="ignore", invalid="ignore"):
             frames, placements = _place_links(chain)
@@ -379,7 +382,7 @@ def _build_arm(
         faults += wrong
         notices += list_messages(said)
         if not np.isfinite([body.mass, *body.center, *body.inertia.flat]).all():
-            wish = "masses that can be added up wanted, got too large ones"
+            wish = "masses must be small enough to add up, got too large ones"
             faults.append((joint.line, f"joint {shown(joint.name)}: {wish}"))
         elif body.mass == 0.0:
             use = "" if joint is moving[-1] else ", though other joints follow it: no torques and energies of this arm"
@@ -408,7 +411,7 @@ def _build_arm(
         acceleration_limits=np.array([each.acceleration or np.inf for each in limits]),
         jerk_limits=np.array([each.jerk or np.inf for each in limits]),
         frames={
-            **{joint.name: frames[joint.child] for joint in moving},  # the frame of a joint is that of its child
+            **{joint.name: frames[joint.child] for joint in moving},  # a joint's frame is that of its child
             **{link: frames[link] for link in robot.links if link in frames},
         },
         notices=tuple(notices),
@@ -419,8 +422,8 @@ def _build_arm(
 def _place_links(chain: Chain) -> tuple[dict[str, Frame], tuple[Pose, ...]]:
     """Return every link's frame on the moving link that carries it, and the placements of the moving joints.
 
-    The frame of a moving link is that of its joint, turned so that z is the joint's axis. Links that a misplaced joint
-    carries have none.
+    The frame of a moving link is that of its joint, turned so that z is the joint's axis. Links on a misplaced joint
+    have no frame.
     """
 
     def at_rest(joint: JointDescription) -> Pose:
@@ -447,9 +450,9 @@ def _place_links(chain: Chain) -> tuple[dict[str, Frame], tuple[Pose, ...]]:
 def _merge_links(
     robot: RobotDescription, chain: Chain, frames: Mapping[str, Frame], number: int, repair: bool
 ) -> tuple[Body, list[Fault], list[Fault]]:
-    """Return the body that a moving joint moves, its link with all that is fixed to it; its faults; and notices.
+    """Return the body of a moving joint (its link and all that is fixed to it), its faults, and notices.
 
-    The inertia of this body must be that of a real one, whatever those of its links are.
+    The inertia of this body must be that of a real one; inertias of single links may be wrong.
     """
     links = [robot.links[name] for name, frame in frames.items() if frame.link == number]
     wrong = {link.name: link.inertia_fault for link in links if link.inertia_fault is not None}

@@ -25,7 +25,8 @@ ORIGIN = Pose(np.zeros(3))
 class LinkDescription:
     """A link: mass [kg], the pose of its inertial frame on it, and the inertia in that frame.
 
-    ``inertia_fault`` says why no real body has this inertia. A link with other ``faults`` has no mass.
+    inertia_fault: reason why no real body has this inertia
+    faults: other faults; a link that has one has no mass
     """
 
     name: str
@@ -43,7 +44,7 @@ class LinkDescription:
 
 @dataclass(frozen=True, kw_only=True)
 class JointLimits:
-    """Limits of a joint, infinite if there is none; ``soft`` are those of its safety controller, if it has any."""
+    """Limits of a joint, infinite if there are none; ``soft`` are those of its safety controller or None."""
 
     lower: float = -np.inf
     upper: float = np.inf
@@ -58,7 +59,7 @@ class JointLimits:
 class JointDescription:
     """A joint and its origin on the parent link; ``axis`` has length 1.
 
-    ``misplaced`` says that its origin or axis cannot be read: nobody knows where its child is.
+    misplaced: whether its origin or axis cannot be read, so that the place of its child is unknown
     """
 
     name: str
@@ -76,10 +77,10 @@ class JointDescription:
 
 @dataclass(frozen=True, kw_only=True)
 class RobotDescription:
-    """All links and joints of a file, with the faults and warnings that its validation gave, and its SHA-256.
+    """All links and joints of a file, with the faults and warnings of its validation, and its SHA-256.
 
-    ``faults`` are all of the file's if its links and joints are not one tree, else none: those of a link or joint,
-    which it has itself, matter only on a chain.
+    faults: all faults if links and joints are not one tree, else none; the links and joints themselves have theirs,
+        which matter only on a chain
     """
 
     name: str
@@ -91,29 +92,29 @@ class RobotDescription:
 
     @property
     def part_faults(self) -> list[Fault]:
-        """Every fault of a link or joint, also of those that are on no chain."""
+        """Every fault of a link or joint, on a chain or not."""
         of_links = [fault for link in self.links.values() for fault in (*link.faults, link.inertia_fault) if fault]
         return of_links + [fault for joint in self.joints.values() for fault in joint.faults]
 
     @property
     def roots(self) -> list[str]:
-        """Links that are the child of no joint."""
+        """Links that are no joint's child."""
         children = {joint.child for joint in self.joints.values()}
         return [link for link in self.links if link not in children]
 
     @property
     def leaves(self) -> list[str]:
-        """Links that are the parent of no joint."""
+        """Links that are no joint's parent."""
         parents = {joint.parent for joint in self.joints.values()}
         return [link for link in self.links if link not in parents]
 
     def leaves_below(self, link: str) -> list[str]:
-        """Return the leaves that a link carries, itself if it is one; of a robot without faults."""
+        """Return the leaves that a link carries (itself if it is one); only for a robot without faults."""
         below = {joint.child for joint in self.joints_below(link)}
         return [leaf for leaf in self.leaves if leaf in below or leaf == link]
 
     def trunk(self, base: str) -> list[str]:
-        """Return the links, from ``base`` on, that carry all leaves below it; of a robot without faults."""
+        """Return the links from ``base`` on that carry all leaves below it; only for a robot without faults."""
         children: dict[str, list[str]] = {}
         for joint in self.joints.values():
             children.setdefault(joint.parent, []).append(joint.child)
@@ -123,7 +124,7 @@ class RobotDescription:
         return trunk
 
     def joints_below(self, link: str) -> list[JointDescription]:
-        """Return every joint below a link, a parent before its children; of a robot without faults."""
+        """Return every joint below a link, parents first; only for a robot without faults."""
         by_parent: dict[str, list[JointDescription]] = {}
         for joint in self.joints.values():
             by_parent.setdefault(joint.parent, []).append(joint)
@@ -142,7 +143,7 @@ def inertia_matrix(entries: Numbers) -> Matrix3:
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
-# Faults and warnings of a URDF: each has the line that it is on, and of very many a text lists the first.
+# Faults and warnings of a URDF, each with its line
 
 
 LINK_OR_JOINT_MESSAGE = re.compile(r"(?:line \d+: )?(link|joint) ('(?:[^'\\]|\\.)*'|\"(?:[^\"\\]|\\.)*\"): (.*)")
@@ -151,7 +152,7 @@ GOT_CLAUSE = re.compile(r", got [^;]*")
 
 @dataclass(frozen=True, kw_only=True)
 class FaultOptions:
-    """How many faults, or warnings, a text lists, and of how many links or joints that have the same one the names."""
+    """Numbers of faults or warnings that a text lists, and of links or joints that it names for one message."""
 
     listed_messages: int = 100
     listed_names: int = 3
@@ -166,16 +167,16 @@ def list_messages(messages: Iterable[Fault]) -> tuple[str, ...]:
 
 
 def shorten_list(messages: Sequence[str]) -> list[str]:
-    """Return messages, of very many the first, and how many more there are."""
+    """Return the first messages, then the number of others if there are more."""
     excess = len(messages) - OPTIONS.listed_messages
     return [*messages[: OPTIONS.listed_messages], *([f"and {excess} more"] if excess > 0 else [])]
 
 
 def group_messages(messages: Iterable[str]) -> list[str]:
-    """Return messages, those of several links or joints that are the same once, with their number and the first names.
+    """Return messages; one that several links or joints have comes once, with their number and the first names.
 
-    >>> group_messages([f"line {n}: link 'l{n}': mass wanted, got {n}; left out" for n in range(5)])
-    ["each of 5 links, 'l0', 'l1', 'l2' and 2 more: mass wanted; left out"]
+    >>> group_messages([f"line {n}: link 'l{n}': mass must be positive, got {n}; left out" for n in range(5)])
+    ["each of 5 links, 'l0', 'l1', 'l2' and 2 more: mass must be positive; left out"]
     """
     groups = dict[tuple[str, str], list[str]]()
     for message in messages:
@@ -186,9 +187,9 @@ def group_messages(messages: Iterable[str]) -> list[str]:
 
 
 def _group_text(kind: str, text: str, messages: Sequence[str]) -> str:
-    """Return in one line the messages of several of a ``kind``: the whole text of all where it is one, else ``text``.
+    """Return one line for the messages of several links or joints: their whole text if it is the same, else ``text``.
 
-    Messages of neither links nor joints are in one group only where they are equal: the line is the message itself.
+    Other messages are in one group only if they are equal: the line is the message.
     """
     matches = [match for message in messages if (match := LINK_OR_JOINT_MESSAGE.fullmatch(message))]
     if not matches:

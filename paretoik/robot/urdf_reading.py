@@ -30,13 +30,13 @@ from paretoik.robot.urdf_description import (
     list_messages,
 )
 
-# Faults of a URDF's links and joints that are not one tree, and of mimic joints that follow nothing.
+# Faults of the tree of links and joints, and of mimic joints
 
 
 def find_tree_faults(
     links: Mapping[str, LinkDescription], joints: Mapping[str, JointDescription], lines: Mapping[str, int]
 ) -> list[Fault]:
-    """Return why links and joints are not one tree, each fault with its line; ``lines`` are those of the joints."""
+    """Return why links and joints are not one tree, each fault with its line; ``lines`` are the joints' lines."""
     faults: list[Fault] = []
     parent_joint: dict[str, str] = {}
     for name, joint in joints.items():
@@ -61,7 +61,7 @@ def find_tree_faults(
 
 
 def find_mimic_faults(joints: Mapping[str, JointDescription], lines: Mapping[str, int]) -> list[tuple[str, Fault]]:
-    """Return, with the joint's name, the fault of each mimic joint that in the end follows no joint but itself."""
+    """Return the name and fault of each mimic joint that follows no other joint."""
     faults = []
     for name, joint in joints.items():
         if joint.mimic and joint.mimic[0] not in joints:
@@ -75,7 +75,7 @@ def find_mimic_faults(joints: Mapping[str, JointDescription], lines: Mapping[str
 def _find_loops(
     joints: Mapping[str, JointDescription], successor: Callable[[JointDescription], str | None]
 ) -> list[list[str]]:
-    """Return each cycle of the graph in which every joint points to its ``successor``, once."""
+    """Return each cycle of the graph in which joints point to their ``successor``, once."""
     visited: set[str] = set()
     loops = []
     for name in joints:
@@ -90,16 +90,16 @@ def _find_loops(
     return loops
 
 
-# Reading a URDF's XML within bounds: no entities, no network, limited size, depth and number of elements.
+# Reading of XML within bounds: no entities, no network, limited size, depth and number of elements
 
 
-PARTS = ("link", "joint")  # what is read below <robot>; transmissions, materials and plug-ins are not
+PARTS = ("link", "joint")  # elements read below <robot>; transmissions, materials and plug-ins are not read
 SHAPES = ("visual", "collision")  # skipped in every part
 
 
 @dataclass(frozen=True, kw_only=True)
 class XmlOptions:
-    """The largest file that is read."""
+    """Bounds of a file that is read."""
 
     max_bytes: int = 10_000_000
     max_depth: int = 64  # elements nested in each other
@@ -137,33 +137,35 @@ def parse_elements(data: bytes, source: str) -> tuple[Element, list[int]]:
     try:
         reader.parser.Parse(data, True)
     except expat.ExpatError as error:
-        raise reader.error(f"well-formed XML wanted, got {expat.ErrorString(error.code)}", error.lineno) from None
+        fact = expat.ErrorString(error.code)
+        raise reader.error(f"the file must be well-formed XML, got {fact}", error.lineno) from None
     except (LookupError, ValueError) as error:
         if isinstance(error, InvalidInput):
             raise
-        raise reader.error(f"readable text wanted, got {error}", 1) from None
+        raise reader.error(f"the file must be readable text, got {error}", 1) from None
     assert reader.root is not None  # expat reports a document without a root element
     return reader.root, reader.unread_macros
 
 
 def read_bytes(file: Path) -> bytes:
-    """Return what a file of a robot holds; raises InvalidInput for no file, InvalidRobot for an empty or large one."""
+    """Return the content of a robot file; raises InvalidInput for no file, InvalidRobot for an empty or large one."""
     try:
         if not file.is_file():
-            raise InvalidInput(f"{file}: a plain file wanted, got {missing_file(file)}")
+            raise InvalidInput(f"{file} must be a plain file, got {missing_file(file)}")
         with file.open("rb") as stream:
             data = stream.read(XML_OPTIONS.max_bytes + 1)
     except OSError as error:
         raise InvalidInput(f"{file}: cannot be read, {error.strerror}") from None
     if not data:
-        raise InvalidRobot(str(file), ["a robot wanted, got an empty file"])
+        raise InvalidRobot(str(file), ["the file must describe a robot, got an empty file"])
     if len(data) > XML_OPTIONS.max_bytes:
-        raise InvalidRobot(str(file), [f"at most {XML_OPTIONS.max_bytes // 1_000_000} MB wanted, got a larger file"])
+        wish = f"the file must have at most {XML_OPTIONS.max_bytes // 1_000_000} MB"
+        raise InvalidRobot(str(file), [f"{wish}, got a larger file"])
     return data
 
 
 class _XmlReader:
-    """Handlers of the parser: collect links and joints, skip shapes, refuse what a URDF does not need."""
+    """Handlers of the parser that collect links and joints, skip shapes and refuse needless XML."""
 
     def __init__(self, source: str) -> None:
         self.source = source
@@ -181,14 +183,14 @@ class _XmlReader:
         return InvalidRobot(self.source, [f"line {number}: {message}"])
 
     def doctype(self, *_: object) -> None:
-        raise self.error("a robot without DOCTYPE wanted, as none needs entities, got one")
+        raise self.error("the file must have no DOCTYPE, as no robot needs entities, got one")
 
     def start(self, tag: str, attributes: dict[str, str]) -> None:
         self.count += 1
         if self.count > XML_OPTIONS.max_elements:
-            raise self.error(f"at most {XML_OPTIONS.max_elements:,} elements wanted, got more")
+            raise self.error(f"the file must have at most {XML_OPTIONS.max_elements:,} elements, got more")
         if len(self.open) == XML_OPTIONS.max_depth:
-            raise self.error(f"elements nested at most {XML_OPTIONS.max_depth} deep wanted, got deeper ones")
+            raise self.error(f"elements must be nested at most {XML_OPTIONS.max_depth} deep, got deeper ones")
         element = Element(tag=tag, attributes=attributes, line=self.parser.CurrentLineNumber)
         parent = self.open[-1] if self.open else None
         if not self.open:
@@ -196,7 +198,7 @@ class _XmlReader:
                 raise self.error(f"the root element must be <robot>, got <{tag[:80]}>")
             self.root = element
         elif parent is self.root and is_macro(tag):  # it may be any number of links and joints
-            raise self.error(f"a robot that xacro has expanded wanted, got the macro <{tag[:80]}>")
+            raise self.error(f"the robot must be expanded by xacro, got the macro <{tag[:80]}>")
         elif parent is None or (parent is self.root and tag not in PARTS) or tag in SHAPES:
             if is_macro(tag):
                 self.unread_macros.append(element.line)
@@ -215,19 +217,19 @@ NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?inf(inity)?|[+-
 
 @dataclass(frozen=True, kw_only=True)
 class ValidationOptions:
-    """How much of a file is read, and how much of it messages quote."""
+    """Bounds of names, values and links of a file, and of quotes in messages."""
 
     max_links: int = 1000
-    max_name: int = 200  # characters, those that are not printable as they are written in Python
+    max_name: int = 200  # characters, unprintable ones as escaped in Python
     max_text: int = 80  # characters of a value that a message quotes
-    length_tolerance: float = 1e-3  # an axis or quaternion whose length is farther from 1 is told
+    length_tolerance: float = 1e-3  # distance of an axis's or quaternion's length from 1 that is warned of
 
 
 OPTIONS = ValidationOptions()
 
 
 def read_robot(file: Path) -> RobotDescription:
-    """Return what a URDF describes, each link and joint with its own faults.
+    """Return the robot that a URDF describes, each link and joint with its own faults.
 
     Raises InvalidInput if there is no such file, InvalidRobot if it is not the XML of a robot.
     """
@@ -268,9 +270,9 @@ def read_robot(file: Path) -> RobotDescription:
 
 @dataclass
 class _Reader:
-    """Reads values of elements of one ``owner``, and collects their faults and warnings, each with its line.
+    """Reads elements of one ``owner`` and collects their faults and warnings with lines.
 
-    The readers of all links and joints share their warnings with that of the file.
+    The readers of links and joints share their warnings with the reader of the file.
     """
 
     owner: str
@@ -320,7 +322,7 @@ class _Reader:
         return children[0] if children else None
 
     def numbers(self, element: Element, name: str, default: str | None, count: int = 1) -> Numbers | None:
-        """Return ``count`` numbers of an attribute, not NaN; None, with a fault, if they are not there."""
+        """Return ``count`` numbers of an attribute, not NaN; None and a fault if there are none."""
         text = element.attributes.get(name, default)
         if text is None:
             self.fault(element, f"<{element.tag}> must have {name}, got none")
@@ -334,7 +336,7 @@ class _Reader:
         return tuple(values)
 
     def finite(self, element: Element, name: str, default: str | None, count: int = 1) -> Numbers | None:
-        """Return ``numbers``; infinite ones are a fault too."""
+        """Return ``numbers``, with a fault for infinite ones too."""
         values = self.numbers(element, name, default, count)
         if values is not None and np.isinf(values).any():
             text = element.attributes[name][: OPTIONS.max_text]
@@ -343,7 +345,7 @@ class _Reader:
         return values
 
     def origin(self, element: Element) -> Pose | None:
-        """Return the pose of a child ``<origin>``, the identity if there is none; None if it cannot be read."""
+        """Return the pose of a child ``<origin>``, the identity without one; None if it cannot be read."""
         origin = self.child(element, "origin")
         if origin is None:
             return ORIGIN
@@ -378,8 +380,8 @@ class _Reader:
         return None if unit is None else (unit[3], *unit[:3])
 
     def direction(self, element: Element, name: str, values: Numbers) -> Numbers | None:
-        """Return numbers scaled to length 1; None, with a fault, for zeros."""
-        largest = max(abs(value) for value in values)  # divided by first, so that no square overflows or vanishes
+        """Return numbers scaled to length 1; None and a fault for zeros."""
+        largest = max(abs(value) for value in values)  # a first divisor, so that no square overflows or vanishes
         if largest == 0.0:
             self.fault(element, f"{name} must not be zero, got {' '.join(['0'] * len(values))}")
             return None
@@ -428,7 +430,7 @@ def _read_mass(inertial: Element, reader: _Reader) -> float | None:
 
 
 def _read_inertia(inertial: Element, mass: float | None, reader: _Reader) -> tuple[Numbers, int]:
-    """Return the entries of an inertia, whether any body has it or not, and their line."""
+    """Return the entries of an inertia, possible or not, and their line."""
     zeros = (0.0,) * len(INERTIA_ENTRIES)
     element = reader.child(inertial, "inertia")
     if element is None:
@@ -447,7 +449,7 @@ def _read_inertia(inertial: Element, mass: float | None, reader: _Reader) -> tup
 
 
 def _read_joint(name: str, element: Element, whole: _Reader, reader: _Reader) -> JointDescription:
-    """Return a joint; faults of the links that it names are those of the ``whole`` file, as then there is no tree."""
+    """Return a joint; faults of its links go to the ``whole`` file, since there is then no tree."""
     reader.no_macros(element)
     joint_type = element.attributes.get("type", "")
     types = (*JOINT_TYPES, *OTHER_TYPES)
@@ -497,7 +499,7 @@ def _read_limits(joint_type: str, joint: Element, reader: _Reader) -> JointLimit
             reader.fault(joint, f"a {joint_type} joint must have a <limit>, got none")
         return JointLimits(soft=soft)
     positions = [reader.numbers(element, name, "0") for name in ("lower", "upper")]
-    # URDF 1.2 has limits of acceleration, deceleration and jerk, too.
+    # URDF 1.2 also has limits of acceleration, deceleration and jerk.
     defaults = {"velocity": None, "effort": None, "acceleration": "inf", "deceleration": "inf", "jerk": "inf"}
     magnitudes = {}
     for name, default in defaults.items():
@@ -518,7 +520,7 @@ def _read_limits(joint_type: str, joint: Element, reader: _Reader) -> JointLimit
 
 
 def _read_soft_limits(joint: Element, reader: _Reader) -> tuple[float, float] | None:
-    """Return the position limits of a safety controller, infinite on a side without; None if it has none."""
+    """Return the position limits of a safety controller, infinite if one is missing; None without a controller."""
     element = reader.child(joint, "safety_controller")
     names = {"soft_lower_limit": "-inf", "soft_upper_limit": "inf"}
     if element is None or not any(name in element.attributes for name in names):

@@ -1,4 +1,4 @@
-"""Workers of a Dask cluster: tasks are sent to its scheduler, and whoever dies or falls silent on the way is noticed.
+"""Workers of a Dask cluster: tasks go to its scheduler, and workers that die or fall silent are noticed.
 
 The client decides everything: which items make a task, what is tried again, and when it is given up.
 """
@@ -26,30 +26,30 @@ from paretoik.runs.distribution import Function, Lost, Reply, pickled
 from paretoik.runs.machine import processor, software
 from paretoik.stop_flag import STOP, Interrupted
 
-CANCELLED = ("cancelled", "lost")  # Dask's words for a future that its scheduler knows no more
+CANCELLED = ("cancelled", "lost")  # Dask's words for a future that its scheduler no longer knows
 
 
 class Cluster:
     """The workers of a Dask scheduler at an ``address``.
 
-    Raises InvalidInput where Dask is not installed or no scheduler answers, Interrupted soon after a signal.
+    Raises InvalidInput if Dask is not installed or no scheduler answers, Interrupted soon after a signal.
     """
 
     def __init__(self, address: str, options: ClusterOptions = OPTIONS) -> None:
         if find_spec("distributed") is None:
-            raise InvalidInput('cluster: Dask wanted (pip install "paretoik[cluster]"), got none')
+            raise InvalidInput('cluster: Dask must be installed (pip install "paretoik[cluster]"), got none')
         self.address, self.options = address, options
         self._warnings: set[str] = set()
         self.client = connect(address, options, self.tell)
         self.run, self.tasks, self.threads = uuid.uuid4().hex, 0, 0
         ClusterWatch(self, options).count_threads()
-        # As it is, as bytes, and where it is with the scheduler.
+        # The shared object itself, as bytes, and its future at the scheduler.
         self._shared: tuple[Any, bytes, Any] = None, b"", None
-        self.origins: set[Origin] = set()  # of what has come
+        self.origins: set[Origin] = set()  # of the results that have come
 
     @property
     def workers(self) -> int:
-        """Number of items that are computed at a time: at least two, as workers may come yet."""
+        """Number of items that are computed at a time: at least two, as workers may still come."""
         return max(self.threads, 2)
 
     def description(self) -> dict[str, Any]:
@@ -75,9 +75,9 @@ class Cluster:
     def replies(
         self, function: Function, shared: Any, items: Sequence[Any], *, seconds: float | None = None
     ) -> Iterator[tuple[int, Reply]]:
-        """Yield the place of every item with its reply, as they come; one that takes more ``seconds`` is lost.
+        """Yield every item's place and reply, as they come; an item that takes longer than ``seconds`` is lost.
 
-        Raises Interrupted soon after a signal; InvalidInput where workers have other versions; SolverFailed where no
+        Raises Interrupted soon after a signal; InvalidInput if workers have other versions; SolverFailed if no
         scheduler or no worker is left.
         """
         if not items:
@@ -87,7 +87,7 @@ class Cluster:
         yield from _Round(self, pickled("a function", function), items, seconds).replies()
 
     def shared(self) -> Any:
-        """Return the shared object as the scheduler has it; one that came back has it anew."""
+        """Return the shared object as the scheduler has it; send it again if the scheduler lost it."""
         shared, content, future = self._shared
         if future is None or future.status in CANCELLED:
             key = f"paretoik-shared-{hashlib.sha256(content).hexdigest()}"
@@ -96,24 +96,24 @@ class Cluster:
         return future
 
     def spread(self) -> bool:
-        """Let every worker have the shared object; say whether tasks can be sent.
+        """Send the shared object to every worker; return whether tasks can be sent.
 
-        Dask gives a task to those who have what it needs, and moves it to others by how long such tasks took before:
-        with one owner the workers may begin one by one, each a task later than the one before.
+        Dask gives a task to workers that have its inputs, and moves it to others by how long such tasks took before. If
+        only one worker had the object, the workers might begin one by one, each a task later than the one before.
         """
         future = self.shared()
         if future.status == "pending":
-            with suppress(Exception):  # it is looked at again
+            with suppress(Exception):  # it is checked again
                 future.result(timeout=self.options.interval)
         if future.status == "finished":
-            with suppress(Exception):  # where a worker goes meanwhile; those that have it do what there is
+            with suppress(Exception):  # a worker may leave meanwhile; those that have the object do the work
                 self.wait_for(partial(self.client.replicate, [future], asynchronous=True), self.options.connection)
-        return future.status != "pending"  # what failed fails with the tasks that need it
+        return future.status != "pending"  # a failure reappears in the tasks that need the object
 
     def wait_for(self, function: Callable[[], Awaitable[Any]], seconds: float) -> Any:
-        """Return what comes of a function that Dask runs in its own thread.
+        """Return the result of a function that Dask runs in its own thread.
 
-        Raises TimeoutError after so many seconds, Interrupted soon after a signal, and what the function raises.
+        Raises TimeoutError after ``seconds``, Interrupted soon after a signal, and what the function raises.
         """
 
         async def run() -> Any:
@@ -128,7 +128,7 @@ class Cluster:
         return future.result()
 
     def tell(self, text: str) -> None:
-        """Warn of something, once."""
+        """Warn once per text."""
         if text not in self._warnings:
             self._warnings.add(text)
             warn_user(f"cluster: {text}")
@@ -141,19 +141,19 @@ class _Round:
         self.cluster, self.options, self.watch = cluster, cluster.options, ClusterWatch(cluster, cluster.options)
         self.function, self.items, self.seconds = function, items, seconds
         self.pending = deque(range(len(items)))
-        self.suspects = deque[int]()  # with whom workers ended: each is tried again with nobody else about
+        self.suspects = deque[int]()  # items on which workers ended: each is tried again with no other running
         self.running = dict[Any, list[int]]()
         self.ended: SimpleQueue[Any] = SimpleQueue()
         self.answered, self.computed = 0, 0.0
-        self.owners = 0  # threads that there were when the shared object was last spread
-        self.patience = 5 * self.options.interval  # with a result that is on its way; it grows while none comes
+        self.owners = 0  # number of threads when the shared object was last spread
+        self.patience = 5 * self.options.interval  # for a result that is on its way; it grows while none comes
         self.late: Any = None  # the task whose result did not come in time
 
     def replies(self) -> Iterator[tuple[int, Reply]]:
         self.watch.count_threads()
         while self.answered < len(self.items):
             if STOP[0]:
-                raise Interrupted  # futures that nobody holds are given up by the scheduler
+                raise Interrupted  # the scheduler drops futures that no client holds
             self._submit()
             ended = self._wait()
             results = self._gather(ended)
@@ -168,7 +168,7 @@ class _Round:
             self.watch.look()
 
     def _submit(self) -> None:
-        """Send tasks as far ahead as they go; those with whom workers ended one by one, when all others are done."""
+        """Send tasks as far ahead as allowed; send suspects one by one when all others are done."""
         if self.cluster.client.status != "running":  # the scheduler is waited for
             return
         if self.owners != self.cluster.threads:
@@ -194,7 +194,7 @@ class _Round:
         future.add_done_callback(self.ended.put)
 
     def _wait(self) -> list[Any]:
-        """Return the tasks that have ended, none where none does for a while."""
+        """Return the tasks that have ended; none if none ends for a while."""
         ended = list[Any]()
         with suppress(Empty):
             ended.append(self.ended.get(timeout=self.options.interval))
@@ -203,16 +203,16 @@ class _Round:
         return ended
 
     def _gather(self, futures: Sequence[Any]) -> dict[Any, Any]:
-        """Return the results of tasks, fetched together: one by one each takes a round trip. None where one fails."""
+        """Return the results of tasks, fetched together to save round trips; None if one fails."""
         finished = [future for future in futures if future.status == "finished"]
         fetch = partial(self.cluster.client.gather, finished, asynchronous=True)
-        with suppress(Exception):  # each is looked at by itself then
+        with suppress(Exception):  # each one is then fetched by itself
             results = self.cluster.wait_for(fetch, self.patience) if len(finished) > 1 else ()
             return dict(zip(finished, results, strict=False))
         return {}
 
     def _received(self, future: Any, results: Mapping[Any, Any]) -> Iterator[tuple[int, Reply]]:
-        """Yield what a task that ended has brought; let others do what it had where it brought nothing."""
+        """Yield the replies of a task that ended; if it has none, let others compute its items."""
         try:
             result = results[future] if future in results else self.cluster.wait_for(future._result, self.patience)
         except Exception as error:
@@ -221,7 +221,7 @@ class _Round:
         self.patience = 5 * self.options.interval
         del self.running[future]
         if isinstance(result, Refused):
-            raise InvalidInput(f"cluster: workers with what this process has, {result.reason}")
+            raise InvalidInput(f"cluster: on every worker {result.reason}")
         self._check(result)
         for place, reply in result.replies:
             self.answered += 1
@@ -231,14 +231,14 @@ class _Round:
     def _failed(self, future: Any, error: Exception) -> Iterator[tuple[int, Reply]]:
         from distributed import KilledWorker
 
-        if isinstance(error, TimeoutError):  # whoever had the result is gone and it is computed again, or is busy
+        if isinstance(error, TimeoutError):  # the worker with the result is busy, or gone and it is computed again
             self.patience, self.late = min(2 * self.patience, self.options.frozen), future
             return
         alone, places = len(self.running) == 1, self.running.pop(future)
-        if future.status in CANCELLED:  # with its scheduler
+        if future.status in CANCELLED:  # its scheduler is gone
             self.pending.extendleft(reversed(places))
         elif not isinstance(error, KilledWorker):
-            raise InvalidInput(f"cluster: workers that can read what they are sent wanted, got {cause_of(error)}")
+            raise InvalidInput(f"cluster: workers must be able to unpickle the task, got {cause_of(error)}")
         elif alone and len(places) == 1:
             self.answered += 1
             yield places[0], Lost(cause=f"{error.allowed_failures + 1} workers ended on it")

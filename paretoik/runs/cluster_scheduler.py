@@ -17,14 +17,16 @@ from paretoik.stop_flag import STOP, Interrupted
 
 @dataclass(frozen=True, kw_only=True)
 class ClusterOptions:
-    """How tasks are made, and how long a silence is waited for [s].
+    """How tasks are made, and how long a silence is tolerated [s].
 
-    A task has items for so many seconds (``portion``), and so many more for every thread (``overhead``), as each task
-    passes through one scheduler and one client, but no more than an even share of those that are left, ``shares`` of
-    them a thread; ``ahead`` tasks a thread are with the scheduler. A signal is looked for every
-    ``interval``, the workers every ``watch``. Somebody has ``connection`` to listen at the address; a scheduler that is
-    longer silent is told of. It has ``patience`` to answer, to come back, and to have a worker; a worker that was not
-    heard of for ``frozen`` is left out.
+    portion, overhead: seconds of work in a task, and more seconds per thread, as every task passes through one
+        scheduler and one client; a task is never larger than an even share of the items left
+    shares: shares per thread that the items left are divided into
+    ahead: tasks per thread at the scheduler
+    interval, watch: time between two looks for a signal, and at the workers
+    connection: time for somebody to listen at the address; a scheduler that is silent for longer is reported
+    patience: time for the scheduler to answer, to come back, and to have a worker
+    frozen: a worker that is silent for longer is left out
     """
 
     portion: float = 0.5
@@ -41,13 +43,13 @@ class ClusterOptions:
 OPTIONS = ClusterOptions()
 
 
-# Connecting to a Dask scheduler: where nobody listens that is said soon, one that is slow to answer is waited for.
+# Connecting to a Dask scheduler: if nobody listens, the error comes soon; a slow scheduler gets more time.
 
 
 class _Attempt(threading.Thread):
-    """An attempt to connect, in a thread of its own: Dask waits without looking for signals.
+    """An attempt to connect, in its own thread, because Dask waits without looking for signals.
 
-    ``client`` is connected, or ``error`` says why there is none, when ``ended`` is set.
+    When ``ended`` is set, ``client`` is connected or ``error`` is the reason for the failure.
     """
 
     def __init__(self, address: str, options: ClusterOptions) -> None:
@@ -62,16 +64,16 @@ class _Attempt(threading.Thread):
 
         try:
             self._find_listener()
-            # The timeout is also that of reconnecting: a client that gave up never comes back.
+            # The timeout is also the one for reconnecting: a client that gave up never comes back.
             self.client = Client(self.address, timeout=self.options.patience, set_as_default=False, name="paretoik")
-        except Exception as error:  # whatever an address or who listens there makes Dask raise
+        except Exception as error:  # an address, or the server there, can make Dask raise anything
             self.error = error
         self.ended.set()
         if self.abandoned.is_set() and self.client is not None:
             self.client.close(timeout=1.0)
 
     def _find_listener(self) -> None:
-        """Return when somebody listens at the address; raises OSError where nobody does for a while."""
+        """Return when somebody listens at the address; raises OSError if nobody does for a while."""
         from distributed.comm import get_address_host_port
 
         place = get_address_host_port(self.address)
@@ -89,9 +91,9 @@ class _Attempt(threading.Thread):
 def connect(address: str, options: ClusterOptions, tell: Callable[[str], None]) -> Any:
     """Return Dask's client of the scheduler at an address.
 
-    Somebody has ``connection`` seconds to listen there. A scheduler that listens has ``patience`` to answer, as a busy
-    machine may keep it from that; after ``connection`` it is told that it is waited for. Raises InvalidInput where
-    nobody listens or none answers, Interrupted soon after a signal.
+    Somebody must listen there within ``connection`` seconds. A scheduler that listens must answer within ``patience``
+    seconds, as its machine may be busy; after ``connection`` seconds a warning says so. Raises InvalidInput if nobody
+    listens or the scheduler does not answer, Interrupted soon after a signal.
     """
     attempt, begin, has_warned = _Attempt(address, options), time.monotonic(), False
     attempt.start()
@@ -101,7 +103,7 @@ def connect(address: str, options: ClusterOptions, tell: Callable[[str], None]) 
             if STOP[0]:
                 raise Interrupted
             if waited > options.connection + options.patience:
-                raise _refusal(address, f"no answer within {options.patience:g} s from what listens there")
+                raise _refusal(address, f"no answer within {options.patience:g} s from the server there")
             if waited > 2 * options.connection and not has_warned:
                 has_warned = True
                 tell(f"{slow(address, waited)}; it is waited for, {options.patience:g} s at most")
@@ -114,49 +116,49 @@ def connect(address: str, options: ClusterOptions, tell: Callable[[str], None]) 
 
 
 def slow(address: str, seconds: float) -> str:
-    """Return in words that a scheduler is slow to answer."""
-    return f"the scheduler at {address} has not answered for {seconds:.0f} s, as where its machine is busy"
+    """Return the words that a scheduler is slow to answer."""
+    return f"the scheduler at {address} has not answered for {seconds:.0f} s, its machine may be busy"
 
 
 def _fact(error: Exception) -> str:
     if isinstance(error, OSError) and error.strerror:
-        return f"nobody who listens there ({error.strerror})"
+        return f"nobody listens there ({error.strerror})"
     return " ".join(str(error).split()) or type(error).__name__
 
 
 def _refusal(address: str, fact: str) -> InvalidInput:
-    return InvalidInput(f"cluster: a Dask scheduler at {address} wanted, got {fact}")
+    return InvalidInput(f"cluster must be the address of a Dask scheduler, got {address}: {fact}")
 
 
-# A look at a cluster's scheduler and workers from time to time: who is there, who is missing, who is silent.
+# Checks of a cluster's scheduler and workers from time to time: which are there, missing or silent.
 
 
 @runtime_checkable
 class Cluster(Protocol):
-    """The cluster that is looked after."""
+    """The cluster that is watched."""
 
     address: str
     client: Any
     threads: int
 
     def tell(self, text: str) -> None:
-        """Warn of something, once."""
+        """Warn once per text."""
 
 
 class ClusterWatch:
-    """Looks after scheduler and workers: says what is missing, waits for it for a while, and then gives up.
+    """Watches scheduler and workers: reports what is missing, waits for it for a while, then gives up.
 
-    It asks the scheduler and looks later whether that has answered: a busy one may take seconds.
+    It asks the scheduler and checks later for the answer, as a busy scheduler may take seconds.
     """
 
     def __init__(self, cluster: Cluster, options: ClusterOptions) -> None:
         self.cluster, self.options = cluster, options
         self.looked = self.question_time = time.monotonic()
-        self.question: Future[Any] | None = None  # on its way
+        self.question: Future[Any] | None = None  # not answered yet
         self.missing: float | None = None  # since when
 
     def count_threads(self) -> None:
-        """Know soon how many workers there are by now, if there are any."""
+        """Ask now how many worker threads there are, if any."""
         self._ask(time.monotonic())
         if self.question is not None:
             wait([self.question], timeout=5 * self.options.interval)
@@ -164,7 +166,7 @@ class ClusterWatch:
                 self._count(self._answer() or {})
 
     def look(self) -> None:
-        """Look, if the last time was some time ago; raises SolverFailed where nobody comes back or answers."""
+        """Look, if the last look was some time ago; raises SolverFailed if nobody comes back or answers."""
         now = time.monotonic()
         if self.cluster.client.status != "running":
             self.question = None
@@ -187,21 +189,21 @@ class ClusterWatch:
         options, address = self.options, self.cluster.address
         self.missing = now if self.missing is None else self.missing
         if now - self.missing > options.patience:
-            raise SolverFailed(f"cluster: no {what} at {address} for {options.patience:g} s; a run goes on with resume")
+            raise SolverFailed(f"cluster: no {what} at {address} for {options.patience:g} s; resume continues the run")
         self.cluster.tell(f"no {what} at {address}; one is waited for, {options.patience:g} s at most")
 
     def _wait_for_answer(self, seconds: float) -> None:
         options, address = self.options, self.cluster.address
         if seconds > options.patience:
             text = f"cluster: no answer from the scheduler at {address} for {options.patience:g} s"
-            raise SolverFailed(f"{text}; a run goes on with resume")
+            raise SolverFailed(f"{text}; resume continues the run")
         if seconds > options.connection:
             self.cluster.tell(f"{slow(address, options.connection)}; it is waited for, {options.patience:g} s at most")
 
     def _ask(self, now: float) -> None:
-        """Ask for the threads of every worker, and for how long it was silent [s]."""
+        """Ask for the threads of every worker, and how long it was silent [s]."""
 
-        def seen(dask_scheduler: Any) -> dict[str, tuple[int, float]]:  # sent as it is: nothing of ours is needed there
+        def seen(dask_scheduler: Any) -> dict[str, tuple[int, float]]:  # sent by value: needs no code of ours there
             import time
 
             workers = dask_scheduler.workers.items()
@@ -210,11 +212,11 @@ class ClusterWatch:
         self.question_time, self.question = now, self._run_on_scheduler(seen)
 
     def _answer(self) -> dict[str, tuple[int, float]] | None:
-        """Return what the scheduler has answered; None where the connection broke before."""
+        """Return the scheduler's answer; None if the connection broke before it came."""
         question, self.question = self.question, None
         try:
             return None if question is None else question.result()
-        except Exception:  # whatever a broken connection raises
+        except Exception:  # a broken connection can raise anything
             return None
 
     def _count(self, seen: Mapping[str, tuple[int, float]]) -> None:

@@ -1,4 +1,4 @@
-"""What a worker of a Dask cluster does with a task: it computes a function of some items."""
+"""The work of a Dask worker on a task: it computes a function of some items."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ class Task(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class MemoryOptions:
-    """So many bytes (``trim``) that are free at the end of the heap stay with a worker: what glibc itself grows to.
+    """How much free memory a worker keeps: ``trim`` bytes at the end of the heap; glibc itself grows to this value.
 
-    Dask's workers give back all above 64 kB: with arrays that come and go that took a third of a search's time.
+    Dask's workers return all above 64 kB to the system: with short-lived arrays that took a third of a search's time.
     """
 
     trim: int = 64 * 2**20
@@ -45,7 +45,7 @@ TRIM_THRESHOLD = -1  # M_TRIM_THRESHOLD in glibc's malloc.h
 
 
 class Origin(NamedTuple):
-    """A machine by its name, a process on it, and the make of its processor."""
+    """Name of a machine, a process on it, and the make of its processor."""
 
     machine: str
     process: int
@@ -58,7 +58,7 @@ def _here() -> Origin:
 
 @dataclass(frozen=True, kw_only=True)
 class Computed:
-    """The replies to items by place, and where they come from."""
+    """The replies to items by place, and their origin."""
 
     replies: Sequence[tuple[int, Reply]]
     origin: Origin
@@ -66,13 +66,13 @@ class Computed:
 
 @dataclass(frozen=True, kw_only=True)
 class Refused:
-    """Why a worker does not compute: it has other versions."""
+    """Reason why a worker does not compute: it has other versions."""
 
     reason: str
 
 
 class _Local(threading.local):
-    """The object that tasks of a thread share, with its key, and the process that may be ended, if one is needed."""
+    """The object that the tasks of a thread share, its key, and the process that may be ended, if one is needed."""
 
     key: str | None = None
     shared: Any = None
@@ -83,7 +83,7 @@ _LOCAL = _Local()
 
 
 def itself(shared: bytes) -> bytes:
-    """Return the shared object as it came: as a task of its own it is sent again to workers that replace others."""
+    """Return the shared object as it came: as its own task it is sent again to workers that replace others."""
     return shared
 
 
@@ -109,6 +109,6 @@ def run_task(shared: bytes, task: Task) -> Computed | Refused:
 
 @cache
 def _keep_memory() -> None:
-    """Let this process keep what it frees, once and for all, where the system's library can."""
+    """Make this process keep the memory that it frees, if the system's library can."""
     with suppress(AttributeError, OSError):
         ctypes.CDLL(None).mallopt(TRIM_THRESHOLD, MEMORY.trim)

@@ -1,8 +1,8 @@
-"""Where pure functions of many items are computed: in this process, or by an executor that sends them to workers.
+"""Computes pure functions of many items: in this process, or by an executor that sends them to workers.
 
-``execution`` has the executors; a verb sets one while it runs, as it sets the journal. What is computed does not depend
-on who computes it: an item's result follows from the function, the shared object and the item alone, results are put
-where their items stand, and what is remembered is remembered here.
+``execution`` has the executors; a verb sets one while it runs, as it sets the journal. The results do not depend on
+who computes them: each follows only from the function, the shared object and the item. Results are stored at the
+places of their items, and what is remembered is remembered here.
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ from paretoik.inputs import cause_of
 from paretoik.runs.journal import Values, recalled, remembered
 from paretoik.runs.user_code import is_library_module
 
-# What goes to workers, as bytes: objects of libraries by name, what users wrote by its content.
+# Messages to workers, as bytes: objects of libraries go by name, code of users by its content.
 
 
 def pickled(what: str, value: Any) -> bytes:
-    """Return a value as bytes that a process elsewhere can load, which need not have the user's files.
+    """Return a value as bytes that another process can load without the user's files.
 
-    Raises InvalidInput, naming ``what`` it is, where it cannot be sent.
+    Raises InvalidInput, with the name ``what``, if it cannot be pickled.
     """
     try:
         with _users_modules_by_value():
             return bytes(cloudpickle.dumps(value))
-    except Exception as error:  # what users wrote may raise anything
-        text = f"workers: {what} that can be sent to another process wanted, got {cause_of(error)}"
+    except Exception as error:  # code of users may raise anything
+        text = f"workers: {what} must be picklable, got {cause_of(error)}"
         raise InvalidInput(text) from error
 
 
@@ -54,13 +54,13 @@ def _users_modules_by_value() -> Iterator[None]:
 
 
 def _users_modules() -> list[ModuleType]:
-    """Return the modules that are no library's."""
+    """Return the modules that are not a library's."""
     return [module for name, module in sys.modules.copy().items() if _is_users_module(name)]
 
 
 @cache
 def _is_users_module(name: str) -> bool:
-    """Return whether the module of a name is a user's, as it was the first time."""
+    """Return whether the module of a name is a user's, as found the first time."""
     module = sys.modules[name]
     is_named = isinstance(module, ModuleType) and getattr(module, "__name__", None) == name
     return is_named and not is_library_module(module)
@@ -68,7 +68,7 @@ def _is_users_module(name: str) -> bool:
 
 @dataclass(frozen=True, kw_only=True)
 class DistributionOptions:
-    """After so many seconds (``trial``) of waiting for workers it is known whether they pay."""
+    """Seconds of waiting for workers (``trial``) after which it is known whether they pay."""
 
     trial: float = 5.0
 
@@ -78,7 +78,7 @@ OPTIONS = DistributionOptions()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Done:
-    """The value that a function returned, and the seconds that it took where it ran."""
+    """The value that a function returned, and how long it took [s]."""
 
     value: Any
     seconds: float
@@ -100,12 +100,12 @@ class Lost:
 
 Reply: TypeAlias = Done | Raised | Lost
 Function: TypeAlias = Callable[[Any, Any], Any]
-"""Takes the shared object and an item; a function of a module, which depends on nothing else."""
+"""Takes the shared object and an item; a function at the top of a module that depends on nothing else."""
 
 
 @runtime_checkable
 class Executor(Protocol):
-    """Computes a function of many items in workers, which have the shared object once."""
+    """Computes a function of many items in workers; each gets the shared object once."""
 
     @property
     def workers(self) -> int:
@@ -114,24 +114,24 @@ class Executor(Protocol):
     def replies(
         self, function: Function, shared: Any, items: Sequence[Any], *, seconds: float | None
     ) -> Iterator[tuple[int, Reply]]:
-        """Yield the place of every item with its reply, as they come; one that takes more ``seconds`` is lost.
+        """Yield every item's place and reply, as they come; an item that takes longer than ``seconds`` is lost.
 
-        Raises Interrupted soon after a signal, SolverFailed where there is nobody left to compute.
+        Raises Interrupted soon after a signal, SolverFailed if no worker is left.
         """
 
     def description(self) -> dict[str, Any]:
-        """Return who computes, ``by``, and how many or which have computed until now, as strict JSON."""
+        """Return who computes, ``by``, and the workers so far, as strict JSON."""
 
 
 @dataclass(kw_only=True, eq=False)
 class _Account:
-    """Seconds that were waited for workers, and that these computed: where the second is less, they do not pay."""
+    """Seconds waited for workers, and seconds that these computed: if the second is less, they do not pay."""
 
     executor: Executor
     waited: float = 0.0
     computed: float = 0.0
     items: int = 0
-    starting: bool = True  # workers, until the first reply, which takes longer than others
+    starting: bool = True  # workers start until the first reply, which takes longer than others
     warned: bool = False
 
 
@@ -141,7 +141,7 @@ _IN_WORKER = [False]
 
 @contextmanager
 def distributing(active: Executor | None) -> Iterator[None]:
-    """Let an executor compute what the body distributes; None, or within another one's body, changes nothing."""
+    """Use an executor for what the body distributes; None, or a call within another's body, changes nothing."""
     if active is None or _ACTIVE:
         yield
         return
@@ -153,32 +153,32 @@ def distributing(active: Executor | None) -> Iterator[None]:
 
 
 def workers() -> int:
-    """Return the number of items that workers compute at a time, 0 where there are none."""
+    """Return the number of items that workers compute at a time, 0 without workers."""
     return _ACTIVE[0].executor.workers if _ACTIVE else 0
 
 
 def executor() -> Executor | None:
-    """Return whoever computes what is distributed, None where this process does."""
+    """Return the executor in use, None if this process computes."""
     return _ACTIVE[0].executor if _ACTIVE else None
 
 
 def threads() -> int:
-    """Return how many threads compiled code may take here: one a core, but one in a worker."""
+    """Return how many threads compiled code may use here: one per core, but one in a worker."""
     return 1 if _IN_WORKER[0] else os.cpu_count() or 1
 
 
 def become_worker() -> None:
-    """Let this process be a worker: its cores are shared with others."""
+    """Mark this process as a worker, which shares the cores with others."""
     _IN_WORKER[0] = True
 
 
 def distribute(
     function: Function, shared: Any, items: Sequence[Any], *, seconds: float | None = None
 ) -> Iterator[tuple[int, Any | Lost]]:
-    """Yield the place of every item with what workers return for it, as it comes; or that it is lost.
+    """Yield the place of every item with its result from the workers, as it comes, or that it is lost.
 
-    Where the function raises, the rest is computed first, then the error of the first such item is raised. Raises as
-    the executor does.
+    If the function raises, the rest is computed first, then the error of the first such item is raised. Raises like
+    the executor.
     """
     account, errors = _ACTIVE[0], dict[int, Exception]()
     begin = None if account.starting else time.monotonic()
@@ -202,7 +202,7 @@ def distribute(
 def distribute_remembered(
     function: Function, shared: Any, items: Sequence[Any], keys: Sequence[bytes | None]
 ) -> Iterator[tuple[int, Values | Lost]]:
-    """Yield as ``distribute`` does, plain arrays by name, from the run's journal where it has them under their keys."""
+    """Yield as ``distribute`` does, plain arrays by name, from the run's journal if it has them under their keys."""
     remaining = list[int]()
     for place, key in enumerate(keys):
         stored = None if key is None else recalled(key)

@@ -1,4 +1,4 @@
-"""Who computes what a verb distributes: this process, workers on this machine, or those of a cluster."""
+"""Executors of what a verb distributes: this process, workers on this machine, or those of a cluster."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from paretoik.runs.distribution import distributing, executor
 from paretoik.runs.machine import processor
 from paretoik.runs.processes import WorkerProcesses
 
-# Who computed a run: the entry ``computed`` of its `run.json`, and what it says in words.
+# The entry ``computed`` of a run's `run.json`, which names who computed it, and its text.
 
 
 SAME, TOLERANCE, UNKNOWN = "bit for bit", "to tolerance", "unknown"  # how a run can be reproduced in one process
 
 
 def computed(former: object = None) -> dict[str, Any]:
-    """Return who has computed until now, behind those that a ``former`` entry of a run that goes on names.
+    """Return who has computed so far, after the entries of a ``former`` entry of a resumed run.
 
     ``by`` has an entry for each that differs from the one before: this process, workers on this machine, or a Dask
-    cluster with its ``machines`` and workers by make of processor. ``reproducible`` says how one process comes to the
-    same: "bit for bit" where all have one make, else "to tolerance", and "unknown" while a cluster has computed nothing
-    or where nobody is known.
+    cluster with its ``machines`` and workers by make of processor. ``reproducible`` says how one process reproduces
+    the run: "bit for bit" if all have one make, else "to tolerance", and "unknown" while a cluster has computed nothing
+    or if the entries name nobody.
     """
     active = executor()
     entry = {"by": "this process"} if active is None else active.description()
@@ -35,7 +35,7 @@ def computed(former: object = None) -> dict[str, Any]:
 
 
 def computed_text(entry: object) -> str:
-    """Return who computed a run, as an entry says, in a line of words; "" where it says nothing that can be read."""
+    """Return who computed a run, from its entry, as one line; "" if the entry cannot be read."""
     entries = _entries(entry)
     if not entries:
         return ""
@@ -43,14 +43,14 @@ def computed_text(entry: object) -> str:
 
 
 REPRODUCIBLE = {
-    SAME: "one process comes to the same bit for bit",
-    TOLERANCE: "processors of different makes, so one process comes to the same to tolerance",
-    UNKNOWN: "on which makes of processor is unknown",
+    SAME: "one process reproduces it bit for bit",
+    TOLERANCE: "processors of different makes, so one process reproduces it to tolerance",
+    UNKNOWN: "the makes of processor are unknown",
 }
 
 
 def _entries(computed_by: object) -> list[dict[str, Any]]:
-    """Return the entries of those who computed, none where they are not what is written here."""
+    """Return the entries of those who computed; none if they are not as this module writes them."""
     listed = computed_by.get("by") if isinstance(computed_by, Mapping) else None
     entries = list(listed) if isinstance(listed, list | tuple) else []
     sound = all(isinstance(each, Mapping) and isinstance(each.get("machines", []), list | tuple) for each in entries)
@@ -79,27 +79,27 @@ def _words(entry: Mapping[str, Any]) -> str:
 
 
 def check_workers(workers: int | None, cluster: str | None) -> None:
-    """Raise InvalidInput for what is no number of workers or no address, and for both."""
+    """Raise InvalidInput if the number of workers or the address is not valid, or if both are given."""
     if workers is not None:
         check_size("workers", workers, 1)
     if cluster is None:
         return
     if workers is not None:
-        raise InvalidInput(f"workers: wants none beside cluster, which has its own, got {workers}")
+        raise InvalidInput(f"workers must be None with a cluster, which has its own, got {workers}")
     if not isinstance(cluster, str) or "://" not in cluster:
-        raise InvalidInput(f"cluster: the address of a Dask scheduler wanted, as tcp://HOST:PORT, got {shown(cluster)}")
+        raise InvalidInput(f"cluster must be the address of a Dask scheduler, as tcp://HOST:PORT, got {shown(cluster)}")
 
 
 @contextmanager
 def open_executor(workers: int | None, cluster: str | None, *, isolated: bool = False) -> Iterator[None]:
-    """Let so many workers, or those of a cluster, compute what the body distributes; without either this process does.
+    """Compute what the body distributes in this many workers, or those of a cluster, or else in this process.
 
-    ``isolated`` asks for one worker where none are named: it can be ended where this process could not. Raises
-    InvalidInput as ``check_workers`` does, and where there is no such cluster.
+    ``isolated`` asks for one worker if none are named: it can be ended when this process could not. Raises InvalidInput
+    as ``check_workers`` does, and if there is no such cluster.
     """
     check_workers(workers, cluster)
     if cluster is not None:
-        from paretoik.runs.cluster import Cluster  # here: it takes Dask
+        from paretoik.runs.cluster import Cluster  # here because it imports Dask
 
         with closing(Cluster(cluster)) as remote, distributing(remote):
             yield

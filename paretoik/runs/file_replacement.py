@@ -1,8 +1,8 @@
-"""How files are replaced: one at once or not at all, or several of a folder that belong together.
+"""Replaces files: one at once or not at all, or several of a folder that belong together.
 
-Several are written whole into `.saved`, a folder within theirs, and then move into place. From the moment that folder
-has its name they are saved: should the process be killed while they move, whoever next reads or writes there moves
-the rest. Before that moment the former files are as they were.
+Several are written whole into `.saved`, a folder within theirs, and then move into place. They are saved from the
+moment that this folder has its name: if the process is killed while they move, the next process that reads or writes
+there moves the rest. Before that moment the former files are unchanged.
 """
 
 from __future__ import annotations
@@ -19,19 +19,19 @@ from pathlib import Path
 
 from paretoik.errors import InvalidInput
 
-SAVED = ".saved"  # a folder of files that are whole and on their way into the folder that it is in
+SAVED = ".saved"  # a folder of complete files that move into the folder around it
 
 
 def replace_file(file: Path, content: bytes, *, check: Callable[[Path], object] | None = None) -> None:
-    """Write ``content`` into a temporary file and rename it to ``file``, so that no reader sees a part; make folders.
+    """Write ``content`` to ``file`` through a temporary file, so that no reader sees a part; make folders.
 
-    Raises InvalidInput where the system refuses, as on a full disk, and what ``check`` raises, which sees the temporary
-    file; the former file is unchanged then.
+    Raises InvalidInput if the system refuses, as on a full disk, and what ``check`` raises, which gets the temporary
+    file; the former file is then unchanged.
     """
     if file.name in ("", ".."):
-        raise InvalidInput(f"{file}: wanted to write it, got a folder")
+        raise InvalidInput(f"{file} must be a file to write, got a folder")
     part = file.with_name(f".{file.name}.{os.getpid()}")
-    with refusal(f"{file}: wanted to write it"):
+    with refusal(f"{file} must be writable"):
         file.parent.mkdir(parents=True, exist_ok=True)
         try:
             _write(part, content)
@@ -44,22 +44,22 @@ def replace_file(file: Path, content: bytes, *, check: Callable[[Path], object] 
 
 @dataclass(frozen=True)
 class OpenFolder:
-    """A folder that is open: what is done by its ``descriptor`` is done there, whatever takes the place of ``path``."""
+    """An open folder: work by its ``descriptor`` happens there, even if something else takes the place of ``path``."""
 
     path: Path
     descriptor: int
 
 
 def replace_files(folder: OpenFolder, contents: Mapping[str, bytes]) -> None:
-    """Replace files of a folder, by name, all at once or none of them; the folder is that of an ``only_writer``.
+    """Replace files of a folder, by name, all or none; the folder comes from ``only_writer``.
 
-    Raises InvalidInput where the system refuses, as on a full disk; the former files are unchanged then.
+    Raises InvalidInput if the system refuses, as on a full disk; the former files are then unchanged.
     """
     place, part = folder.descriptor, f"{SAVED}.{os.getpid()}"
     for name in contents:
         if (folder.path / name).is_dir():
-            raise InvalidInput(f"{folder.path / name}: wanted to write it, got a folder")
-    with refusal(f"{folder.path}: wanted to write it"):
+            raise InvalidInput(f"{folder.path / name} must be a file to write, got a folder")
+    with refusal(f"{folder.path} must be writable"):
         try:
             remove(part, place)
             os.mkdir(part, dir_fd=place)
@@ -73,14 +73,14 @@ def replace_files(folder: OpenFolder, contents: Mapping[str, bytes]) -> None:
         os.fsync(place)
         _move_saved(place)
     if os.path.lexists(folder.path / SAVED):  # somebody put it in the place of ours
-        raise InvalidInput(f"{folder.path}: wanted to write it, got something else in the place of {SAVED}")
+        raise InvalidInput(f"{folder.path} must be writable, got something else in the place of {SAVED}")
 
 
 @contextmanager
 def plain_folder(folder: Path | str, *, within: int | None = None) -> Iterator[int]:
-    """Yield the descriptor of a folder, ``within`` that of a descriptor; raises OSError for a link, which is not one.
+    """Yield the descriptor of a folder, in the folder of descriptor ``within``; raises OSError for a link.
 
-    What is done by descriptors is not led elsewhere by a link that takes the folder's place meanwhile.
+    Work by descriptors stays in this folder, even if a link takes its place meanwhile.
     """
     descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW, dir_fd=within)
     try:
@@ -90,7 +90,7 @@ def plain_folder(folder: Path | str, *, within: int | None = None) -> Iterator[i
 
 
 def is_plain_folder(name: str, place: int) -> bool:
-    """Say whether a name, in the folder of a descriptor, is that of a folder and no link."""
+    """Return whether a name in the folder of a descriptor is a folder and no link."""
     try:
         return stat.S_ISDIR(os.stat(name, dir_fd=place, follow_symlinks=False).st_mode)
     except FileNotFoundError:
@@ -98,19 +98,19 @@ def is_plain_folder(name: str, place: int) -> bool:
 
 
 def move_files(names: Iterable[str], source: int, target: int) -> None:
-    """Move what has these names, if it is there, from the folder of a descriptor to that of another; links as links."""
+    """Move entries of these names, if they exist, from one folder to another, both by descriptor; links as links."""
     for name in names:
         with suppress(FileNotFoundError):
             os.rename(name, name, src_dir_fd=source, dst_dir_fd=target)
 
 
 def remove(name: str, place: int) -> None:
-    """Remove a file, a link, or a folder with all that is in it, from the folder of a descriptor, if it is there."""
+    """Remove a file, a link, or a folder with its content from the folder of a descriptor, if it is there."""
     try:
         os.unlink(name, dir_fd=place)
     except FileNotFoundError:
         return
-    except (IsADirectoryError, PermissionError):  # of a folder: the systems differ
+    except (IsADirectoryError, PermissionError):  # a folder: the systems raise different errors
         shutil.rmtree(name, dir_fd=place)
 
 
@@ -119,12 +119,12 @@ def only_writer(folder: Path, *inner: str) -> Iterator[OpenFolder]:
     """Hold a folder's lock while its files are replaced, so that of two processes neither loses what it adds.
 
     The folder is made if need be, and so are those within it, each ``inner`` one in the one before; these are no links.
-    What a killed process had saved there moves into place first; the lock ends with the process. Raises InvalidInput
-    where the system refuses.
+    Files that a killed process had saved there move into place first; the lock ends with the process. Raises
+    InvalidInput if the system refuses.
     """
     path = folder.joinpath(*inner)
     with ExitStack() as stack:
-        with refusal(f"{path}: wanted a folder to write into"):
+        with refusal(f"{path} must be a folder to write into"):
             folder.mkdir(parents=True, exist_ok=True)
             descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
             stack.callback(os.close, descriptor)
@@ -132,19 +132,19 @@ def only_writer(folder: Path, *inner: str) -> Iterator[OpenFolder]:
                 with suppress(FileExistsError):
                     os.mkdir(name, dir_fd=descriptor)
                 descriptor = stack.enter_context(plain_folder(name, within=descriptor))
-        with refusal(f"{path}: wanted to lock it against a second writer"):  # not on file systems without locks
+        with refusal(f"{path} must allow a lock against a second writer"):  # some file systems have no locks
             fcntl.flock(descriptor, fcntl.LOCK_EX)
         stack.callback(fcntl.flock, descriptor, fcntl.LOCK_UN)  # a process forked meanwhile has the descriptor too
-        with refusal(f"{path}: wanted to write it"):
+        with refusal(f"{path} must be writable"):
             _move_saved(descriptor)
         yield OpenFolder(path, descriptor)
 
 
 @contextmanager
 def without_writers(folder: Path) -> Iterator[None]:
-    """Let no process replace a folder's files while the body reads them, and have what was saved there in place.
+    """Keep other processes from replacing a folder's files while the body reads them; move saved files in place first.
 
-    A folder that is missing, or on a file system without locks, is read as it is. Raises InvalidInput where the system
+    A folder that is missing, or on a file system without locks, is read as it is. Raises InvalidInput if the system
     refuses to move files that a killed process had saved.
     """
     if (folder / SAVED).is_dir():
@@ -173,7 +173,7 @@ def _move_saved(place: int) -> None:
 
 
 def _write(file: Path, content: bytes, folder: int | None = None) -> None:
-    """Write a file, in the folder of a descriptor: what a killed process left there goes, no link is followed."""
+    """Write a file in the folder of a descriptor; remove what a killed process left there and follow no link."""
     with suppress(FileNotFoundError):
         os.unlink(file, dir_fd=folder)
     with open(file, "xb", opener=partial(os.open, mode=0o666, dir_fd=folder)) as sink:
@@ -184,7 +184,7 @@ def _write(file: Path, content: bytes, folder: int | None = None) -> None:
 
 @contextmanager
 def refusal(wish: str) -> Iterator[None]:
-    """Raise InvalidInput, with what was wanted, where the system refuses what the body does."""
+    """Raise InvalidInput that begins with ``wish`` if the system refuses what the body does."""
     try:
         yield
     except OSError as fault:

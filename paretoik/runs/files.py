@@ -25,15 +25,15 @@ from paretoik.errors import InvalidInput, InvalidRun
 from paretoik.paths import missing_file, shell_command
 from paretoik.runs.file_replacement import only_writer, replace_file, replace_files
 
-# Arrays and tables in files that may come from anybody: what they declare is held against what is there, then read.
+# Arrays and tables in files of unknown origin: the size that a file declares is checked before it is read.
 #
-# A file of a megabyte can declare gigabytes: an archive that is compressed, an array whose header is larger than its
-# bytes, a table of one value a milliard times. Ours are none of these.
+# A file of a megabyte can declare gigabytes: a compressed archive, an array whose header declares more than its bytes,
+# a table with one value repeated a milliard times. Our own files contain none of these.
 
 
 @dataclass(frozen=True, kw_only=True)
 class StoredArrayOptions:
-    """A table has at most so many rows (``most_rows``), and at most so many bytes once it is unpacked."""
+    """Limits of a table: its rows (``most_rows``), and its bytes after unpacking (``most_bytes``)."""
 
     most_rows: int = 10_000_000
     most_bytes: int = 2**29
@@ -58,7 +58,7 @@ def read_arrays(content: bytes) -> dict[str, np.ndarray]:
 
 
 def read_table(content: bytes) -> Any:
-    """Return the Arrow table of a Parquet file, columns of earlier runs by today's names.
+    """Return the Arrow table of a Parquet file; columns of earlier runs get today's names.
 
     Raises ValueError, or what Arrow raises, for other content.
     """
@@ -70,7 +70,7 @@ def read_table(content: bytes) -> Any:
     size = sum(metadata.row_group(group).total_byte_size for group in range(metadata.num_row_groups))
     if metadata.num_rows > ARRAY_OPTIONS.most_rows or size > ARRAY_OPTIONS.most_bytes:
         raise ValueError(f"a table that declares {metadata.num_rows} rows and {size} bytes in a file of {len(content)}")
-    # Without a thread: those of read_table may abort the interpreter as it ends (apache/arrow#34314).
+    # Without threads: those of read_table may abort the interpreter as it ends (apache/arrow#34314).
     table = file.read(use_threads=False)
     return table.rename_columns([FORMER_NAMES.get(name, name) for name in table.column_names])
 
@@ -98,12 +98,12 @@ TRACES = "traces.npz"
 POLYGON = "polygon.npz"
 TOOL_PATH = "tool_path.npz"
 DRAWING = "picture.png"
-CHECKPOINT = "checkpoint"  # a folder: what a run that was stopped goes on from
+CHECKPOINT = "checkpoint"  # a folder: what a stopped run resumes from
 JOURNAL = "journal"  # in it
 FINISHED = "finished"  # in it: the journal of a finished search, which can be continued
 CHOICES = "choices.json"
 REPORT = "report.html"
-FORMER = ".former-run"  # a folder in it: the run that a new one replaces, until that has a result
+FORMER = ".former-run"  # a folder in it: the run that a new one replaces, until the new one has a result
 CONTENTS = (
     RUN,
     TABLE,
@@ -125,15 +125,15 @@ CONTENTS = (
 )
 
 
-STOPPED = ("time limit", "SIGINT", "SIGTERM", "interrupted")  # statuses of runs that could go on
-PAGES = (REPORT, PICTURE, CERTIFICATES, DRAWING)  # to be looked at; a run lives without
+STOPPED = ("time limit", "SIGINT", "SIGTERM", "interrupted")  # statuses of runs that could resume
+PAGES = (REPORT, PICTURE, CERTIFICATES, DRAWING)  # to look at; a run is complete without them
 PAGE_MARK = b'<meta name="generator" content="paretoik">'
 PICTURE_MARK = b"Software\0paretoik"  # a text chunk of PNG
 
 
 @dataclass(frozen=True, kw_only=True)
 class MarkOptions:
-    """Where the mark of a page or a picture of ours is looked for: metadata come first in HTML and in PNG."""
+    """Range in which the mark of our pages and pictures is searched: metadata come first in HTML and PNG."""
 
     beginning: int = 4096  # bytes
 
@@ -144,26 +144,26 @@ OPTIONS = MarkOptions()
 def check_target(
     name: str, file: Path, *, overwrite: bool = False, mark: bytes | None = None, folder: bool = False
 ) -> None:
-    """Raise InvalidInput, by ``name``, where nobody may write a file there, so that this is known before any work.
+    """Raise InvalidInput, by ``name``, if no file can be written there, so that this is known before any work.
 
-    That is a folder, unless that is wanted, a name that the system refuses, a file that a run lives by, and without
-    ``overwrite`` any file that is there, except one of ours that has the ``mark`` of what is to be written.
+    Refused are a folder, unless one is asked for, a name that the system refuses, a run's own files, and without
+    ``overwrite`` any existing file, except one of ours that has the ``mark`` of what is to be written.
     """
     kind = "a folder of its own" if folder else "a file"
     if file.name in ("", ".."):
-        raise InvalidInput(f"{name}: wanted {kind} to write into, got the folder {file}")
+        raise InvalidInput(f"{name} must be {kind} to write into, got the folder {file}")
     if file.name in set(CONTENTS) - set(PAGES) and is_run(file.parent / RUN):
-        raise InvalidInput(f"{name}: wanted a file that is not the run's own, got {file}")
+        raise InvalidInput(f"{name} must not be one of the run's own files, got {file}")
     try:
         file.lstat()
     except FileNotFoundError:
         return
     except OSError as fault:
-        raise InvalidInput(f"{file}: wanted to write it, got {fault.strerror}") from fault
+        raise InvalidInput(f"{file} must be writable, got {fault.strerror}") from fault
     if file.is_dir() and not folder:
-        raise InvalidInput(f"{name}: wanted {kind} to write into, got the folder {file}")
+        raise InvalidInput(f"{name} must be {kind} to write into, got the folder {file}")
     if not (overwrite or (mark is not None and _has_mark(file, mark))):
-        raise InvalidInput(f"{file}: a new file or permission to overwrite (--overwrite) wanted, got one that is there")
+        raise InvalidInput(f"{file} must be a new file, got one that exists; use --overwrite to replace it")
 
 
 def _has_mark(file: Path, mark: bytes) -> bool:
@@ -176,7 +176,7 @@ def _has_mark(file: Path, mark: bytes) -> bool:
 def run_bytes(entries: Mapping[str, Any]) -> bytes:
     """Return the content of a `run.json` or `choices.json`: the format, `entries`, and the digest of both.
 
-    Raises TypeError or ValueError where an entry is no strict JSON.
+    Raises TypeError or ValueError if an entry is no strict JSON.
     """
     run = json.loads(json.dumps({"format": FORMAT, **entries}, allow_nan=False))  # as it will be read
     return json.dumps(run | {"digest": digest(run)}, indent=2).encode() + b"\n"
@@ -185,28 +185,28 @@ def run_bytes(entries: Mapping[str, Any]) -> bytes:
 def result_files(entries: Mapping[str, Any], contents: Mapping[str, bytes]) -> dict[str, bytes]:
     """Return the contents of a result's files by name, and of its `run.json`: ``entries`` and the digests of the files.
 
-    Raises TypeError or ValueError where an entry is no strict JSON.
+    Raises TypeError or ValueError if an entry is no strict JSON.
     """
     digests = {name: hashlib.sha256(content).hexdigest() for name, content in contents.items()}
     return {**contents, RUN: run_bytes({**entries, "files": digests})}
 
 
 def write_result(folder: Path, entries: Mapping[str, Any], contents: Mapping[str, bytes]) -> None:
-    """Write the files of a result into a folder, all at once or none of them; of entries as ``write_run`` does."""
+    """Write the files of a result into a folder, all or none; entries as in ``write_run``."""
     files = result_files(to_json(entries), contents)
     with only_writer(folder) as opened:
         replace_files(opened, files)
 
 
 def write_run(folder: Path, entries: Mapping[str, Any]) -> None:
-    """Write `entries` as the folder's `run.json`; infinite numbers become null, what JSON cannot hold is refused."""
+    """Write `entries` as the folder's `run.json`; infinite numbers become null. Raises as ``to_json``."""
     replace_file(folder / RUN, run_bytes(to_json(entries)))
 
 
 def read_run(file: Path, *, kind: str = "a run") -> dict[str, Any]:
-    """Return the entries of a `run.json` of this format, or of a file of another ``kind``, its digest not yet checked.
+    """Return the entries of a `run.json` of this format, or of a file of another ``kind``, without checking its digest.
 
-    Raises InvalidRun where the file is missing, a link, no strict JSON, no run, or of another format.
+    Raises InvalidRun if the file is missing, a link, no strict JSON, no run, or of another format.
     """
     try:
         content = read_plain_file(file)
@@ -215,53 +215,53 @@ def read_run(file: Path, *, kind: str = "a run") -> dict[str, Any]:
     try:
         run = json.loads(content, parse_constant=_refuse_constant)
     except (ValueError, RecursionError) as fault:
-        raise InvalidRun(f"{file}: wanted strict JSON, got {fault}") from fault
+        raise InvalidRun(f"{file} must be strict JSON, got {fault}") from fault
     if not isinstance(run, dict) or "format" not in run:
-        raise InvalidRun(f"{file}: wanted {kind}, got JSON without a format")
+        raise InvalidRun(f"{file} must be {kind}, got JSON without a format")
     if run["format"] != FORMAT:
-        raise InvalidRun(f"{file}: wanted format {FORMAT}, got {run['format']!r}; it needs another version of paretoik")
+        raise InvalidRun(f"{file} must have format {FORMAT}, got {run['format']!r}; use another version of paretoik")
     return run
 
 
 def check_digest(file: Path, run: dict[str, Any]) -> None:
-    """Take the digest out of what was read of a file; raises InvalidRun where it is not that of the rest."""
+    """Remove the digest from the entries of a file; raises InvalidRun if it is not the digest of the rest."""
     if run.pop("digest", None) != digest(run):
-        raise InvalidRun(f"{file}: wanted it as it was written, got contents that do not match their digest")
+        raise InvalidRun(f"{file} must be as it was written, got contents that do not match their digest")
 
 
 def is_run(file: Path) -> bool:
-    """Say whether a file is the `run.json` of some version of this format."""
+    """Return whether a file is the `run.json` of some version of this format."""
     return _entries(file) is not None
 
 
 def has_result(folder: Path) -> bool:
-    """Say whether a folder holds a run with a result; one of another version of this format may have one."""
+    """Return whether a folder has a run with a result; one of another version of this format may have one."""
     run = _entries(folder / RUN)
     return run is not None and ("files" in run or run["format"] != FORMAT)
 
 
 def can_resume(folder: Path) -> bool:
-    """Say whether a folder holds a run that was stopped, or killed, and can go on."""
+    """Return whether a folder has a run that was stopped or killed and can resume."""
     checkpoint = folder / CHECKPOINT
     return is_run(folder / RUN) and (checkpoint / JOURNAL).is_file() and not checkpoint.is_symlink()
 
 
 def problem_words(reference: object) -> tuple[str, ...]:
-    """Return the words of a command line that name the problem of a run, none if the run names none."""
+    """Return the words of a command line that name the problem of a run; none if the run names none."""
     return ("--problem", reference) if isinstance(reference, str) and reference else ()
 
 
 def was_cut_off(folder: Path) -> bool:
-    """Return whether a folder holds a run that was stopped, or killed, after it had something to resume from."""
+    """Return whether a folder has a run that was stopped or killed after it had something to resume from."""
     run = _entries(folder / RUN) or {}
     is_unfinished = run.get("status") in (*STOPPED, "running", "refining")
     return is_unfinished and can_resume(folder) and (folder / CHECKPOINT / JOURNAL).stat().st_size > 0
 
 
 def unfinished_note(folder: Path) -> str:
-    """Say what can be done with a run that has no result, and where the one is that it replaces, after an error.
+    """Return the words that help after an error: how to resume a run without result, the place of the run it replaces.
 
-    One that ended for want of a feasible motion would end so again: the reason is said instead.
+    A run that ended because no motion is feasible would end so again: the reason is returned instead.
     """
     former, run = folder / FORMER, _entries(folder / RUN) or {}
     if run.get("status") == "Infeasible":
@@ -272,7 +272,7 @@ def unfinished_note(folder: Path) -> str:
 
 
 def _entries(file: Path) -> dict[str, Any] | None:
-    """Return the entries of a `run.json` of some version of this format, unchecked; None where it is none."""
+    """Return the unchecked entries of a `run.json` of some version of this format; None for other files."""
     try:
         run = json.loads(read_plain_file(file))
     except (InvalidRun, ValueError, RecursionError):
@@ -281,15 +281,15 @@ def _entries(file: Path) -> dict[str, Any] | None:
 
 
 def digest(run: Mapping[str, Any]) -> str:
-    """Return the SHA-256 digest of a run's entries, the one named "digest" left out."""
+    """Return the SHA-256 digest of a run's entries without the entry "digest"."""
     entries = {name: value for name, value in run.items() if name != "digest"}
     return hashlib.sha256(json.dumps(entries, sort_keys=True).encode()).hexdigest()
 
 
 def to_json(value: Any, *, name: str = "run") -> Any:
-    """Return `value` as strict JSON has it: arrays as lists, paths as text, numbers that are not finite as null.
+    """Return `value` as strict JSON: arrays as lists, paths as text, numbers that are not finite as null.
 
-    Raises InvalidInput where an item is neither number, text, truth value, None, list nor mapping.
+    Raises InvalidInput if an item is neither number, text, truth value, None, list nor mapping.
     """
     match value:
         case None | bool() | int() | str():
@@ -305,7 +305,7 @@ def to_json(value: Any, *, name: str = "run") -> Any:
         case list() | tuple():
             return [to_json(item, name=f"{name}[{index}]") for index, item in enumerate(value)]
         case _:
-            raise InvalidInput(f"{name}: wanted what JSON can hold, got {type(value).__name__}")
+            raise InvalidInput(f"{name} must be what JSON can hold, got {type(value).__name__}")
 
 
 def read_plain_file(file: Path) -> bytes:
@@ -314,15 +314,15 @@ def read_plain_file(file: Path) -> bytes:
         descriptor = os.open(file, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
         try:
             if not stat.S_ISREG(os.fstat(descriptor).st_mode):
-                raise InvalidRun(f"{file}: wanted a plain file, got {missing_file(file)}")
+                raise InvalidRun(f"{file} must be a plain file, got {missing_file(file)}")
             with open(descriptor, "rb", closefd=False) as content:
                 return content.read()
         finally:
             os.close(descriptor)
     except OSError as fault:
         if fault.errno in (errno.ENOENT, errno.ENOTDIR, errno.ELOOP, errno.ENXIO):
-            raise InvalidRun(f"{file}: wanted a plain file, got {missing_file(file)}") from fault
-        raise InvalidRun(f"{file}: wanted to read it, got {fault.strerror}") from fault
+            raise InvalidRun(f"{file} must be a plain file, got {missing_file(file)}") from fault
+        raise InvalidRun(f"{file} must be readable, got {fault.strerror}") from fault
 
 
 def _refuse_constant(constant: str) -> None:

@@ -1,4 +1,4 @@
-"""The fingerprint of a problem, by which a run knows it again."""
+"""The fingerprint of a problem: a run recognises its problem by it."""
 
 from __future__ import annotations
 
@@ -31,23 +31,23 @@ from paretoik.runs.user_code import (
     written_places,
 )
 
-# What a class and an object of it are made of.
+# The parts of a class and of its objects that count.
 
 
 CONSTRUCTION = ("__init__", "__post_init__", "__new__", "__init_subclass__")
-EVALUATING = frozenset(  # what a search calls of a problem
+EVALUATING = frozenset(  # methods of a problem that a search calls
     {"_evaluate", "evaluate", "__call__", "decode", "encode", "explain", "species", "sample_starts", "algorithm"}
     | {"_calc_pareto_front", "_calc_pareto_set"}
 )
 PYMOO = "pymoo.core.problem"
-EVALUATION = frozenset(  # how a pymoo problem is evaluated, not what it is
+EVALUATION = frozenset(  # attributes for how a pymoo problem is evaluated, which do not define it
     {"elementwise_func", "elementwise_runner", "requires_kwargs", "strict"}
     | {"exclude_from_serialization", "callback", "cache"}
 )
 
 
 def class_parts(kind: type) -> dict[str, object]:
-    """Return what a class is: a library's its name, a user's what it is made from, its methods and its attributes."""
+    """Return the parts of a class: the name of a library's; fields, bases, methods and attributes of a user's."""
     if is_library_class(kind):
         return {"name": library_name(kind)}
     parts: dict[str, object] = {"name": kind.__name__, "bases": [base for base in kind.__bases__ if base is not object]}
@@ -67,7 +67,7 @@ def class_parts(kind: type) -> dict[str, object]:
 
 
 def _is_written(value: object) -> bool:
-    """Return whether what has a special name is a function that a user wrote, not one that was generated."""
+    """Return whether a special name belongs to a function that a user wrote, not to a generated one."""
     function = underlying(value)
     return (
         function is not None
@@ -77,10 +77,10 @@ def _is_written(value: object) -> bool:
 
 
 def object_state(value: Any) -> Mapping[str, object]:
-    """Return by name what makes an object what it is, without what was computed from it meanwhile.
+    """Return by name what defines an object, without what was computed from it meanwhile.
 
-    Of data classes these are the fields; of a user's objects, of ours and of pymoo's problems the attributes, except
-    those that its evaluation writes; of those of libraries what they would be pickled with.
+    Data classes count by their fields; objects of users, ours and pymoo's problems by their attributes, except those
+    that an evaluation writes; objects of libraries by what pickle would take.
     """
     kind = type(value)
     if is_dataclass(kind):
@@ -109,16 +109,16 @@ def _reduced(value: Any) -> Mapping[str, object]:
 
 
 def _state_names(kind: type) -> set[str]:
-    """Return the attributes that methods of a user's class write once it is constructed: counts, caches, progress.
+    """Return the attributes that methods of a user's class write after construction: counts, caches, progress.
 
-    Of a class that can be evaluated these are the methods that an evaluation leads to, of others all.
+    If the class can be evaluated, only methods that an evaluation leads to count, else all methods.
     """
     nodes = dict[str, Function]()
     for base in reversed(kind.__mro__):
         if not is_library_class(base):
             nodes |= _methods(base)
     evaluates = any(name in nodes for name in ("_evaluate", "__call__"))
-    late = _reachable(nodes, EVALUATING) if evaluates else set(nodes)  # a setter is a user's to call, and defines
+    late = _reachable(nodes, EVALUATING) if evaluates else set(nodes)  # a setter is called by users, so it defines
     names = {base.__name__ for base in kind.__mro__}
     return {
         attribute
@@ -129,7 +129,7 @@ def _state_names(kind: type) -> set[str]:
 
 
 def _reachable(nodes: Mapping[str, Function], names: Iterable[str]) -> set[str]:
-    """Return which methods some of them lead to, these included."""
+    """Return which methods these methods lead to, with themselves."""
     reached, pending = set[str](), [name for name in names if name in nodes]
     while pending:
         name = pending.pop()
@@ -151,27 +151,27 @@ def _methods(kind: type) -> dict[str, Function]:
     return nodes
 
 
-# Digests of values: equal for equal ones, in all processes and versions of Python.
+# Digests of values: equal for equal values, in all processes and versions of Python.
 
 
 @dataclass(frozen=True, kw_only=True)
 class DigestOptions:
-    """How far values are looked into, and how numbers are compared."""
+    """How deep values are read, and how numbers are compared."""
 
-    depth: int = 100  # of values within each other; what lies deeper counts by its type, or Python's stack would end
-    decimals: int = 6  # of computed values [rad, m, shares]: processors differ in the last bits of what they compute
+    depth: int = 100  # of nested values; deeper ones count by their type only, as Python's stack is limited
+    decimals: int = 6  # of computed values [rad, m, shares]: processors differ in their last bits
 
 
 OPTIONS = DigestOptions()
-EXACT = 2**53  # up to which floats hold all integers
+EXACT = 2**53  # floats represent all integers up to this one
 GENERATORS = (np.random.Generator, np.random.RandomState, np.random.BitGenerator, random.Random)
 
 
 @dataclass(kw_only=True, eq=False)
 class Digester:
-    """Digests of values that may refer to each other, each computed once; ``rounded`` while they are computed ones."""
+    """Digests of values that may refer to each other, each made once; ``rounded`` while values are computed ones."""
 
-    done: dict[tuple[int, bool], tuple[object, bytes]] = field(default_factory=dict)  # values too, so that they live
+    done: dict[tuple[int, bool], tuple[object, bytes]] = field(default_factory=dict)  # with values, to keep them alive
     open: dict[int, int] = field(default_factory=dict)
     rounded: bool = False
 
@@ -196,7 +196,7 @@ class Digester:
 
     @contextmanager
     def computed(self) -> Iterator[None]:
-        """Round the numbers of what is digested meanwhile."""
+        """Round the numbers that are digested in the body."""
         before, self.rounded = self.rounded, True
         try:
             yield
@@ -230,7 +230,7 @@ class Digester:
             case list() | tuple():
                 return joined("sequence", *self._own_class(value), *map(self.digest, value))
             case PurePath():
-                return joined("path", value.name.encode(errors="surrogatepass"))  # wherever it is
+                return joined("path", value.name.encode(errors="surrogatepass"))  # its folder does not count
             case Enum():
                 return joined("enum", self.digest(type(value)), value.name.encode())
             case ModuleType():
@@ -247,7 +247,7 @@ class Digester:
                 return joined("property", self.digest(value.func))
         if isinstance(value, GENERATORS):
             return joined("chance", library_name(type(value)).encode())
-        function = underlying(value) if is_library_class(type(value)) else None  # a user's may hold more
+        function = underlying(value) if is_library_class(type(value)) else None  # a user's object may contain more
         if function is not None:
             return self._function(function)
         if isinstance(value, BuiltinFunctionType | np.ufunc):
@@ -255,7 +255,7 @@ class Digester:
         return self._object(value)
 
     def _own_class(self, value: object) -> list[bytes]:
-        """Return the digest of a collection's class where a user wrote it."""
+        """Return the digest of a collection's class if a user wrote it."""
         return [] if is_library_class(type(value)) else [self.digest(type(value))]
 
     def _array(self, value: Any) -> bytes:
@@ -270,7 +270,7 @@ class Digester:
         return joined("items", str(array.shape).encode(), str(array.dtype).encode(), content)
 
     def _numbers(self, array: np.ndarray) -> bytes:
-        """Return the bytes of numbers, the same for all types, and for both zeros and all NaNs."""
+        """Return the bytes of numbers: the same for all number types, for both zeros and for all NaNs."""
         numbers = np.array(array.astype("<f8") + 0.0)
         numbers[np.isnan(numbers)] = np.nan
         return np.ascontiguousarray(numbers.round(OPTIONS.decimals) + 0.0 if self.rounded else numbers).tobytes()
@@ -295,24 +295,24 @@ class Digester:
 
 
 def joined(label: str, *parts: bytes) -> bytes:
-    """Return the digest of parts under a label; where one ends and the next begins counts."""
+    """Return the digest of parts under a label; the limits between parts count."""
     digest = blake2b(label.encode(errors="surrogatepass") + b"\0", digest_size=32)
     for part in parts:
         digest.update(len(part).to_bytes(8, "little") + part)
     return digest.digest()
 
 
-SCHEME = "2"  # of digests; another where they come to be made in another way
+SCHEME = "2"  # of digests; it changes when digests are made in another way
 
 
 def fingerprint(problem: object) -> str:
     """Return a digest of everything that gives a problem's genes their objectives, "SCHEME:DIGEST".
 
     All attributes of the problem count, field by field: arm, paths, limits, obstacles, functions with their code, their
-    defaults, and the values of their closures and globals; of a user's own problem its class too. Code counts by its
-    syntax, without comments, layout, annotations and documentation; where its source is not at hand, or not what runs,
-    by its bytecode and Python's version. Code of installed libraries counts by name. What problem and functions change
-    themselves while they are evaluated, counts and caches, does not count, nor does where a file is.
+    defaults, and the values of their closures and globals; for a user's own problem its class too. Code counts by its
+    syntax, without comments, layout, annotations and documentation; if its source is not at hand, or not what runs,
+    by its bytecode and Python's version. Code of installed libraries counts by name. Values that problem and functions
+    change themselves during an evaluation, such as counts and caches, do not count, nor does the place of a file.
 
     Two attributes of a class say more: ``computed_attributes`` follow from the others and are compared to 6 decimals,
     as processors differ in the last bits; ``search_attributes`` say how solutions are searched for, and do not count.
@@ -323,9 +323,9 @@ def fingerprint(problem: object) -> str:
 
 
 def check_fingerprint(problem: object, stored: object, *, wish: str) -> None:
-    """Raise InvalidInput, which begins with ``wish``, where a problem is not the one with a stored fingerprint.
+    """Raise InvalidInput, which begins with ``wish``, if a problem does not have the stored fingerprint.
 
-    One of another scheme is a run's that another version of paretoik made: whether it is of the problem nobody knows.
+    A fingerprint of another scheme comes from another version of paretoik and cannot be compared.
     """
     if not isinstance(stored, str) or not stored.startswith(f"{SCHEME}:"):
         raise InvalidInput(

@@ -25,30 +25,30 @@ from paretoik.runs.file_replacement import (
 )
 from paretoik.runs.files import CONTENTS, FORMER, RUN, can_resume, has_result, is_run, was_cut_off
 
-# The run that a new one replaces: set aside, and put back unless the new one comes to a result.
+# The run that a new one replaces: set aside, and put back unless the new one has a result.
 #
-# Its files move into `.former-run`, a folder within the run's own. While they move, either way, that is called
-# `.former-run.part`, and whatever is in it belongs back. So at every moment, should the process be killed, the next
-# one knows which of both runs is whole. Whoever calls these functions holds the folder's lock. All of it goes by
-# descriptors of folders: a link that takes the place of one meanwhile is not followed.
+# Its files move into `.former-run`, a folder within the run's own. While they move, in or out, it is called
+# `.former-run.part`, and its files belong back. So if the process is killed at any moment, the next one knows which of
+# the two runs is whole. The caller of these functions holds the folder's lock. All work goes by descriptors of
+# folders: a link that takes the place of one meanwhile is not followed.
 
 
 PART = f"{FORMER}.part"
 
 
 def set_aside(folder: OpenFolder) -> None:
-    """Move the run in a folder into `.former-run` within it; one without a result, and nothing to go on, is removed."""
+    """Move the run in a folder into `.former-run` within it; remove one without a result that cannot resume."""
     if has_result(folder.path) or can_resume(folder.path):
         place = folder.descriptor
         os.mkdir(PART, dir_fd=place)
         with plain_folder(PART, within=place) as part:
-            move_files(reversed(CONTENTS), place, part)  # run.json last: a folder without is no run
+            move_files(reversed(CONTENTS), place, part)  # run.json last: a folder without it is no run
         os.rename(PART, FORMER, src_dir_fd=place, dst_dir_fd=place)
-    remove_run(folder)  # what a killed writer left half written
+    remove_run(folder)  # files that a killed writer left incomplete
 
 
 def settle(folder: OpenFolder) -> bool:
-    """Remove the run that was set aside where the new one has a result, else put it back; say whether that was done."""
+    """Remove the run that was set aside if the new one has a result, else put it back; return whether it is back."""
     place = folder.descriptor
     if is_plain_folder(FORMER, place):
         if has_result(folder.path):
@@ -73,7 +73,7 @@ def remove_run(folder: OpenFolder) -> None:
             remove(entry, folder.descriptor)
 
 
-# Room on the disk for a run's result, held by a file until the result is written: nothing else can fill it.
+# Disk space for a run's result, held by a file until the result is written: nothing else can fill it.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,10 +87,10 @@ OPTIONS = SpaceOptions()
 
 
 class ReservedSpace:
-    """Room that a ``file`` holds, which is taken at once.
+    """Disk space that a ``file`` holds, from the start.
 
-    Raises InvalidInput where the disk has less. Where a file system or a limit on the size of files does not allow such
-    a file, nothing is held.
+    Raises InvalidInput if the disk has less. If a file system or a limit on the size of files does not allow such a
+    file, nothing is held.
     """
 
     def __init__(self, file: Path) -> None:
@@ -100,13 +100,13 @@ class ReservedSpace:
         except OSError as fault:
             self.release()
             if fault.errno in (errno.ENOSPC, errno.EDQUOT):
-                with suppress(OSError):  # that of a run that goes on has more in it
+                with suppress(OSError):  # the file of a resumed run has more in it
                     file.parent.rmdir()
-                wish = f"{OPTIONS.bytes / 2**20:g} MB of free disk wanted, so that its result has room"
-                raise InvalidInput(f"{file.parent.parent}: {wish}, got {_free(file.parent.parent)}") from None
+                wish = f"must have {OPTIONS.bytes / 2**20:g} MB of free disk for the result"
+                raise InvalidInput(f"{file.parent.parent} {wish}, got {_free(file.parent.parent)}") from None
 
     def take(self) -> None:
-        """Hold the room; raises OSError where there is none."""
+        """Hold the disk space; raises OSError if there is too little."""
         self._file.parent.mkdir(exist_ok=True)
         with plain_folder(self._file.parent) as folder:
             flags = os.O_CREAT | os.O_RDWR | os.O_NOFOLLOW
@@ -117,7 +117,7 @@ class ReservedSpace:
             os.close(descriptor)
 
     def release(self) -> None:
-        """Leave the room to what it was held for."""
+        """Free the disk space for the result."""
         with suppress(OSError), plain_folder(self._file.parent) as folder:
             os.unlink(self._file.name, dir_fd=folder)
 
@@ -134,20 +134,20 @@ LOCK = ".lock"
 def claim_folder(folder: Path | str, *, overwrite: bool = False) -> Iterator[Path]:
     """Make `folder` if need be and lock it against every other writer while the body runs.
 
-    A folder that holds a run with a result, or one to resume, is accepted with `overwrite` only. The files of a run
-    there, and nothing else, are removed once the body ends, however it ends, with the result of a new run there;
-    without one they are as they were. If the process is killed meanwhile, the next one that claims or locks the folder
+    A folder that has a run with a result, or one to resume, is accepted with `overwrite` only. Once the body ends, in
+    whatever way, with the result of a new run there, the files of the former run are removed, and nothing else; without
+    a result they are as they were. If the process is killed meanwhile, the next one that claims or locks the folder
     puts them back. The lock is the kernel's: it ends with the process (and those forked from it), however that ends.
 
     Raises
     ------
     InvalidInput
-        The folder cannot be made, holds something that is no run, holds a run with a result or one to resume while
-        `overwrite` is false, or another process is writing into it.
+        The folder cannot be made, contains something that is no run, contains a run with a result or one to resume
+        while `overwrite` is false, or another process is writing into it.
     """
     place = Path(folder)
     with _refusal(place):
-        if not (place / LOCK).exists():  # nobody is at work there: it is refused before anything is written
+        if not (place / LOCK).exists():  # nobody writes there: it is refused before anything is written
             _check_replaceable(place, overwrite=overwrite)
         place.mkdir(parents=True, exist_ok=True)
     with lock_folder(place):
@@ -164,16 +164,14 @@ def claim_folder(folder: Path | str, *, overwrite: bool = False) -> Iterator[Pat
 def _check_replaceable(place: Path, *, overwrite: bool) -> None:
     """Raise InvalidInput for a run with a result, or one that can be resumed, without permission to overwrite it."""
     if not overwrite and (has_result(place) or was_cut_off(place)):
-        raise InvalidInput(
-            f"{place}: wanted a new folder or permission to overwrite (--overwrite), got one that holds a run"
-        )
+        raise InvalidInput(f"{place} must be a new folder, got one that holds a run; use --overwrite to replace it")
 
 
 @contextmanager
 def lock_folder(place: Path) -> Iterator[Path]:
     """Lock a folder that is empty or holds a run against every other writer while the body runs.
 
-    Warns where it puts back a run that a killed process was to replace. Raises InvalidInput where the folder cannot be
+    Warns if it puts back a run that a killed process was to replace. Raises InvalidInput if the folder cannot be
     locked, or another process is writing into it.
     """
     with _locked(place):
@@ -187,10 +185,10 @@ def lock_folder(place: Path) -> Iterator[Path]:
 
 @contextmanager
 def reclaim_folder(place: Path) -> Iterator[Path]:
-    """Lock the folder of a run that goes on, with all that is there, against every other writer while the body runs.
+    """Lock the folder of a resumed run, with all files there, against every other writer while the body runs.
 
-    A run that it is to replace is removed once the body ends with a result, and else waits on. Raises InvalidInput
-    where the folder cannot be locked, or another process is writing into it.
+    A run that it is to replace is removed once the body ends with a result, and is kept otherwise. Raises InvalidInput
+    if the folder cannot be locked, or another process is writing into it.
     """
     with _locked(place):
         try:
@@ -203,11 +201,11 @@ def reclaim_folder(place: Path) -> Iterator[Path]:
 
 @contextmanager
 def _locked(place: Path) -> Iterator[None]:
-    """Hold the lock of a folder that is empty or a run's, which ends with the process; raises InvalidInput."""
+    """Hold the lock of an empty folder or a run's, which ends with the process; raises InvalidInput for others."""
     with _refusal(place):
         foreign = _foreign_entry(place)
         if foreign is not None:
-            raise InvalidInput(f"{place}: wanted a new folder, an empty one or a run, got one that holds {foreign}")
+            raise InvalidInput(f"{place} must be a new folder, an empty one or a run, got one that holds {foreign}")
         lock = _open_lock(place)
     with lock:
         _lock(lock, place)
@@ -215,11 +213,11 @@ def _locked(place: Path) -> Iterator[None]:
 
 
 def _refusal(place: Path) -> AbstractContextManager[None]:
-    return refusal(f"{place}: wanted a folder to write a run into")
+    return refusal(f"{place} must be a folder to write a run into")
 
 
 def check_no_run(folder: Path) -> None:
-    """Raise InvalidInput where a process runs in a folder, holding its lock."""
+    """Raise InvalidInput if a process runs in a folder, with its lock."""
     if os.path.lexists(folder / LOCK):
         with _refusal(folder):
             lock = _open_lock(folder)
@@ -228,13 +226,13 @@ def check_no_run(folder: Path) -> None:
 
 
 def check_other_folder(name: str, folder: Path, *sources: Path | None) -> None:
-    """Raise InvalidInput, by ``name``, where a folder is that of a run that what goes into it comes from."""
+    """Raise InvalidInput, by ``name``, if a folder is that of a run that its new content comes from."""
     if any(source is not None and source.resolve() == folder.resolve() for source in sources):
-        raise InvalidInput(f"{name}: wants another folder than that of the run that it comes from, got {folder}")
+        raise InvalidInput(f"{name} must be another folder than that of the run that it comes from, got {folder}")
 
 
 def _foreign_entry(place: Path) -> str | None:
-    """Return the name of an entry that makes `place` a folder that is not ours, None where it is empty or a run."""
+    """Return the name of an entry that no run writes into `place`; None if it is empty or a run."""
     names = sorted(entry.name for entry in place.iterdir())
     others = [name for name in names if not name.startswith((LOCK, f".{RUN}.", FORMER, SAVED))]
     ours = any(is_run(folder / RUN) for folder in (place, place / FORMER, place / PART))
@@ -252,9 +250,9 @@ def _lock(lock: BinaryIO, place: Path) -> None:
     except BlockingIOError as fault:
         lock.seek(0)
         writer = lock.read(20).decode(errors="replace").strip() or "unknown"
-        raise InvalidInput(f"{place}: wanted to be its only writer, got process {writer} at work there") from fault
+        raise InvalidInput(f"{place} must have no other writer, got process {writer} at work there") from fault
     except OSError as fault:
-        raise InvalidInput(f"{place}: wanted to lock it against a second writer, got {fault.strerror}") from fault
+        raise InvalidInput(f"{place} must allow a lock against a second writer, got {fault.strerror}") from fault
     lock.truncate(0)
     lock.write(str(os.getpid()).encode())
     lock.flush()

@@ -20,7 +20,7 @@ from paretoik.errors import EvaluationFailed, InvalidInput
 from paretoik.inputs import CALLS, CallLimit, limited_calls, positive_number
 from paretoik.stop_flag import STOP, Interrupted
 
-# How long a verb will still take, once its present stage has come far enough to tell.
+# Estimates of how long a verb will still take, once enough of its present stage is done.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,21 +39,21 @@ OPTIONS = TimeLeftOptions()
 
 
 def time_left(done: float, left: float, seconds: float, later: float = 0.0) -> float | None:
-    """Return about how many seconds are left: of the stage, whose work ``done`` took ``seconds``, and ``later``.
+    """Return the seconds left: of the stage, whose work ``done`` took ``seconds``, plus ``later``.
 
-    It is None if too little is done to tell.
+    None if too little is done for an estimate.
     """
     if done <= 0 or done < OPTIONS.share * (done + left) or seconds < OPTIONS.seconds:
         return None
     return seconds / done * left + later
 
 
-# A limit on the time that a verb computes: past it, it is asked to stop as by a signal. Compiling is not counted.
+# A limit on the time that a verb computes: when it is over, the verb stops as after a signal. Compiling is not counted.
 
 
 @dataclass(kw_only=True, eq=False)
 class TimeLimit:
-    """A limit of so many ``seconds``, and whether it was reached."""
+    """A time limit [s], None for no limit, and whether it was reached."""
 
     seconds: float | None
     reached: bool = False
@@ -84,24 +84,24 @@ class TimeLimit:
             yield
 
 
-_TIME_LIMIT: list[TimeLimit] = []  # those under way, one within another
+_TIME_LIMIT: list[TimeLimit] = []  # the limits under way, each within the one before
 
 
 def check_time_limit(seconds: float | None) -> None:
-    """Raise InvalidInput unless that is None or a positive number, and outside the main thread for a number.
+    """Raise InvalidInput unless the limit is a positive number, or None; a number needs the main thread.
 
-    The flag that asks a verb to stop is the process's.
+    The reason is that the flag that asks a verb to stop belongs to the process.
     """
     if seconds is None:
         return
     positive_number("time_limit", seconds, "s")
     if threading.current_thread() is not threading.main_thread():
-        raise InvalidInput("time_limit: wants the main thread, as signals do, got another one")
+        raise InvalidInput("time_limit must be set in the main thread, as signals are, got another thread")
 
 
 @contextmanager
 def time_limit(seconds: float | None) -> Iterator[TimeLimit]:
-    """Ask what the body runs to stop after so many seconds; None sets no limit. Raises as ``check_time_limit``."""
+    """Ask the body to stop after this many seconds; None sets no limit. Raises as ``check_time_limit``."""
     check_time_limit(seconds)
     limit = TimeLimit(seconds=seconds)
     if seconds is None:
@@ -132,7 +132,7 @@ def time_limit(seconds: float | None) -> Iterator[TimeLimit]:
         watcher.join()
         if STOP[0] == SIGALRM:
             STOP[0] = 0
-        if any(outer.remaining <= 0 for outer in _TIME_LIMIT):  # meanwhile
+        if any(outer.remaining <= 0 for outer in _TIME_LIMIT):  # reached meanwhile
             STOP[0] = STOP[0] or SIGALRM
 
 
@@ -145,7 +145,7 @@ def time_is_up() -> bool:
 def limited_evaluations(seconds: float | None, *, allowed: float = inf) -> Iterator[None]:
     """End each call of a user's function in the body after this time with EvaluationFailed; None sets no limit.
 
-    The call after ``allowed`` ones that were ended raises Interrupted, with the reason.
+    ``allowed`` calls may be ended so; the next one raises Interrupted, with the reason.
     """
     if seconds is None:
         yield
@@ -167,10 +167,10 @@ def limited_evaluations(seconds: float | None, *, allowed: float = inf) -> Itera
 
 @contextmanager
 def reserve_time(share: float, longest: float) -> Iterator[None]:
-    """Ask what the body runs to stop before the time limit under way, so that some of it is left for what follows.
+    """Ask the body to stop before the time limit under way, so that some time is left for what follows.
 
-    Left is a ``share`` of the limit, at most ``longest`` [s]. The limit then counts as reached. Without one the body
-    runs freely.
+    The time left is a ``share`` of the limit, at most ``longest`` [s]. The limit then counts as reached. Without a
+    limit the body runs freely.
     """
     if not _TIME_LIMIT or _TIME_LIMIT[-1].remaining <= 0:
         yield
@@ -190,7 +190,7 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 class Interruption:
-    """The signal that asked a run to stop, if any; true once there was one."""
+    """The signal that asked a run to stop, if any; true after a signal."""
 
     def __init__(self) -> None:
         self.signal: signal.Signals | None = None
@@ -204,14 +204,14 @@ class Interruption:
         return 0 if self.signal is None else 128 + self.signal
 
 
-_ACTIVE: list[Interruption] = []  # at most one: signals are the process's
+_ACTIVE: list[Interruption] = []  # at most one: signals belong to the process
 
 
 @contextmanager
 def _watching() -> Iterator[None]:
     """Set the stop flag as soon as a signal comes, even while compiled code runs in the main thread.
 
-    Python calls handlers between its own instructions there; the number of a signal it writes into a socket at once.
+    Python calls handlers only between its own instructions, but writes the number of a signal into a socket at once.
     """
     receiver, sender = socket.socketpair()
     with receiver, sender:
@@ -231,7 +231,7 @@ def _watching() -> Iterator[None]:
 
 
 def _watch(receiver: socket.socket, former: int) -> None:
-    """Set the stop flag to the first signal that a socket brings, until it brings 0; pass all on to a former one."""
+    """Set the stop flag to the first signal that a socket brings, until it brings 0; pass all to the former socket."""
     while number := receiver.recv(1)[0]:
         if number in SIGNALS and not STOP[0]:
             STOP[0] = number
@@ -254,9 +254,9 @@ os.register_at_fork(after_in_child=_leave_to_parent)
 def interruptible() -> Iterator[Interruption]:
     """Record the first SIGINT or SIGTERM instead of ending the process; restore the former handlers at the end.
 
-    What runs meanwhile learns of it from ``stop_flag``. With the first signal the former handlers return at once, so
-    a second Ctrl-C raises KeyboardInterrupt. Within another one it is the same. Outside the main thread, where Python
-    allows no handlers, nothing is caught.
+    The body learns of the signal from ``stop_flag``. With the first signal the former handlers return at once, so a
+    second Ctrl-C raises KeyboardInterrupt. Within another such context it is that one. Outside the main thread, where
+    Python allows no handlers, nothing is caught.
     """
     if threading.current_thread() is not threading.main_thread():
         yield Interruption()
@@ -273,7 +273,7 @@ def interruptible() -> Iterator[Interruption]:
 
     def restore() -> None:
         for which, handler in former.items():
-            # None stands for a handler that was not set from Python and cannot be set back from it.
+            # None means a handler that was not set from Python and cannot be set back from it.
             signal.signal(which, signal.SIG_DFL if handler is None else handler)
 
     former = {which: signal.getsignal(which) for which in SIGNALS}

@@ -1,14 +1,14 @@
-"""The journal of a run: what was computed from what, appended as it comes, so that nothing is computed twice.
+"""The journal of a run: computed values by their inputs, appended as they come, so that none is computed twice.
 
-A run that was stopped, or killed, starts again with its journal: it takes from there what it computed before from the
-same inputs, and computes the rest. Values depend on their inputs alone, so the result is the same, bit for bit, as that
+A run that was stopped or killed starts again with its journal: it takes from there what it computed before from the
+same inputs, and computes the rest. Values depend on their inputs only, so the result is the same, bit for bit, as that
 of a run that never stopped.
 
 The file is a row of frames: `MARK`; the length of the payload (8 bytes, little-endian); the SHA-256 digest of that
 length and the payload; and the payload: the length of its head (4 bytes), the head as JSON (the key, and the name, type
-and shape of every array), and the bytes of the arrays. Every frame stands alone. If one is damaged, the next `MARK`
-begins the next one, and what the damaged one held is computed again. A half-written frame at the end, from a process
-that was killed, is cut off.
+and shape of every array), and the bytes of the arrays. Every frame can be read alone. If one is damaged, the next
+`MARK` begins the next one, and the content of the damaged one is computed again. A half-written frame at the end, from
+a process that was killed, is cut off.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class Journal:
         self._places: dict[bytes, tuple[int, int]] = {}  # offset and length of a payload, by its key
         self._is_full = False
         self._end = 0  # of the last intact frame
-        with refusal(f"{file}: wanted to write the journal of a run"):
+        with refusal(f"{file} must be writable"):
             file.parent.mkdir(parents=True, exist_ok=True)
             # Opened by hand because a link in its place, or in that of its folder, must not be followed.
             with plain_folder(file.parent) as folder:
@@ -92,7 +92,7 @@ class Journal:
         return self._places.keys()
 
     def get(self, key: bytes) -> dict[str, np.ndarray] | None:
-        """Return what was appended under a key, None where nothing was."""
+        """Return the values of a key, None if it has none."""
         place = self._places.get(key)
         if place is None:
             return None
@@ -100,7 +100,7 @@ class Journal:
         return _decode(os.pread(self._descriptor, length, offset))
 
     def append(self, key: bytes, values: Values) -> None:
-        """Append values under a key. On a full disk a warning says that no more is kept, and the run goes on."""
+        """Append values under a key. On a full disk a warning says that no more is kept, and the run continues."""
         with self._lock:
             if self._is_full or key in self._places:
                 return
@@ -114,14 +114,14 @@ class Journal:
             except OSError as fault:
                 self._is_full = True
                 os.ftruncate(self._descriptor, self._end)
-                text = f"{self._file}: the run goes on, but cannot be resumed from here on: {fault.strerror}"
+                text = f"{self._file}: the run continues, but cannot be resumed from here on: {fault.strerror}"
                 warn_user(text)
                 return
             self._places[key] = (self._end + HEAD.size, len(payload))
             self._end += len(frame)
 
     def close(self) -> None:
-        """Have everything on the disk and close the file."""
+        """Write everything to the disk and close the file."""
         with suppress(OSError):  # what is lost is computed again
             self._sync(every=0.0)
         os.close(self._descriptor)
@@ -138,16 +138,16 @@ class Journal:
             try:
                 key = _decode_head(payload)[0]
             except (ValueError, TypeError, SyntaxError, RecursionError) as fault:
-                raise InvalidRun(f"{self._file}: wanted arrays at byte {offset}, got {fault}") from fault
+                raise InvalidRun(f"{self._file} must hold arrays at byte {offset}, got {fault}") from fault
             self._places[key] = (offset, len(payload))
             damaged += offset - HEAD.size - self._end
             self._end = offset + len(payload)
         begin = os.pread(self._descriptor, len(MARK), 0)
         if not self._places and begin != MARK[: len(begin)]:
-            raise InvalidRun(f"{self._file}: wanted the journal of a run, got something else")
+            raise InvalidRun(f"{self._file} must be the journal of a run, got something else")
         os.ftruncate(self._descriptor, self._end)
         if damaged:
-            warn_user(f"{self._file}: {damaged} of {size} bytes are damaged; what they held is computed again")
+            warn_user(f"{self._file}: {damaged} of {size} bytes are damaged; their content is computed again")
 
     def _frames(self, size: int) -> Iterator[tuple[int, bytes]]:
         """Yield the offset and the payload of every intact frame."""
@@ -165,9 +165,9 @@ class Journal:
             place += 1
 
     def _next_mark(self, begin: int, size: int) -> int:
-        """Return where the first mark from a byte on is, the size of the file if there is none.
+        """Return the offset of the first mark from a byte on, or the size of the file.
 
-        Raises InvalidRun if it is further away than any frame is long: no run wrote that.
+        Raises InvalidRun if the mark is further away than any frame is long: no run wrote that.
         """
         if os.pread(self._descriptor, len(MARK), begin) == MARK:
             return begin
@@ -176,7 +176,7 @@ class Journal:
             if found >= 0:
                 return place + found
         if size - begin > OPTIONS.largest:
-            raise InvalidRun(f"{self._file}: wanted the journal of a run, got {size - begin} bytes at byte {begin}")
+            raise InvalidRun(f"{self._file} must be the journal of a run, got {size - begin} bytes at byte {begin}")
         return size
 
 
@@ -185,9 +185,9 @@ _ACTIVE: list[Journal] = []  # at most one: a process does one run at a time
 
 @contextmanager
 def journalled(file: Path | None) -> Iterator[Journal | None]:
-    """Let what the body computes be remembered in a file, and what is there be taken from it; None remembers nothing.
+    """Remember what the body computes in a file, and take from it what is there; None remembers nothing.
 
-    Within another journal's body it is that one. Raises as ``Journal``.
+    Within another journal's body that journal is used. Raises as ``Journal``.
     """
     if file is None or _ACTIVE:
         yield None
@@ -203,7 +203,7 @@ def journalled(file: Path | None) -> Iterator[Journal | None]:
 
 @contextmanager
 def without_journal() -> Iterator[None]:
-    """Let nothing that the body computes be remembered, or taken from a journal: what depends on the clock, say."""
+    """Use no journal for what the body computes, because it depends on the clock, for instance."""
     active = _ACTIVE.copy()
     _ACTIVE.clear()
     try:
@@ -213,15 +213,15 @@ def without_journal() -> Iterator[None]:
 
 
 def is_journalled() -> bool:
-    """Say whether what is computed is remembered."""
+    """Return whether computed values are remembered."""
     return bool(_ACTIVE)
 
 
 def remembered(key: bytes | None, compute: Compute) -> Values:
-    """Return what the journal has under a key, else what ``compute`` returns, which goes into the journal.
+    """Return the values of a key in the journal, else those of ``compute``, which go into the journal.
 
-    The key is that of all it is computed from, None where nothing is to be remembered. Values are plain arrays by name.
-    What comes after a signal may have been cut short, and is not remembered.
+    The key is that of all inputs, None if nothing is to be remembered. Values are plain arrays by name. Values computed
+    after a signal may have been cut short, and are not remembered.
     """
     if not _ACTIVE or key is None:
         return compute()
@@ -236,7 +236,7 @@ def remembered(key: bytes | None, compute: Compute) -> Values:
 
 
 def recalled(key: bytes) -> Values | None:
-    """Return what the journal has under a key, None where it has nothing, or where there is no journal."""
+    """Return the values of a key in the journal; None without values or without a journal."""
     return _ACTIVE[0].get(key) if _ACTIVE else None
 
 
@@ -268,14 +268,14 @@ def _encode(key: bytes, values: Values) -> bytes:
     arrays = {name: np.ascontiguousarray(value).reshape(np.shape(value)) for name, value in values.items()}
     for name, array in arrays.items():
         if array.dtype.kind not in KINDS:
-            raise InvalidInput(f"journal: numbers and text wanted, got {array.dtype} for {name!r}")
+            raise InvalidInput(f"journal values must be numbers or text, got {array.dtype} for {name!r}")
     columns = [[name, array.dtype.str, array.shape] for name, array in arrays.items()]
     head = json.dumps([key.hex(), columns]).encode()
     return b"".join([LENGTH.pack(len(head)), head, *(array.tobytes() for array in arrays.values())])
 
 
 def _decode_head(payload: bytes) -> tuple[bytes, list[tuple[str, np.dtype[Any], tuple[int, ...]]], int]:
-    """Return the key of a frame, the name, type and shape of its arrays, and where these begin; raises ValueError."""
+    """Return a frame's key, the name, type and shape of its arrays, and their offset; raises ValueError."""
     (length,) = LENGTH.unpack_from(payload.ljust(LENGTH.size, b"\0"))
     begin = LENGTH.size + length
     key, columns = json.loads(payload[LENGTH.size : begin])

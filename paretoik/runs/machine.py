@@ -1,4 +1,4 @@
-"""What a result depends on beside its inputs: versions of packages, and what the processor can do."""
+"""Influences on a result next to its inputs: versions of packages, and the features of the processor."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from typing import Any
 
 import numpy as np
 
-# One thread of the linear algebra libraries while a verb or a navigation computes, whatever the machine has.
+# One thread for the linear algebra libraries while a verb or a navigation computes, on every machine.
 #
-# The matrices are small: more threads wait for each other longer than they compute, and sums in another order could
-# be other bits on a machine with another number of cores.
+# The matrices are small: several threads wait for each other longer than they compute, and sums in another order could
+# have other bits on a machine with another number of cores.
 
 
 def single_blas_thread() -> AbstractContextManager[object]:
-    """Return a context with one BLAS thread; the number of before comes back at its end.
+    """Return a context with one BLAS thread; its end restores the former number.
 
-    The number is the process's: of contexts in several threads of Python the first one sets and restores it.
+    The number belongs to the process: of contexts in several threads of Python the first one sets and restores it.
     """
     context: AbstractContextManager[object] = _controller().limit(limits=1, user_api="blas")
     return context
@@ -42,7 +42,7 @@ def _controller() -> Any:
 def child_command(module: str, *arguments: str) -> list[str]:
     """Return the command of a child that calls ``main`` of a module and finds the modules that this process finds.
 
-    The folders that only this process knows, as that of a problem, come last: no file in them stands in for a module of
+    Folders that only this process knows, such as that of a problem, come last: no file in them replaces a module of
     Python or of a library.
     """
     places = [place or str(Path.cwd()) for place in sys.path]
@@ -50,7 +50,7 @@ def child_command(module: str, *arguments: str) -> list[str]:
     return [sys.executable, "-P", "-c", f"import sys; {path}; from {module} import main; main()", *arguments]
 
 
-PACKAGES = ("paretoik", "pymoo", "numpy", "scipy", "numba", "cvxpy", "clarabel")  # whose versions a result depends on
+PACKAGES = ("paretoik", "pymoo", "numpy", "scipy", "numba", "cvxpy", "clarabel")  # a result depends on their versions
 
 
 def versions() -> dict[str, str]:
@@ -60,20 +60,20 @@ def versions() -> dict[str, str]:
 
 @cache
 def processor() -> tuple[str, ...]:
-    """Return the make of the processor and the extensions that NumPy found it to have."""
+    """Return the make of the processor and the extensions that NumPy found."""
     extensions = np.show_config(mode="dicts")["SIMD Extensions"]
     return (platform.machine(), *sorted({*extensions.get("baseline", ()), *extensions.get("found", ())}))
 
 
 @cache  # it takes some milliseconds, and comes with every task
 def software() -> Mapping[str, str]:
-    """Return the versions that a worker has to have, by name: what is sent to it is read by the same Python alone."""
+    """Return the versions that a worker must have, by name: only the same Python can read what is sent to it."""
     return {"Python": ".".join(platform.python_version_tuple()[:2]), **versions()}
 
 
 def difference(wanted: Mapping[str, str], got: Mapping[str, str]) -> str:
-    """Return the first version that differs, in words, "" where none does."""
+    """Return the first version that differs, in words, "" if none does."""
     for name, number in wanted.items():
         if got.get(name) != number:
-            return f"{name} {number} wanted, got {got.get(name, 'none')}"
+            return f"{name} must be {number}, got {got.get(name, 'none')}"
     return ""

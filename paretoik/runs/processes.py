@@ -22,18 +22,19 @@ from paretoik.runs.machine import child_command
 from paretoik.runs.worker import STARTED, Work
 from paretoik.stop_flag import STOP, Interrupted
 
-LIBRARIES = ("OMP", "OPENBLAS", "MKL", "VECLIB_MAXIMUM", "NUMBA")  # which would have a thread a core
+LIBRARIES = ("OMP", "OPENBLAS", "MKL", "VECLIB_MAXIMUM", "NUMBA")  # each would use one thread per core
 ONE_THREAD = {f"{name}_THREADS" if "_" in name else f"{name}_NUM_THREADS": "1" for name in LIBRARIES}
 
 
 @dataclass(frozen=True, kw_only=True)
 class WorkerOptions:
-    """How work is dealt out, and when it is given up.
+    """How work is given to workers, and when it is given up.
 
-    A worker is given items for so many seconds (``portion``), but no more than an even share of those that are left,
-    ``shares`` of them a worker. An item is lost after more than ``allowed_failures`` workers ended on it. The first one
-    that a worker computes may take ``loading`` seconds more than another: code is read from the disk. One that is
-    stopped, and not let go on, for ``frozen`` seconds is replaced. A signal is looked for every ``interval`` seconds.
+    portion, shares: seconds of items that a worker gets, at most one share of the items left, ``shares`` per worker
+    allowed_failures: an item is lost after more workers than this ended on it
+    loading: more seconds for the first item of a worker, as code is read from the disk
+    frozen: seconds after which a stopped worker is replaced
+    interval: seconds between two looks for a signal
     """
 
     portion: float = 0.5
@@ -49,7 +50,7 @@ OPTIONS = WorkerOptions()
 
 @dataclass(kw_only=True, eq=False)
 class _Worker:
-    """A process, what it was given and has not answered, and since when it computes the first of it, or is stopped."""
+    """A process, its unanswered items, and the time since when it computes the first of them or is stopped."""
 
     process: subprocess.Popen[bytes]
     connection: Connection
@@ -61,7 +62,7 @@ class _Worker:
     replies: int = 0
 
     def is_frozen(self, seconds: float) -> bool:
-        """Return whether it has been stopped, as by SIGSTOP, for so many seconds, as far as the system says."""
+        """Return whether the process was stopped, as by SIGSTOP, for this long, as far as the system says."""
         is_stopped = False
         with suppress(ChildProcessError, AttributeError):  # it has ended, or the system does not say
             what = os.WSTOPPED | os.WNOHANG | os.WNOWAIT
@@ -80,9 +81,9 @@ class _Worker:
 
 
 class WorkerProcesses:
-    """So many ``workers``, processes on this machine, that end when it is closed, or with this process.
+    """A number of processes on this machine that end when this object is closed, or with this process.
 
-    Raises InvalidInput for what is no number of workers.
+    Raises InvalidInput if ``workers`` is no valid number of workers.
     """
 
     def __init__(self, workers: int, options: WorkerOptions = OPTIONS) -> None:
@@ -103,9 +104,9 @@ class WorkerProcesses:
     def replies(
         self, function: Function, shared: Any, items: Sequence[Any], *, seconds: float | None = None
     ) -> Iterator[tuple[int, Reply]]:
-        """Yield the place of every item with its reply, as they come; one that takes more ``seconds`` is lost.
+        """Yield every item's place and reply, as they come; an item that takes longer than ``seconds`` is lost.
 
-        Raises Interrupted soon after a signal; SolverFailed where workers end before they compute.
+        Raises Interrupted soon after a signal; SolverFailed if workers end before they compute.
         """
         if not items:
             return
@@ -130,7 +131,7 @@ class _Round:
         self.function, self.shared, self.items, self.seconds = function, shared, items, seconds
         self.pending = deque(range(len(items)))
         self.failures: Counter[int] = Counter()
-        self.unborn = 0  # workers that ended one after the other before they computed
+        self.unborn = 0  # workers in a row that ended before they computed
         self.answered = 0
         self.computed = 0.0
 
@@ -149,7 +150,7 @@ class _Round:
                 self._replace_frozen(worker)
 
     def _deal(self) -> None:
-        """Give work to whoever has none, and start workers that are missing."""
+        """Give work to idle workers, and start workers that are missing."""
         while len(self.processes) < self.workers:
             self.processes.append(_start())
         for worker in self.processes:
@@ -166,16 +167,16 @@ class _Round:
         work = Work(self.function, shared, [(place, self.items[place]) for place in places])
         worker.has, worker.since = self.shared, None
         worker.places.extend(places)
-        with suppress(OSError):  # it has ended, which is seen where its reply is waited for
+        with suppress(OSError):  # it has ended, which is noticed when its reply is awaited
             worker.connection.send_bytes(pickled("an item", tuple(work)))
 
     def _patience(self) -> float:
-        """Return for how long a reply may be waited for."""
+        """Return how long to wait for a reply."""
         limits = [limit - time.monotonic() for each in self.processes if (limit := self._limit(each)) is not None]
         return max(0.0, min([self.options.interval, *limits]))
 
     def _limit(self, worker: _Worker) -> float | None:
-        """Return when a worker will have taken too long, None where it never will."""
+        """Return when a worker will have taken too long, None for never."""
         if self.seconds is None or worker.since is None or not worker.places:
             return None
         return worker.since + self.seconds + (0.0 if worker.replies else self.options.loading)
@@ -192,7 +193,7 @@ class _Round:
                 end_late_verb("an evaluation in a worker", time.monotonic() - worker.since - loading)
 
     def _received(self, worker: _Worker) -> Iterator[tuple[int, Reply]]:
-        """Yield what a worker has sent; replace one that has ended."""
+        """Yield what a worker has sent; replace a worker that has ended."""
         try:
             place, reply = cloudpickle.loads(worker.connection.recv_bytes())
         except (EOFError, OSError):
@@ -208,16 +209,14 @@ class _Round:
         yield place, reply
 
     def _ended(self, worker: _Worker) -> Iterator[tuple[int, Reply]]:
-        """Let others compute what a worker had; yield the item that it ended on where too many did."""
+        """Give an ended worker's items to others; yield the item that it ended on if too many workers did."""
         self.processes.remove(worker)
         status, began = worker.end(), worker.since is not None
         first = worker.places[0]
         if not began:
             self.unborn += 1
             if self.unborn > self.options.allowed_failures:
-                raise SolverFailed(
-                    f"workers: wanted processes that compute, got {self.unborn} that ended: {_end(status)}"
-                )
+                raise SolverFailed(f"workers must start, got {self.unborn} that ended: {_end(status)}")
         self.failures[first] += began
         if self.failures[first] <= self.options.allowed_failures:
             self.pending.extendleft(reversed(worker.places))
@@ -228,7 +227,7 @@ class _Round:
         yield first, Lost(cause=f"{self.failures[first]} workers ended on it, the last {_end(status)}")
 
     def _replace_frozen(self, worker: _Worker) -> None:
-        """End a worker that was stopped; others compute what it had, which had no part in that."""
+        """End a stopped worker; others compute its items, which did not cause the stop."""
         self.processes.remove(worker)
         worker.end()
         self.pending.extendleft(reversed(worker.places))
@@ -236,7 +235,7 @@ class _Round:
         warn_user(text)
 
     def _give_up(self, worker: _Worker) -> tuple[int, Reply]:
-        """End a worker that takes too long, and return what it was at."""
+        """End a worker that takes too long, and return its present item as lost."""
         self.processes.remove(worker)
         worker.end()
         place = worker.places.popleft()

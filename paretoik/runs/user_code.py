@@ -1,4 +1,4 @@
-"""What a function is made of: its code, and the values that it finds outside."""
+"""The parts of a function: its code, and the values that it finds outside."""
 
 from __future__ import annotations
 import __future__
@@ -15,7 +15,7 @@ from functools import lru_cache
 from types import CodeType, FunctionType, ModuleType
 from typing import Any, TypeAlias
 
-# Whose code something is: a library's, which is known by its name, or a user's, which is read.
+# Origin of code: a library's, which is known by its name, or a user's, which is read.
 
 
 OURS = "paretoik"
@@ -24,7 +24,7 @@ PYTHON = (sysconfig.get_path("stdlib"), "<frozen ")
 
 
 def is_library(module: str | None, file: str | None = None) -> bool:
-    """Return whether a module is ours, Python's, or installed; ``file`` is its code's where that is at hand."""
+    """Return whether a module is ours, Python's, or installed; ``file`` is that of its code, if known."""
     name = module or ""
     if name.partition(".")[0] in {OURS, "builtins", *sys.stdlib_module_names}:
         return True
@@ -45,12 +45,12 @@ def is_library_module(module: ModuleType) -> bool:
 
 
 def library_name(value: Any) -> str:
-    """Return the name of a library's function or class: wherever within the library it is defined."""
+    """Return the name of a library's function or class, without the module that defines it."""
     package = str(getattr(value, "__module__", None) or "").partition(".")[0]
     return f"{package}:{getattr(value, '__qualname__', type(value).__qualname__)}"
 
 
-# The syntax tree of running code: from its source, where that still is what runs.
+# The syntax tree of running code: from its source, if that is still what runs.
 
 
 MUTATING = frozenset(
@@ -60,11 +60,11 @@ MUTATING = frozenset(
 UNSAID = frozenset({"ctx", "kind", "type_comment", "type_params", "returns", "annotation", "type_ignores"})
 Function: TypeAlias = ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda
 Place: TypeAlias = tuple[str, str | None]
-"""A name, and the attribute of it that is meant, None for itself."""
+"""A name and the meant attribute of it, None for the name itself."""
 
 
 def syntax_of(code: CodeType, module_globals: dict[str, Any]) -> Function | None:
-    """Return the syntax of a function; None where its file cannot be read, or compiled is not what runs."""
+    """Return a function's syntax; None if its file cannot be read, or its compiled source is not what runs."""
     source = "".join(linecache.getlines(code.co_filename, module_globals))
     if not source:
         return None
@@ -80,7 +80,7 @@ def syntax_of(code: CodeType, module_globals: dict[str, Any]) -> Function | None
 
 @lru_cache(maxsize=32)
 def _parse(source: str, file: str, flags: int) -> tuple[frozenset[CodeType], tuple[Function, ...]]:
-    """Return all code objects and all functions of a source, none where it is no Python."""
+    """Return all code objects and all functions of a source; none if it is not valid Python."""
     try:
         code = compile(source, file, "exec", flags=flags, dont_inherit=True)
         tree = ast.parse(source)
@@ -91,7 +91,7 @@ def _parse(source: str, file: str, flags: int) -> tuple[frozenset[CodeType], tup
 
 
 def nested_codes(code: CodeType) -> Iterator[CodeType]:
-    """Yield a code object and all within it."""
+    """Yield a code object and all nested ones."""
     yield code
     for constant in code.co_consts:
         if isinstance(constant, CodeType):
@@ -111,14 +111,14 @@ def _span(node: ast.expr) -> tuple[int, int | None, int, int | None]:
 def normalise(node: Function) -> str:
     """Return a function's syntax as text, the same for all layouts, annotations, documentation and Python versions.
 
-    Decorators and defaults are left out: what they came to is at hand.
+    Decorators and defaults are left out: their results are at hand.
     """
     arguments = [_text(value) for name, value in ast.iter_fields(node.args) if "defaults" not in name]
     return f"{type(node).__name__} {arguments} {_text(node.body)}"
 
 
 def _text(node: object) -> str:
-    """Return a part of a syntax tree as text, "" where there is nothing to say."""
+    """Return a part of a syntax tree as text, "" if it is empty."""
     if isinstance(node, list):
         return "[" + ",".join(text for each in node if (text := _text(each))) + "]"
     if not isinstance(node, ast.AST):
@@ -136,7 +136,7 @@ def _text(node: object) -> str:
 
 
 def _merge_texts(values: list[ast.expr]) -> list[ast.expr]:
-    """Return the parts of a formatted string, neighbouring texts as one: Python's versions divide them otherwise."""
+    """Return the parts of a formatted string, with neighbouring texts merged: Python versions split them otherwise."""
     merged = list[ast.expr]()
     for each in values:
         if merged and isinstance(each, ast.Constant) and isinstance(merged[-1], ast.Constant):
@@ -159,10 +159,10 @@ def read_names(node: Function) -> set[str]:
 
 
 def written_places(node: Function) -> set[Place]:
-    """Return what a function changes beyond its local variables: names, and attributes of names.
+    """Return the places that a function changes beyond its local variables: names, and attributes of names.
 
     Items that are assigned or deleted and the methods that change Python's containers count too: what a call changes is
-    the state of a computation, a cache or a count, and nothing that defines it.
+    the state of a computation, a cache or a count, and does not define the function.
     """
     places = set[Place]()
     for each in ast.walk(node):
@@ -176,7 +176,7 @@ def written_places(node: Function) -> set[Place]:
 
 
 def used_methods(node: Function) -> set[str]:
-    """Return the names of what a function takes from its first argument, or from ``super()``: methods among them."""
+    """Return the names that a function takes from its first argument or from ``super()``; methods are among them."""
     first, attributes = first_argument(node), [each for each in ast.walk(node) if isinstance(each, ast.Attribute)]
     owners = [(each.attr, each.value.func if isinstance(each.value, ast.Call) else each.value) for each in attributes]
     return {name for name, owner in owners if isinstance(owner, ast.Name) and owner.id in (first, "super")}
@@ -189,7 +189,7 @@ def first_argument(node: Function) -> str:
 
 
 def _place(node: ast.expr) -> Place:
-    """Return the name, and its attribute, that an expression leads to a part of; "" where it is no name."""
+    """Return the name, and its attribute, that an expression starts from; "" if it starts from no name."""
     attribute = None
     while isinstance(node, ast.Attribute | ast.Subscript | ast.Starred):
         attribute = node.attr if isinstance(node, ast.Attribute) else attribute
@@ -197,14 +197,14 @@ def _place(node: ast.expr) -> Place:
     return (node.id if isinstance(node, ast.Name) else ""), attribute
 
 
-LOADS = {dis.opmap["LOAD_GLOBAL"]: 1, dis.opmap["LOAD_NAME"]: 0}  # by how many bits their arguments are shifted
+LOADS = {dis.opmap["LOAD_GLOBAL"]: 1, dis.opmap["LOAD_NAME"]: 0}  # number of bits that their arguments are shifted by
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FunctionParts:
-    """A function's ``code`` as text, and by name the ``values`` that it is made with or finds where it runs.
+    """A function's ``code`` as text, and by name the ``values`` that it was made with or finds when it runs.
 
-    ``node`` is its syntax, where the source is at hand and the code is not a library's.
+    ``node`` is its syntax, if the source is at hand and the code is not a library's.
     """
 
     code: str
@@ -213,7 +213,7 @@ class FunctionParts:
 
 
 def function_parts(function: FunctionType) -> FunctionParts:
-    """Return the parts of a function; what it changes itself, such as a cache of its own, is none of them."""
+    """Return the parts of a function, without what it changes itself, such as its own cache."""
     code, module_globals = function.__code__, function.__globals__
     if is_library(function.__module__, code.co_filename):
         bare = inspect.unwrap(function)  # type checks that a user has put around it do not count
@@ -239,7 +239,7 @@ def _closure(function: FunctionType, written: set[str]) -> dict[str, object]:
         if name not in written:
             try:
                 values[f"closure {name}"] = cell.cell_contents
-            except ValueError:  # it has none yet
+            except ValueError:  # it has no value yet
                 values[f"closure {name}"] = "empty"
     return values
 
@@ -253,7 +253,7 @@ def _defaults(function: FunctionType, written: set[str]) -> dict[str, object]:
 
 
 def _loaded(code: CodeType) -> Iterator[str]:
-    """Yield the names that code, and code within it, loads from its module."""
+    """Yield the names that code, and nested code, loads from its module."""
     for each in nested_codes(code):
         extended, instructions = 0, each.co_code
         for operation, argument in zip(instructions[::2], instructions[1::2], strict=True):
@@ -264,7 +264,7 @@ def _loaded(code: CodeType) -> Iterator[str]:
 
 
 def _reached(label: str, value: object, code: CodeType) -> dict[str, object]:
-    """Return a global value, of a user's module what code may take from it."""
+    """Return a global value; for a user's module what code may take from it."""
     if not isinstance(value, ModuleType) or is_library_module(value):
         return {label: value}
     values = dict[str, object]()
@@ -275,7 +275,7 @@ def _reached(label: str, value: object, code: CodeType) -> dict[str, object]:
 
 
 def _bytecode(code: CodeType) -> str:
-    """Return code whose source is not at hand as text; every version of Python has its own."""
+    """Return code without source as text; every version of Python has its own."""
     constants = [_bytecode(each) if isinstance(each, CodeType) else repr(each) for each in code.co_consts]
     return f"{sys.version_info[:2]} {code.co_code.hex()} {code.co_names} {code.co_varnames} {constants}"
 

@@ -1,4 +1,4 @@
-"""A worker: a process that computes functions of items for the process that started it, and ends with that one.
+"""A worker: a process that computes functions of items for the process that started it, and ends with it.
 
 Its arguments, CONNECTION and LIFE, are two file descriptors. Messages come and go as pickles.
 """
@@ -21,11 +21,11 @@ from paretoik.errors import InvalidInput
 from paretoik.inputs import cause_of
 from paretoik.runs.distribution import Done, Function, Raised, become_worker
 
-STARTED = -1  # stands for a place: the items of a message are started, one after the other
+STARTED = -1  # in place of a place: the items of a message are being started, one after the other
 
 
 class Work(NamedTuple):
-    """Items with their places, the function to compute of them, and the shared object where it is another."""
+    """Items with their places, the function to compute, and the shared object if it is a new one."""
 
     function: bytes
     shared: bytes | None
@@ -42,7 +42,7 @@ def compute(function: Function, shared: Any, item: Any) -> Done | Raised:
 
 
 def _serve(connection: Connection) -> None:
-    """Compute whatever comes until nothing more does."""
+    """Compute messages until no more come."""
     received: SimpleQueue[bytes | None] = SimpleQueue()
     Thread(target=_receive, args=(connection, received), daemon=True).start()
     shared: Any = None
@@ -61,7 +61,7 @@ def _serve(connection: Connection) -> None:
 
 
 def _receive(connection: Connection, received: SimpleQueue[bytes | None]) -> None:
-    """Read messages as they come, so that whoever sends one never waits for what is being computed."""
+    """Read messages as they come, so that the sender never waits for a computation."""
     try:
         while True:
             received.put(connection.recv_bytes())
@@ -72,31 +72,31 @@ def _receive(connection: Connection, received: SimpleQueue[bytes | None]) -> Non
 def _send(connection: Connection, place: int, reply: Done | Raised | None) -> None:
     try:
         message = cloudpickle.dumps((place, reply))
-    except Exception as error:  # what users raise need not be what can be sent
-        refusal = InvalidInput(f"workers: a result that can be sent wanted, got {cause_of(error)}")
+    except Exception as error:  # errors of users need not be picklable
+        refusal = InvalidInput(f"workers: a result must be picklable, got {cause_of(error)}")
         message = cloudpickle.dumps((place, Raised(error=refusal)))
     connection.send_bytes(message)
 
 
 def _die_with(life: int) -> None:
-    """Let the kernel end this process as soon as nobody holds the other end of a pipe, whatever it computes by then.
+    """Make the kernel end this process as soon as nobody holds the other end of a pipe, whatever it computes.
 
-    Nothing is ever written into it: what comes is its end, and SIGIO with it, which by default ends the process.
+    Nothing is ever written into the pipe: its end comes, and SIGIO with it, which by default ends the process.
     """
     signal.signal(signal.SIGIO, signal.SIG_DFL)
     fcntl.fcntl(life, fcntl.F_SETOWN, os.getpid())
     fcntl.fcntl(life, fcntl.F_SETFL, fcntl.fcntl(life, fcntl.F_GETFL) | os.O_ASYNC | os.O_NONBLOCK)
     try:
         os.read(life, 1)
-        os._exit(0)  # it had ended before
+        os._exit(0)  # the starting process had ended before
     except BlockingIOError:
         pass
 
 
 def main() -> None:
-    """Serve the process at the other end."""
+    """Serve the process that started this one."""
     connection, life = map(int, sys.argv[1:])
     _die_with(life)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever started it ends it
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process that started it ends it
     become_worker()
     _serve(Connection(connection))

@@ -1,1 +1,1 @@
-"""How fronts are searched: MaxiMin selection, evolution, archive, ask and tell. Knows no robot and no task."""
+"""Evolutionary search of fronts: MaxiMin selection, archive, ask and tell; independent of robots and tasks."""

@@ -1,4 +1,4 @@
-"""The non-dominated archive outside the population: NSGA-II forgets, the archive does not."""
+"""The non-dominated archive outside the population: it keeps points that NSGA-II loses."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from paretoik.search.objectives import TOLERANCE, Floats, Integers, violations
 class ArchiveOptions:
     """Settings of the archive."""
 
-    capacity: int = 20_000  # points above which a grid thins the archive
+    capacity: int = 20_000  # points; above this number a grid thins the archive
     distance_tolerance: float = 1e-9  # of each objective's range: nearer points are duplicates
-    finest_grid: int = 2**16  # cells an axis that thinning starts from
+    finest_grid: int = 2**16  # cells per axis at which thinning starts
 
 
 OPTIONS = ArchiveOptions()
@@ -28,7 +28,7 @@ OPTIONS = ArchiveOptions()
 
 @dataclass(frozen=True, eq=False)
 class Members:
-    """Points as arrays, oldest first: ``ids`` (points,), ``X``, ``F`` minimised, ``G``, ``generations`` (points,)."""
+    """Points as arrays, oldest first; F is minimised."""
 
     ids: Ids
     X: Genes
@@ -43,24 +43,26 @@ class Members:
         return Members(**{name: part[rows] for name, part in vars(self).items()})
 
     def __add__(self, other: Members) -> Members:
-        """Put ``other`` behind these."""
+        """Return these members followed by ``other``."""
         return Members(**{name: np.concatenate((part, getattr(other, name))) for name, part in vars(self).items()})
 
 
 @dataclass(frozen=True)
 class Failures:
-    """How many evaluations gave no usable number, and why the first did not."""
+    """Number of evaluations without a usable number, and the cause of the first."""
 
     count: int = 0
     first_cause: str = ""
 
 
 class Archive:
-    """All feasible, finite, mutually non-dominated points so far, each with the id it was evaluated under.
+    """All feasible, finite, mutually non-dominated points so far, each with its id.
 
-    A point within 1e-9 of the ranges of an older one is that older one. Above ``capacity`` points the oldest of each
-    cell of a grid and the best of each objective remain. ``tolerance`` says what counts as feasible; ``names`` are the
-    objectives', for causes of failure.
+    A point within 1e-9 of the ranges of an older one is a duplicate and is left out. Above ``capacity`` points only the
+    oldest of each cell of a grid and the best of each objective remain.
+
+    tolerance: largest constraint excess of a feasible point
+    names: names of the objectives, for causes of failure
     """
 
     def __init__(
@@ -80,7 +82,7 @@ class Archive:
 
     @property
     def members(self) -> Members | None:
-        """All points; None before anything was added."""
+        """All points; None before the first are added."""
         return self._members
 
     @property
@@ -95,7 +97,7 @@ class Archive:
 
     @property
     def least_violating(self) -> Members | None:
-        """The one point with the least finite violation, as long as none is feasible; otherwise None."""
+        """The point with the least finite violation while none is feasible; otherwise None."""
         return None if len(self) else self._least_violating
 
     def add(
@@ -108,7 +110,7 @@ class Archive:
         *,
         causes: Mapping[int, str] | None = None,
     ) -> None:
-        """Take in evaluated points; ``causes`` says, by id, why an evaluation failed."""
+        """Add evaluated points; ``causes``: reasons of failed evaluations, by id."""
         G = np.zeros((len(F), 0)) if G is None else G
         new = Members(ids, X, F, G, np.full(len(ids), generation, dtype=np.int64))[np.argsort(ids)]
         violation = violations(new.F, new.G, tolerance=self._tolerance)
@@ -147,7 +149,7 @@ def _non_dominated(old: Floats, new: Floats) -> Mask:
 
 
 def _duplicates(old: Floats, new: Floats) -> Mask:
-    """Mark those of ``new`` that repeat an old point or an earlier new one, within the tolerance."""
+    """Return which of ``new`` repeat an old point or an earlier new one, within the tolerance."""
     points = np.concatenate((old, new))
     close = np.tri(len(new), len(points), len(old) - 1, dtype=bool)  # only older ones count
     for axis in range(new.shape[1] if len(new) else 0):
@@ -157,7 +159,7 @@ def _duplicates(old: Floats, new: Floats) -> Mask:
 
 
 def _thin(F: Floats, count: int) -> Integers:
-    """Return the rows of the best of each objective and the oldest of each cell of the finest grid with ``count``."""
+    """Return rows of each objective's best and of each cell's oldest, in the finest grid with ``count`` points."""
     ideal, width = F.min(axis=0), np.ptp(F, axis=0)
     share: Floats = np.divide(F - ideal, width, out=np.zeros_like(F), where=width > 0)
     extremes = F.argmin(axis=0)

@@ -1,4 +1,4 @@
-"""Ask for genes, tell their objectives: a search whose evaluations happen wherever the caller likes."""
+"""Ask for genes, tell their objectives: a search whose caller evaluates the problem."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ from paretoik.tables import field_representation, html_representation
 if TYPE_CHECKING:
     from paretoik.front import Front
 
-# What a search asks for, what was evaluated, and the front that its archive holds.
+# Candidates, their outcomes, and the front of an archive.
 
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """What to evaluate: ``ids`` (n,), genes ``X`` (n, genes), and the index of their ``generation``, from 0."""
+    """Genes ``X`` (n, genes) to evaluate, their ``ids`` (n,), and the index of their generation, from 0."""
 
     ids: Ids
     X: Genes
@@ -48,7 +48,7 @@ class Candidates:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """Evaluated rows: ``F``, ``G``, ``H`` (rows, columns), and ``causes`` of failure by row or id."""
+    """Results of evaluated rows, and ``causes`` of failure by row or id."""
 
     F: Objectives
     G: Floats
@@ -57,7 +57,7 @@ class Outcome:
 
     @classmethod
     def of(cls, problem: Any, results: Mapping[str, Any], rows: int) -> Outcome:
-        """Return results "F", "G", "H" and "cause" of so many rows, NaN where there are none."""
+        """Return the outcome of results "F", "G", "H" and "cause"; missing ones are NaN for ``rows`` rows."""
         columns = {"F": problem.n_obj, "G": problem.n_ieq_constr, "H": problem.n_eq_constr}
         tables = {k: np.asarray(results.get(k, np.full((rows, size), np.nan))) for k, size in columns.items()}
         causes = {row: str(cause) for row, cause in enumerate(results.get("cause", ())) if cause}
@@ -66,25 +66,25 @@ class Outcome:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Feasibility:
-    """By how much a constraint G ≤ 0, and H = 0, may be missed: one number, or one each."""
+    """Tolerances of constraints G ≤ 0 and H = 0: one number, or one per constraint."""
 
     tolerance: ArrayLike
     equality_tolerance: ArrayLike
 
     def archive(self, problem: Any, names: Sequence[str]) -> Archive:
-        """Return an archive without points for a problem, whose objectives have ``names``."""
+        """Return an empty archive for a problem with these objective names."""
         inequalities = column_tolerance("tolerance", self.tolerance, problem.n_ieq_constr)
         tolerance = np.concatenate((inequalities, np.zeros(problem.n_eq_constr)))
         return Archive(tolerance=tolerance, names=names)
 
     def columns(self, outcome: Outcome) -> Floats:
-        """Return constraints as an archive has them: one table, those of H less what they may be missed by."""
+        """Return constraints for an archive in one table: G, then |H| less its tolerance."""
         slack = column_tolerance("equality_tolerance", self.equality_tolerance, outcome.H.shape[1])
         return np.column_stack((outcome.G, np.abs(outcome.H) - slack))
 
 
 def archive_front(search: Any, points: int | None) -> Front:
-    """Return the front of a search's archive, thinned by MaxiMin to at most so many points; None keeps all of them."""
+    """Return the front of a search's archive; MaxiMin thins it to ``points`` points (None: all)."""
     from paretoik.front import Front  # here: it takes time
 
     check_count("points", points)
@@ -111,16 +111,19 @@ class Search:
     """An evolutionary search by generations: ``ask`` for genes, ``tell`` their objectives and constraints.
 
     The problem is a pymoo problem with real genes. It may name its objectives (``names``, ``units``, ``maximised``),
-    turn genes into motions (``decode(X)``), and offer the ``algorithm(population, offspring=, initial=)`` that suits
-    its genes. ``initial`` (rows, genes) are in the first generation. ``algorithm`` is any pymoo genetic algorithm with
-    its own sizes and settings, which is copied; None takes the problem's own, or MaxiMinNSGA2. ``archive`` holds every
-    non-dominated point so far. All chance comes from ``seed``.
+    turn genes into motions (``decode(X)``), and offer its own ``algorithm(population, offspring=, initial=)``. The
+    attribute ``archive`` contains every non-dominated point so far.
 
-    The first ``anchors`` generations look at the first objective alone, as many at each other one, and only then are
-    all searched together, from the best of each: the end of a front may lie in a basin that is dominated except at its
-    bottom.
+    - ``population``: individuals per generation
+    - ``seed``: source of all random numbers
+    - ``initial``: genes (rows, genes) of the first generation
+    - ``algorithm``: any pymoo genetic algorithm with its own sizes and settings (it is copied); None: the problem's
+      own, or MaxiMinNSGA2
+    - ``offspring``: children per generation; None: the algorithm's default, one per individual
+    - ``anchors``: number of first generations for each objective alone; then all objectives are searched together, from
+      the best of each. The end of a front may be in a basin that is dominated except at its bottom.
 
-    Raises InvalidInput for a size, seed, bound or initial gene that cannot be used, by name and value.
+    Raises InvalidInput for an invalid size, seed, bound or initial gene, by name and value.
     """
 
     def __init__(
@@ -141,14 +144,16 @@ class Search:
         check_size("anchors", anchors, 0)
         if algorithm is not None and (initial is not None or offspring is not None or anchors):
             raise InvalidInput(
-                "algorithm: its own sampling and offspring wanted, got initial=, offspring= or anchors= beside it"
+                "algorithm must have its own sampling and offspring, got initial=, offspring= or anchors= as well"
             )
         check_algorithm(algorithm)
         initial = None if initial is None else checked_genes(problem, initial)
         self.problem = problem
         self._prototype = algorithm
         self._size, self._offspring, self._seed, self._initial = int(population), offspring, int(seed), initial
-        self._stages = problem.n_obj if anchors and problem.n_obj > 1 else 0  # objectives to be anchored
+        self._stages = (
+            problem.n_obj if anchors and problem.n_obj > 1 else 0
+        )  # number of objectives searched alone first
         self._anchors, self._stage = anchors, 0
         self._anchor_genes: Genes = np.empty((0, problem.n_var))  # the best of each stage
         self.names, self.units, self.maximised = describe_objectives(problem)
@@ -177,44 +182,44 @@ class Search:
 
     @property
     def seed(self) -> int:
-        """Where all chance comes from."""
+        """Seed of all random numbers."""
         return self._seed
 
     @property
     def generation(self) -> int:
-        """Generations completed, which is the index of the one being asked."""
+        """Number of completed generations, which is the index of the current one."""
         return self._generation
 
     @property
     def evaluations(self) -> int:
-        """Evaluations told in completed generations, failed ones included."""
+        """Number of evaluations in completed generations, including failed ones."""
         return self._evaluations
 
     @property
     def failed(self) -> Failures:
-        """Count and first cause of the evaluations that gave no usable number."""
+        """Count and first cause of evaluations without a usable number."""
         return self.archive.failed
 
     @property
     def population(self) -> Objectives:
-        """Minimised objectives (individuals, n_obj) of what evolves; failed rows are inf."""
+        """Minimised objectives (individuals, n_obj) of the population; failed rows are inf."""
         return self._population
 
     @property
     def front(self) -> Front:
-        """The archive's front, in the user's own sign, with motions where the problem can decode genes."""
+        """The archive's front in the user's own sign, with motions if the problem decodes genes."""
         return self.front_of(None)
 
     def front_of(self, points: int | None) -> Front:
-        """Return the front thinned by MaxiMin to at most so many points; None keeps all of them."""
+        """Return the front, thinned by MaxiMin to at most ``points`` points (None: all)."""
         return archive_front(self, points)
 
     def ask(self) -> Candidates:
-        """Return what to evaluate; the same object until all of it has been told."""
+        """Return the candidates to evaluate; the same object until all of them are told."""
         if self._candidates is None:
             self._infills = self._algorithm.ask()
             if self._infills is None:
-                raise InvalidInput(f"algorithm: new genes wanted, got none in generation {self._generation}")
+                raise InvalidInput(f"algorithm must return new genes, got none in generation {self._generation}")
             n = len(self._infills)
             X = column(self._infills, "X")
             now, self._suggested = self._suggested[:n], self._suggested[n:]
@@ -230,7 +235,7 @@ class Search:
         return self._candidates
 
     def suggest(self, X: ArrayLike) -> None:
-        """Have these genes (rows, genes) evaluated in the generations asked next, in place of as many offspring."""
+        """Add genes (rows, genes) to the next generations in place of as many offspring."""
         self._suggested = np.concatenate((self._suggested, checked_genes(self.problem, X, "suggested")))
 
     def tell(
@@ -242,18 +247,17 @@ class Search:
         H: ArrayLike | None = None,
         causes: Mapping[int, str] | None = None,
     ) -> None:
-        """Tell objectives and constraints of ids, in any order and in as many parts as wanted.
+        """Tell objectives and constraints of ids, in any order and in any number of parts.
 
-        ``F`` (n, n_obj) minimised, ``G`` (n, n_ieq) <= 0 and ``H`` (n, n_eq) = 0 where feasible. A row that is not
-        finite counts as failed, ``causes`` may say why. The generation is complete when every id has been told.
+        ``F`` (n, n_obj) is minimised; a feasible point has ``G`` (n, n_ieq) <= 0 and ``H`` (n, n_eq) = 0. A row that is
+        not finite counts as failed; ``causes`` may give reasons. The generation is complete when every id is told.
 
-        Raises InvalidInput for an id that is unknown or told twice, or an array of another shape; nothing is taken in
-        then.
+        Raises InvalidInput for an id that is unknown or told twice, or an array of another shape; then nothing changes.
         """
         rows, outcome = self._rows(ids), self._outcome
         assert outcome is not None
         if not isinstance(causes, Mapping | None):
-            raise InvalidInput(f"causes: words by id wanted, got {shown(causes)}")
+            raise InvalidInput(f"causes must be words by id, got {shown(causes)}")
         values = _table("F", F, len(rows), self.problem.n_obj)
         inequalities = _table("G", G, len(rows), self.problem.n_ieq_constr)
         equalities = _table("H", H, len(rows), self.problem.n_eq_constr)
@@ -266,16 +270,16 @@ class Search:
     def _rows(self, ids: ArrayLike) -> Ids:
         numbers = integer_array("ids", ids)
         if numbers.ndim != 1:
-            raise InvalidInput(f"ids: a list of integers wanted, got shape {numbers.shape}")
+            raise InvalidInput(f"ids must be a list of integers, got shape {numbers.shape}")
         if self._candidates is None or self._outcome is None:
-            raise InvalidInput("ids: those of an asked generation wanted, got some before ask()")
+            raise InvalidInput("ids must be of an asked generation, got some before ask()")
         first, last = int(self._candidates.ids[0]), int(self._candidates.ids[-1])
         for number in numbers[(numbers < first) | (numbers > last)]:
-            raise InvalidInput(f"ids: those asked, {first} to {last}, wanted, got {number}")
+            raise InvalidInput(f"ids must be among those asked, {first} to {last}, got {number}")
         rows: Ids = numbers - first
         unique, counts = np.unique(rows, return_counts=True)
         for row in unique[(counts > 1) | self._evaluated[unique]]:
-            raise InvalidInput(f"ids: each told once wanted, got {first + row} again")
+            raise InvalidInput(f"ids must be told once each, got {first + row} again")
         return rows
 
     def _advance(self, outcome: Outcome) -> None:
@@ -301,11 +305,11 @@ class Search:
 
     @property
     def _axes(self) -> slice:
-        """The objectives that the present stage looks at: one of them, or all."""
+        """The objectives of the current stage: one of them, or all."""
         return slice(self._stage, self._stage + 1) if self._stage < self._stages else slice(None)
 
     def _next_stage(self) -> None:
-        """Go on with the next objective from the same start, or with all of them from the best of each."""
+        """Start the next objective from the same genes, or all objectives from the best of each."""
         best = column(self._algorithm.pop, "X")[: self._size // (4 * self._stages)]
         self._anchor_genes = np.concatenate((self._anchor_genes, best))
         self._stage += 1
@@ -319,7 +323,7 @@ class Search:
         self._algorithm = self._new_algorithm(initial)
 
     def _new_algorithm(self, initial: ArrayLike | None) -> Any:
-        """Return a new algorithm that is ready to be asked; every stage has chance of its own."""
+        """Return a new algorithm that is ready to be asked; every stage has its own random numbers."""
         if self._prototype is not None:
             algorithm = copy.deepcopy(self._prototype)
         elif hasattr(self.problem, "algorithm"):
@@ -336,5 +340,5 @@ def _table(name: str, values: ArrayLike | None, rows: int, columns: int) -> Floa
     table = np.empty((rows, 0)) if values is None else real_array(name, values)
     if table.shape != (rows, columns):
         fact = "nothing" if values is None else f"shape {table.shape}"
-        raise InvalidInput(f"{name}: real numbers of shape ({rows}, {columns}) wanted, got {fact}")
+        raise InvalidInput(f"{name} must be real numbers of shape ({rows}, {columns}), got {fact}")
     return table.astype(float)

@@ -1,4 +1,4 @@
-"""When a search ends, and for what reason; the progress that endings and observers see after each generation."""
+"""Endings of a search, and the progress that endings and observers get after each generation."""
 
 from __future__ import annotations
 
@@ -20,11 +20,13 @@ from paretoik.search.objectives import Floats
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Progress:
-    """A search after ``generation`` generations, ``evaluations`` and ``seconds`` computed; all objectives minimised.
+    """The state of a search after a generation; all objectives are minimised.
 
-    ``population`` (individuals, n_obj) is what evolves and may hold failed rows; ``front`` (points, n_obj) and ``ids``
-    (points,) are the archive's; ``past`` are the fronts of earlier generations, newest last, as far back as
-    the endings asked for.
+    generation, evaluations: number of completed generations and of evaluations
+    seconds: computing time
+    population: objectives of the population, which may have failed rows
+    front, ids: objectives and ids of the archive
+    past: fronts of earlier generations, newest last, as far back as the endings need
     """
 
     generation: int
@@ -38,20 +40,21 @@ class Progress:
 
     @cached_property
     def hypervolume(self) -> float:
-        """The front's, normalised by its own ideal and nadir; 0 for an empty front."""
+        """Hypervolume of the front, normalised by its own ideal and nadir; 0 for an empty front."""
         return normalised_hypervolume(self.front, *ideal_and_range(self.front)) if len(self.front) else 0.0
 
 
 def ideal_and_range(front: Objectives) -> tuple[Values, Values]:
-    """Ideal and width (n_obj,) of a front; an axis without range has its magnitude for a width, or 1."""
+    """Return ideal and width (n_obj,) of a front; the width of an axis without range is its magnitude, or 1."""
     ideal, width = front.min(axis=0), np.ptp(front, axis=0)
     return ideal, np.where(width > 0, width, np.where(ideal != 0, np.abs(ideal), 1.0))
 
 
 def normalised_hypervolume(F: Floats, ideal: Floats, width: Floats, *, reference_point: float = 1.1) -> float:
-    """Hypervolume of ``F`` (points, n_obj) where ideal is 0, ideal + width 1 and the reference 1.1.
+    """Return the hypervolume of ``F`` (points, n_obj), scaled so that ideal is 0 and ideal + width is 1.
 
-    Approximate above four objectives: of a large archive an exact one takes minutes.
+    The reference point is 1.1. The result is approximate above four objectives: exact values of a large archive take
+    minutes.
     """
     n_obj = F.shape[1]
     return estimate_hypervolume((F - ideal) / width, np.full(n_obj, reference_point), np.ones(n_obj))
@@ -59,11 +62,11 @@ def normalised_hypervolume(F: Floats, ideal: Floats, width: Floats, *, reference
 
 @runtime_checkable
 class Ending(Protocol):
-    """A frozen dataclass that knows when a search ends."""
+    """A frozen dataclass that decides when a search ends."""
 
     @property
     def memory(self) -> int:
-        """How many past generations' fronts it wants to see."""
+        """Number of past generations whose fronts it needs."""
 
     def reached(self, progress: Progress) -> str | None:
         """Return why the search ends now, or None."""
@@ -80,13 +83,13 @@ class Generations:
         check_size("generations", self.limit, 1)
 
     def reached(self, progress: Progress) -> str | None:
-        """Return "generations" once there were that many."""
+        """Return "generations" after that many."""
         return "generations" if progress.generation >= self.limit else None
 
 
 @dataclass(frozen=True)
 class Evaluations:
-    """Ends at the first generation with at least ``limit`` evaluations behind it."""
+    """Ends at the first generation after at least ``limit`` evaluations."""
 
     limit: int
     memory: ClassVar[int] = 0
@@ -95,20 +98,20 @@ class Evaluations:
         check_size("evaluations", self.limit, 1)
 
     def reached(self, progress: Progress) -> str | None:
-        """Return "evaluations" once there were that many."""
+        """Return "evaluations" after that many."""
         return "evaluations" if progress.evaluations >= self.limit else None
 
 
 @dataclass(frozen=True)
 class TimeLimit:
-    """Ends at the first generation after ``seconds`` of computing; compiling code is not counted."""
+    """Ends at the first generation after ``seconds`` of computing, without compilation."""
 
     seconds: float
     memory: ClassVar[int] = 0
 
     def __post_init__(self) -> None:
         if not finite_number("time limit", self.seconds) > 0:
-            raise InvalidInput(f"time limit: more than 0 seconds wanted, got {self.seconds}")
+            raise InvalidInput(f"time limit must be more than 0 seconds, got {self.seconds}")
 
     def reached(self, progress: Progress) -> str | None:
         """Return "time limit" once the time is over."""
@@ -117,10 +120,11 @@ class TimeLimit:
 
 @dataclass(frozen=True)
 class Stagnation:
-    """Ends when over the last ``over`` generations the front hardly changed.
+    """Ends when the front has almost not changed over the last ``over`` generations.
 
     That is: the archive's relative gain in hypervolume is below ``gain``, and neither ideal nor nadir moved by more
-    than that share of the range; both fronts are measured over today's ranges. It looks back at most to ``since``.
+    than that share of the range. Both fronts are measured with the current ranges. Generations before ``since`` do not
+    count.
     """
 
     gain: float = 1e-4
@@ -130,15 +134,15 @@ class Stagnation:
     def __post_init__(self) -> None:
         check_size("stagnation over", self.over, 1)
         if not self.gain > 0:
-            raise InvalidInput(f"stagnation gain: more than 0 wanted, got {self.gain}")
+            raise InvalidInput(f"stagnation gain must be more than 0, got {self.gain}")
 
     @property
     def memory(self) -> int:
-        """The generations it looks back."""
+        """Number of generations that it looks back."""
         return self.over
 
     def reached(self, progress: Progress) -> str | None:
-        """Return "stagnation" once nothing moves."""
+        """Return "stagnation" when the front stops changing."""
         is_early = progress.generation < self.since + self.over or len(progress.past) < self.over
         if is_early or not len(earlier := progress.past[-self.over]):
             return None
@@ -153,19 +157,19 @@ class Stagnation:
 
 @dataclass(frozen=True)
 class Target:
-    """Ends once one point of the front is at or below each of ``values`` (minimised; inf where it doesn't matter)."""
+    """Ends when a point of the front is at or below all ``values`` (minimised; inf: any value)."""
 
     values: Sequence[float]
     memory: ClassVar[int] = 0
 
     def __post_init__(self) -> None:
         if np.isnan(real_array("target", self.values)).any():
-            raise InvalidInput(f"target: a number an objective wanted, got {tuple(self.values)}")
+            raise InvalidInput(f"target must be one number per objective, got {tuple(self.values)}")
 
     def reached(self, progress: Progress) -> str | None:
-        """Return "target" once it is met."""
+        """Return "target" when it is reached."""
         n_obj = progress.population.shape[1]
         if len(self.values) != n_obj:
-            raise InvalidInput(f"target: {n_obj} numbers wanted, one an objective, got {len(self.values)}")
+            raise InvalidInput(f"target must have one number per objective ({n_obj}), got {len(self.values)}")
         reached = np.less_equal(progress.front, np.asarray(self.values, dtype=float)).all(axis=1)
         return "target" if reached.any() else None

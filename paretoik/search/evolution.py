@@ -1,4 +1,4 @@
-"""The loop that drives a search: ask, evaluate, tell, observe, until an ending is reached."""
+"""The loop of a search: ask, evaluate, tell, observe, until an ending is reached."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ from paretoik.search.islands import Islands
 from paretoik.search.objectives import Floats
 from paretoik.stop_flag import check_interruption
 
-# The evaluation of a batch of rows: where that fails, row by row.
+# Evaluation of a batch of rows; if that fails, row by row.
 
 
-Rows: TypeAlias = Int[np.ndarray, " _"]  # numbers of rows, as many as there are
+Rows: TypeAlias = Int[np.ndarray, " _"]  # indices of rows
 Evaluate: TypeAlias = Callable[[Genes], Mapping[str, Any]]
 
 
 def evaluate_problem(problem: Any, X: Genes) -> Mapping[str, Any]:
-    """Return what a pymoo problem evaluates to; raises InvalidInput for values that pymoo would falsify.
+    """Return the values of a pymoo problem; raises InvalidInput for values that pymoo would falsify.
 
     pymoo drops masks and imaginary parts, and reads numbers from text.
     """
@@ -50,7 +50,7 @@ def evaluate_problem(problem: Any, X: Genes) -> Mapping[str, Any]:
 
 @dataclass(frozen=True)
 class _CheckedEvaluation:
-    """The ``_evaluate`` of a problem, whose values are checked before pymoo reads them."""
+    """The ``_evaluate`` of a problem, with a check of the values before pymoo reads them."""
 
     problem: Any
 
@@ -67,16 +67,16 @@ def _check_real(name: str, values: Any) -> None:
     try:
         kind = np.asarray(values).dtype.kind
     except Exception as error:  # a foreign array may raise anything
-        raise InvalidInput(f"{name}: must hold real numbers, got {cause_of(error)}") from None
+        raise InvalidInput(f"{name} must be real numbers, got {cause_of(error)}") from None
     if np.ma.is_masked(values) or kind not in "fiubO":
         fact = "masked ones" if np.ma.is_masked(values) else "complex ones" if kind == "c" else "text"
-        raise InvalidInput(f"{name}: must hold real numbers, got {fact}")
+        raise InvalidInput(f"{name} must be real numbers, got {fact}")
 
 
 def evaluate_rows(problem: Any, evaluate: Evaluate, X: Genes) -> Outcome:
-    """Evaluate a batch; if that raises, each row by itself: functions of users may raise anything, for any row."""
+    """Return the outcome of a batch; if it raises, evaluate each row alone: users' functions may raise anything."""
     try:
-        ours = type(problem).__module__.startswith("paretoik.")  # whose users' functions are limited one by one
+        ours = type(problem).__module__.startswith("paretoik.")  # these limit users' functions one by one
         with user_function("the problem"), nullcontext() if ours else limited_call("the problem"):
             return Outcome.of(problem, evaluate(X.copy()), len(X))
     except EvaluationFailed as failure:
@@ -86,7 +86,7 @@ def evaluate_rows(problem: Any, evaluate: Evaluate, X: Genes) -> Outcome:
 
 
 def joined(parts: Sequence[tuple[Rows, Outcome]]) -> tuple[Rows, Outcome]:
-    """Return rows in order, each once, and their outcome."""
+    """Return the rows in order without repeats, and their outcome."""
     if len(parts) == 1:
         return parts[0]
     rows = np.concatenate([rows for rows, _ in parts])
@@ -97,14 +97,15 @@ def joined(parts: Sequence[tuple[Rows, Outcome]]) -> tuple[Rows, Outcome]:
     return rows, Outcome(F=F, G=G, H=H, causes={i: causes[row] for i, row in enumerate(rows.tolist()) if row in causes})
 
 
-# The evaluation of a generation, in this process or in workers, from the journal of the run as far as that goes.
+# Evaluation of a generation, from the run's journal, in this process or in workers.
 
 
 @dataclass(frozen=True, kw_only=True)
 class EvaluationOptions:
-    """What is evaluated goes into the journal after so many ``seconds``, or half of them, not with its generation.
+    """Settings of evaluation.
 
-    Workers are given ``rows`` at a time of a problem that takes many at once, however many workers there are.
+    seconds: time [s] of evaluation between two entries in the journal, or half of it, within a generation
+    rows: number of rows per task of a worker, if a problem evaluates many at once; independent of the workers
     """
 
     seconds: float = 0.5
@@ -116,7 +117,7 @@ OPTIONS = EvaluationOptions()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Evaluation:
-    """How rows of a ``problem`` are evaluated: by what function, and in how many ``seconds`` each, in workers."""
+    """How rows of a problem are evaluated; ``seconds``: time limit per row in workers."""
 
     problem: Any
     evaluate: Evaluate
@@ -124,26 +125,26 @@ class Evaluation:
 
     @property
     def is_row_by_row(self) -> bool:
-        """Whether the problem itself looks at one row after the other."""
+        """Whether the problem itself evaluates one row after the other."""
         return _elementwise(self.problem) and isinstance(self.problem.elementwise_runner, LoopedElementwiseEvaluation)
 
     @property
     def rows_of_a_task(self) -> int:
-        """Number of rows that workers are given at a time, whose time is taken together."""
+        """Number of rows per task of a worker, which are timed together."""
         return 1 if self.is_row_by_row or self.seconds is not None else OPTIONS.rows
 
     @property
     def has_own_runner(self) -> bool:
-        """Whether the problem itself has its rows evaluated elsewhere."""
+        """Whether the problem has its own runner that evaluates rows elsewhere."""
         return _elementwise(self.problem) and not self.is_row_by_row
 
 
 def evaluate_candidates(search: Search | Islands, candidates: Candidates, evaluation: Evaluation) -> Outcome:
-    """Return the outcome of a generation, from the run's journal where it is there.
+    """Return the outcome of a generation, from the run's journal if it is there.
 
-    Raises InvalidRun where the journal has that of other genes: then the search does not repeat itself. Where rows are
-    evaluated in workers, or by the problem one by one, raises Interrupted soon after a signal; what was evaluated by
-    then is in the journal.
+    Raises InvalidRun if the journal has the outcome of other genes: then the search does not repeat itself. Raises
+    Interrupted soon after a signal if workers, or the problem one by one, evaluate the rows; the journal has the rows
+    evaluated by then.
     """
     genes = np.frombuffer(key_of("genes", candidates.X), np.uint8)
     of = search.names, search.seed, candidates.generation
@@ -156,14 +157,14 @@ def evaluate_candidates(search: Search | Islands, candidates: Candidates, evalua
     values = remembered(key_of("generation", *of), compute)
     if not np.array_equal(values["genes"], genes):
         raise InvalidRun(
-            f"generation {candidates.generation + 1}: wanted the genes that the journal of the run has, got others: "
-            "the problem, a library's version or the processor is another"
+            f"generation {candidates.generation + 1} must have the genes in the run's journal, got others: "
+            "the problem, a library's version or the processor has changed"
         )
     return _outcome(values)
 
 
 def evaluate_again(search: Search | Islands, candidates: Candidates, evaluation: Evaluation) -> Objectives:
-    """Return F of the first row of a generation, evaluated once more; from the run's journal where it is there."""
+    """Return F of a generation's first row, evaluated again, or from the run's journal."""
     of = search.names, search.seed, candidates.generation, "again"
 
     def compute() -> Values:
@@ -174,7 +175,7 @@ def evaluate_again(search: Search | Islands, candidates: Candidates, evaluation:
 
 @dataclass(kw_only=True, eq=False)
 class _Parts:
-    """What is known of a generation's ``size`` rows, part by part; the last ``new`` ones are not in the journal yet."""
+    """Known parts of a generation of ``size`` rows; the last ``new`` parts are not in the journal yet."""
 
     key: Callable[[int], bytes]
     size: int
@@ -185,24 +186,24 @@ class _Parts:
 
     @property
     def remaining(self) -> Rows:
-        """The rows that are not known."""
+        """The rows that are not known yet."""
         return np.setdiff1d(np.arange(self.size), np.concatenate([[], *(rows for rows, _ in self.done)])).astype(int)
 
     def recall(self) -> None:
-        """Take what the journal has."""
+        """Load the parts in the journal."""
         while (values := recalled(self.key(self.remembered))) is not None:
             self.done.append((values["rows"], _outcome(values)))
             self.remembered += 1
 
     def add(self, rows: Rows, outcome: Outcome) -> None:
-        """Take the outcome of some rows; after some time it goes into the journal."""
+        """Add the outcome of some rows; write to the journal from time to time."""
         self.done.append((rows, outcome))
         self.new += 1
         if time.monotonic() - self.since >= OPTIONS.seconds / 2:
             self.remember()
 
     def remember(self) -> None:
-        """Let the journal have what is new, unless all is known: that is remembered as a generation."""
+        """Write new parts to the journal, unless the whole generation is known."""
         self.since = time.monotonic()
         if self.new and len(self.remaining):
             rows, outcome = joined(self.done[-self.new :])
@@ -211,7 +212,7 @@ class _Parts:
 
 
 def _evaluate(evaluation: Evaluation, X: Genes, of: tuple[object, ...]) -> Outcome:
-    """Return the outcome of all rows, remembered in parts."""
+    """Return the outcome of all rows, with parts in the journal."""
     parts = _Parts(key=lambda i: key_of("rows", *of, X, i), size=len(X))
     parts.recall()
     where = _evaluate_in_workers if workers() and not evaluation.has_own_runner else _evaluate_here
@@ -225,7 +226,7 @@ def _evaluate(evaluation: Evaluation, X: Genes, of: tuple[object, ...]) -> Outco
 
 
 def _evaluate_here(evaluation: Evaluation, X: Genes, rows: Rows) -> Iterator[tuple[Rows, Outcome]]:
-    """Yield rows with their outcome: all at once, but one by one, as many as may be done in their time."""
+    """Yield rows with their outcome: all at once, or row by row in groups that fit the time."""
     size = 1 if evaluation.is_row_by_row else max(len(X), 1)
     while len(rows):
         begin, part = time.monotonic(), rows[:size]
@@ -235,7 +236,7 @@ def _evaluate_here(evaluation: Evaluation, X: Genes, rows: Rows) -> Iterator[tup
 
 
 def _evaluate_in_workers(evaluation: Evaluation, X: Genes, rows: Rows) -> Iterator[tuple[Rows, Outcome]]:
-    """Yield rows with their outcome, as workers return them; those that are lost, alone too, have failed."""
+    """Yield rows with their outcome as workers return them; rows that are lost again alone have failed."""
     size = evaluation.rows_of_a_task
     groups = [rows[first : first + size] for first in range(0, len(rows), size)]
     again = list[Rows]()
@@ -252,12 +253,12 @@ def _evaluate_in_workers(evaluation: Evaluation, X: Genes, rows: Rows) -> Iterat
 
 
 def _evaluate_group(evaluation: Evaluation, X: Genes) -> Values:
-    """Return the outcome of rows as plain arrays, in a worker."""
+    """Return the outcome of rows as plain arrays (in a worker)."""
     return _table(evaluate_rows(evaluation.problem, evaluation.evaluate, X))
 
 
 def _check_rows_alone(evaluation: Evaluation, X: Genes) -> None:
-    """Warn where a row's values depend, by rounding, on which rows are evaluated with it: then workers change them."""
+    """Warn if a row's values depend, by rounding, on the other rows of its batch: workers then change them."""
     size = evaluation.rows_of_a_task
     if not workers() or evaluation.has_own_runner or size == 1 or len(X) <= size:
         return
@@ -268,8 +269,8 @@ def _check_rows_alone(evaluation: Evaluation, X: Genes) -> None:
     for name in ("F", "G", "H"):
         if not np.array_equal(np.concatenate([tables[i][name] for i in (0, 1)]), tables[2][name], equal_nan=True):
             text = (
-                f"workers: wanted rows whose values do not depend on the rows beside them, got a problem whose {name} "
-                "does; without workers the run comes to the same to rounding alone"
+                f"workers must get rows whose values do not depend on other rows, got a problem whose {name} does; "
+                "without workers the results differ by rounding"
             )
             warn_user(text)
             return
@@ -292,7 +293,7 @@ def _table(outcome: Outcome) -> dict[str, np.ndarray]:
 
 
 def _outcome(values: Mapping[str, np.ndarray]) -> Outcome:
-    """Return plain arrays as an outcome."""
+    """Return an outcome from plain arrays."""
     causes = dict(zip(values["failed"].tolist(), values["causes"].tolist(), strict=True))
     return Outcome(F=values["F"], G=values["G"], H=values["H"], causes=causes)
 
@@ -306,18 +307,21 @@ def evolve(
     observe: Callable[[Progress], object] | None = None,
     improve: Callable[[Progress], Genes | None] | None = None,
 ) -> str:
-    """Run a search until the first of ``endings`` is reached and return its reason; the result stays in ``search``.
+    """Run a search until the first of ``endings`` and return its reason; the result stays in ``search``.
 
-    ``evaluate(X)`` returns a mapping with "F", with constraints "G" and "H", and if it likes "cause", a text a row that
-    says why it failed; by default it is the problem's own. When it raises, its rows are tried one by one, and those
-    that raise again count as failed. Workers, where there are any, give up a row after so many ``seconds``. After each
-    generation ``observe`` is shown the progress, and ``improve`` may return genes to be evaluated in the next. Ctrl-C
-    ends with "interrupted".
+    Ctrl-C ends it with "interrupted".
 
-    Raises InvalidInput for no ending, EvaluationFailed where every evaluation of the first generation failed.
+    evaluate: function of X that returns a mapping with "F", constraints "G" and "H", and optionally "cause", a reason
+        of failure per row; by default the problem's own. If it raises, rows are tried one by one, and those that raise
+        again count as failed.
+    seconds: time limit of a row in workers
+    observe: called with the progress after each generation
+    improve: called with the progress; may return genes for the next generation
+
+    Raises InvalidInput for no ending, EvaluationFailed if every evaluation of the first generation failed.
     """
     if not endings:
-        raise InvalidInput("endings: at least one wanted, got none")
+        raise InvalidInput("endings must have at least one ending, got none")
     if evaluate is None:
         evaluate = partial(evaluate_problem, search.problem)
     evaluation = Evaluation(problem=search.problem, evaluate=evaluate, seconds=seconds)
@@ -350,7 +354,7 @@ def _one_generation(search: Search | Islands, evaluation: Evaluation) -> None:
     search.tell(ids, outcome.F, outcome.G, H=outcome.H, causes=causes)
     if candidates.generation == 0 and search.failed.count == len(ids):
         raise EvaluationFailed(
-            f"first generation: a number from at least one evaluation wanted, all {len(ids)} failed, "
+            f"first generation must have at least one number, got {len(ids)} failed evaluations, "
             f"the first with: {search.failed.first_cause}"
         )
     if candidates.generation == 0:

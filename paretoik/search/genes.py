@@ -1,6 +1,6 @@
-"""Genes of any kind: real numbers, with bounds or without, and those that pymoo's own operators sample and vary.
+"""Genes of any kind: real numbers with or without bounds, and types for pymoo's own operators.
 
-How far to look along a gene without a finite bound, populations say: beyond where they are, by how wide they were.
+If a gene has no finite bound, populations define how far to search: one width of the population beyond it.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from paretoik.search.objectives import Floats
 
 @dataclass(frozen=True, kw_only=True)
 class VariableOptions:
-    """Distribution indices η of SBX and of polynomial mutation for integers, as pymoo has them; chosen there."""
+    """Distribution indices η of SBX and polynomial mutation for integers; pymoo's own defaults."""
 
     crossover_index: float = 3.0
     mutation_index: float = 3.0
@@ -46,7 +46,7 @@ OPTIONS = VariableOptions()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Operators:
-    """pymoo's operators for a kind of genes: how a first population is sampled, and how the next are mated."""
+    """pymoo's operators for a kind of genes: sampling, mating and removal of duplicates."""
 
     sampling: Any
     mating: Any
@@ -59,7 +59,7 @@ def has_real_genes(problem: Any) -> bool:
 
 
 def check_sampling(sampling: Any) -> None:
-    """Raise InvalidInput unless a first population can start with this: genes, individuals or a sampling of pymoo's."""
+    """Raise InvalidInput unless ``sampling`` is genes, individuals or a pymoo Sampling."""
     if sampling is None or isinstance(sampling, Sampling | Population) or _are_named(sampling):
         return
     try:
@@ -68,35 +68,35 @@ def check_sampling(sampling: Any) -> None:
         genes = np.array("")
     is_usable = genes.dtype.kind in "biuf" and genes.ndim in (1, 2) and not np.isnan(genes).any()
     if not is_usable or np.ma.is_masked(sampling):
-        raise InvalidInput(f"sampling: genes, a Population or a Sampling of pymoo's wanted, got {shown(sampling)}")
+        raise InvalidInput(f"sampling must be genes, a pymoo Population or a pymoo Sampling, got {shown(sampling)}")
 
 
 def _are_named(genes: Any) -> bool:
-    """Say whether genes are rows of variables by name."""
+    """Return whether genes are rows of variables by name."""
     return isinstance(genes, list | np.ndarray) and len(genes) > 0 and all(isinstance(row, dict) for row in genes)
 
 
 def samples_bits(sampling: Any) -> bool:
-    """Return whether what a first population starts with is binary: pymoo's ZDT5 for one calls its genes real."""
+    """Return whether the first population is binary: pymoo's ZDT5, for example, calls its genes real."""
     genes = sampling.get("X") if isinstance(sampling, Population) else sampling
     return isinstance(sampling, BinaryRandomSampling) or (isinstance(genes, np.ndarray) and genes.dtype == bool)
 
 
 def bounds_of(problem: Any) -> tuple[Float[np.ndarray, " genes"], Float[np.ndarray, " genes"]]:
-    """Return the bounds of real genes, infinite where there is none."""
+    """Return the bounds of real genes, infinite if a bound is missing."""
     sides = ((problem.xl, -np.inf), (problem.xu, np.inf))
     lower, upper = (np.full(problem.n_var, none) if side is None else np.asarray(side, float) for side, none in sides)
     return lower, upper
 
 
 def widths_of(X: Genes) -> Float[np.ndarray, " genes"]:
-    """Return how wide a population is along every gene; where all have one value, its size or 1."""
+    """Return the width of a population along every gene; if all values are equal, their size or 1."""
     low, high = X.min(axis=0), X.max(axis=0)
     return np.asarray(np.where(high > low, high - low, np.maximum(np.abs(high), 1.0)))
 
 
 def within_reach(problem: Any, X: Genes, widths: Float[np.ndarray, " genes"]) -> Any:
-    """Return a problem for operators of real genes, whose bounds are finite: else so far beyond X as ``widths`` say."""
+    """Return a problem with finite bounds for operators of real genes; missing ones are ``widths`` beyond X."""
     lower, upper = bounds_of(problem)
     if np.isfinite(lower).all() and np.isfinite(upper).all():
         return problem
@@ -106,16 +106,16 @@ def within_reach(problem: Any, X: Genes, widths: Float[np.ndarray, " genes"]) ->
 
 
 def operators_for(problem: Any, crossover: Any = None, mutation: Any = None, *, binary: bool = False) -> Operators:
-    """Return pymoo's operators for genes that are no real numbers, but for those that are given.
+    """Return pymoo's operators for genes that are not real numbers; given ones replace them.
 
-    They are ``binary`` whatever the problem calls them, or what it does. Raises InvalidInput where pymoo has none for
-    such genes and none are given.
+    Genes are binary if ``binary``, else of the problem's type. Raises InvalidInput if pymoo has no operator for such
+    genes and none is given.
     """
     selection = TournamentSelection(func_comp=binary_tournament)
     if getattr(problem, "vars", None) is not None:
         if crossover is not None or mutation is not None:
             name = "crossover" if crossover is not None else "mutation"
-            raise InvalidInput(f"{name}: none wanted for named variables, pymoo has one for each type, got {name}=")
+            raise InvalidInput(f"{name} must be None for named variables, as pymoo has one for each type, got {name}=")
         duplicates = MixedVariableDuplicateElimination()
         mating = MixedVariableMating(selection=selection, eliminate_duplicates=duplicates)
         return Operators(sampling=MixedVariableSampling(), mating=mating, duplicates=duplicates)
@@ -129,27 +129,27 @@ def operators_for(problem: Any, crossover: Any = None, mutation: Any = None, *, 
         mutation = mutation or PM(eta=OPTIONS.mutation_index, **real)
     elif crossover is None or mutation is None:
         name = "crossover" if crossover is None else "mutation"
-        raise InvalidInput(f"{name}: a pymoo operator for genes of type {problem.vtype} wanted, got none")
+        raise InvalidInput(f"{name} must be a pymoo operator for genes of type {problem.vtype}, got none")
     duplicates = DefaultDuplicateElimination()
     mating = Mating(selection, crossover, mutation, eliminate_duplicates=duplicates)
     return Operators(sampling=sampling, mating=mating, duplicates=duplicates)
 
 
-# The first population: genes from the user, from the problem, and at random.
+# First population: genes from the user, from the problem, and random ones.
 
 
 SMALLEST_POPULATION = 4
 
 
 def check_problem(problem: Any, *, initial: Any = None) -> None:
-    """Raise InvalidInput unless the problem has real genes within ordered bounds, and an objective.
+    """Raise InvalidInput unless the problem has real genes with ordered bounds, and an objective.
 
-    Bounds may only be missing or infinite where there are ``initial`` genes to start from.
+    Bounds may be missing or infinite only if there are ``initial`` genes to start from.
     """
     check_sizes(problem)
     if not has_real_genes(problem):
         raise InvalidInput(
-            f"problem genes: real numbers wanted, got {problem.vtype or 'named variables'}; "
+            f"problem genes must be real numbers, got {problem.vtype or 'named variables'}; "
             "pymoo.optimize.minimize with MaxiMinNSGA2 takes others"
         )
     check_bounds(problem, initial=initial)
@@ -157,9 +157,9 @@ def check_problem(problem: Any, *, initial: Any = None) -> None:
 
 def check_sizes(problem: Any) -> None:
     """Raise InvalidInput unless this is a pymoo problem with genes and objectives."""
-    with user_function("problem: a pymoo problem wanted, got one whose attributes cannot be read: it", InvalidInput):
+    with user_function("problem must be a pymoo problem, got one whose attributes cannot be read: it", InvalidInput):
         if isinstance(problem, type) or not (hasattr(problem, "n_obj") and hasattr(problem, "n_var")):
-            raise InvalidInput(f"problem: a pymoo problem wanted, such as Tracking, got {shown(problem)}")
+            raise InvalidInput(f"problem must be a pymoo problem, such as Tracking, got {shown(problem)}")
         check_size("problem.n_var", problem.n_var, 1)
         check_size("problem.n_obj", problem.n_obj, 1)
 
@@ -167,7 +167,7 @@ def check_sizes(problem: Any) -> None:
 def check_algorithm(algorithm: object) -> None:
     """Raise InvalidInput unless this is a pymoo algorithm or None."""
     if algorithm is not None and (isinstance(algorithm, type) or not hasattr(algorithm, "setup")):
-        raise InvalidInput(f"algorithm: a pymoo algorithm wanted, such as MaxiMinNSGA2(), got {shown(algorithm)}")
+        raise InvalidInput(f"algorithm must be a pymoo algorithm, such as MaxiMinNSGA2(), got {shown(algorithm)}")
 
 
 def check_bounds(problem: Any, *, initial: Any = None) -> None:
@@ -177,48 +177,48 @@ def check_bounds(problem: Any, *, initial: Any = None) -> None:
         if bound is None:
             if initial is None:
                 raise InvalidInput(
-                    f"problem.{name}: {problem.n_var} bounds wanted, one a gene, got none, nor genes to start from"
+                    f"problem.{name} must have one bound per gene ({problem.n_var}), got none, nor genes to start from"
                 )
             continue
         if not isinstance(bound, np.ndarray) or bound.shape != (problem.n_var,):
             raise InvalidInput(
-                f"problem.{name}: {problem.n_var} bounds wanted, one a gene, got shape {np.shape(bound)}"
+                f"problem.{name} must have one bound per gene ({problem.n_var}), got shape {np.shape(bound)}"
             )
         for gene in np.flatnonzero(np.isnan(bound) | (np.isinf(bound) & (initial is None))):
-            raise InvalidInput(f"problem.{name}[{gene}]: a finite bound wanted, got {bound[gene]}")
+            raise InvalidInput(f"problem.{name}[{gene}] must be a finite bound, got {bound[gene]}")
     lower, upper = bounds_of(problem)
     for gene in np.flatnonzero(lower > upper):
-        raise InvalidInput(f"problem bounds of gene {gene}: xl <= xu wanted, got {lower[gene]} > {upper[gene]}")
+        raise InvalidInput(f"problem bounds of gene {gene} must have xl <= xu, got {lower[gene]} > {upper[gene]}")
 
 
 def checked_genes(problem: Any, genes: ArrayLike, name: str = "initial", *, tolerance: float = 1e-12) -> Floats:
-    """Return genes (points, genes) inside the bounds; what is outside by ``tolerance`` of the range is clipped.
+    """Return genes (points, genes) inside the bounds; values outside by ``tolerance`` of the range are clipped.
 
     Raises InvalidInput for a wrong shape, a NaN, or a gene outside its bounds by more than rounding, with row and gene.
     """
     X = np.atleast_2d(real_array(name, genes))
     if X.ndim != 2 or X.shape[1] != problem.n_var:
-        raise InvalidInput(f"{name}: rows of {problem.n_var} genes wanted, got shape {X.shape}")
+        raise InvalidInput(f"{name} must be rows of {problem.n_var} genes, got shape {X.shape}")
     lower, upper = bounds_of(problem)
     width, largest = upper - lower, np.maximum(-lower, upper)
     slack = np.where(np.isfinite(width), np.maximum(tolerance * width, 4 * np.spacing(largest)), 0.0)
     inside = (lower - slack <= X) & (upper + slack >= X) & np.isfinite(X)
     for row, gene in np.argwhere(~inside):
         raise InvalidInput(
-            f"{name}[{row}]: gene {gene} between {lower[gene]} and {upper[gene]} wanted, got {X[row, gene]}"
+            f"{name}[{row}] must have gene {gene} between {lower[gene]} and {upper[gene]}, got {X[row, gene]}"
         )
     return np.clip(X, lower, upper)
 
 
 def seeded_population(problem: Any, size: int, initial: ArrayLike | None = None, *, rng: np.random.Generator) -> Floats:
-    """Make exactly ``size`` rows of genes: ``initial`` first, then the problem's own, then uniform in the bounds.
+    """Return exactly ``size`` rows of genes: ``initial``, then the problem's own, then uniform in the bounds.
 
-    ``problem.sample_starts(n, rng)`` and ``problem.self_motion_samples(n, rng)``, where it has them, each fill up to a
-    third. Equal rows are dropped and replaced; only a box too small for ``size`` different rows leaves copies.
+    ``problem.sample_starts(n, rng)`` and ``problem.self_motion_samples(n, rng)``, if it has them, each fill up to a
+    third. Equal rows are replaced; copies remain only if the box is too small for ``size`` different rows.
     """
     first = np.empty((0, problem.n_var)) if initial is None else checked_genes(problem, initial)
     if len(first) > size:
-        raise InvalidInput(f"initial: at most {size} rows wanted (the population), got {len(first)}")
+        raise InvalidInput(f"initial must have at most {size} rows (the population), got {len(first)}")
     rows: dict[bytes, Floats] = {}
     _add(rows, first, size)
     third = -(-size // 3)

@@ -1,8 +1,8 @@
-"""Islands: populations that evolve each by itself, and now and then send some of their best to the next, in a ring.
+"""Islands: separate populations in a ring; sometimes good individuals migrate to the next one.
 
-What all of them ask for is evaluated together, so that many workers have something to do. Each island has chance of its
-own, all migrate after the same generations, and migrants are in the order of their ids: whoever evaluates, it comes to
-the same, bit for bit. Source: Alba & Tomassini 2002, "Parallelism and evolutionary algorithms", section IV.
+The candidates of all islands are evaluated together, to keep many workers busy. Each island has its own random numbers,
+all migrate after the same generations, and migrants are in the order of their ids: the result is the same bit for bit,
+no matter who evaluates. Source: Alba & Tomassini 2002, "Parallelism and evolutionary algorithms", section IV.
 """
 
 from __future__ import annotations
@@ -24,9 +24,10 @@ from paretoik.search.maximin import survivors
 
 @dataclass(frozen=True, kw_only=True)
 class IslandOptions:
-    """After every so many generations as ``epoch`` says migrants leave, a ``share`` of a population, one at least.
+    """Settings of migration; migrants are spread over the front of their island.
 
-    They are spread over the front of their island. No one leaves while objectives are searched alone.
+    epoch: number of generations between migrations; none happens while objectives are searched alone
+    share: share of a population that migrates, at least one individual
     """
 
     epoch: int = 10
@@ -37,9 +38,10 @@ OPTIONS = IslandOptions()
 
 
 class Islands:
-    """So many ``islands``, each a ``Search`` with the same arguments and a seed of its own, and one archive of all.
+    """A number of islands, each a ``Search`` with the same arguments and its own seed, and one common archive.
 
-    It is asked and told as a ``Search`` is, all rows of a generation at a time. Raises InvalidInput as that one does.
+    ``ask`` and ``tell`` work as in ``Search``, with all rows of a generation at a time. Raises InvalidInput as
+    ``Search`` does.
     """
 
     def __init__(
@@ -76,25 +78,25 @@ class Islands:
 
     @property
     def generation(self) -> int:
-        """Generations completed, which is the index of the one being asked."""
+        """Number of completed generations, which is the index of the current one."""
         return self._searches[0].generation
 
     @property
     def failed(self) -> Failures:
-        """Count and first cause of the evaluations that gave no usable number."""
+        """Count and first cause of evaluations without a usable number."""
         return self.archive.failed
 
     @property
     def population(self) -> Objectives:
-        """Minimised objectives (individuals, n_obj) of what evolves on all islands; failed rows are inf."""
+        """Minimised objectives (individuals, n_obj) of all islands' populations; failed rows are inf."""
         return np.concatenate([search.population for search in self._searches])
 
     def front_of(self, points: int | None) -> Front:
-        """Return the front of all islands, thinned by MaxiMin to at most so many points; None keeps all of them."""
+        """Return the front of all islands, thinned by MaxiMin to at most ``points`` points (None: all)."""
         return archive_front(self, points)
 
     def ask(self) -> Candidates:
-        """Return what to evaluate on all islands; the same object until all of it has been told."""
+        """Return the candidates of all islands; the same object until all of them are told."""
         if self._candidates is None:
             X = np.concatenate([search.ask().X for search in self._searches])
             X.flags.writeable = False
@@ -102,14 +104,14 @@ class Islands:
         return self._candidates
 
     def suggest(self, X: Genes) -> None:
-        """Have these genes (rows, genes) evaluated next, shared out among the islands."""
+        """Add genes (rows, genes) to the next generations, distributed among the islands."""
         for i, search in enumerate(self._searches):
             search.suggest(X[i :: len(self._searches)])
 
     def tell(
         self, ids: Ids, F: Objectives, G: np.ndarray, *, H: np.ndarray, causes: Mapping[int, str] | None = None
     ) -> None:
-        """Tell objectives and constraints of all that was asked for, ``causes`` of failure by id; see ``Search``."""
+        """Tell objectives and constraints of all candidates, and ``causes`` of failure by id; see ``Search``."""
         candidates, causes = self._candidates, causes or {}
         assert candidates is not None
         assert np.array_equal(ids, candidates.ids)
@@ -132,13 +134,13 @@ class Islands:
             self._migrate()
 
     def _migrate(self) -> None:
-        """Send migrants of every island to the next: they take the places of as many offspring there."""
+        """Send migrants of every island to the next, where they replace as many offspring."""
         migrants = [self._migrants_of(search) for search in self._searches]
         for i, search in enumerate(self._searches):
             search.suggest(migrants[i - 1])
 
     def _migrants_of(self, search: Search) -> Genes:
-        """Return genes of points that spread over the front of an island, in the order of their ids."""
+        """Return genes of points spread over an island's front, in the order of their ids."""
         members = search.archive.members
         if members is None:
             return np.empty((0, self.problem.n_var))

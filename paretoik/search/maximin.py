@@ -1,11 +1,11 @@
-"""MaxiMin survival: fill by rank, then always take the point that is farthest from everything selected.
+"""MaxiMin survival: fill by rank, and within a rank always take the point farthest from all selected ones.
 
-Distances are Euclidean in objectives normalised by the ideal and nadir of the feasible first rank (Marcos et al. 2012
-for the selection). The distance at which a point was taken is its insertion distance; the starting points have inf. It
-depends on the order: the first half of a front has twice that of the second however even the front is. Tournaments
-therefore compare what is around a survivor at the end, the sum of the distances to its n_obj nearest neighbours of the
-same rank. MaxiMin buys an even spread cheaply and is not meant to win on hypervolume. Above five objectives almost
-every point is non-dominated and distances say little: NSGA-III, or a preferred region through ``ranges``, is wiser.
+Distances are Euclidean in objectives normalised by the ideal and nadir of the feasible first rank (selection: Marcos et
+al. 2012). The distance at which a point is selected is its insertion distance; the starting points have inf. It depends
+on the order: even on an even front, the first half has twice the distance of the second. Tournaments therefore compare
+the spacing: the sum of a survivor's distances to its n_obj nearest neighbours of the same rank. MaxiMin gives an even
+spread at low cost; it does not maximise hypervolume. Above five objectives almost every point is non-dominated and
+distances mean little: use NSGA-III, or a preferred region with ``ranges``.
 """
 
 from __future__ import annotations
@@ -28,25 +28,24 @@ from paretoik.inputs import check_call, finite_number, real_array, shown
 from paretoik.search.objectives import EQUALITY_TOLERANCE, TOLERANCE, Floats, Integers, check_tolerance, violations
 from paretoik.tables import html_representation
 
-# The order in which MaxiMin inserts the points of one front, and the distances at which it does.
-#
-# All objectives here are normalised and minimised; ``Z`` is (points, n_obj). Ties go to the lower index.
+# MaxiMin's insertion order of the points of one front, and the insertion distances. Objectives are normalised and
+# minimised; ``Z`` is (points, n_obj). Ties go to the lower index.
 
 
 @dataclass(frozen=True, kw_only=True)
 class InsertionOptions:
-    """When which way of computing the order of insertion is used; all give the same bits."""
+    """When each method computes the order of insertion; all give the same bits."""
 
-    matrix_limit: int = 1024  # points up to which all pairwise distances are computed at once (8 MB)
-    fewest_split: int = 192  # points from which splitting segments overtakes the greedy loop (measured)
-    levels: int = 16  # of segments split; a front without a tail needs about 1.5 log2(points)
+    matrix_limit: int = 1024  # points; up to this number all pairwise distances are computed at once (8 MB)
+    fewest_split: int = 192  # points; from this number splitting segments is faster than the greedy loop (measured)
+    levels: int = 16  # levels of splitting; a front without a tail needs about 1.5 log2(points)
 
 
 OPTIONS = InsertionOptions()
 
 
 def scaled(F: Floats, ideal: Floats, nadir: Floats) -> Floats:
-    """Map objectives (points, n_obj) so that ideal is 0 and nadir 1; an axis without range becomes 0."""
+    """Return objectives (points, n_obj) scaled so that ideal is 0 and nadir 1; axes without range are 0."""
     width = nadir - ideal
     usable = np.isfinite(width) & (width > np.finfo(float).tiny)
     with np.errstate(over="ignore"):
@@ -55,15 +54,15 @@ def scaled(F: Floats, ideal: Floats, nadir: Floats) -> Floats:
 
 
 def starting_points(Z: Floats) -> list[int]:
-    """Positions of the points that the selection starts from.
+    """Return the positions of the points that the selection starts from.
 
     Up to two objectives: the minimiser of each. Three and more: the minimiser of the achievement function along each
-    axis, max_j z_j / w_j with w = 1 on the axis and 1e-6 off it; axis minimisers would be near-duplicates there.
+    axis, max_j z_j / w_j with w = 1 on the axis and 1e-6 off it; minimisers of objectives would be near-duplicates.
     """
     n_obj = Z.shape[1]
     if n_obj == 1:
         return [int(np.argmin(Z[:, 0]))]
-    if n_obj == 2:  # among equals the other objective decides
+    if n_obj == 2:  # the other objective decides between equals
         starts = [int(np.lexsort((Z[:, 1 - axis], Z[:, axis]))[0]) for axis in range(2)]
     else:
         weights = np.where(np.eye(n_obj, dtype=bool), 1.0, 1e-6)
@@ -72,7 +71,7 @@ def starting_points(Z: Floats) -> list[int]:
 
 
 def squared_distances(Z: Floats, others: Floats) -> Floats:
-    """Squared distances (points, others), summed axis by axis so that every method here rounds alike."""
+    """Return squared distances (points, others), summed axis by axis so that all methods round alike."""
     total: Floats = (Z[:, 0, None] - others[None, :, 0]) ** 2
     for axis in range(1, Z.shape[1]):
         total += (Z[:, axis, None] - others[None, :, axis]) ** 2
@@ -80,7 +79,7 @@ def squared_distances(Z: Floats, others: Floats) -> Floats:
 
 
 def nearest_squared(Z: Floats, others: Floats) -> Floats:
-    """Squared distance (points,) of each point to the nearest of ``others``, in blocks of bounded memory."""
+    """Return squared distances (points,) to the nearest of ``others``, in blocks of bounded memory."""
     nearest = np.full(len(Z), np.inf)
     step = max(1, 1_000_000 // max(1, len(Z)))
     for first in range(0, len(others), step):
@@ -89,7 +88,7 @@ def nearest_squared(Z: Floats, others: Floats) -> Floats:
 
 
 def neighbour_distances(Z: Floats, groups: Integers, count: int) -> Floats:
-    """Sum (points,) of each point's distances to the ``count`` nearest of its group; inf where there are fewer.
+    """Return each point's sum of distances to the ``count`` nearest of its group; inf if there are fewer.
 
     ``groups`` (points,) are labels. Computed in blocks of bounded memory.
     """
@@ -101,7 +100,7 @@ def neighbour_distances(Z: Floats, groups: Integers, count: int) -> Floats:
         rows = np.arange(first, min(first + step, len(Z)))
         squared = squared_distances(Z[rows], Z)
         squared[groups[rows, None] != groups] = np.inf
-        squared[np.arange(len(rows)), rows] = np.inf  # no neighbour of itself
+        squared[np.arange(len(rows)), rows] = np.inf  # a point is not its own neighbour
         nearest = np.partition(squared, count - 1, axis=1)[:, :count]
         sums[rows] = np.sqrt(nearest).sum(axis=1)
     return sums
@@ -110,15 +109,15 @@ def neighbour_distances(Z: Floats, groups: Integers, count: int) -> Floats:
 def insertion_order(Z: Floats, count: int, nearest: Floats, starts: Sequence[int] = ()) -> tuple[Integers, Floats]:
     """Select ``count`` of the mutually non-dominated points ``Z``, always the one farthest from all selected.
 
-    ``nearest`` (points,) is each point's squared distance to what was selected before (inf where nothing was); the
-    positions in ``starts`` come first. Returns positions in order of selection and squared insertion distances.
+    ``nearest`` (points,) are squared distances to points selected before (inf if there are none); positions in
+    ``starts`` come first. Returns positions in order of selection and squared insertion distances.
     """
     fast = Z.shape[1] == 2 and len(Z) >= OPTIONS.fewest_split
     return (front_order if fast else greedy_order)(Z, count, nearest, starts)
 
 
 def greedy_order(Z: Floats, count: int, nearest: Floats, starts: Sequence[int] = ()) -> tuple[Integers, Floats]:
-    """Select one by one, for any number of objectives; arguments as for ``insertion_order``."""
+    """Select points one by one, for any number of objectives; arguments as for ``insertion_order``."""
     nearest = nearest.copy()
     nearest[list(starts)] = np.inf
     matrix = squared_distances(Z, Z) if len(Z) <= OPTIONS.matrix_limit else None
@@ -129,17 +128,17 @@ def greedy_order(Z: Floats, count: int, nearest: Floats, starts: Sequence[int] =
         order[step], distance[step] = chosen, np.inf if step < len(starts) else nearest[chosen]
         row = matrix[chosen] if matrix is not None else squared_distances(Z, Z[chosen : chosen + 1])[:, 0]
         np.minimum(nearest, row, out=nearest)
-        nearest[chosen] = -1.0  # below every distance: never again
+        nearest[chosen] = -1.0  # below every distance: never selected again
     return order, distance
 
 
 def front_order(Z: Floats, count: int, nearest: Floats, starts: Sequence[int] = ()) -> tuple[Integers, Floats]:
-    """Select as ``greedy_order`` does, bit for bit, on a two-objective front; arguments as for ``insertion_order``.
+    """Return the result of ``greedy_order``, bit for bit, for a two-objective front; same arguments.
 
-    Along a sorted front only the selected neighbour on either side matters, so the farthest point of a segment depends
-    on that segment alone, and all segments are split at once, level by level. A value never exceeds its parent's, and a
-    child tied with its parent was tied already, with a higher index, when the parent was taken: so sorting by value,
-    then index, is the greedy order.
+    Along a sorted front only the selected neighbours on both sides matter, so the farthest point of a segment depends
+    only on that segment, and all segments are split at once, level by level. A value never exceeds its parent's, and a
+    child tied with its parent was tied already, with a higher index, when the parent was selected. Therefore sorting by
+    value, then index, gives the greedy order.
     """
     size = len(Z)
     path = np.lexsort((-Z[:, 1], Z[:, 0]))
@@ -165,11 +164,11 @@ def front_order(Z: Floats, count: int, nearest: Floats, starts: Sequence[int] = 
         value[chosen] = best
         split = np.repeat(chosen, lengths)
         near = np.minimum(near, (x[remaining] - x[split]) ** 2 + (y[remaining] - y[split]) ** 2)
-        threshold = np.partition(value, size - count)[size - count]  # -1 until so many have a value
+        threshold = np.partition(value, size - count)[size - count]  # -1 until ``count`` points have a value
         keep = (remaining != split) & (near >= threshold)
         segment = (2 * split + (remaining > split))[keep]
         remaining, near = remaining[keep], near[keep]
-    if remaining.size:  # a geometric tail peels off one point a level: the greedy loop is the faster there
+    if remaining.size:  # a geometric tail loses one point per level: the greedy loop is faster
         tail = np.sort(path[remaining])
         near = near[np.argsort(path[remaining])]
         order, distance = greedy_order(Z[tail], min(count, tail.size), near)
@@ -182,10 +181,11 @@ def front_order(Z: Floats, count: int, nearest: Floats, starts: Sequence[int] = 
 
 @dataclass(frozen=True, eq=False)
 class Survivors:
-    """Who survives, best first, each (survivors,), the feasible ones before the others.
+    """The survivors, best first; feasible ones come before the others.
 
-    ``distance`` is the insertion distance; ``normalised`` (feasible, n_obj) objectives and ``is_beyond`` (feasible,),
-    beyond ``ranges``, are of the feasible survivors.
+    distance: insertion distances
+    normalised: normalised objectives of the feasible survivors
+    is_beyond: which feasible survivors are beyond ``ranges``
     """
 
     index: Ids
@@ -196,10 +196,10 @@ class Survivors:
 
     @cached_property
     def spacing(self) -> Values:
-        """Sum of the distances to the n_obj nearest survivors of the same rank (survivors,), computed when first read.
+        """Sum of distances (survivors,) to the n_obj nearest survivors of the same rank, computed at first use.
 
-        It is inf where there are fewer and for the best of a rank in an objective, 0 beyond ``ranges`` and for
-        infeasible points.
+        It is inf if there are fewer and for the best of a rank in an objective, 0 beyond ``ranges`` and for infeasible
+        points.
         """
         Z, ranks = self.normalised, self.rank[: len(self.normalised)]
         spacing = np.zeros(len(self.index))
@@ -222,11 +222,13 @@ def survivors(
 ) -> Survivors:
     """Select ``count`` of the points with objectives ``F`` (points, n_obj) and ``violation`` (points,).
 
-    Feasible points (violation 0) come first, by rank and then MaxiMin; after them the others, least violation first,
-    those with violation inf last. ``ranges`` (2, n_obj), lower and upper, is a box that replaces ideal and nadir, and
-    points beyond its upper side are inserted after those below. Up to ``infeasible_share`` of the places go to
-    the least-violating infeasible points that no feasible one dominates. With ``species`` (points,) the best of each
-    feasible species stay: half of the places, shared out evenly.
+    Feasible points (violation 0) come first, by rank and then MaxiMin; the others follow, least violation first,
+    violation inf last.
+
+    ranges: (2, n_obj) lower and upper side of a box that replaces ideal and nadir; points beyond its upper side are
+        inserted after those below
+    infeasible_share: largest share of places for the least-violating infeasible points that no feasible one dominates
+    species: labels (points,); the best of each feasible species stay, on half of the places, evenly distributed
     """
     count = min(count, len(F))
     feasible = np.flatnonzero(violation <= 0.0)
@@ -253,7 +255,7 @@ def survivors(
 
 
 def _normalised(F: Floats, ranks: Integers, ranges: Floats | None) -> tuple[Floats, Mask]:
-    """Objectives of feasible points in the range of their first rank or in ``ranges``, and which are beyond that."""
+    """Return feasible points' objectives scaled by their first rank or ``ranges``, and which are beyond."""
     if not len(F):
         return F, np.zeros(0, dtype=bool)
     first = F[ranks == 0]
@@ -263,7 +265,7 @@ def _normalised(F: Floats, ranks: Integers, ranges: Floats | None) -> tuple[Floa
 
 
 def _by_maximin(Z: Floats, ranks: Integers, is_beyond: Mask, count: int) -> tuple[Integers, Floats]:
-    """Positions and insertion distances of ``count`` feasible points in order of selection."""
+    """Return positions and insertion distances of ``count`` feasible points in order of selection."""
     if count == 0:
         return np.empty(0, dtype=np.int64), np.empty(0)
     nearest = np.full(len(Z), np.inf)
@@ -286,7 +288,7 @@ def _by_maximin(Z: Floats, ranks: Integers, is_beyond: Mask, count: int) -> tupl
 
 
 def _nondominated_infeasible(F: Floats, violation: Floats, front: Integers, others: Integers) -> Integers:
-    """Those of ``others``, in their order, with a finite violation that no point of ``front`` dominates."""
+    """Return those of ``others`` with finite violation that no point of ``front`` dominates, in their order."""
     others = others[np.isfinite(violation[others])]
     nondominated: Integers = others[~dominates(F[front][None], F[others][:, None]).any(axis=1)]
     return nondominated
@@ -295,7 +297,7 @@ def _nondominated_infeasible(F: Floats, violation: Floats, front: Integers, othe
 def _with_species(
     chosen: Integers, distance: Floats, ranks: Integers, species: Integers, *, share: float = 0.5
 ) -> tuple[Integers, Floats]:
-    """Let the best of each species replace the last chosen of abundant ones, up to a ``share`` of all."""
+    """Replace the last chosen of abundant species by the best of each species, up to a ``share`` of all."""
     quota = int(share * chosen.size)
     best_first = np.lexsort((np.arange(len(ranks)), ranks))
     labels = list(dict.fromkeys(species[best_first].tolist()))
@@ -322,12 +324,16 @@ def _with_species(
 class MaxiMin(Survival):  # type: ignore[misc]  # pymoo has no types
     """MaxiMin as a pymoo survival, for any pymoo problem and genetic algorithm: ``NSGA2(survival=MaxiMin())``.
 
-    ``ranges`` (lower, upper), each a number an objective, keeps the population in a box of interest: a long steep tail
-    then does not drag it away. ``infeasible_share`` of the survivors may be infeasible ones near the boundary.
-    ``tolerance`` and ``equality_tolerance`` say what still counts as feasible, one number or one a constraint. A
-    problem with ``species(X) -> (points,)`` keeps its live species. Individuals get "rank", "crowding" (their spacing),
-    "insertion_distance" and CV, which is inf where an objective is not finite or a constraint is NaN. Raises
-    InvalidInput for a setting that makes no sense.
+    A problem with ``species(X) -> (points,)`` keeps its live species. Individuals get "rank", "crowding" (their
+    spacing), "insertion_distance" and CV, which is inf if an objective is not finite or a constraint is NaN.
+
+    - ``ranges``: (lower, upper), each one number per objective: a box of interest; a long steep tail then cannot drag
+      the population away
+    - ``infeasible_share``: share of survivors that may be infeasible, near the boundary
+    - ``tolerance``, ``equality_tolerance``: largest constraint excess of a feasible point, one number or one per
+      constraint
+
+    Raises InvalidInput for an invalid setting.
     """
 
     def __init__(
@@ -354,7 +360,7 @@ class MaxiMin(Survival):  # type: ignore[misc]  # pymoo has no types
 
     def _do(self, problem: Any, pop: Any, *args: Any, n_survive: int, **kwargs: Any) -> Any:
         if self.ranges is not None and self.ranges.shape[1] != problem.n_obj:
-            raise InvalidInput(f"ranges: {problem.n_obj} objectives wanted, got {self.ranges.shape[1]}")
+            raise InvalidInput(f"ranges must have {problem.n_obj} objectives, got {self.ranges.shape[1]}")
         F = column(pop, "F")
         G = column(pop, "G") if problem.n_ieq_constr else None
         H = column(pop, "H") if problem.n_eq_constr else None
@@ -373,24 +379,24 @@ class MaxiMin(Survival):  # type: ignore[misc]  # pymoo has no types
 
 
 def check_infeasible_share(share: object) -> None:
-    """Raise InvalidInput unless this is a share of survivors that may be infeasible."""
+    """Raise InvalidInput unless ``share`` is at least 0 and below 1."""
     if not 0.0 <= finite_number("infeasible_share", share) < 1.0:
-        raise InvalidInput(f"infeasible_share: a share from 0 to below 1 wanted, got {shown(share)}")
+        raise InvalidInput(f"infeasible_share must be at least 0 and below 1, got {shown(share)}")
 
 
 def dominates(F: Floats, other: Floats) -> np.ndarray:
-    """Return which points (..., n_obj) dominate others."""
+    """Return which points (..., n_obj) dominate the others."""
     mask: np.ndarray = np.less_equal(F, other).all(axis=-1) & np.less(F, other).any(axis=-1)
     return mask
 
 
 def column(pop: Any, name: str) -> Floats:
-    """Stack one array attribute of pymoo's individuals (X, F, G, H or CV), much faster than ``pop.get``."""
+    """Return one attribute (X, F, G, H or CV) of pymoo's individuals, stacked; faster than ``pop.get``."""
     return np.array([getattr(individual, name) for individual in pop], dtype=float)
 
 
 def _checked_ranges(ranges: ArrayLike) -> Floats:
     box = real_array("ranges", ranges)
     if box.ndim != 2 or len(box) != 2 or not np.isfinite(box).all() or (box[0] > box[1]).any():
-        raise InvalidInput(f"ranges: finite (lower, upper) with lower <= upper wanted, got {shown(box.tolist())}")
+        raise InvalidInput(f"ranges must be finite (lower, upper) with lower <= upper, got {shown(box.tolist())}")
     return box

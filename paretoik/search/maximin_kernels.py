@@ -1,7 +1,7 @@
-"""MaxiMin survival of two objectives, compiled: what ``search/maximin`` does, on arrays that are allocated once.
+"""MaxiMin survival, compiled: the algorithm of ``search/maximin`` on arrays that are allocated once.
 
-Parents stay sorted by the first objective; while they are mutually non-dominated, only children that none of them
-dominates need to be looked at. Three and more objectives: ``many_objectives``.
+With two objectives, parents stay sorted by the first; while they are mutually non-dominated, only children that none of
+them dominates matter. The second part of the file is for three and more objectives.
 """
 
 from __future__ import annotations
@@ -16,10 +16,11 @@ RANGE_TOLERANCE = 2.2250738585072014e-308  # an objective with a smaller range h
 
 @compiled
 def select_by_rank(count, capacity, s):
-    """Select ``capacity`` of so many sorted points: whole ranks, of the last one those farthest from all selected.
+    """Select ``capacity`` of ``count`` sorted points: whole ranks, then the farthest points of the last rank.
 
-    ``s`` is the workspace of the selection: points, objectives in ``values``, ``rank``; the selected go to ``front``
-    and ``objectives``. ``fitness`` falls with the rank; within the last it grows with the insertion distance.
+    ``s`` is the workspace of the selection: points, objectives in ``values``, and ``rank``; the selected points go to
+    ``front`` and ``objectives``. ``fitness`` falls with the rank; within the last rank it grows with the insertion
+    distance.
     """
     rank, values, points, front, objectives = s.rank, s.values, s.points, s.front, s.objectives
     fitness, sizes, nearest, members = s.fitness, s.begins, s.nearest, s.spare
@@ -47,7 +48,7 @@ def select_by_rank(count, capacity, s):
             s.x[i], s.y[i] = values[0, members[i]], values[1, members[i]]
         _insert_members(s.x, s.y, x_scale, y_scale, size, nearest, s.distance, s.stack)
         _keep_members(members, size, places, s.distance, rank, fitness, split, s.x, s.y)
-    for i in range(places if split == count else 0):  # failed points fill up
+    for i in range(places if split == count else 0):  # failed points fill the remaining places
         rank[members[i]], fitness[members[i]] = -1, -split
     position = 0
     for k in range(count):
@@ -63,10 +64,10 @@ def _inverse_range(width):
 
 @compiled
 def _insert_members(x, y, x_scale, y_scale, size, nearest, distance, stack):
-    """Write the squared distance at which each member of a rank, in order, is inserted.
+    """Write the squared insertion distance of each member of a sorted rank.
 
-    ``nearest`` are the squared distances to points of better ranks. Of a stretch between inserted members the farthest
-    is the next one, whatever happens elsewhere on the front.
+    ``nearest`` are the squared distances to points of better ranks. In a stretch between inserted members the farthest
+    is the next one; the rest of the front does not matter.
     """
     stack[0, 0], stack[0, 1] = 0, size
     stretches = 1
@@ -78,7 +79,7 @@ def _insert_members(x, y, x_scale, y_scale, size, nearest, distance, stack):
             if nearest[i] > largest:
                 best, largest = i, nearest[i]
         distance[best] = largest
-        if not largest > 0.0:  # copies of what is inserted
+        if not largest > 0.0:  # copies of inserted points
             for i in range(begin, end):
                 distance[i] = largest
             continue
@@ -95,7 +96,7 @@ def _insert_members(x, y, x_scale, y_scale, size, nearest, distance, stack):
 
 @compiled
 def _keep_members(members, size, capacity, distance, rank, fitness, split, spare, other):
-    """Mark the members of a rank that were inserted first, and write their fitness."""
+    """Mark the members of a rank that are inserted first, and write their fitness."""
     smallest = quickselect(distance, size, size - capacity, spare, other)
     ties = capacity
     for i in range(size):
@@ -112,7 +113,7 @@ def _keep_members(members, size, capacity, distance, rank, fitness, split, spare
 def _distances_to_better_ranks(values, count, rank, split, members, size, x_scale, y_scale, nearest):
     """Write the squared distance of each member of a rank to the nearest point of a better rank.
 
-    Points are in order of the first objective: the search to either side ends where that alone is farther.
+    Points are sorted by the first objective: the search on each side ends if that objective alone is farther.
     """
     for i in range(size):
         member, smallest = members[i], np.inf
@@ -134,11 +135,11 @@ def _distances_to_better_ranks(values, count, rank, split, members, size, x_scal
 
 @compiled
 def insertion_distances(objectives, count, x, y, distance, queue):
-    """Write the squared distance at which MaxiMin inserts each point of a sorted front; its ends have inf.
+    """Write MaxiMin's squared insertion distance of each point of a sorted front; its ends have inf.
 
-    Between two inserted points the next is the one whose nearer end is farthest; distances to either end grow along
-    the front, so that bisection finds it. Stretches stand in a queue: what is next does not depend on what is found in
-    the last one, so that a processor works on several.
+    Between two inserted points the next one is that with the farthest nearer end; distances to either end are monotonic
+    along the front, so bisection finds it. Stretches wait in a queue and are independent, so that a processor can work
+    on several.
     """
     first, second = objectives[0], objectives[1]
     x_scale, y_scale = _inverse_range(first[count - 1] - first[0]), _inverse_range(second[0] - second[count - 1])
@@ -153,7 +154,10 @@ def insertion_distances(objectives, count, x, y, distance, queue):
         begin, end = np.uint64(queue[taken, 0]), np.uint64(queue[taken, 1])
         taken += ONE
         x0, y0, x1, y1 = x[begin], y[begin], x[end], y[end]
-        low, length = begin + ONE, end - begin - ONE  # the first that is no nearer to the beginning than to the end
+        low, length = (
+            begin + ONE,
+            end - begin - ONE,
+        )  # the first point that is not nearer to the beginning than to the end
         while length > ONE:
             half = length >> ONE
             u, v = x[low + half - ONE], y[low + half - ONE]
@@ -162,7 +166,7 @@ def insertion_distances(objectives, count, x, y, distance, queue):
             length -= half
         best, other = _distance_to_ends(x, y, low, begin, end), _distance_to_ends(x, y, low - ONE, begin, end)
         chosen = low - np.uint64((other >= best) & (low - ONE > begin))
-        distance[chosen] = max(best, other)  # an end is at distance 0
+        distance[chosen] = max(best, other)  # the distance of an end is 0
         queue[stretches, 0], queue[stretches, 1] = np.int64(begin), np.int64(chosen)
         stretches += np.uint64(chosen - begin > ONE)
         queue[stretches, 0], queue[stretches, 1] = np.int64(chosen), np.int64(end)
@@ -179,7 +183,7 @@ def _distance_to_ends(x, y, k, begin, end):
 
 @compiled
 def quickselect(values, count, index, spare, other):
-    """Return the value at ``index`` of the sorted ``values`` (Hoare's selection); partitions without branches."""
+    """Return the value at ``index`` of the sorted ``values`` (Hoare's selection without branches)."""
     for k in range(count):
         spare[k] = values[k]
     while True:
@@ -203,11 +207,11 @@ def quickselect(values, count, index, spare, other):
 
 @compiled
 def keep_farthest(front, objectives, distance, count, capacity, spare, other):
-    """Keep the ``capacity`` points of a sorted front that were inserted first, in their order."""
+    """Keep the ``capacity`` points of a sorted front with the largest insertion distances, in their order."""
     if count == capacity:
         return
     smallest = quickselect(distance, count, count - capacity, spare, other)
-    ties = capacity  # places for points that are tied with the last
+    ties = capacity  # places for points tied with the last
     for k in range(count):
         ties -= np.int64(distance[k] > smallest)
     position = 0
@@ -220,9 +224,8 @@ def keep_farthest(front, objectives, distance, count, capacity, spare, other):
         position += np.int64(keep)
 
 
-# MaxiMin survival of three and more objectives, compiled: what ``search/maximin`` does.
-#
-# ``F`` is (objectives, points), minimised; a point with inf has failed.
+# MaxiMin survival of three and more objectives, compiled. ``F`` is (objectives, points), minimised; a point with inf
+# has failed.
 
 
 AXIS_WEIGHT = 1e6  # of the other objectives in the achievement function along an axis
@@ -230,7 +233,7 @@ AXIS_WEIGHT = 1e6  # of the other objectives in the achievement function along a
 
 @compiled
 def rank_points(F, rank, spare):
-    """Write the non-domination rank of every point, failed ones beyond all, for any number of objectives."""
+    """Write the non-domination rank of every point; failed points come last. For any number of objectives."""
     total = F.shape[1]
     for k in range(total):
         rank[k] = total
@@ -248,7 +251,7 @@ def rank_points(F, rank, spare):
 
 @compiled
 def _is_dominated(F, rank, i):
-    """Return whether a point without rank dominates point i."""
+    """Return whether an unranked point dominates point i."""
     objectives, total = F.shape
     for j in range(total):
         if rank[j] < total or not F[0, j] < np.inf:
@@ -264,9 +267,9 @@ def _is_dominated(F, rank, i):
 
 @compiled
 def select_by_distance(F, rank, capacity, chosen, distance, Z, nearest, members, begins, chosen_Z):
-    """Choose ``capacity`` points rank by rank, of each always the one farthest from all chosen; return how many.
+    """Choose ``capacity`` points rank by rank, always the farthest from all chosen; return their number.
 
-    Write their numbers and squared insertion distances; failed points are not chosen.
+    Write their indices and squared insertion distances; failed points are not chosen.
     """
     objectives, total = F.shape
     _normalise(F, rank, Z)
@@ -286,7 +289,7 @@ def select_by_distance(F, rank, capacity, chosen, distance, Z, nearest, members,
                     best = i
             chosen[k], distance[k] = group[best], nearest[best]
             _update_nearest(Z, group, group[best], nearest)
-            nearest[best] = -1.0  # below every distance: never again
+            nearest[best] = -1.0  # below every distance: never chosen again
         for k in range(count, count + places):
             for m in range(objectives):
                 chosen_Z[m, k] = Z[m, chosen[k]]
@@ -312,7 +315,7 @@ def _normalise(F, rank, Z):
 
 @compiled
 def _group_by_rank(rank, members, begins):
-    """Write the points in order of their rank; ``begins[r]`` is then the end of rank r."""
+    """Write the points sorted by rank; ``begins[r]`` is then the end of rank r."""
     total = rank.shape[0]
     for k in range(total + 2):
         begins[k] = 0
@@ -339,7 +342,7 @@ def _distance_to_chosen(chosen_Z, count, Z, point):
 
 @compiled
 def _choose_extremes(Z, members, capacity, chosen, distance, nearest):
-    """Choose the first points of the first rank: the minimisers of the achievement function along each axis."""
+    """Choose the first points: the minimisers of the achievement function along each axis."""
     objectives, count = Z.shape[0], 0
     for axis in range(objectives):
         best, smallest = -1, np.inf
@@ -360,7 +363,7 @@ def _choose_extremes(Z, members, capacity, chosen, distance, nearest):
 
 @compiled
 def _update_nearest(Z, members, point, nearest):
-    """Update the distances of the members of a rank to the nearest chosen point, after this one was chosen."""
+    """Update the distances of a rank's members to the nearest chosen point with a new chosen point."""
     for i in range(members.shape[0]):
         squared = 0.0
         for m in range(Z.shape[0]):

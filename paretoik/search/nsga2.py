@@ -40,20 +40,22 @@ from paretoik.tables import html_representation
 
 # Mating: tournaments, crossover within a species, mutation that may leave it.
 #
-# A problem may offer ``species(X) -> (points,)`` integer labels; crossing two labels makes infeasible children, so
-# only equals mate. It may also offer ``species_gene``, the index of a gene whose integer part is the label, and
-# ``n_species``: crossover and mutation leave that gene alone, and now and then it jumps to another label. Where the
-# problem can say the same thing under another label, ``translated(X, labels) -> X``, the offspring is translated, so
-# that species learn from each other.
+# A problem may offer ``species(X) -> (points,)`` integer labels; children of two labels are infeasible, so only equal
+# labels mate. It may also offer ``species_gene``, the index of a gene whose integer part is the label, and
+# ``n_species``: crossover and mutation do not change that gene, but sometimes it jumps to another label. If the problem
+# offers ``translated(X, labels) -> X``, the offspring is translated to the new label, so that species learn from each
+# other.
 
 
 @dataclass(frozen=True, kw_only=True)
 class MatingOptions:
-    """Settings of mating; chosen here."""
+    """Settings of mating, chosen here."""
 
-    even_share: float = 0.5  # of tournaments, spread evenly over species: one that is behind may have the better end
-    migration_probability: float = 0.05  # that an offspring is moved to another species
-    rounds: int = 20  # of mating, for offspring that are new
+    even_share: float = (
+        0.5  # share of tournaments spread evenly over species: a species that is behind may win in the end
+    )
+    migration_probability: float = 0.05  # probability that an offspring moves to another species
+    rounds: int = 20  # largest number of matings to get new offspring
 
 
 OPTIONS = MatingOptions()
@@ -61,7 +63,7 @@ OPTIONS = MatingOptions()
 
 @dataclass(frozen=True, eq=False)
 class Parents:
-    """A population as arrays, each with a row an individual."""
+    """A population as arrays with one row per individual."""
 
     X: Genes
     F: Objectives
@@ -74,23 +76,23 @@ class Parents:
 class BranchwiseMating:
     """pymoo mating on whole arrays: binary tournaments by rank, then spacing; then the two operators.
 
-    ``crossover`` and ``mutation`` are pymoo operators of real genes. Of two parents both win a tournament; of three, as
-    a ``Differential`` has them, the first, and the others are drawn from its species. With ``infeasible_parents`` an
-    infeasible point beats a feasible one that it dominates.
+    crossover, mutation: pymoo operators of real genes. With two parents, both win a tournament; with three, as for
+        ``Differential``, only the first does, and the others are drawn from its species.
+    infeasible_parents: whether an infeasible point beats a feasible one that it dominates
     """
 
     def __init__(self, crossover: Any, mutation: Any, *, infeasible_parents: bool = False) -> None:
         if crossover.n_parents not in (2, 3):
-            raise InvalidInput(f"crossover: an operator of 2 or 3 parents wanted, got {crossover.n_parents}")
+            raise InvalidInput(f"crossover must be an operator of 2 or 3 parents, got {crossover.n_parents}")
         self.crossover = crossover
         self.mutation = mutation
         self.infeasible_parents = infeasible_parents
-        self.widths: Values = np.zeros(1)  # of the widest population so far, along every gene
+        self.widths: Values = np.zeros(1)  # width of the widest population so far, along every gene
 
     def do(self, problem: Any, pop: Any, n_offsprings: int, *, random_state: np.random.Generator, **kwargs: Any) -> Any:
         """Return a pymoo population of ``n_offsprings`` that repeat neither each other nor their parents.
 
-        Where there are not so many different genes the last are copies. pymoo also passes ``algorithm``.
+        If there are too few different genes, the last ones are copies. pymoo also passes ``algorithm``.
         """
         X = column(pop, "X")
         self.widths = np.maximum(self.widths, widths_of(X))
@@ -137,7 +139,7 @@ class BranchwiseMating:
         return np.stack((first, self._select_winners(parents, others[:matings], others[matings:], rng)))
 
     def _spread_over_species(self, species: Integers, rivals: Integers, rng: np.random.Generator) -> Integers:
-        """Let some of the tournaments (2, matings) be held within one species, every species in its turn as likely."""
+        """Return the rivals (2, matings), some of them within one species; each species is equally likely."""
         labels, members = np.unique(species, return_index=True)
         if len(labels) == 1:
             return rivals
@@ -165,7 +167,7 @@ class BranchwiseMating:
         return mutated
 
     def _select_winners(self, parents: Parents, a: Integers, b: Integers, rng: np.random.Generator) -> Integers:
-        """Index of the better of each pair: less violation, better rank, larger spacing, chance."""
+        """Return the index of each pair's better one: less violation, better rank, larger spacing, random."""
         won: Mask = np.zeros(len(a), dtype=bool)
         tied: Mask = np.ones(len(a), dtype=bool)
         for key in (parents.violation, parents.rank, -parents.spacing):
@@ -180,7 +182,7 @@ class BranchwiseMating:
 
 
 def _draw_from_species(species: Integers, individuals: Integers, rng: np.random.Generator) -> Integers:
-    """Draw for each individual one of its species, itself included."""
+    """Return for each individual a random one of its species, possibly itself."""
     by_species = np.argsort(species, kind="stable")
     labels, first, sizes = np.unique(species[by_species], return_index=True, return_counts=True)
     group = np.searchsorted(labels, species[individuals])
@@ -192,15 +194,17 @@ def _draw_from_species(species: Integers, individuals: Integers, rng: np.random.
 class MaxiMinNSGA2(GeneticAlgorithm):  # type: ignore[misc]  # pymoo has no types
     """NSGA-II whose survival is MaxiMin; for ``pymoo.optimize.minimize``, pymoo's ask and tell, and ``Search``.
 
-    ``pop_size`` at least 4; ``n_offsprings`` a generation, as many if None. ``sampling`` is what the first population
-    starts with, an array of genes, a pymoo Sampling or a Population, whose evaluated individuals are not evaluated
-    again, and is topped up to ``pop_size`` by ``seeded_population``. ``crossover`` (two parents) and ``mutation`` are
-    pymoo operators, by default SBX(eta=15, prob=0.9) and PM(eta=20). The rest is explained at ``MaxiMin``.
+    Genes may be of any kind: real numbers without bounds need ``sampling``; pymoo's own operators sample and vary
+    integers, binary and named variables. Genes are also binary if ``sampling`` is, as pymoo's ZDT5 needs.
 
-    Genes may be of any kind: real numbers without bounds want ``sampling``; integers, binary and named variables are
-    sampled and varied by pymoo's own operators. They are binary too where ``sampling`` is, as pymoo's ZDT5 wants it.
+    - ``pop_size``: individuals, at least 4
+    - ``n_offsprings``: offspring per generation; None: as many as individuals
+    - ``sampling``: start of the first population: genes, a pymoo Sampling or a Population, whose evaluated individuals
+      are not evaluated again; ``seeded_population`` fills it up to ``pop_size``
+    - ``crossover`` (two parents), ``mutation``: pymoo operators, by default SBX(eta=15, prob=0.9) and PM(eta=20)
+    - ``ranges``, ``infeasible_share``, ``tolerance``, ``equality_tolerance``: see ``MaxiMin``
 
-    Raises InvalidInput for a size or bound that cannot be used, and for a misspelt option of pymoo's ``minimize``.
+    Raises InvalidInput for an invalid size or bound, and for a misspelt option of pymoo's ``minimize``.
     """
 
     def __init__(
@@ -238,14 +242,14 @@ class MaxiMinNSGA2(GeneticAlgorithm):  # type: ignore[misc]  # pymoo has no type
                 equality_tolerance=equality_tolerance,
             ),
             mating=branchwise,
-            eliminate_duplicates=False,  # seeding and mating see to it, on arrays
+            eliminate_duplicates=False,  # seeding and mating remove duplicates, on arrays
             output=MultiObjectiveOutput(),
             advance_after_initial_infill=True,
         )
         self.sampling, self.crossover, self.mutation = sampling, crossover, mutation
-        self.tournament_type = "comp_by_rank_and_crowding"  # of pymoo's own mating
+        self.tournament_type = "comp_by_rank_and_crowding"  # for pymoo's own mating
         self._branchwise = branchwise
-        self._operators: Operators | None = None  # of genes that are no real numbers
+        self._operators: Operators | None = None  # for genes that are not real numbers
 
     def __repr__(self) -> str:
         return f"MaxiMinNSGA2(pop_size={self.pop_size})"
@@ -264,7 +268,7 @@ class MaxiMinNSGA2(GeneticAlgorithm):  # type: ignore[misc]  # pymoo has no type
             self.mating, self._operators = operators.mating, operators
         for name in options:
             if name not in self.__dict__ and name not in ("verbose", "progress"):
-                raise InvalidInput(f"minimize: one of pymoo's options wanted, got {shown(name)}")
+                raise InvalidInput(f"minimize must get only options of pymoo, got {shown(name)}")
         return super().setup(problem, **options)
 
     def _initialize_infill(self) -> Any:
@@ -280,17 +284,17 @@ class MaxiMinNSGA2(GeneticAlgorithm):  # type: ignore[misc]  # pymoo has no type
         return Population([by_genes.get(row.tobytes()) or Individual(X=row) for row in X])
 
     def _sampled(self, initial: Any, operators: Operators) -> Any:
-        """Return the first population of genes that are no real numbers: what is given, and others by pymoo."""
+        """Return the first population of genes that are not real numbers: given ones, then pymoo's samples."""
         first = initial if isinstance(initial, Population) else Population.new("X", [] if initial is None else initial)
         if len(first) > self.pop_size:
-            raise InvalidInput(f"sampling: at most {self.pop_size} individuals wanted, got {len(first)}")
+            raise InvalidInput(f"sampling must have at most {self.pop_size} individuals, got {len(first)}")
         if len(first) < self.pop_size and operators.sampling is None:
-            raise InvalidInput(f"sampling: {self.pop_size} individuals wanted for such genes, got {len(first)}")
+            raise InvalidInput(f"sampling must have {self.pop_size} individuals for such genes, got {len(first)}")
         for _ in range(10):
             if len(first) < self.pop_size:
                 more = operators.sampling.do(self.problem, self.pop_size - len(first), random_state=self.random_state)
                 first = Population.merge(first, operators.duplicates.do(more, first))
-        if len(first) < self.pop_size:  # there are not so many
+        if len(first) < self.pop_size:  # too few different genes exist
             spare = self.pop_size - len(first)
             first = Population.merge(first, operators.sampling.do(self.problem, spare, random_state=self.random_state))
         return first

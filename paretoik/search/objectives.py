@@ -12,10 +12,10 @@ from paretoik.errors import InvalidInput
 from paretoik.front.points import check_names
 from paretoik.inputs import check_flag, real_array, shown
 
-# How much a point violates its constraints.
+# Violation of constraints.
 
 
-Floats: TypeAlias = Float[np.ndarray, "..."]  # of a shape that the docstring says
+Floats: TypeAlias = Float[np.ndarray, "..."]  # the docstring gives the shape
 Integers: TypeAlias = Int[np.ndarray, "..."]
 
 TOLERANCE = 1e-9
@@ -30,11 +30,13 @@ def violations(
     tolerance: ArrayLike = TOLERANCE,
     equality_tolerance: ArrayLike = EQUALITY_TOLERANCE,
 ) -> Floats:
-    """Sum each point's constraint excesses: 0 is feasible, inf a point that has no usable number.
+    """Return each point's sum of constraint excesses: 0 is feasible, inf means no usable number.
 
-    ``F`` (points, n_obj), ``G`` (points, n_ieq) wanted <= 0 and already divided by each limit's range, ``H`` (points,
-    n_eq) wanted 0. An excess up to its tolerance (one number, or one a column) counts as none; any other counts whole.
-    A NaN constraint or a non-finite objective makes the violation inf.
+    F: objectives (points, n_obj); one that is not finite makes the violation inf
+    G: inequality constraints (points, n_ieq), G <= 0, divided by each limit's range; a NaN makes the violation inf
+    H: equality constraints (points, n_eq), H = 0; a NaN makes the violation inf
+    tolerance, equality_tolerance: excess up to which a constraint counts as satisfied, one number or one per column; a
+        larger excess counts in full
     """
     total = np.zeros(len(F))
     with np.errstate(invalid="ignore"):
@@ -52,25 +54,25 @@ def violations(
 
 
 def check_tolerance(name: str, tolerance: object) -> Floats:
-    """Return a tolerance, or one a constraint, as floats; raises InvalidInput for a negative one or NaN."""
+    """Return a tolerance (one or one per constraint) as floats; raises InvalidInput for a negative one or NaN."""
     values = real_array(name, tolerance)
     if values.ndim > 1 or not (values >= 0).all():
-        raise InvalidInput(f"{name}: numbers >= 0 wanted, got {shown(values.tolist())}")
+        raise InvalidInput(f"{name} must be numbers >= 0, got {shown(values.tolist())}")
     return values
 
 
 def column_tolerance(name: str, tolerance: ArrayLike, columns: int) -> Floats:
-    """Give one tolerance a constraint; raise InvalidInput for a wrong count, a negative one or NaN."""
+    """Return one tolerance per constraint; raise InvalidInput for a wrong count, a negative one or NaN."""
     values = check_tolerance(name, tolerance)
     if values.shape not in ((), (columns,)):
-        raise InvalidInput(f"{name}: one number or {columns} (one a constraint) wanted, got shape {values.shape}")
+        raise InvalidInput(f"{name} must be one number or one per constraint ({columns}), got shape {values.shape}")
     return np.broadcast_to(values, (columns,))
 
 
 def describe_objectives(problem: Any) -> tuple[tuple[str, ...], tuple[str, ...], tuple[bool, ...]]:
-    """Return names, units and senses of a problem's objectives; f1, f2, ... minimised, for a plain pymoo problem.
+    """Return names, units and senses of a problem's objectives; default: f1, f2, ..., minimised.
 
-    Raises InvalidInput for those that no front can have.
+    Raises InvalidInput for entries that a front cannot have.
     """
     n_obj = problem.n_obj
     plain: dict[str, tuple[Any, ...]] = {
@@ -81,7 +83,7 @@ def describe_objectives(problem: Any) -> tuple[tuple[str, ...], tuple[str, ...],
     names, units, maximised = (_entries(problem, name) or entries for name, entries in plain.items())
     for name, values in zip(plain, (names, units, maximised), strict=True):
         if len(values) != n_obj:
-            raise InvalidInput(f"problem.{name}: {n_obj} wanted, one an objective, got {len(values)}")
+            raise InvalidInput(f"problem.{name} must have one entry per objective ({n_obj}), got {len(values)}")
     check_names(names, units)
     for value in maximised:
         check_flag("problem.maximised", value)
@@ -89,9 +91,9 @@ def describe_objectives(problem: Any) -> tuple[tuple[str, ...], tuple[str, ...],
 
 
 def _entries(problem: Any, name: str) -> tuple[Any, ...]:
-    """Return an attribute with an entry an objective, nothing if the problem has none."""
+    """Return an attribute with one entry per objective, () if the problem has none."""
     given = getattr(problem, name, None)
     try:
         return () if given is None else tuple(given)
     except TypeError:
-        raise InvalidInput(f"problem.{name} must have one entry an objective, got {shown(given)}") from None
+        raise InvalidInput(f"problem.{name} must have one entry per objective, got {shown(given)}") from None

@@ -1,6 +1,6 @@
-"""Offspring, compiled: tournaments, crossover by rows, one gene replaced (Marcos et al. 2012, section 4.1).
+"""Offspring, compiled: tournaments, crossover by rows, replacement of one gene (Marcos et al. 2012, section 4.1).
 
-A population stands in ``order``: place after place its row of ``genes``, with its ``fitness`` in a tournament by place.
+``order`` lists a population: for each place its row of ``genes``; ``fitness`` is its fitness by place.
 """
 
 from __future__ import annotations
@@ -10,9 +10,8 @@ import numpy as np
 from paretoik.compilation.numba_cache import compiled
 from paretoik.search.sorted_points import ONE, ZERO
 
-# Random numbers by streams: the k-th number of a stream depends on its key and on k alone.
-#
-# SplitMix64 (Steele, Lea & Flood 2014): a counter whose bits are mixed. A state is an array of one unsigned integer.
+# Random numbers in streams: the k-th number of a stream depends only on its key and k. SplitMix64 (Steele, Lea & Flood
+# 2014): a counter with mixed bits. A state is an array of one unsigned integer.
 
 
 GOLDEN_GAMMA = np.uint64(0x9E3779B97F4A7C15)
@@ -31,7 +30,7 @@ def mix(z):
 
 @compiled
 def seed_stream(state, seed, step):
-    """Set a state to the beginning of the stream of a seed and a step."""
+    """Set a state to the beginning of the stream for a seed and a step."""
     state[0] = mix(mix(np.uint64(seed) + GOLDEN_GAMMA) ^ (np.uint64(step) * GOLDEN_GAMMA))
 
 
@@ -44,7 +43,7 @@ def next_bits(state):
 
 @compiled
 def draw_bits(state, numbers):
-    """Write the next 64 bits to each of ``numbers``: a processor mixes several at once."""
+    """Write the next 64 bits to each of ``numbers`` (vectorised)."""
     origin = state[0]
     for k in range(numbers.shape[0]):
         numbers[k] = mix(origin + GOLDEN_GAMMA * np.uint64(k + 1))
@@ -53,41 +52,41 @@ def draw_bits(state, numbers):
 
 @compiled
 def uniform(state):
-    """Return the next number of the uniform distribution on [0, 1)."""
+    """Return the next random number, uniform on [0, 1)."""
     return unit_number(next_bits(state))
 
 
 @compiled
 def unit_number(bits):
-    """Return the number of [0, 1) that 64 bits stand for."""
+    """Return the number in [0, 1) that 64 bits represent."""
     return np.float64(bits >> U11) * 2.0**-53
 
 
 @compiled
 def upper_integer(bits, count):
-    """Return the integer from 0 to below ``count`` that the upper half of 64 bits stands for."""
+    """Return the integer from 0 to ``count`` − 1 that the upper half of 64 bits represents."""
     return np.int64(((bits >> U32) * np.uint64(count)) >> U32)
 
 
 @compiled
 def lower_integer(bits, count):
-    """Return the integer from 0 to below ``count`` that the lower half of 64 bits stands for."""
+    """Return the integer from 0 to ``count`` − 1 that the lower half of 64 bits represents."""
     return np.int64(((bits & LOWER_HALF) * np.uint64(count)) >> U32)
 
 
-HALF_RANGE = 1 << 32  # of the integers that half of 64 bits stands for
+HALF_RANGE = 1 << 32  # number of integers that half of 64 bits represents
 
 
 @compiled
 def tournament(bits, fitness, count):
-    """Return the place of the fitter of two that 64 bits stand for; of equals the first."""
+    """Return the place of the fitter of two that 64 bits represent; the first if equal."""
     first, second = upper_integer(bits, count), lower_integer(bits, count)
     return first if fitness[first] >= fitness[second] else second
 
 
 @compiled
 def _decide(bits, probability):
-    """Return 1 with a probability, else 0: unsigned, as an index without a sign to check."""
+    """Return 1 with a probability, else 0; unsigned, so that an index needs no sign check."""
     return np.uint64(lower_integer(bits, HALF_RANGE) < probability * HALF_RANGE)
 
 
@@ -95,11 +94,11 @@ def _decide(bits, probability):
 def generate_offspring(
     state, genes, order, fitness, F, row_size, crossover_probability, mutation_probability, lower, upper, children
 ):
-    """Fill ``children`` (genes, places) with the offspring of ``genes`` (rows, genes), in rows of ``row_size`` genes.
+    """Write the offspring of ``genes`` (rows, genes) to ``children`` (genes, places); return the number of new ones.
 
-    Return how many are new; the others, at the end, are copies of a parent and have its objectives: ``F`` (objectives,
-    points) holds those of the parents by place, then those of the children. Random decisions are arithmetic instead of
-    branches, which a processor cannot predict.
+    Crossover acts on rows of ``row_size`` genes. Children at the end that are not new are copies of a parent and have
+    its objectives: ``F`` (objectives, points) has those of the parents by place, then those of the children. Random
+    decisions use arithmetic instead of branches, which a processor cannot predict.
     """
     size, count, parents = np.uint64(genes.shape[1]), np.uint64(children.shape[1]), np.uint64(order.shape[0])
     length = np.uint64(row_size)
@@ -149,7 +148,7 @@ def generate_offspring(
 
 @compiled
 def _mutate(children, child, mutated, bits, number, lower, upper):
-    """Replace one gene of a child, that ``bits`` stand for, where it is ``mutated``."""
+    """Replace the gene of a child that ``bits`` represent, if it is ``mutated``."""
     gene = np.uint64(upper_integer(bits, children.shape[0]))
     value = lower + (upper - lower) * unit_number(number)
     children[gene, child] = value if mutated else children[gene, child]
@@ -157,6 +156,6 @@ def _mutate(children, child, mutated, bits, number, lower, upper):
 
 @compiled
 def draw_chromosome(state, lower, upper, children, child):
-    """Draw all genes of a child from the uniform distribution."""
+    """Write random genes of a child from the uniform distribution."""
     for j in range(children.shape[0]):
         children[j, child] = lower + (upper - lower) * uniform(state)

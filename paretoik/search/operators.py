@@ -1,4 +1,4 @@
-"""The genetic algorithm of Marcos et al. 2012 (4.1, 4.2): genes crossed row by row, one replaced, an elite of one."""
+"""The genetic algorithm of Marcos et al. 2012 (4.1, 4.2): row crossover, one gene replaced, an elite of one."""
 
 from __future__ import annotations
 
@@ -19,25 +19,25 @@ from paretoik.search.genes import seeded_population
 from paretoik.search.maximin import column
 from paretoik.search.objectives import Floats, Integers
 
-# Crossover and mutation for genes that are coordinates of one smooth thing, such as the coefficients of a spline.
+# Crossover and mutation for genes that describe one smooth function, such as the coefficients of a spline.
 
 
 @dataclass(frozen=True, kw_only=True)
 class VariationOptions:
-    """Settings of crossover and mutation of smooth genes; chosen here."""
+    """Settings of crossover and mutation of smooth genes, chosen here."""
 
-    factors: tuple[float, ...] = (0.3, 0.6, 1.0)  # of the difference that crossover adds
-    widths: tuple[float, float] = (0.5, 8.0)  # genes: standard deviation of a bump, evenly drawn in its logarithm
-    amplitudes: tuple[float, float] = (0.003, 0.2)  # of a gene's range: of a bump, likewise
+    factors: tuple[float, ...] = (0.3, 0.6, 1.0)  # shares of the difference that crossover adds
+    widths: tuple[float, float] = (0.5, 8.0)  # genes: standard deviation of a bump, log-uniform
+    amplitudes: tuple[float, float] = (0.003, 0.2)  # of a gene's range: size of a bump, log-uniform
 
 
 OPTIONS = VariationOptions()
 
 
 class Differential(Crossover):  # type: ignore[misc]  # pymoo has no types
-    """One offspring of three parents: the first, plus a share of the difference of the other two.
+    """One offspring of three parents: the first plus a share of the difference of the other two.
 
-    Such steps have the size and the shape of the population itself, however badly genes are scaled to each other.
+    These steps have the size and the shape of the population, even if genes are badly scaled.
     Source: Storn & Price 1997; with NSGA-II's selection as in Robic & Filipic 2005.
     """
 
@@ -51,9 +51,9 @@ class Differential(Crossover):  # type: ignore[misc]  # pymoo has no types
 
 
 class SmoothMutation(Mutation):  # type: ignore[misc]  # pymoo has no types
-    """A bump over neighbouring genes: a Gaussian of random place, width and size is added to one row of ``row`` genes.
+    """A bump over neighbouring genes: adds a Gaussian of random place, width and size to one row of genes.
 
-    The last genes of an individual are taken as rows of that length; genes before them are left alone.
+    The last genes of an individual are rows of length ``row``; genes before them do not change.
     """
 
     def __init__(self, row: int, *, prob: float = 0.8) -> None:
@@ -81,9 +81,9 @@ def _log_uniform(bounds: tuple[float, float], count: int, rng: np.random.Generat
 
 
 def elitist_algorithm(population: int, *, offspring: int | None = None, initial: Genes | None = None) -> Any:
-    """Return the algorithm of section 4.2, of one objective; ``initial`` genes (rows, genes) are in its population.
+    """Return the algorithm of section 4.2 for one objective; its population includes ``initial`` (rows, genes).
 
-    Rank weighting, single-point crossover, one gene replaced, an elite of one.
+    It has rank weighting, single-point crossover, replacement of one gene, and an elite of one.
     """
     return GeneticAlgorithm(
         pop_size=population,
@@ -98,7 +98,7 @@ def elitist_algorithm(population: int, *, offspring: int | None = None, initial:
 
 
 class Seeded(Sampling):  # type: ignore[misc]  # pymoo has no types
-    """The ``initial`` genes, if any, and others at random."""
+    """The ``initial`` genes, if any, and random ones."""
 
     def __init__(self, initial: Genes | None) -> None:
         super().__init__()
@@ -109,9 +109,9 @@ class Seeded(Sampling):  # type: ignore[misc]  # pymoo has no types
 
 
 class RowCrossover(Crossover):  # type: ignore[misc]  # pymoo has no types
-    """Single-point crossover of every row of ``row`` genes: two parents exchange the genes behind a point of its own.
+    """Single-point crossover of every row of ``row`` genes: two parents exchange the genes behind the row's point.
 
-    A row of one gene is exchanged whole or not at all. None is a row of all genes.
+    A row of one gene is exchanged or not. None means one row of all genes.
     """
 
     def __init__(self, row: int | None = None, *, prob: float = 0.5) -> None:
@@ -128,7 +128,7 @@ class RowCrossover(Crossover):  # type: ignore[misc]  # pymoo has no types
 
 
 class ReplaceOne(Mutation):  # type: ignore[misc]  # pymoo has no types
-    """One gene, drawn at random, is replaced with a value drawn uniformly from its bounds."""
+    """Replaces one random gene with a value that is uniform between its bounds."""
 
     def __init__(self, *, prob: float = 0.5) -> None:
         super().__init__(prob=prob)
@@ -141,7 +141,7 @@ class ReplaceOne(Mutation):  # type: ignore[misc]  # pymoo has no types
 
 
 class BinaryTournament(Selection):  # type: ignore[misc]  # pymoo has no types
-    """Of two individuals drawn with repetition the better: by rank, then by insertion distance, then by chance."""
+    """The better of two random individuals: by rank, then insertion distance; the first if equal."""
 
     def _do(self, problem: Any, pop: Any, *shape: int, random_state: np.random.Generator, **kwargs: Any) -> Integers:
         rank = np.array([individual.data["rank"] for individual in pop])
@@ -153,7 +153,7 @@ class BinaryTournament(Selection):  # type: ignore[misc]  # pymoo has no types
 
 
 class RankWeighting(Selection):  # type: ignore[misc]  # pymoo has no types
-    """Of a single objective: the k-th best of N is drawn with chance 2 (N − k + 1) / (N (N + 1)).
+    """For one objective: the k-th best of N is selected with probability 2 (N − k + 1) / (N (N + 1)).
 
     Source: Haupt & Haupt 2004, section 2.2.4, rank weighting.
     """
@@ -165,7 +165,7 @@ class RankWeighting(Selection):  # type: ignore[misc]  # pymoo has no types
 
 
 class OneElite(Survival):  # type: ignore[misc]  # pymoo has no types
-    """The offspring replace their parents, but the best parent stays in place of the worst of them."""
+    """The offspring replace their parents, but the best parent replaces the worst offspring."""
 
     def __init__(self) -> None:
         super().__init__(filter_infeasible=False)
@@ -174,7 +174,7 @@ class OneElite(Survival):  # type: ignore[misc]  # pymoo has no types
         if len(pop) <= n_survive:
             return pop
         parents, offspring = pop[:n_survive], pop[n_survive:]
-        stay = max(1, n_survive - len(offspring))  # one, but where there are fewer offspring than parents
+        stay = max(1, n_survive - len(offspring))  # one, or more if there are fewer offspring than parents
         survivors = np.sort(_best_first(offspring)[: n_survive - stay])
         return Population.merge(parents[_best_first(parents)[:stay]], offspring[survivors])
 

@@ -1,7 +1,7 @@
-"""Points with two objectives in order of (first, second), compiled: merging, the non-dominated front, all ranks.
+"""Points with two objectives sorted by (first, second), compiled: merging, non-dominated front, ranks.
 
-Points are numbered: first the parents by place, then the children. ``F`` is (objectives, points), minimised; a point
-with inf has failed and comes last.
+Point numbers: first the parents by place, then the children. ``F`` is (objectives, points), minimised; a point with inf
+has failed and comes last.
 """
 
 from __future__ import annotations
@@ -10,15 +10,15 @@ import numpy as np
 
 from paretoik.compilation.numba_cache import compiled
 
-INSERTION_SIZE = 8  # points that are sorted by insertion
+INSERTION_SIZE = 8  # number of points sorted by insertion
 ZERO, ONE = np.uint64(0), np.uint64(1)
 
 
 @compiled
 def locate(F, parents, children, places, dominated):
-    """Write how many of the sorted parents precede each child, and whether the last of them weakly dominates it."""
+    """Write the number of sorted parents before each child, and whether the last one weakly dominates it."""
     u, v, x, y = F[0], F[1], F[0, parents : parents + children], F[1, parents : parents + children]
-    count, level = np.uint64(parents), ZERO  # unsigned: an index has no sign to check
+    count, level = np.uint64(parents), ZERO  # unsigned: an index needs no sign check
     while count >> (level + ONE) > ZERO:
         level += ONE
     middle, beyond = u[(ONE << level) - ONE], count - (ONE << level)
@@ -43,11 +43,11 @@ def locate(F, parents, children, places, dominated):
 
 @compiled
 def merge_children(F, parents, children, single_rank, s):
-    """Write the sorted parents and so many children in order of (first, second objective); return how many.
+    """Write parents and children sorted by (first, second objective); return their number.
 
-    ``s`` is the workspace of the selection: ``points`` are their numbers, the first two rows of ``values`` their
-    objectives. Children, which ``locate`` has placed, are sorted in buckets between the parents. Where the parents are
-    of a ``single_rank``, children that one weakly dominates are left out. Random decisions are arithmetic instead of
+    ``s`` is the workspace of the selection: ``points`` are the points' numbers, the first two rows of ``values`` their
+    objectives. Children, placed by ``locate``, are sorted in buckets between the parents. If all parents have a
+    ``single_rank``, children that a parent weakly dominates are left out. Random decisions use arithmetic instead of
     branches.
     """
     bucket, child, points, ends = s.spare, s.chosen, s.points, s.begins
@@ -62,7 +62,7 @@ def merge_children(F, parents, children, single_rank, s):
         added += np.uint64(is_new)
         ends[place] += np.int64(is_new)
     before = 0
-    for k in range(parents):  # behind its bucket; the bucket is empty first
+    for k in range(parents):  # a parent follows its bucket, which is empty at first
         begin = k + before
         before += ends[k]
         ends[k] = begin
@@ -74,7 +74,7 @@ def merge_children(F, parents, children, single_rank, s):
         i = np.uint64(ends[place])
         points[i], x[i], y[i] = child[k], u[point], v[point]
         ends[place] += 1
-    for k in range(added):  # of its bucket a child that stands first sorts all: buckets of parents alone take no time
+    for k in range(added):  # the first child of a bucket sorts it: buckets without children take no time
         place = bucket[k]
         begin, end = (ends[place - 1] + 1 if place > 0 else 0), ends[place]
         if points[begin] == child[k] and end - begin > 1:
@@ -87,7 +87,7 @@ def merge_children(F, parents, children, single_rank, s):
 
 @compiled
 def _follows(x, y, other_x, other_y):
-    """Return whether (x, y) comes after the other; of numbers, as arrays would be counted at every comparison."""
+    """Return whether (x, y) comes after the other; takes numbers: arrays would be reference-counted."""
     return x > other_x or (x == other_x and y > other_y)
 
 
@@ -104,7 +104,7 @@ def _insertion_sort(points, values, begin, end):
 
 @compiled
 def merge_sort(points, values, begin, end, spare):
-    """Sort the entries from ``begin`` to ``end``; ``values`` has two more rows, for copies."""
+    """Sort the entries from ``begin`` to ``end``; two more rows of ``values`` are for copies."""
     for first in range(begin, end, INSERTION_SIZE):
         _insertion_sort(points, values, first, min(first + INSERTION_SIZE, end))
     x, y, width = values[0], values[1], INSERTION_SIZE
@@ -125,7 +125,7 @@ def merge_sort(points, values, begin, end, spare):
 
 @compiled
 def first_front(points, count, values, front, objectives):
-    """Write the non-dominated of so many sorted points to ``front`` and ``objectives``; return how many."""
+    """Write the non-dominated points of ``count`` sorted ones; return their number."""
     x, y, first, second = values[0], values[1], objectives[0], objectives[1]
     length, nondominated, lowest, last_x, last_y = ZERO, ONE, np.inf, np.inf, np.inf
     for k in range(count):
@@ -139,9 +139,10 @@ def first_front(points, count, values, front, objectives):
 
 @compiled
 def rank_sorted(values, count, rank, tails):
-    """Write the non-domination rank of each of so many sorted points, failed ones beyond all.
+    """Write the non-domination rank of each of ``count`` sorted points; failed points come last.
 
-    ``tails`` (2, fronts) holds the last point of every front: a point belongs to the first that does not dominate it.
+    ``tails`` (2, fronts) has the last point of every front; a point belongs to the first front whose last point does
+    not dominate it.
     """
     fronts = 0
     for k in range(count):

@@ -13,7 +13,7 @@ from paretoik.arrays import Quaternion, Times, Vector3
 from paretoik.inputs import check_choice
 from paretoik.robot.pose import quaternion_product, quaternion_to_matrix, vector_to_quaternion
 
-# Time laws: how much of a path is covered when.
+# Time laws: share of the path covered over time
 
 
 TimeLaw: TypeAlias = Literal["raised-cosine", "quintic", "uniform"]
@@ -21,11 +21,11 @@ TIME_LAWS: tuple[TimeLaw, ...] = get_args(TimeLaw)
 
 
 def progress(t: Float[np.ndarray, "*batch"], duration: float, law: str) -> Float[np.ndarray, "*batch"]:
-    """Fraction of the path covered at times ``t`` in [0, duration] [s], from exactly 0 to exactly 1.
+    """Return the fraction of the path covered at times ``t`` in [0, duration] [s], from exactly 0 to exactly 1.
 
     - ``"raised-cosine"``: the first half accelerates with (4/T²)(1 - cos(4πt/T)), the second brakes likewise;
       acceleration and jerk are continuous and zero at 0, T/2 and T; peak speed 2/T, peak acceleration 8/T². Tringali
-      and Cocuzza (2020), Eq. 19 with the factor ½ that it lost; (2021), Eq. 5.
+      and Cocuzza (2020), Eq. 19 with the factor ½ that is missing there; (2021), Eq. 5.
     - ``"quintic"``: 10τ³ - 15τ⁴ + 6τ⁵ with τ = t/T, the least squared jerk from rest to rest; peak speed 15/(8T).
     - ``"uniform"``: τ.
 
@@ -38,7 +38,7 @@ def progress(t: Float[np.ndarray, "*batch"], duration: float, law: str) -> Float
     fraction = np.asarray(t, dtype=float) / duration
     if law == "uniform":
         return fraction
-    from_nearer_end = np.minimum(fraction, 1 - fraction)  # both laws are s(1 - τ) = 1 - s(τ): exact at both ends
+    from_nearer_end = np.minimum(fraction, 1 - fraction)  # s(1 - τ) = 1 - s(τ) for both laws, exact at both ends
     if law == "quintic":
         half = from_nearer_end**3 * (10 + from_nearer_end * (6 * from_nearer_end - 15))
     else:
@@ -50,7 +50,7 @@ def progress(t: Float[np.ndarray, "*batch"], duration: float, law: str) -> Float
 def progress_rates(
     t: Float[np.ndarray, "*batch"], duration: float, law: str
 ) -> tuple[Float[np.ndarray, "*batch"], Float[np.ndarray, "*batch"]]:
-    """First and second time derivatives [1/s, 1/s²] of ``progress`` at times ``t`` in [0, duration] [s].
+    """Return the first and second time derivatives [1/s, 1/s²] of ``progress`` at times ``t`` in [0, duration] [s].
 
     Raises InvalidInput for an unknown law.
     """
@@ -70,7 +70,7 @@ def progress_rates(
 
 
 def check_law(law: str) -> None:
-    """Refuse an unknown law."""
+    """Raise InvalidInput for an unknown law."""
     check_choice("timing:", law, TIME_LAWS)
 
 
@@ -79,7 +79,7 @@ Curve: TypeAlias = Callable[[np.ndarray], Samples]
 
 
 class Rates(NamedTuple):
-    """Derivatives of a curve: of positions [m], and of orientations, turned about world axes [rad]; None on points."""
+    """Derivatives of a curve: of positions [m] and orientations [rad] about world axes (None for points)."""
 
     velocity: Float[np.ndarray, "time axes"]
     acceleration: Float[np.ndarray, "time axes"]
@@ -89,7 +89,7 @@ class Rates(NamedTuple):
 
 @runtime_checkable
 class SmoothCurve(Protocol):
-    """A curve that knows its first and second derivatives by its own parameter."""
+    """A curve that knows its first and second derivatives with respect to its parameter."""
 
     def __call__(self, parameters: Times, /) -> Samples:
         """Return positions and orientations at parameters."""
@@ -98,12 +98,12 @@ class SmoothCurve(Protocol):
         """Return first and second derivatives at parameters."""
 
 
-CLOSURE_TOLERANCE = 1e-9  # of a path's or an arm's length, or rad: points and ends that are nearer are the same
+CLOSURE_TOLERANCE = 1e-9  # of a path's or an arm's length, or rad: distance below which points are the same
 
 
 @dataclass(frozen=True, eq=False)
 class TimedCurve:
-    """A ``shape``, a curve over the fraction covered (0 to 1), travelled in ``duration`` [s] by a time law."""
+    """A curve ``shape`` over the fraction covered (0 to 1), travelled in ``duration`` [s] by a time law."""
 
     shape: SmoothCurve
     duration: float
@@ -128,7 +128,7 @@ class TimedCurve:
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """From ``origin`` by ``step`` [m], rotating from ``quaternion``, if there is one, by ``rotation_vector`` [rad]."""
+    """A line from ``origin`` by ``step`` [m], rotating by ``rotation_vector`` [rad] from a ``quaternion`` or None."""
 
     origin: Float[np.ndarray, " axes"]
     step: Float[np.ndarray, " axes"]
@@ -155,7 +155,7 @@ class Line:
 
 @dataclass(frozen=True, eq=False)
 class Circle:
-    """About ``center``, from the angle ``phase`` on by ``sweep`` [rad]; ``axes`` are the radii at 0 and π/2 [m]."""
+    """A circle about ``center`` from angle ``phase`` by ``sweep`` [rad]; ``axes`` are its radii at 0 and π/2 [m]."""
 
     center: Float[np.ndarray, " axes"]
     axes: Float[np.ndarray, "2 axes"]
@@ -180,7 +180,7 @@ class Circle:
 
 @dataclass(frozen=True, eq=False)
 class Spline:
-    """SciPy's ``CubicSpline`` of positions, and ``RotationSpline`` of orientations or None, over the same knots."""
+    """SciPy's ``CubicSpline`` of positions and ``RotationSpline`` of orientations (or None) over the same knots."""
 
     positions: Any
     rotations: Any
@@ -191,7 +191,7 @@ class Spline:
         return positions, None if self.rotations is None else np.roll(self.rotations(knots).as_quat(), 1, axis=1)
 
     def rates(self, knots: Times) -> Rates:
-        """Return derivatives by the parameter of the knots."""
+        """Return derivatives with respect to the parameter of the knots."""
         velocity, acceleration = self.positions(knots, 1), self.positions(knots, 2)
         if self.rotations is None:
             return Rates(velocity, acceleration, None, None)
@@ -202,7 +202,7 @@ class Spline:
 def interpolate(
     knots: Times, positions: Float[np.ndarray, "time axes"], quaternions: Float[np.ndarray, "time 4"] | None
 ) -> Spline:
-    """Return the C² spline through positions and orientations at the knots, periodic in position if the ends meet."""
+    """Return the C² spline through positions and orientations at knots, periodic in position if the ends meet."""
     from scipy.interpolate import CubicSpline
     from scipy.spatial.transform import Rotation, RotationSpline
 

@@ -66,10 +66,10 @@ def project_rates(
     q: JointPaths,
     targets: Sequence[Float[np.ndarray, "*#batch instants numbers"]],
 ) -> JointState:
-    """Return the state of a spline's projection onto the path, where its positions are q.
+    """Return the state of a spline's projection onto the path; its positions are q.
 
-    Exact up to rounding: no differences are taken. The system is regular where the projection succeeded, because
-    that changes no determinant's sign.
+    It is exact up to rounding: no differences are taken. The system is regular if the projection succeeded, because
+    the sign of its determinant does not change.
     """
     points, n, rows, steps = int(np.prod(q.shape[:-1])), arm.dof, sum(task.rows for task in tasks), compiled_steps()
     given = [np.broadcast_to(part, (*q.shape[:-1], part.shape[-1])).reshape(points, -1) for part in targets]
@@ -83,9 +83,9 @@ def project_rates(
 
 
 def rate_evaluator(arm: Arm, tasks: Sequence[Task]) -> Evaluator:
-    """Return the evaluator of ∂g/∂q, ġ and g̈ at q, q̇ and q̈ and the targets with their derivatives.
+    """Return the evaluator of ∂g/∂q, ġ and g̈; its inputs are q, q̇, q̈ and the targets with their derivatives.
 
-    The path equations g are relative to ``row_scales``.
+    The path equations g are divided by ``row_scales``.
     """
 
     def build() -> tuple[Tape, list[int]]:
@@ -97,7 +97,7 @@ def rate_evaluator(arm: Arm, tasks: Sequence[Task]) -> Evaluator:
 
 
 def normal_evaluator(arm: Arm, tasks: Sequence[Task]) -> Evaluator:
-    """Return the evaluator of J, J̇ and J̈ at s, ṡ and s̈, their rows relative to ``row_scales``."""
+    """Return the evaluator of J, J̇ and J̈ at s, ṡ and s̈, rows divided by ``row_scales``."""
 
     def build() -> tuple[Tape, list[int]]:
         tape = Tape()
@@ -110,15 +110,15 @@ def normal_evaluator(arm: Arm, tasks: Sequence[Task]) -> Evaluator:
 
 
 def scaled_jacobian(tape: Tape, arm: Arm, tasks: Sequence[Task], q: list[Any]) -> list[int]:
-    """Return the entries of the tasks' Jacobian on a tape, by rows, relative to ``row_scales``."""
+    """Return the entries of the tasks' Jacobian on a tape, by rows, divided by ``row_scales``."""
     shares = np.repeat(1.0 / row_scales(arm, tasks), arm.dof)
     return [as_entry(tape, slope * share) for slope, share in zip(path_jacobian(arm, tasks, q), shares, strict=True)]
 
 
 def trace_path(arm: Arm, tasks: Sequence[Task]) -> tuple[Tape, list[list[int]], list[list[int]]]:
-    """Return a tape, the entries of q, q̇ and q̈ on it, and those of g, ġ and g̈.
+    """Return a tape, its entries of q, q̇ and q̈, and those of g, ġ and g̈.
 
-    Its inputs are q, q̇ and q̈, then the targets with their first and their second derivatives.
+    The inputs are q, q̇ and q̈, then the targets with their first and second derivatives.
     """
     tape = Tape()
     q, dq, ddq = _inputs(tape, arm.dof)

@@ -32,7 +32,7 @@ from paretoik.tables import field_representation, html_representation
 from paretoik.task.motion import Motion
 from paretoik.task.objectives import Form, Function, check_form, evaluate_function, evaluate_integral
 
-LIMIT_TOLERANCE = 1e-9  # share of a limit or its range that is rounding
+LIMIT_TOLERANCE = 1e-9  # share of a limit or its range that counts as rounding
 LIMITED = {"position": "q", "velocity": "dq", "acceleration": "ddq", "torque": "torque", "power": "power"}  # of Motion
 JOINT_UNITS = {  # of joints that turn, and of those that slide
     "position": ("rad", "m"),
@@ -49,15 +49,19 @@ Bounds = Float[np.ndarray, "#time dof 2"]
 class Limits:
     """Limits on joint position, velocity, acceleration, torque and power |τᵢ q̇ᵢ|.
 
-    Units are rad, s, N m and W; m and N for prismatic joints. Each is a tuple (lower, upper), or a number or array
-    taken as symmetric; arrays are (dof,), or (time, dof) to vary along the path; a mapping goes by joint name, joints
-    not named keeping the arm's own. None is the arm's own limit if it declares one, np.inf none. ``clearance`` [m] is
-    the smallest distance to obstacles, where the problem has any. ``margin``, at least 0 and less than 0.5, moves every
-    joint limit inwards by that fraction of its range. Refined motions of splines keep their limits at any time without
-    it; other motions keep them at their samples, and may exceed them a little in between.
+    position, velocity, acceleration: joint limits [rad or m, per s, per s²]
+    torque: joint torques [N m], forces [N] of prismatic joints
+    power: mechanical power |τᵢ q̇ᵢ| of each joint [W]
+    clearance: smallest distance from obstacles [m], if the problem has any
+    margin: fraction of its range, at least 0 and less than 0.5, by which every joint limit moves inwards
 
-    Raises InvalidInput, by name, for what is a limit of no arm. Limits of more than two turns on a joint that rotates
-    are a warning, as they are probably degrees, and no error: a joint without stops may be meant.
+    A joint limit is a tuple (lower, upper), or a symmetric number or array: (dof,), or (time, dof) if it varies along
+    the path. A mapping names joints; the others keep the arm's own limits. None takes the arm's own limit if there is
+    one, np.inf means no limit. Refined motions of splines satisfy their limits at any time without a margin; other
+    motions satisfy them at their samples, and may exceed them a little in between.
+
+    Raises InvalidInput, by name, for impossible limits. Position limits of more than two turns on a rotational joint
+    give a warning, because they are probably in degrees.
 
     >>> Limits(position=np.deg2rad([90, 120, 120]), velocity=3.8).velocity
     3.8
@@ -79,7 +83,7 @@ class Limits:
             _check_limit(f"{kind} limit", getattr(self, kind))
         finite_number("clearance limit", self.clearance)
         if not 0 <= finite_number("margin", self.margin) < 0.5:
-            raise InvalidInput(f"margin wants a fraction of at least 0 and less than 0.5, got {shown(self.margin)}")
+            raise InvalidInput(f"margin must be a fraction of at least 0 and less than 0.5, got {shown(self.margin)}")
 
     def bounds(self, arm: Arm, samples: int) -> dict[str, Bounds]:
         """Return every limit that has a finite side as (1 or time, dof, 2) arrays of (lower, upper).
@@ -106,7 +110,7 @@ class Limits:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Constraint:
-    """A user's own limit on a function of motions; made with ``@constraint``."""
+    """A user's limit on a function of motions, made with ``@constraint``."""
 
     function: Function
     name: str
@@ -117,7 +121,7 @@ class Constraint:
     scale: float
 
     def violation(self, motion: Motion) -> np.ndarray:
-        """Return the largest violation (*batch,) as a fraction of the limit's range; not positive if it holds.
+        """Return the largest violation (*batch,) as a fraction of the limit's range, at most 0 if it is satisfied.
 
         Raises what ``shares`` does.
         """
@@ -125,10 +129,10 @@ class Constraint:
         return np.asarray(shares.max(axis=-1) if self.form == "peak" else shares)
 
     def shares(self, motion: Motion) -> np.ndarray:
-        """Return violations as fractions of the limit's range, of a peak at every instant of a motion.
+        """Return violations as fractions of the limit's range, one per instant if the form is "peak".
 
-        Raises, naming the constraint, InvalidInput if the function returns another shape or something not real, and
-        EvaluationFailed if it raises.
+        Raises, naming the constraint, InvalidInput if the function returns another shape or values that are not real,
+        and EvaluationFailed if it raises.
         """
         name = f"constraint {self.name}"
         if self.form == "integral":
@@ -148,10 +152,13 @@ def constraint(
     scale: float | None = None,
     name: str | None = None,
 ) -> Callable[[Function], Constraint]:
-    """Make a limit lower ≤ function(motion) ≤ upper; "peak" must hold at every sample, other forms as for objectives.
+    """Return a decorator that makes a limit lower ≤ function(motion) ≤ upper.
 
-    Violations are divided by ``scale``: by default upper − lower, or the size of the only bound, or 1 where that is
-    zero.
+    unit: unit of the function's value
+    form: "peak" for a limit at every sample; other forms as for objectives
+    lower, upper: bounds, at least one of them finite
+    scale: divisor of violations; None for upper − lower, or the size of the only bound, or 1 if that is zero
+    name: name of the constraint, None for the function's
 
     Raises InvalidInput for an unknown form, no bound, or lower > upper.
 
@@ -168,7 +175,7 @@ def constraint(
     if scale is not None:
         scale = positive_number("scale", scale, unit)
     if not lower <= upper or not (np.isfinite(lower) or np.isfinite(upper)):
-        raise InvalidInput(f"constraint wants at least one finite bound and lower ≤ upper, got {lower} and {upper}")
+        raise InvalidInput(f"constraint must have at least one finite bound and lower ≤ upper, got {lower} and {upper}")
     width = upper - lower if np.isfinite(upper - lower) else abs(upper if np.isfinite(upper) else lower)
     size = scale or width or 1.0
 
@@ -181,7 +188,7 @@ def constraint(
 
 
 def relative_violation(kind: str, bounds: Bounds, motion: Motion) -> Float[np.ndarray, "*batch time dof"]:
-    """Return the violation of a joint limit at each sample as a fraction of its range; not positive where it holds."""
+    """Return the violation of a joint limit per sample as a fraction of its range, at most 0 if it is satisfied."""
     lower, upper = bounds[..., 0], bounds[..., 1]
     values = getattr(motion, LIMITED[kind])
     if kind == "velocity" and motion.derivatives is not None:
@@ -191,7 +198,7 @@ def relative_violation(kind: str, bounds: Bounds, motion: Motion) -> Float[np.nd
 
 
 def limit_ranges(lower: np.ndarray, upper: np.ndarray, usual: np.ndarray | float = 1.0) -> np.ndarray:
-    """Return the ranges of limits: their width, or the size of the only bound, or the ``usual`` where that is 0."""
+    """Return the ranges of limits: their width, or the size of the only bound, or ``usual`` if that is 0."""
     width = upper - lower
     one_sided = np.where(np.isfinite(upper), np.abs(upper), np.abs(lower))
     size = np.where(np.isfinite(width), width, np.where(np.isfinite(one_sided), one_sided, 0.0))
@@ -199,10 +206,10 @@ def limit_ranges(lower: np.ndarray, upper: np.ndarray, usual: np.ndarray | float
 
 
 def usual_ranges(kind: str, arm: Arm, duration: float) -> Float[np.ndarray, " dof"]:
-    """Return what values of a kind of limit are measured in where the limit itself has no size, as 0 alone has not.
+    """Return the usual size of values of a kind, the range of limits without a size, such as a bound of 0.
 
-    1 rad or the arm's length, per duration and its square; the torque that swings the arm so and holds it, 1 N m
-    without masses.
+    It is 1 rad or the arm's length, per duration or its square; or the torque that accelerates the arm like this and
+    holds it, 1 N m without masses.
     """
     joint, length = joint_scales(arm), characteristic_length(arm)
     weight = sum(body.mass for body in arm.bodies) * (length / duration**2 + float(np.linalg.norm(arm.gravity)))
@@ -219,7 +226,7 @@ def usual_ranges(kind: str, arm: Arm, duration: float) -> Float[np.ndarray, " do
 def position_ranges(arm: Arm, limits: Float[np.ndarray, "*times dof 2"]) -> Float[np.ndarray, "*times dof"]:
     """Return the ranges [rad, m] of joints between their position limits.
 
-    A joint with one limit alone counts as having a range of a whole turn or the arm's length; it is inf with none.
+    A joint with one limit has a range of a whole turn or of the arm's length, a joint without limits inf.
     """
     span = limits[..., 1] - limits[..., 0]
     one_sided = np.isfinite(limits).any(axis=-1) & np.isinf(span)
@@ -227,7 +234,7 @@ def position_ranges(arm: Arm, limits: Float[np.ndarray, "*times dof 2"]) -> Floa
 
 
 def _check_limit(name: str, limit: object) -> None:
-    """Raise InvalidInput, by ``name``, for what is a limit on no arm."""
+    """Raise InvalidInput, by ``name``, for an impossible limit."""
     if isinstance(limit, Mapping):
         for joint, value in limit.items():
             _sides(f"{name} of {joint if isinstance(joint, str) else shown(joint)}", value)
@@ -236,16 +243,16 @@ def _check_limit(name: str, limit: object) -> None:
             values = real_array(name, side)
             if values.size == 0 or values.ndim > 2:
                 raise InvalidInput(
-                    f"{name} wants one number, one a joint or (samples, joints), got shape {values.shape}"
+                    f"{name} must be one number, one per joint or (samples, joints), got shape {values.shape}"
                 )
             if np.isnan(values).any():
                 joint = f" of joint {np.argwhere(np.isnan(values))[0][-1] + 1}" if values.ndim else ""
-                raise InvalidInput(f"{name}{joint}: wants lower ≤ upper, got nan")
+                raise InvalidInput(f"{name}{joint} must be lower ≤ upper, got nan")
             check_magnitude(name, values, "")
 
 
 def _sides(name: str, value: object) -> tuple[float, float]:
-    """Return the limits of one joint; raises InvalidInput for what is neither a number nor (lower, upper)."""
+    """Return the limits of one joint; raises InvalidInput unless it is a number or (lower, upper)."""
     if isinstance(value, tuple) and len(value) == 2:
         low, high = real_number(name, value[0]), real_number(name, value[1])
     else:
@@ -272,14 +279,14 @@ def _bounds(kind: str, limit: object, declared: np.ndarray | None, arm: Arm, sam
     if invalid.any():
         sample, joint = np.argwhere(invalid)[0]
         raise InvalidInput(
-            f"{kind} limit of {arm.joint_names[joint]}: wants lower ≤ upper, got {low[sample, joint]} and "
+            f"{kind} limit of {arm.joint_names[joint]} must be lower ≤ upper, got {low[sample, joint]} and "
             f"{high[sample, joint]}"
         )
     return np.stack([low, high], axis=-1)
 
 
 def _warn_of_degrees(limit: object, bounds: Bounds, declared: np.ndarray, arm: Arm) -> None:
-    """Warn of position limits (time, dof, 2) that are no angles of a robot; those that the arm declares are its own."""
+    """Warn of position limits (time, dof, 2) that look like degrees, except those that the arm declares."""
     if limit is None:
         return
     beyond = [
@@ -294,7 +301,7 @@ def _side(kind: str, values: object, arm: Arm, samples: int) -> np.ndarray:
     array = real_array(f"{kind} limit", values)
     if array.shape not in ((), (arm.dof,), (samples, arm.dof)):
         raise InvalidInput(
-            f"{kind} limit wants one number, {arm.dof} (one a joint) or an array ({samples}, {arm.dof}), got shape "
+            f"{kind} limit must be one number, {arm.dof} (one per joint) or an array ({samples}, {arm.dof}), got shape "
             f"{array.shape}; a lower and an upper limit are a tuple (lower, upper) of these, such as "
             "tuple(arm.position_limits.T)"
         )
@@ -306,9 +313,10 @@ def _by_name(kind: str, limits: Mapping[str, Any], declared: np.ndarray, arm: Ar
     for joint, value in limits.items():
         if joint not in arm.joint_names:
             hint = likely_spelling(joint, arm.joint_names)
-            raise InvalidInput(f"{kind} limit: joints among {listed(arm.joint_names)} wanted, got {shown(joint)}{hint}")
+            wish = f"must name joints among {listed(arm.joint_names)}"
+            raise InvalidInput(f"{kind} limit {wish}, got {shown(joint)}{hint}")
         low, high = _sides(f"{kind} limit of {joint}", value)
         if not low <= high:
-            raise InvalidInput(f"{kind} limit of {joint}: wants lower ≤ upper, got {low} and {high}")
+            raise InvalidInput(f"{kind} limit of {joint} must be lower ≤ upper, got {low} and {high}")
         bounds[arm.joint_names.index(joint)] = low, high
     return bounds

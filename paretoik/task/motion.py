@@ -1,4 +1,4 @@
-"""A motion: joint positions at sample times, and everything that follows from them."""
+"""A motion: joint positions at sample times, and all quantities that follow from them."""
 
 from __future__ import annotations
 
@@ -44,18 +44,18 @@ from paretoik.task.sampling import (
 )
 from paretoik.task.task import Task
 
-# What a motion is made of, checked.
+# Checks of a motion's parts
 
 
 def checked_samples(arm: Arm, q: object, time: object) -> tuple[JointPaths, np.ndarray]:
-    """Return the samples of a motion and their times as floats; raises InvalidInput where they are those of none."""
+    """Return the samples of a motion and their times as floats; raises InvalidInput if they make no motion."""
     check_arm("motion: arm", arm)
     positions, times = real_array("motion: q", q), real_array("motion: time", time)
     if positions.ndim < 2 or positions.shape[-1] != arm.dof:
-        raise InvalidInput(f"motion of {arm.name}: q wants shape (..., time, {arm.dof}), got {positions.shape}")
+        raise InvalidInput(f"motion of {arm.name}: q must have shape (..., time, {arm.dof}), got {positions.shape}")
     if positions.shape[-2] < 3 or times.shape not in (positions.shape[-2:-1], positions.shape[:-1]):
         fact = f"got {times.shape} for {positions.shape}"
-        raise InvalidInput(f"motion: q and time want one time a sample and at least 3, {fact}")
+        raise InvalidInput(f"motion: time must have one value per sample, at least 3, {fact}")
     for name, values in (("position", positions), ("time", times[..., None])):
         invalid = np.argwhere(~np.isfinite(values))
         if len(invalid):
@@ -69,7 +69,7 @@ def checked_samples(arm: Arm, q: object, time: object) -> tuple[JointPaths, np.n
 
 
 def check_settings(motion: Motion) -> None:
-    """Raise InvalidInput for settings of a motion that have no meaning."""
+    """Raise InvalidInput for meaningless settings of a motion."""
     check_choice("differences", motion.differences, get_args(Differences))
     check_flag("cyclic", motion.cyclic)
     check_flag("ends_at_rest", motion.ends_at_rest)
@@ -86,34 +86,40 @@ def check_obstacles(obstacles: object) -> None:
 
 
 def check_link_radius(radius: object) -> None:
-    """Raise InvalidInput unless links can be as thick."""
+    """Raise InvalidInput unless the radius is 0 m or more."""
     number = finite_number("link_radius", radius)
     if number < 0:
-        raise InvalidInput(f"link_radius: 0 m or more wanted, got {number:g}")
+        raise InvalidInput(f"link_radius must be 0 m or more, got {number:g}")
 
 
 @check_call
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Motion:
-    """Joint motions of one arm, (*batch, time, dof): the samples ``q`` [rad, m] at ``time`` (*batch, time) [s].
+    """Joint motions of one arm, a batch of them or one.
 
-    A motion *is* a C² curve, projected back onto its tasks (``at``, ``state``). ``differences`` says what its
-    velocities and accelerations at the samples are:
+    arm: arm that moves
+    time: sample times (*batch, time) [s]
+    q: joint positions (*batch, time, dof) [rad, m] at the samples
+    tasks: tasks that the motion follows
+    obstacles: obstacles that clearance is measured to
+    link_radius: radius of all links [m]
+    differences: kind of velocities and accelerations at the samples, see below
+    cyclic: whether the motion ends as it starts: q_N = q₀, v₀ = v_N
+    ends_at_rest: whether a spline ends with velocity 0
+    derivatives: velocities and accelerations that do not follow from the samples, else None
 
-    - "spline": those of the curve, as ``state`` has them. The curve is a cubic spline that passes within about δ⁴q/36
-      of the inner samples, projected. Objectives and limits are evaluated on ``instants``, the samples and the middles
-      between them, integrals by Simpson's rule; those with kinks on ``of_spline``. ``ends_at_rest`` makes the spline
-      end with velocity 0.
+    A motion is a C² curve, a cubic spline that is projected onto its tasks (``at``, ``state``). Differences are
+
+    - "spline": velocities and accelerations are those of the curve, as in ``state``. The spline passes within about
+      δ⁴q/36 of the inner samples. Objectives and limits are evaluated at ``instants``, the samples and the middles
+      between them, integrals by Simpson's rule; those with kinks on ``of_spline``.
     - "backward" as in Tringali & Cocuzza 2020 (v₀ = a₀ = 0, vᵢ = (qᵢ − qᵢ₋₁)/Δt, aᵢ = (vᵢ − vᵢ₋₁)/Δt, integrals by the
-      rectangle at the right end), or "central" (second order, integrals by the trapezoid rule). They are differences of
-      the samples, as papers have them, not derivatives of the curve: ``state`` differs from ``dq`` and ``ddq`` by their
-      error. The curve is the cubic spline through the samples, projected.
+      rectangle at the right end), or "central" (second order, integrals by the trapezoid rule). These are differences
+      of the samples, as in papers: ``dq`` and ``ddq`` differ from ``state`` by their error. The spline passes through
+      the samples.
 
-    A cyclic motion ends as it starts: q_N = q₀, v₀ = v_N. ``motion[i]`` picks from the batch; arrays are read-only.
-    ``derivatives`` are given if they do not follow from the samples.
-
-    Raises InvalidInput where shapes don't fit the arm, a number is not finite, times don't increase, or a cyclic motion
-    does not close.
+    ``motion[i]`` picks from the batch; arrays are read-only. Raises InvalidInput if shapes don't fit the arm, a number
+    is not finite, times don't increase, or a cyclic motion does not close.
     """
 
     arm: Arm
@@ -185,7 +191,7 @@ class Motion:
 
     @cached_property
     def jerk(self) -> JointPaths:
-        """Joint jerks (*batch, time, dof) [rad/s³, m/s³]: differences of accelerations, or the spline's after each."""
+        """Joint jerks (*batch, time, dof) [rad/s³, m/s³]: differences of accelerations, or those of the spline."""
         if self.derivatives is not None:
             return self.derivatives.jerk
         if self.differences == "spline":
@@ -225,7 +231,7 @@ class Motion:
 
     @cached_property
     def manipulability(self) -> Series:
-        """Yoshikawa's √det(J Jᵀ) of the tasks' Jacobian (*batch, time); of the tool's where there is no task."""
+        """Yoshikawa's √det(J Jᵀ) (*batch, time) of the tasks' Jacobian, or of the tool's without tasks."""
         if self.tasks:
             jacobian = self._errors[1]
         else:
@@ -256,30 +262,30 @@ class Motion:
 
     @cached_property
     def spline(self) -> Spline:
-        """The cubic spline near the samples: the curve of a motion whose ``differences`` are "spline"."""
+        """The cubic spline near the samples, for ``differences`` "spline"."""
         return fit_spline(self.q, self.time, cyclic=self.cyclic, ends_at_rest=self.ends_at_rest)
 
     @cached_property
     def instants(self) -> Motion:
         """The motion at the times at which objectives and limits are evaluated.
 
-        The motion itself, or with differences="spline" the state of its curve at the samples and the middles between
-        them, (*batch, 2 · time − 1, dof). If the curve leaves its path at some of them, it is that of the spline there.
+        It is the motion itself, or with differences="spline" the state of its curve at the samples and the middles
+        between them, (*batch, 2 · time − 1, dof); of the spline if the curve leaves its path there.
         """
         if self.differences != "spline" or self.derivatives is not None:
             return self
         time, _, spline = evaluate_with_midpoints(self.spline)
         q, dq, ddq = self._nodes
-        bounds = dq.copy()  # as a parabola's: v + h a / 2 of the sample before
+        bounds = dq.copy()  # those of a parabola: v + h a / 2 of the sample before
         bounds[..., 1::2, :] = dq[..., :-1:2, :] + np.diff(self.time)[..., None] / 2 * ddq[..., :-1:2, :]
         derivatives = replace(spline, dq=dq, ddq=ddq, velocity_bounds=bounds, spline=self._spline_nodes)
         return replace(self, time=time, q=q, derivatives=derivatives)
 
     @cached_property
     def of_spline(self) -> Motion:
-        """The state of the spline at the ``instants``, before its projection; of other motions themselves.
+        """The state of the spline at the ``instants`` before its projection; the motion itself for other differences.
 
-        Integrals with kinks are those of the spline: a joint that stands still can move on the curve, if little.
+        Integrals with kinks use it: a joint that is at rest on the spline can move a little on the curve.
         """
         instants = self.instants
         if instants.derivatives is None or instants.derivatives.spline is None:
@@ -290,7 +296,7 @@ class Motion:
 
     @property
     def velocity_bounds(self) -> JointPaths:
-        """Velocities, at the middles of a spline's ``instants`` Bernstein coefficients: its peaks lie within them."""
+        """Velocities, at a spline's middle ``instants`` Bernstein coefficients, which bound its peaks."""
         return self.dq if self.derivatives is None else self.derivatives.velocity_bounds
 
     @property
@@ -304,32 +310,33 @@ class Motion:
         """Return the time integral (*batch,) of values at the samples (*batch, time); InvalidInput for others."""
         values, weights = real_array("series", series), self.weights
         if values.shape[-1:] not in ((), (1,), weights.shape[-1:]):
-            raise InvalidInput(f"series: values at {weights.shape[-1]} samples wanted, got shape {values.shape}")
-        with np.errstate(invalid="ignore"):  # of an infinite value, times a weight of 0
+            raise InvalidInput(f"series must have values at {weights.shape[-1]} samples, got shape {values.shape}")
+        with np.errstate(invalid="ignore"):  # an infinite value times a weight of 0
             return np.asarray(np.sum(values * weights, axis=-1))
 
     def at(
         self, t: Float[np.ndarray, " instants"], *, project: bool = True
     ) -> Float[np.ndarray, "*batch instants dof"]:
-        """Return joint positions (*batch, instants, dof) at times t [s]: the curve, projected onto the tasks.
+        """Return joint positions (*batch, instants, dof) of the curve.
 
-        Without ``project`` it is the spline itself: with differences="spline" the one whose velocities and
-        accelerations are limited, within about δ⁴q/36 of the path.
+        t: times (instants,) [s]
+        project: False for the spline before its projection onto the tasks, within about δ⁴q/36 of the path
 
-        Raises InvalidInput for times outside the motion, Infeasible where it cannot be projected.
+        Raises InvalidInput for times outside the motion, Infeasible if it cannot be projected there.
         """
         instants = self._instants(t, project)
         q = self._curve(instants)
         return self._project(q, instants) if self.tasks and project else q
 
     def state(self, t: Float[np.ndarray, " instants"], *, project: bool = True) -> JointState:
-        """Return joint positions, velocities and accelerations, each (*batch, instants, dof), at times t [s].
+        """Return joint positions, velocities and accelerations, each (*batch, instants, dof).
 
-        ``q, dq, ddq = motion.state(t)``: q is what ``at`` gives, with its own exact derivatives: J q̇ is the velocity of
-        the path. At samples dq and ddq are ``motion.dq`` and ``ddq`` if ``differences`` is "spline"; the differences of
-        the others have an error.
+        t: times (instants,) [s]
+        project: as for ``at``
 
-        Raises what ``at`` does.
+        In ``q, dq, ddq = motion.state(t)`` q is that of ``at``, with its exact derivatives: J q̇ is the velocity of the
+        path. At samples they equal ``motion.dq`` and ``ddq`` if ``differences`` is "spline"; other differences have an
+        error. Raises as ``at`` does.
         """
         instants = self._instants(t, project)
         spline = JointState(*(self._curve(instants, order) for order in range(3)))
@@ -348,7 +355,7 @@ class Motion:
         rounding = 1e-12 * (last - first)
         outside = instants[~((instants >= first - rounding) & (instants <= last + rounding))]
         if len(outside):
-            raise InvalidInput(f"at: wants times t from {first:g} s to {last:g} s, got {outside[0]:g} s")
+            raise InvalidInput(f"at: times t must be from {first:g} s to {last:g} s, got {outside[0]:g} s")
         return instants
 
     def _curve(self, instants: np.ndarray, order: int = 0) -> Float[np.ndarray, "*batch instants dof"]:
@@ -365,7 +372,7 @@ class Motion:
 
     @cached_property
     def _nodes(self) -> JointState:
-        """State of the curve at the samples and the middles; that of the spline where this leaves the path."""
+        """State of the curve at the samples and the middles, of the spline if the curve leaves the path there."""
         spline = self._spline_nodes
         if not self.tasks:
             return spline
@@ -390,7 +397,7 @@ class Motion:
             where = f"at: the motion must follow its path, but at {instants[off_path[-1]]:g} s"
             error = retraction.error[off_path]
             if error <= ON_PATH_TOLERANCE:
-                raise Infeasible(f"{where} it meets a singularity of its tasks, where it has no direction")
+                raise Infeasible(f"{where} it meets a singularity of its tasks and has no direction")
             raise Infeasible(f"{where} its tool is {error:.3g} rad or lengths of the arm off")
         return retraction.q
 
@@ -407,7 +414,7 @@ class Motion:
 
 
 def motion_text(motion: Motion) -> str:
-    """Return how many motions of how many samples there are, and the range of every joint."""
+    """Return the numbers of motions and samples, and the range of every joint."""
     batch, samples = motion.q.shape[:-2], motion.q.shape[-2]
     count = "one motion" if not batch else f"motions {' × '.join(map(str, batch))}"
     shortest, longest = np.min(motion.duration, initial=np.inf), np.max(motion.duration, initial=0.0)

@@ -1,4 +1,4 @@
-"""The motion problem that everyone solves: an arm, tasks, objectives, limits, and how a motion starts and ends."""
+"""The motion problem of all solvers: an arm, tasks, objectives, limits, and how a motion starts and ends."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from paretoik.task.path import Path
 from paretoik.task.sampling import Derivatives, Differences, quadrature_weights, simpson_weights, with_midpoints
 from paretoik.task.task import Task
 
-# Motions between their samples: the projected curve on finer grids, and the largest value that it reaches.
+# Motions between their samples: the projected curve on finer grids, and its largest values
 
 
 Pieces = Float[np.ndarray, "pieces instants"]
@@ -37,12 +37,12 @@ Columns = Float[np.ndarray, "pieces instants columns"]
 class RefinementOptions:
     """Settings of grids between samples.
 
-    steps: steps of an interval between two samples, and of a step that is divided again
-    width: points of a finite difference
+    steps: number of steps of an interval between two samples, and of a step that is divided again
+    width: number of points of a finite difference
     divisions: largest number of steps that are divided at once
-    rounds: most times that steps are divided
-    rounding: share of a limit's range by which a bound may be above the largest value
-    share: share of the largest value by which it may be above that
+    rounds: largest number of divisions
+    rounding: share of a limit's range by which a bound may exceed the largest value
+    share: share of the largest value by which a bound may exceed it
     """
 
     steps: int = 8
@@ -59,7 +59,7 @@ OPTIONS = RefinementOptions()
 def finer_motion(motions: Motion, refinement: int = OPTIONS.steps) -> Motion:
     """Return the projected curves of motions (*batch, time, dof) of one task on a finer grid.
 
-    Velocities and accelerations are those of the curve, whatever the motions' differences are.
+    Velocities and accelerations are those of the curve for all kinds of differences.
 
     Raises Infeasible if a motion leaves its path between its samples.
     """
@@ -77,15 +77,15 @@ def finer_motion(motions: Motion, refinement: int = OPTIONS.steps) -> Motion:
 
 
 def divide(time: Float[np.ndarray, " time"], steps: int = OPTIONS.steps) -> Pieces:
-    """Return the times of all intervals between times, each divided into steps."""
+    """Return the times of all intervals, each divided into steps."""
     return np.linspace(time[:-1], time[1:], steps + 1, axis=1)
 
 
 def curve_on(motions: Motion, times: Pieces) -> tuple[Float[np.ndarray, "*batch pieces instants dof"], ...]:
-    """Return position, velocity, acceleration and jerk of the curves of motions at times, evenly spaced in each piece.
+    """Return position, velocity, acceleration and jerk of motions' curves at times, evenly spaced in each piece.
 
-    They are exact except the jerk, a difference. On a path that does not know its rates velocity and acceleration are
-    the spline's, and differences of the small correction onto the path.
+    The jerk is a difference, the others are exact. If the path does not know its rates, velocity and acceleration are
+    those of the spline plus differences of the small correction onto the path.
     """
     steps = (times[:, -1] - times[:, 0]) / (times.shape[1] - 1)
     shape = (*motions.q.shape[:-2], *times.shape, motions.arm.dof)
@@ -103,11 +103,11 @@ def curve_on(motions: Motion, times: Pieces) -> tuple[Float[np.ndarray, "*batch 
 
 
 def largest_between(evaluate: Callable[[Pieces], Columns], times: Pieces) -> float:
-    """Return an upper bound, 0 at least, of values that are continuous within pieces.
+    """Return an upper bound, at least 0, of values that are continuous within pieces.
 
     Between two neighbours a value exceeds the larger one by at most an eighth of the squared step times its curvature.
-    The curvature is measured: the largest of the second differences around, and as much again as they differ, at least
-    doubled, which covers a kink too. Steps whose bound exceeds the largest value by more than rounding are divided.
+    The curvature is estimated: the largest second difference nearby plus the spread of these, at least doubled, which
+    covers a kink too. Steps whose bound exceeds the largest value by more than rounding are divided.
     """
     values, upper = evaluate(times), np.float64(0.0)
     largest = values.max(initial=0.0)
@@ -130,7 +130,7 @@ def largest_between(evaluate: Callable[[Pieces], Columns], times: Pieces) -> flo
 
 
 def _step_bounds(times: Pieces, values: Columns) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return where every step begins and ends, and a bound of the values in it."""
+    """Return the begin and end of every step, and a bound of the values in it."""
     bends = np.pad(np.diff(values, 2, axis=1), ((0, 0), (2, 2), (0, 0)), mode="edge")
     around = sliding_window_view(bends, 4, axis=1)
     low, high = around.min(axis=-1), around.max(axis=-1)
@@ -141,9 +141,9 @@ def _step_bounds(times: Pieces, values: Columns) -> tuple[np.ndarray, np.ndarray
 
 
 def differentiate_pieces(values: np.ndarray, steps: np.ndarray, order: int, *, cyclic: bool) -> np.ndarray:
-    """Return derivatives of values (*batch, instants, columns) that are smooth between knots alone.
+    """Return derivatives of values (*batch, instants, columns) that are smooth only between knots.
 
-    Every interval has as many instants, its own ``steps`` apart. At a knot both sides' derivatives count the same.
+    Every interval has the same number of instants, its own ``steps`` apart. A knot has the mean of both sides.
     """
     count = (values.shape[-2] - 1) // len(steps)
     index = count * np.arange(len(steps))[:, None] + np.arange(count + 1)
@@ -160,25 +160,25 @@ def differentiate_pieces(values: np.ndarray, steps: np.ndarray, order: int, *, c
 
 @cache
 def _difference_matrix(points: int, order: int) -> np.ndarray:
-    """Return derivatives at evenly spaced points, one apart, of the polynomial through the nearest ones."""
+    """Return the matrix of derivatives, at points 1 apart, of the polynomial through the nearest points."""
     width = min(OPTIONS.width, points)
     first = np.clip(np.arange(points) - width // 2, 0, points - width)
     matrix = np.zeros((points, points))
     for i, begin in enumerate(first):
         offsets = np.arange(begin, begin + width) - float(i)
         right = np.zeros(width)
-        right[order] = order  # of its factorial, the first or second
+        right[order] = order  # equals its factorial, as the order is 1 or 2
         matrix[i, begin : begin + width] = np.linalg.solve(np.vander(offsets, increasing=True).T, right)
     return read_only(matrix)
 
 
 @dataclass(frozen=True, kw_only=True)
 class SampleOptions:
-    """Settings of how values are compared with those of curves, and of samples that are added.
+    """Settings of the comparison of values with those of curves, and of added samples.
 
-    steps: steps between samples on the grid that values of the curve are taken from
-    doublings: most times that refinement doubles the intervals of a path if a value is under-resolved
-    helped: share of the largest error that may be left after doubling, for doubling once more
+    steps: number of steps between samples on the grid of the curve
+    doublings: largest number of times that the intervals of a path are doubled if a value is under-resolved
+    helped: largest share of the error after doubling for which intervals are doubled again
     """
 
     steps: int = 50
@@ -191,10 +191,11 @@ SAMPLES = SampleOptions()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MotionTask:
-    """One motion problem, checked; made with ``motion_task``.
+    """One checked motion problem, made with ``motion_task``.
 
-    ``start`` is None (free) or joint positions (dof,); ``bounds`` maps limit kinds to (1 or time, dof, 2) arrays;
-    ``arm`` carries the position limits that hold, the widest where they vary along the path.
+    arm: arm with the position limits of the problem, the widest ones if they vary along the path
+    start: joint positions (dof,), or None for a free start
+    bounds: arrays (1 or time, dof, 2) of limits by kind
     """
 
     arm: Arm
@@ -220,7 +221,7 @@ class MotionTask:
 
     @cached_property
     def instants(self) -> Times:
-        """Times [s] at which objectives and limits are evaluated: samples, of splines the middles between them too."""
+        """Times [s] at which objectives and limits are evaluated: samples, and for splines their middles."""
         return with_midpoints(self.times) if self.differences == "spline" else self.times
 
     @property
@@ -237,12 +238,12 @@ class MotionTask:
 
     @property
     def ties_end(self) -> bool:
-        """Whether motions end at rest because their last sample is the nearest on the path to the one before."""
+        """Whether a motion ends at rest because its last sample is the nearest on the path to the one before."""
         return self.ends_at_rest and self.differences != "spline"
 
     @property
     def rows(self) -> int:
-        """Number of task equations a sample."""
+        """Number of task equations per sample."""
         return sum(task.rows for task in self.tasks)
 
     @property
@@ -270,7 +271,7 @@ class MotionTask:
         )
 
     def subsample(self, samples: int) -> MotionTask:
-        """Return the same task at that many of its samples, both ends included; raises InvalidInput for too many."""
+        """Return the same task at a number of its samples, with both ends; raises InvalidInput for too many."""
         return self._with_paths([task.path.subsample(samples) for task in self.tasks])
 
     def truncate(self, samples: int) -> MotionTask:
@@ -284,17 +285,17 @@ class MotionTask:
         return replace(self, tasks=tasks, bounds={kind: self.bounds_at(kind, paths[0].times) for kind in self.bounds})
 
     def standing(self, times: Times, sample: int = 0) -> MotionTask:
-        """Return the task of a tool that stays where it is at a sample, at other times; not cyclic."""
+        """Return the task of a tool that rests at its place of a sample, at other times; not cyclic."""
         tasks = tuple(replace(task, path=task.path.standing(times, sample)) for task in self.tasks)
         bounds = {kind: limits[min(sample, len(limits) - 1), None] for kind, limits in self.bounds.items()}
         return replace(self, tasks=tasks, bounds=bounds, cyclic=False)
 
     def resample(self, samples: int) -> MotionTask:
-        """Return the same task at that many samples, evenly spaced; limits that vary are interpolated linearly."""
+        """Return the same task at evenly spaced samples; limits that vary are interpolated linearly."""
         return self._with_paths([task.path.resample(samples) for task in self.tasks])
 
     def with_midpoints(self) -> MotionTask:
-        """Return the same task with a sample in the middle of every interval too; limits as for ``resample``."""
+        """Return the same task with a sample added in the middle of every interval; limits as for ``resample``."""
         return self._with_paths([task.path.with_midpoints() for task in self.tasks])
 
     @cached_property
@@ -309,14 +310,14 @@ class MotionTask:
         return joints + (("clearance",) if self.obstacles else ()) + tuple(c.name for c in self.constraints)
 
     def violations(self, motion: Motion) -> Float[np.ndarray, "*batch limits"]:
-        """Return the largest violation of every limit as a fraction of its range; not positive if it holds."""
+        """Return the largest violation of every limit as a fraction of its range, at most 0 if it is satisfied."""
         motion = motion.instants
         columns = [shares.max(axis=-2) for shares in self._limit_shares(motion)]
         columns += [each.violation(motion)[..., None] for each in self.constraints]
         return np.concatenate(columns, axis=-1) if columns else np.zeros((*motion.q.shape[:-2], 0))
 
     def _limit_shares(self, motion: Motion) -> list[Float[np.ndarray, "*batch instants limits"]]:
-        """Return the violations at every instant of joint limits, a kind each, and of clearance."""
+        """Return the violations at every instant of joint limits, by kind, and of clearance."""
         columns = [
             relative_violation(kind, self.bounds_at(kind, motion.time), motion)[..., self._limited_joints(bounds)]
             for kind, bounds in self.bounds.items()
@@ -328,7 +329,7 @@ class MotionTask:
     def bounds_at(
         self, kind: str, time: Float[np.ndarray, "*batch instants"]
     ) -> Float[np.ndarray, "*batch #time dof 2"]:
-        """Return the limits of a kind at times; where they vary along the path they are linear between samples."""
+        """Return the limits of a kind at times; limits that vary along the path are linear between samples."""
         bounds = self.bounds[kind]
         if len(bounds) == 1 or np.array_equal(time, self.times):
             return bounds
@@ -338,19 +339,19 @@ class MotionTask:
         return np.where(share < 1, 1 - share, 1.0) * before + np.where(share > 0, share, 1.0) * after
 
     def limit_ranges(self, kind: str, bounds: Bounds) -> Float[np.ndarray, "*times dof"]:
-        """Return the ranges of limits of a kind: what violations are divided by."""
+        """Return the ranges of limits of a kind, which violations are divided by."""
         return limit_ranges(bounds[..., 0], bounds[..., 1], usual_ranges(kind, self.arm, float(np.ptp(self.times))))
 
     @property
     def clearance_range(self) -> float:
-        """What violations of clearance are divided by [m]: its limit, or 1 % of the arm's length where that is more."""
+        """Divisor of violations of clearance [m]: its limit, or 1 % of the arm's length if that is more."""
         return max(self.min_clearance, 0.01 * characteristic_length(self.arm))
 
     def violation_between(self, motions: Motion) -> Float[np.ndarray, " points"]:
-        """Return an upper bound of what the motions' curves violate at any time, 0 at least.
+        """Return an upper bound of the violation of the motions' curves at any time, at least 0.
 
-        It counts joint limits, clearance and constraints of the form "peak", and is at most 0.1 % above what they are
-        violated by. It is a bound as far as ``largest_between`` measures curvatures right: no proof, but no finer grid
+        It covers joint limits, clearance and constraints of the form "peak", and exceeds their violation by at most
+        0.1 %. It is correct if ``largest_between`` estimates curvatures correctly: there is no proof, but no finer grid
         found more. It is infinite if a motion leaves its path between samples.
         """
         return np.array([self._worst_between(motion) for motion in motions])
@@ -358,7 +359,7 @@ class MotionTask:
     def _worst_between(self, motion: Motion) -> float:
         def shares(times: Float[np.ndarray, "pieces instants"]) -> Float[np.ndarray, "pieces instants limits"]:
             q, dq, ddq, jerk = curve_on(motion, times)
-            inner = times.copy()  # a limit that begins or ends at a sample is one of the interval where it holds
+            inner = times.copy()  # a limit that begins or ends at a sample belongs to the interval that it limits
             inner[:, [0, -1]] += [1e-9, -1e-9] * (times[:, -1:] - times[:, :1])
             derivatives = Derivatives(dq=dq, ddq=ddq, jerk=jerk, velocity_bounds=dq)
             pieces = replace(motion, time=inner, q=q, derivatives=derivatives, cyclic=False)
@@ -372,9 +373,9 @@ class MotionTask:
             return np.inf
 
     def discretisation_errors(self, motions: Motion) -> Float[np.ndarray, "points n_obj"]:
-        """Return how far the objectives of motions are off their values on the curves, in their own units.
+        """Return the errors of motions' objectives relative to those of the curves, in their own units.
 
-        The curves are sampled 50 times finer. It is infinite if a motion leaves its path between samples.
+        The curves are sampled 50 times finer. The error is infinite if a motion leaves its path between samples.
         """
         try:
             finer = finer_motion(motions, SAMPLES.steps)
@@ -385,9 +386,9 @@ class MotionTask:
         return np.stack([np.abs(each(finer) - each(motions)) for each in self.objectives], axis=1)
 
     def describe_between(self, motions: Motion, *, tolerance: float = LIMIT_TOLERANCE) -> str:
-        """Return in words which limit motions (points, time, dof) violate most between their samples, and what helps.
+        """Return in words the limit that motions (points, time, dof) violate most between samples, and a remedy.
 
-        "" if none exceeds one by more than ``tolerance`` of its range.
+        It is "" if no limit is exceeded by more than ``tolerance`` of its range.
         """
         try:
             dense = finer_motion(motions)
@@ -400,10 +401,10 @@ class MotionTask:
         return f"between samples: {self.describe_violation(dense[int(worst.argmax())])}; {remedy}"
 
     def describe_violation(self, motion: Motion, numbers: Int[np.ndarray, " time"] | None = None) -> str:
-        """Return in words which limit a single motion violates most, where and by how much; "" where all hold.
+        """Return in words which limit a motion violates most, where and by how much; "" if all are satisfied.
 
-        Limits violated as much, within 0.1 %, are named too: of the least-violating motion, those that contradict each
-        other. ``numbers`` are those that the samples go by, where they are some of another task's.
+        Limits with the same violation within 0.1 % are named too: for the least-violating motion they contradict each
+        other. ``numbers`` are the numbers of the samples in another task, if they are some of its samples.
         """
         motion = motion.instants
         violations = self.violations(motion)
@@ -423,7 +424,7 @@ class MotionTask:
         return message + (f"; so is {' and '.join(tied)}" if tied else "")
 
     def worst_instant(self, limit: int, motion: Motion) -> int:
-        """Return where in time a single motion violates a limit most; −1 for a limit on the whole motion."""
+        """Return the instant at which a motion violates a limit most; −1 for a limit on the whole motion."""
         name = self.limit_names[limit]
         kind, _, joint = name.partition(" of ")
         if name == "clearance":
@@ -434,12 +435,12 @@ class MotionTask:
         return int(np.argmax(violation[..., self.arm.joint_names.index(joint)]))
 
     def worst_sample(self, limit: int, motion: Motion) -> int:
-        """Return the sample next to where a single motion violates a limit most; −1 for a limit on the whole motion."""
+        """Return the sample nearest to the largest violation of a limit; −1 for a limit on the whole motion."""
         instant = self.worst_instant(limit, motion := motion.instants)
         return instant if instant < 0 else int(np.argmin(np.abs(self.times - motion.time[instant])))
 
     def _end(self, limit: int, motion: Motion) -> str:
-        """Return in words which end of a position limit is exceeded; "" for other limits."""
+        """Return in words which side of a position limit is exceeded; "" for other limits."""
         kind, _, joint = self.limit_names[limit].partition(" of ")
         if kind != "position" or kind not in self.bounds:
             return ""
@@ -467,18 +468,18 @@ class MotionTask:
         return np.isfinite(bounds).any(axis=(0, 2))
 
 
-# The evaluation of motions: objectives and limits, and the causes of those that fail.
+# Evaluation of motions: objectives, limits, and causes of failures
 
 
 def examine_functions(task: MotionTask, motions: Motion) -> None:
-    """Warn of objectives that are constant or a matter of chance; raises as ``require_values``."""
+    """Warn of objectives that are constant or random; raises as ``require_values``."""
     F, again = require_values(task, motions), evaluate_motions(task, motions[:1])[0]
     signs = np.array([each.sign for each in task.objectives])
     warn_of_odd_objectives([each.name for each in task.objectives], F * signs, again * signs)
 
 
 def require_values(task: MotionTask, motions: Motion) -> Objectives:
-    """Return F of motions as ``evaluate_motions``; raise EvaluationFailed, with the first cause, where all failed."""
+    """Return F of motions as ``evaluate_motions``; raise EvaluationFailed, with the first cause, if all failed."""
     F, _, causes = evaluate_motions(task, motions)
     if all(causes):
         raise EvaluationFailed(f"every evaluation failed, the first with: {causes[0]}")
@@ -490,7 +491,7 @@ def evaluate_motions(
 ) -> tuple[Objectives, np.ndarray, np.ndarray]:
     """Return F, minimised, the violations of limits (points, limits), and causes of failure (points,).
 
-    What fails is NaN, and its cause says why. Raises Interrupted after a signal, unless it is not ``interruptible``.
+    Failed evaluations are NaN and have a cause. Raises Interrupted after a signal, if ``interruptible``.
     """
     if interruptible:
         check_interruption()
@@ -507,7 +508,7 @@ def _isolate(
     causes: np.ndarray,
     interruptible: bool,
 ) -> np.ndarray:
-    """Return users' functions of motions, (points, names), one by one where the batch raises; NaN for what fails."""
+    """Return users' functions of motions, (points, names), one by one if the batch raises; NaN for failures."""
     if interruptible:
         check_interruption()
     try:

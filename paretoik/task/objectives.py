@@ -1,4 +1,4 @@
-"""Objectives: plain NumPy functions of a batch of motions, what users define and those of the library."""
+"""Objectives: plain NumPy functions of a batch of motions, of users and of the library."""
 
 from __future__ import annotations
 
@@ -32,12 +32,19 @@ if TYPE_CHECKING:
     AnyMotion: TypeAlias = Motion
     AnyValues: TypeAlias = np.ndarray
 else:
-    AnyMotion = AnyValues = Any  # where derivatives are taken: a TracedMotion, and traced arrays
+    AnyMotion = AnyValues = Any  # for derivatives: a TracedMotion, and traced arrays
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Objective:
-    """A named function of motions with its unit; made with ``@objective``. Calling it gives values in its own sign."""
+    """A named function of motions with its unit, made with ``@objective``.
+
+    function: function of a motion
+    name: name of the objective
+    unit: unit of its value
+    form: "integral", "peak", "terminal" or "general", see ``objective``
+    maximise: whether larger values are better
+    """
 
     function: Function
     name: str
@@ -46,14 +53,14 @@ class Objective:
     maximise: bool = False
 
     def __post_init__(self) -> None:
-        """Take over what the function says of itself, for ``help``."""
+        """Take over the function's docstring, for ``help``."""
         object.__setattr__(self, "__doc__", inspect.getdoc(self.function) or f"{self!r}.")
 
     def __call__(self, motion: Motion) -> Values:
         """Return the objective's values (*batch,), in the user's own sign.
 
-        Raises, naming the objective, InvalidInput where the function returns another shape or something not real, and
-        EvaluationFailed where it raises.
+        Raises, naming the objective, InvalidInput if the function returns another shape or values that are not real,
+        and EvaluationFailed if it raises.
         """
         name = f"objective {self.name}"
         check_motion(name, motion)
@@ -73,7 +80,7 @@ class Objective:
 
     @property
     def sign(self) -> float:
-        """−1 where the objective is maximised, so that sign · value is always minimised."""
+        """−1 if the objective is maximised, else 1: sign · value is minimised."""
         return -1.0 if self.maximise else 1.0
 
 
@@ -81,14 +88,17 @@ class Objective:
 def objective(
     *, unit: str, form: Form, maximise: bool = False, name: str | None = None
 ) -> Callable[[Function], Objective]:
-    """Make an objective of a function of motions.
+    """Return a decorator that makes an objective of a function of motions.
 
-    ``form`` says what the function returns: "integral" (*batch, time), integrated over time; "peak" (*batch, time), of
-    which the largest counts, the smallest where it is maximised; "terminal" (*batch,) that depend on the ends of the
-    motion only; "general" (*batch,) that depend on all of it. ``unit`` is that of the objective's value.
+    unit: unit of the objective's value
+    form: "integral" for values (*batch, time) that are integrated over time; "peak" for values (*batch, time) whose
+        largest counts (the smallest if maximised); "terminal" for values (*batch,) that depend only on the ends of the
+        motion; "general" for values (*batch,) that depend on all of it
+    maximise: True if larger values are better; fronts show values in the user's own sign
+    name: name of the objective, None for the function's
 
-    The function must return real numbers of the shape that the form says, leave its input alone (arrays are read-only)
-    and work for any batch. ``maximise`` turns the sign inside only: fronts show the user's own.
+    The function must return real numbers of the form's shape, not change its input (arrays are read-only) and work for
+    any batch.
 
     Raises InvalidInput for an unknown form, or names and units that are no printable text.
 
@@ -112,20 +122,20 @@ def objective(
 
 
 def check_form(form: str) -> None:
-    """Raise InvalidInput where ``form`` is not one of the four."""
+    """Raise InvalidInput if ``form`` is not one of the four."""
     check_choice("form", form, get_args(Form))
 
 
 def check_motion(name: str, motion: object) -> None:
-    """Raise InvalidInput, which begins with ``name``, for what is no motion."""
+    """Raise InvalidInput, which begins with ``name``, unless this is a Motion."""
     if not hasattr(motion, "q"):
-        raise InvalidInput(f"{name}: a Motion wanted, got {type(motion).__name__}")
+        raise InvalidInput(f"{name} must get a Motion, got {type(motion).__name__}")
 
 
 def evaluate_function(name: str, function: Function, motion: Motion, form: Form) -> np.ndarray:
     """Return a function's values after checking shape and type; errors begin with ``name``.
 
-    Raises EvaluationFailed where the function raises, InvalidInput where it returns what is no such array.
+    Raises EvaluationFailed if the function raises, InvalidInput if it does not return the array of its form.
     """
     check_motion(name, motion)
     of_times = form in ("integral", "peak")
@@ -154,9 +164,9 @@ def evaluate_function(name: str, function: Function, motion: Motion, form: Form)
 
 
 def evaluate_integral(name: str, term: Any, motion: Motion) -> np.ndarray:
-    """Return the integrals (*batch,) of an objective or a constraint, of ``Motion.of_spline`` if it has kinks.
+    """Return the integrals (*batch,) of an objective or a constraint, on ``Motion.of_spline`` if it has kinks.
 
-    Raises what ``evaluate_function`` does.
+    Raises as ``evaluate_function`` does.
     """
     instants = motion.instants
     if motion.differences == "spline" and has_kinks(
@@ -167,7 +177,7 @@ def evaluate_integral(name: str, term: Any, motion: Motion) -> np.ndarray:
 
 
 def _each_value(motion: Motion, *, of_times: bool) -> str:
-    """Return in words what a function of motions has a value for each of."""
+    """Return in words the things that a function of motions must have one value for."""
     count = int(np.prod(motion.q.shape[:-2]))
     motions = "the motion" if motion.q.ndim == 2 else f"each of {count} motion{'s' * (count != 1)}"
     if not of_times:
@@ -190,7 +200,7 @@ def torque_norm(motion: AnyMotion) -> AnyValues:
 
 @objective(unit="J", form="integral")
 def mechanical_energy(motion: AnyMotion) -> AnyValues:
-    """∫ Σ |τᵢ q̇ᵢ| dt: work done and absorbed, nothing recovered."""
+    """∫ Σ |τᵢ q̇ᵢ| dt: work done and absorbed, without recovery of energy."""
     return np.sum(np.abs(motion.power), axis=-1)
 
 
@@ -210,8 +220,8 @@ def joint_drift(motion: AnyMotion) -> AnyValues:
 def joint_limit_distance(motion: AnyMotion) -> AnyValues:
     """Mean over time of 1/(2 dof) Σ ((qᵢ − mid)/(upper − lower))².
 
-    Source: Liégeois 1977; Tringali & Cocuzza 2020, Eq. 14. Only joints with two different
-    limits count. Raises InvalidInput where no joint has such limits.
+    Source: Liégeois 1977; Tringali & Cocuzza 2020, Eq. 14. Only joints with two different limits count. Raises
+    InvalidInput if no joint has such limits.
     """
     limited, lower, upper = _limited_joints("joint_limit_distance", "position", *motion.arm.position_limits.T)
     ratio = (motion.q[..., limited] - (lower + upper) / 2) / (upper - lower)
@@ -223,14 +233,14 @@ def joint_limit_nearness(motion: AnyMotion) -> AnyValues:
     """∫ Σ (upper − lower)²/(4 (upper − qᵢ)(qᵢ − lower)) dt: 1 for each joint in the middle, infinite at a limit.
 
     Source: Chan & Dubey 1995; Wan et al. 2018, Eq. 11. Joints without limits at both ends do not count; the
-    distance to a limit counts as at least 0.1 % of the range. Raises InvalidInput where no joint has such limits.
+    distance to a limit counts as at least 0.1 % of the range. Raises InvalidInput if no joint has such limits.
     """
     return _nearness("joint_limit_nearness", "position", motion.q, *motion.arm.position_limits.T)
 
 
 @objective(unit="s", form="integral")
 def velocity_limit_nearness(motion: AnyMotion) -> AnyValues:
-    """As ``joint_limit_nearness``, of velocities. Source: Wan et al. 2018, Eq. 36."""
+    """As ``joint_limit_nearness``, for velocities. Source: Wan et al. 2018, Eq. 36."""
     limits = motion.arm.velocity_limits
     return _nearness("velocity_limit_nearness", "velocity", motion.dq, -limits, limits)
 
@@ -243,7 +253,7 @@ def manipulability(motion: AnyMotion) -> AnyValues:
 
 @objective(unit="rad/s", form="peak")
 def peak_velocity(motion: AnyMotion) -> AnyValues:
-    """Largest joint speed (prismatic joints in m/s), between the samples of a spline too."""
+    """Largest joint speed (prismatic joints in m/s), also between the samples of a spline."""
     return np.max(np.maximum(np.abs(motion.dq), np.abs(motion.velocity_bounds)), axis=-1)
 
 
@@ -261,20 +271,20 @@ def jerk(motion: AnyMotion) -> AnyValues:
 
 @objective(unit="m", form="peak", maximise=True)
 def obstacle_clearance(motion: AnyMotion) -> AnyValues:
-    """Smallest distance between the arm's links and the obstacles of the problem; maximised, negative inside.
+    """Smallest distance between the arm's links and the obstacles; maximised, negative inside.
 
-    Raises InvalidInput where the problem has no obstacles.
+    Raises InvalidInput if the problem has no obstacles.
     """
     if not motion.obstacles:
         raise InvalidInput(
-            "obstacle_clearance wants obstacles, got a problem without any (Tracking(..., obstacles=[...]))"
+            "obstacle_clearance must have obstacles, got a problem without any (Tracking(..., obstacles=[...]))"
         )
     return motion.clearance
 
 
 def _nearness(name: str, kind: str, values: Any, lower: np.ndarray, upper: np.ndarray) -> AnyValues:
     limited, lower, upper = _limited_joints(name, kind, lower, upper)
-    edge = 1e-3 * (upper - lower)  # nearer to a limit it stays the same
+    edge = 1e-3 * (upper - lower)  # smallest distance to a limit that counts
     inside = np.clip(values[..., limited], lower + edge, upper - edge)
     return np.sum((upper - lower) ** 2 / (4 * (upper - inside) * (inside - lower)), axis=-1)
 
@@ -282,8 +292,8 @@ def _nearness(name: str, kind: str, values: Any, lower: np.ndarray, upper: np.nd
 def _limited_joints(
     name: str, kind: str, lower: np.ndarray, upper: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return which joints have two different limits, and these; raise InvalidInput where none has."""
+    """Return which joints have two different limits, and these limits; raise InvalidInput if no joint has."""
     limited = np.isfinite(upper - lower) & (upper > lower)
     if not limited.any():
-        raise InvalidInput(f"{name} wants {kind} limits at both ends, got an arm none of whose joints has these")
+        raise InvalidInput(f"{name} must have {kind} limits at both ends, got an arm none of whose joints has these")
     return limited, lower[limited], upper[limited]

@@ -20,7 +20,11 @@ from paretoik.tables import field_representation, html_representation
 @check_call
 @dataclass(frozen=True, init=False, eq=False)
 class Circle:
-    """A disc in the xy-plane, ``center`` (2,) and ``radius`` [m]; in space an infinite cylinder along z."""
+    """A disc in the xy-plane; in space an infinite cylinder along z.
+
+    center: coordinates (2,) [m]
+    radius: radius [m]
+    """
 
     center: Float[np.ndarray, " 2"]
     radius: float
@@ -39,7 +43,11 @@ class Circle:
 @check_call
 @dataclass(frozen=True, init=False, eq=False)
 class Sphere:
-    """A ball, ``center`` (3,) and ``radius`` [m]."""
+    """A ball.
+
+    center: coordinates (3,) [m]
+    radius: radius [m]
+    """
 
     center: Vector3
     radius: float
@@ -58,7 +66,11 @@ class Sphere:
 @check_call
 @dataclass(frozen=True, init=False, eq=False)
 class Capsule:
-    """The points within ``radius`` of the segment from ``start`` (3,) to ``end`` (3,) [m], which may be one point."""
+    """The points within a radius of a segment.
+
+    start, end: ends of the segment (3,) [m], which may be one point
+    radius: radius [m]
+    """
 
     start: Vector3
     end: Vector3
@@ -76,10 +88,12 @@ class Capsule:
 @check_call
 @dataclass(frozen=True, init=False, eq=False)
 class Box:
-    """A box about ``center``, a point or, if it is rotated, a pose; ``half_sizes`` [m] along its own axes.
+    """A box, or a rectangle in its own xy-plane.
 
-    Three half sizes make a box in space. Two make a rectangle in its own xy-plane, in space an infinite beam along its
-    own z; its center is then a 2-D point or a pose (``Pose.planar``). Raises InvalidInput for other sizes and centers.
+    center: point, or pose of a rotated box; of a rectangle a 2-D point or a pose (``Pose.planar``)
+    half_sizes: half lengths along its own axes [m], three of a box, two of a rectangle
+
+    In space a rectangle is an infinite beam along its own z. Raises InvalidInput for other sizes and centers.
     """
 
     pose: Pose
@@ -117,7 +131,7 @@ def _freeze(obstacle: object, **fields: object) -> None:
         object.__setattr__(obstacle, name, value)
 
 
-# Distances of an arm's links from obstacles.
+# Distances of an arm's links from obstacles
 #
 # Every obstacle is convex and has a signed distance to its surface, negative inside. A link is a capsule: the points
 # within a radius of the segment between two consecutive nodes of the arm.
@@ -126,23 +140,22 @@ def _freeze(obstacle: object, **fields: object) -> None:
 if TYPE_CHECKING:
     Numbers: TypeAlias = np.ndarray
 else:
-    Numbers = Any  # where derivatives are taken, expressions come in and go out
-Components: TypeAlias = Sequence[Numbers]  # x, y and, in space, z, each an array of its own
+    Numbers = Any  # expressions, if derivatives are taken
+Components: TypeAlias = Sequence[Numbers]  # one array each for x, y and, in space, z
 
 
 def clearance(
     obstacles: Sequence[Obstacle], nodes: Float[np.ndarray, "*batch nodes 3"], radius: ArrayLike = 0.0
 ) -> Float[np.ndarray, "*batch"]:
-    """Smallest signed distance [m] from an arm's links to any obstacle, negative where a link is inside one.
+    """Return the smallest signed distance [m] (*batch,) from an arm's links to any obstacle, negative inside.
 
-    ``nodes`` are the positions of the arm's joints and tool in order; ``radius`` [m] is that of all links, or an
-    array of one for each. A positive clearance is the exact distance; a negative one is the depth of the deepest point
-    of a link's axis, plus the link's radius.
+    obstacles: at least one obstacle
+    nodes: positions (*batch, nodes, 3) [m] of the arm's joints and tool, in order
+    radius: radius of all links [m], or one per link
 
-    Raises
-    ------
-    InvalidInput
-        For no obstacles, fewer than 2 nodes, or radii that are negative or match neither one nor every link.
+    A positive clearance is the exact distance; a negative one is the depth of the deepest point of a link's axis, plus
+    the link's radius. Raises InvalidInput for no obstacles, fewer than 2 nodes, or radii that are negative or neither
+    one nor one per link.
 
     >>> from paretoik.task.obstacles import Circle
     >>> elbow = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.5, 0.5, 0.0]])
@@ -164,7 +177,7 @@ def clearance(
 
 
 def closest_pair(obstacles: Sequence[Obstacle], nodes: Float[np.ndarray, "nodes 3"], radius: ArrayLike = 0.0) -> str:
-    """Return in words which link of a posture is nearest to which obstacle, both counted from 1."""
+    """Return in words which link is nearest to which obstacle, both counted from 1."""
     starts, ends = nodes[:-1], nodes[1:]
     distances = np.stack([signed_distance(obstacle, starts, ends) for obstacle in obstacles]) - np.asarray(radius)
     obstacle, link = np.unravel_index(int(np.argmin(distances)), distances.shape)
@@ -175,14 +188,9 @@ def closest_pair(obstacles: Sequence[Obstacle], nodes: Float[np.ndarray, "nodes 
 def signed_distance(
     obstacle: Obstacle, starts: Float[np.ndarray, "*#batch 3"], ends: Float[np.ndarray, "*#batch 3"]
 ) -> Float[np.ndarray, "*batch"]:
-    """Smallest signed distance [m] to an obstacle's surface along segments, or points; negative inside.
+    """Return the smallest signed distance [m] of segments to an obstacle's surface, negative inside.
 
-    Closed forms, exact to rounding. NaN in gives NaN out.
-
-    Raises
-    ------
-    InvalidInput
-        For points that are not real or not 3-D.
+    Closed forms, exact up to rounding; NaN gives NaN. Raises InvalidInput for points that are not real or not 3-D.
 
     >>> from paretoik.task.obstacles import Box
     >>> box = Box([0.0, 0.0, 0.0], half_sizes=[0.1, 0.2, 0.3])
@@ -198,7 +206,7 @@ def signed_distance(
 
 
 def distance_components(obstacle: Obstacle, start: Components, end: Components) -> Numbers:
-    """Return ``signed_distance`` of components: plain NumPy, so that it can be traced for derivatives."""
+    """Return ``signed_distance`` of components in plain NumPy, which can be traced for derivatives."""
     if isinstance(obstacle, Box):
         position = _components(obstacle.pose.position[None])
         axes = [_components(axis[None]) for axis in obstacle.pose.rotation.T[: len(obstacle.half_sizes)]]
@@ -219,9 +227,9 @@ def _point_to_segment(point: Components, start: Components, end: Components) -> 
 
 
 def _between_segments(start: Components, end: Components, other_start: Components, other_end: Components) -> Numbers:
-    """Distance of two segments: at an end of one, or where their lines are nearest if that is within both."""
+    """Return the distance of two segments: at an end of one, or at the nearest points of their lines within both."""
     step, other_step, offset = _minus(end, start), _minus(other_end, other_start), _minus(other_start, start)
-    normal = _cross(step, other_step)  # products with it keep their digits for nearly parallel segments
+    normal = _cross(step, other_step)  # products with it stay accurate for nearly parallel segments
     size = _dot(normal, normal)
     fraction = _fraction(_dot(_cross(offset, other_step), normal), size)
     other_fraction = _fraction(_dot(_cross(offset, step), normal), size)
@@ -237,11 +245,11 @@ def _between_segments(start: Components, end: Components, other_start: Component
 
 
 def _segment_to_box(start: Components, end: Components, half_sizes: np.ndarray) -> Numbers:
-    """Signed distance of a segment to the box of ``half_sizes`` about the origin.
+    """Return the signed distance of a segment to the box of ``half_sizes`` about the origin.
 
-    Outside, the squared distance is convex along the segment and quadratic between the points where the segment crosses
-    a plane of the box. Its derivative grows, linearly between those points: its zero lies between the last point with a
-    derivative of at most 0 and the first with one of at least 0.
+    Outside, the squared distance is convex along the segment and quadratic between its crossings of the box's planes.
+    Its derivative increases, linearly between crossings: the zero is between the last crossing with a derivative of at
+    most 0 and the first with one of at least 0.
     """
     step = _minus(end, start)
 
@@ -270,10 +278,10 @@ def _segment_to_box(start: Components, end: Components, half_sizes: np.ndarray) 
 
 
 def _depth(start: Components, step: Components, half_sizes: np.ndarray) -> Numbers:
-    """Signed distance of segments that enter the box: the minimum along them of max(|p| - half size).
+    """Return the signed distance of segments that enter the box: the minimum along them of max(|p| - half size).
 
-    That is the maximum of one rising and one falling line for each axis, smallest at an end or where a rising line
-    crosses a falling one.
+    This is the maximum of one rising and one falling line per axis. It is smallest at an end or at a crossing of a
+    rising and a falling line.
     """
     lines = list(zip(start, step, half_sizes, strict=True))
     fractions = [0.0 * step[0], 0.0 * step[0] + 1.0]
@@ -287,7 +295,7 @@ def _depth(start: Components, step: Components, half_sizes: np.ndarray) -> Numbe
 
 
 def _fraction(part: Numbers, whole: Numbers) -> Numbers:
-    """Return part / whole within [0, 1], and 0 where the whole is not positive."""
+    """Return part / whole, clipped to [0, 1], and 0 if the whole is not positive."""
     positive = whole > 0
     with np.errstate(over="ignore", invalid="ignore"):
         fractions = np.where(positive, part / np.where(positive, whole, 1.0), 0.0)

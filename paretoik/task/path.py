@@ -1,4 +1,4 @@
-"""A path: where the tool must be at every time, as a continuous function and as samples."""
+"""A path: the tool's desired place at every time, as a continuous function and as samples."""
 
 from __future__ import annotations
 
@@ -36,11 +36,14 @@ Quaternions: TypeAlias = Float[np.ndarray, "time 4"]
 @check_call
 @dataclass(frozen=True, eq=False, repr=False)
 class Path:
-    """Where the tool must be over time; made by ``line``, ``circle``, ``waypoints`` or ``poses``.
+    """The tool's desired place over time; made by ``line``, ``circle``, ``waypoints`` or ``poses``.
 
-    ``times`` (time,) [s] start at 0 and increase, evenly or not. ``positions`` (time, 2 or 3) [m] are the samples, with
-    unit ``quaternions`` (time, 4), (w, x, y, z) with continued signs, on a path of poses. ``curve`` is the path itself,
-    a function of time. The arrays are read-only. Raises InvalidInput where they are those of no path.
+    curve: function of time, the path itself
+    times: sample times (time,) [s] that start at 0 and increase, evenly or not
+    positions: samples (time, 2 or 3) [m]
+    quaternions: unit quaternions (time, 4), (w, x, y, z) with continued signs, or None on a path of points
+
+    The arrays are read-only. Raises InvalidInput if they do not make a path.
     """
 
     times: Times
@@ -59,7 +62,7 @@ class Path:
         if quaternions is not None:
             quaternions = finite_array("path quaternions", quaternions, (len(times), 4))
         if not callable(self.curve):
-            raise InvalidInput(f"path curve: a function of time wanted, got {shown(self.curve)}")
+            raise InvalidInput(f"path curve must be a function of time, got {shown(self.curve)}")
         for name, values in (("times", times), ("positions", positions), ("quaternions", quaternions)):
             if values is not None:
                 object.__setattr__(self, name, read_only(values))
@@ -82,19 +85,16 @@ class Path:
 
     @property
     def is_closed(self) -> bool:
-        """Whether the path ends where it starts: position within 1e-9 of its extent, orientation within 1e-9 rad."""
+        """Whether the path ends at its start, within 1e-9 of its extent and 1e-9 rad."""
         extent = float(np.linalg.norm(np.ptp(self.positions, axis=0)))
         turn = 0.0 if self.quaternions is None else float(rotation_angles(self.quaternions[[0, -1]])[0])
         distance = float(np.linalg.norm(self.positions[-1] - self.positions[0]))
         return distance <= CLOSURE_TOLERANCE * extent and turn <= CLOSURE_TOLERANCE
 
     def at(self, t: ArrayLike) -> tuple[Float[np.ndarray, "*batch axes"], Float[np.ndarray, "*batch 4"] | None]:
-        """Positions (..., 2 or 3) [m] and quaternions (..., 4), None on a path of points, at any times ``t`` (...) [s].
+        """Return positions (..., 2 or 3) [m] and quaternions (..., 4), None for points, at times ``t`` (...) [s].
 
-        Raises
-        ------
-        InvalidInput
-            For times outside the path by more than rounding (1e-9 of its duration).
+        Raises InvalidInput for times outside the path by more than rounding (1e-9 of its duration).
         """
         instants = self._instants(t)
         times = instants.ravel()
@@ -108,14 +108,10 @@ class Path:
         return positions, np.where(flipped[:, None], -quaternions, quaternions).reshape(*instants.shape, 4)
 
     def rates(self, t: Times) -> Rates:
-        """Velocities and accelerations of the path at times ``t`` (time,) [s], turning about world axes.
+        """Return velocities and accelerations of the path at times ``t`` (time,) [s], turning about world axes.
 
-        They are exact; if the ``curve`` is a bare function, they are differences of it.
-
-        Raises
-        ------
-        InvalidInput
-            For times outside the path.
+        They are exact, or differences if the ``curve`` is a function without derivatives. Raises InvalidInput for times
+        outside the path.
         """
         instants = self._instants(t)
         if instants.ndim != 1:
@@ -123,7 +119,7 @@ class Path:
         return self.curve.rates(instants) if isinstance(self.curve, SmoothCurve) else self._differences(instants)
 
     def _differences(self, t: Times) -> Rates:
-        """Return differences of the path, on one side of times near an end."""
+        """Return finite differences of the path, one-sided near an end."""
         step = DIFFERENCE_STEP * self.duration
         first = np.select([t < 2 * step, t > self.duration - 2 * step], [0, -4], -2)
         index = first[:, None] + np.arange(5)
@@ -140,7 +136,7 @@ class Path:
         return Rates(linear[:, 0], linear[:, 1], angular[:, 0], angular[:, 1])
 
     def _instants(self, t: ArrayLike) -> np.ndarray:
-        """Return times as an array, cut off to the path by rounding alone."""
+        """Return times as an array, clipped to the path by at most rounding."""
         instants = finite_array("path: time t", t)
         outside = np.flatnonzero(np.abs(instants / self.duration - 0.5) > 0.5 + 1e-9)
         if len(outside):
@@ -148,15 +144,15 @@ class Path:
         return instants.clip(0.0, self.duration)
 
     def resample(self, samples: int) -> Path:
-        """Return the same path with that many samples, evenly spaced in time."""
+        """Return the same path with a number of samples, evenly spaced in time."""
         return sample_curve(self.curve, even_times(self.duration, samples))
 
     def with_midpoints(self) -> Path:
-        """Return the same path with a sample in the middle of every interval too."""
+        """Return the same path with a sample added in the middle of every interval."""
         return sample_curve(self.curve, with_midpoints(self.times))
 
     def subsample(self, samples: int) -> Path:
-        """Return the same path at that many of its samples: both ends, the others as even as can be.
+        """Return the same path at a number of its samples: both ends, the others as even as possible.
 
         Raises InvalidInput for more samples than the path has, or fewer than three.
         """
@@ -171,7 +167,7 @@ class Path:
         return self._select(np.arange(samples))
 
     def standing(self, times: Times, sample: int = 0) -> Path:
-        """Return the path of a tool that stays where this one is at a sample, at other times (time,) [s]."""
+        """Return the path of a tool that rests at this path's place of a sample, at other times (time,) [s]."""
         instants = finite_array("path times", times)
         if instants.ndim != 1:
             raise InvalidInput(f"path times: must be one row of numbers, got shape {instants.shape}")
@@ -188,7 +184,7 @@ class Path:
 
 
 def sample_curve(curve: Curve, times: Times) -> Path:
-    """Return a curve with its samples at ``times``, the signs of quaternions continued from one to the next."""
+    """Return the path of a curve with samples at ``times``; quaternions have continued signs."""
     positions, quaternions = curve(times)
     if quaternions is not None:
         reversals = np.where((quaternions[1:] * quaternions[:-1]).sum(axis=1) < 0, -1.0, 1.0)
@@ -225,20 +221,20 @@ def rotation_angles(quaternions: np.ndarray) -> np.ndarray:
     return angles
 
 
-# How paths are made: straight lines, circles, splines through waypoints, and poses at given times.
+# Constructors of paths
 
 
 @dataclass(frozen=True, kw_only=True)
 class PathOptions:
-    """What no path goes beyond, and what of taught points is a warning."""
+    """Bounds of paths, and thresholds of warnings about taught points."""
 
-    most_turns: float = 1e6  # of a circle, whose position is then exact to 1e-9 of the radius
-    near: float = 0.01  # share of the distances around it, a smaller one of two points is a warning
+    most_turns: float = 1e6  # turns of a circle; positions are then exact to 1e-9 of the radius
+    near: float = 0.01  # share of the distances around; a smaller distance of two points gives a warning
     around: int = 3  # distances before and after
-    turned: float = 1e-3  # rad: points with more between them are apart, however near
-    backwards: float = 0.01  # share of the median distance of points, a longer way backwards is a warning
-    overshoot: float = 0.25  # share of the shorter step at a corner of more than 90°: as far backwards is no warning
-    pieces: int = 32  # of the curve between two points
+    turned: float = 1e-3  # rad: turn between two points above which they never count as near
+    backwards: float = 0.01  # share of the median distance of points; a longer way backwards gives a warning
+    overshoot: float = 0.25  # share of the shorter step at a corner of more than 90°, allowed backwards without warning
+    pieces: int = 32  # pieces of the curve between two points
 
 
 OPTIONS = PathOptions()
@@ -253,14 +249,16 @@ def line(
     samples: int = 101,
     timing: str = "raised-cosine",
 ) -> Path:
-    """Straight path between two points (2-D or 3-D) [m], or two poses, in ``duration`` [s] by a time law.
+    """Return a straight path between two points or two poses.
 
-    Between poses the orientation turns at the same law about one axis, by at most half a turn (the geodesic).
+    start, end: points (2,) or (3,) [m], or poses
+    duration: time from start to end [s]
+    samples: number of samples, at least 3
+    timing: time law, "raised-cosine", "quintic" or "uniform"
 
-    Raises
-    ------
-    InvalidInput
-        For ends of different kinds or at the same place, a bad duration, fewer than 3 samples, an unknown time law.
+    Between poses the orientation turns by the same law about one axis, by at most half a turn (the geodesic). Raises
+    InvalidInput for ends of different kinds or at the same place, a bad duration, fewer than 3 samples, or an unknown
+    time law.
 
     >>> path = line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0)
     >>> path
@@ -281,7 +279,7 @@ def line(
         if len(origin) != len(goal):
             raise InvalidInput(f"line: start and end must both be 2-D or 3-D, got {len(origin)}-D and {len(goal)}-D")
         shape = Line(origin, goal - origin, None, np.zeros(3))
-    length = CLOSURE_TOLERANCE * np.linalg.norm(shape.origin)  # that rounding leaves
+    length = CLOSURE_TOLERANCE * np.linalg.norm(shape.origin)  # the error of rounding
     if np.linalg.norm(shape.step) <= length and np.linalg.norm(shape.rotation_vector) <= CLOSURE_TOLERANCE:
         raise InvalidInput(f"line: start and end must be apart, got both at {shape.origin.tolist()}")
     return sample_curve(TimedCurve(shape, times[-1], timing), times)
@@ -299,17 +297,19 @@ def circle(
     timing: str = "raised-cosine",
     normal: ArrayLike | None = None,
 ) -> Path:
-    """Circle of ``radius`` [m] about ``center``, ``turns`` times round in ``duration`` [s] (a part of 1 is an arc).
+    """Return a circular path.
 
-    A 2-D or 3-D ``center`` gives a path of points; a 3-D circle goes round counter-clockwise about ``normal`` (default
-    +z) and counts ``start_angle`` [rad] from the direction of +x in its plane (of +y where the normal is along x). A
-    pose gives a path of poses: a circle in the pose's own xy-plane, counted from its own x, all in the pose's
-    orientation. Negative ``turns`` go the other way round.
+    center: point (2,) or (3,) [m] for a path of points; pose for a path of poses in its own xy-plane and orientation
+    radius: radius [m]
+    duration: time from start to end [s]
+    samples: number of samples, at least 3
+    start_angle: angle [rad] from +x in the circle's plane (from +y if the normal is along x; from the pose's own x)
+    turns: number of turns, a fraction for an arc, negative for clockwise
+    timing: time law, as for ``line``
+    normal: direction (3,) that a 3-D circle turns about, None for +z
 
-    Raises
-    ------
-    InvalidInput
-        For a radius that is not positive, no turns, a zero normal or one with nothing to do, and as ``line`` does.
+    Raises InvalidInput for a radius that is not positive, no turns, a zero normal or one without a 3-D point, and as
+    ``line`` does.
 
     >>> circle([0.5, 0.0], 0.1, duration=2.0, start_angle=np.pi).positions[0].round(12)
     array([0.4, 0. ])
@@ -347,16 +347,16 @@ def waypoints(
     samples: int = 101,
     timing: str = "raised-cosine",
 ) -> Path:
-    """Smooth path through all ``points``: an array (n, 2 or 3) [m] or a sequence of poses, in ``duration`` [s].
+    """Return a smooth path through points or poses.
 
-    A C² cubic spline over the chord length between the points (over the angle between them where poses only turn),
-    periodic if the last point is the first again, with SciPy's ``RotationSpline`` for orientations. ``timing`` governs
-    the chord length covered. The samples are even in time, so in general none falls on a point between the ends.
+    points: array (n, 2 or 3) [m], or a sequence of poses
+    duration: time from the first to the last point [s]
+    samples: number of samples, at least 3, even in time: in general only the ends are at points
+    timing: time law of the chord length covered, as for ``line``
 
-    Raises
-    ------
-    InvalidInput
-        For fewer than 2 points, one that is where the last one was (with its index), and as ``line`` does.
+    The path is a C² cubic spline over the chord length between the points (over the angle if poses only turn), periodic
+    if the last point equals the first, with SciPy's ``RotationSpline`` for orientations. Raises InvalidInput for fewer
+    than 2 points, a point at the place of the one before (with its index), and as ``line`` does.
 
     >>> path = waypoints([[0, 0], [1, 1], [2, 0]], duration=1.0)
     >>> path.at(0.5)[0].round(12)
@@ -383,15 +383,14 @@ def waypoints(
 
 @check_call
 def poses(times: ArrayLike, poses: Sequence[Pose] | Pose | ArrayLike) -> Path:
-    """Path through ``poses`` at ``times`` [s]: a sequence of poses, or an array of points (time, 2 or 3) [m].
+    """Return a path through poses or points at given times.
 
-    The given times, which start at 0, are the samples. Between them runs a C² cubic spline, periodic if the last
-    position is the first again, with SciPy's ``RotationSpline`` for orientations.
+    times: sample times (time,) [s] that start at 0 and increase
+    poses: a sequence of poses, or points (time, 2 or 3) [m]
 
-    Raises
-    ------
-    InvalidInput
-        For times that do not increase (with the index) or start at 0, fewer than 3, or more or fewer than the poses.
+    The path is a C² cubic spline, periodic if the last position equals the first, with SciPy's ``RotationSpline`` for
+    orientations. Raises InvalidInput for times that do not increase (with the index) or do not start at 0, fewer than
+    3, or a number other than that of the poses.
 
     >>> poses([0.0, 0.2, 1.0], [[0.5, 0.0], [0.5, 0.1], [0.5, 0.3]]).at(0.2)[0].round(12)
     array([0.5, 0.1])
@@ -415,9 +414,9 @@ def _warn_of_taught_points(
     positions: Float[np.ndarray, "points axes"],
     quaternions: Float[np.ndarray, "points 4"] | None,
 ) -> None:
-    """Warn of points that are far nearer to each other than those around them, and of a curve that runs backwards.
+    """Warn of points that are much nearer to each other than those around, and of a curve that runs backwards.
 
-    Backwards is against the step from one point to the next; if there is no step, any way away from the point is.
+    Backwards means against the step from one point to the next, or away from the point if there is no step.
     """
     steps = np.diff(positions, axis=0)
     lengths = np.linalg.norm(steps, axis=1)
@@ -436,7 +435,7 @@ def _warn_of_taught_points(
     unit = steps / np.where(lengths > 0, lengths, 1.0)[:, None]
     progress = np.where(lengths[:, None] > 0, np.einsum("kpa,ka->kp", away, unit), -np.linalg.norm(away, axis=2))
     backwards = (np.maximum.accumulate(progress, axis=1) - progress).max(axis=1)
-    sharp = np.pad((steps[1:] * steps[:-1]).sum(axis=1) < 0, 1)  # corners that any smooth curve overshoots
+    sharp = np.pad((steps[1:] * steps[:-1]).sum(axis=1) < 0, 1)  # corners, which any smooth curve overshoots
     shorter = np.pad(np.minimum(lengths[1:], lengths[:-1]), 1)
     overshoot = OPTIONS.overshoot * np.where(sharp, shorter, 0.0)
     excess = backwards - np.maximum(overshoot[:-1], overshoot[1:])

@@ -1,4 +1,4 @@
-"""Retraction onto the path: Newton's method for many postures at once, each along its own few directions."""
+"""Retraction onto the path: Newton's method for many postures at once, each along its own directions."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from paretoik.robot.arm import Arm
 from paretoik.robot.kinematics import characteristic_length, geometry_key, joint_scales
 from paretoik.task.task import Task, frame_of, path_errors, path_jacobian
 
-ON_PATH_TOLERANCE = 1e-10  # of the arm's length, and rad: rounding may keep from Newton's tolerance, not from this
+ON_PATH_TOLERANCE = 1e-10  # of the arm's length, and rad: reached in spite of rounding, unlike Newton's tolerance
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,8 +26,8 @@ class RetractionOptions:
 
     tolerance: float = 1e-12  # of the arm's length, and rad: its last step squares the error
     max_iterations: int = 12
-    max_step: float = 1.0  # rad or the arm's length, along any one direction
-    cache_size: int = 64  # evaluators in memory: six for each geometry of an arm with its frames and axes
+    max_step: float = 1.0  # rad or the arm's length, along any direction
+    cache_size: int = 64  # evaluators in memory: six for each arm geometry with frames and axes
 
 
 OPTIONS = RetractionOptions()
@@ -37,8 +37,8 @@ OPTIONS = RetractionOptions()
 class Retraction:
     """Postures after Newton's method.
 
-    ``error`` is the largest task error [rad, or share of the arm's length]; ``on_path`` says which converged on the
-    sheet that they started from.
+    error: largest task error [rad, or share of the arm's length]
+    on_path: whether a posture converged on the sheet that it started from
     """
 
     q: Float[np.ndarray, "*batch dof"]
@@ -59,14 +59,14 @@ def task_errors(
 def relative_errors(
     arm: Arm, tasks: Sequence[Task], q: Float[np.ndarray, "*batch dof"], targets: Float[np.ndarray, "*#batch numbers"]
 ) -> tuple[Float[np.ndarray, "*batch rows"], Float[np.ndarray, "*batch rows dof"]]:
-    """Return the errors of all tasks, lengths as shares of the arm's, and their Jacobian by joints, slides alike."""
+    """Return the errors and Jacobian of all tasks, lengths and slides relative to the arm's length."""
     error, jacobian = task_errors(arm, tasks, q, targets)
     scales = row_scales(arm, tasks)
     return error / scales, jacobian * joint_scales(arm) / scales[:, None]
 
 
 def row_scales(arm: Arm, tasks: Sequence[Task]) -> Float[np.ndarray, " rows"]:
-    """Return what task errors are measured in: the arm's length [m], or 1 rad."""
+    """Return the unit of each task error: the arm's length [m], or 1 rad."""
     length = characteristic_length(arm)
     rows = [[length] * task.position_rows + [1.0] * (task.rows - task.position_rows) for task in tasks]
     return np.concatenate(rows)
@@ -81,9 +81,8 @@ def retract(
 ) -> Retraction:
     """Return q = start + directions · z on the path, z by Newton's method from 0.
 
-    A sample's result does not depend on the others in the batch. Samples whose Newton matrix has changed the sign of
-    its determinant have crossed a fold, where the solution would belong to another sheet of the self-motion manifold;
-    they count as not on the path.
+    A sample's result does not depend on the others in the batch. If the determinant of the Newton matrix changes its
+    sign, the sample has crossed a fold to another sheet of the self-motion manifold and counts as not on the path.
     """
     batch = start.shape[:-1]
     q, error, same_sheet = start.copy(), np.empty(batch), np.empty(batch, dtype=bool)
@@ -91,7 +90,7 @@ def retract(
     directions = directions.reshape(-1, *directions.shape[-2:])
     compiled_steps().newton(
         error_evaluator(arm, tasks).arrays,
-        np.require(targets, float, ["C", "W"]),  # one signature: a read-only array would be compiled for again
+        np.require(targets, float, ["C", "W"]),  # one signature: a read-only array would need another compilation
         np.ascontiguousarray(directions, dtype=float),
         row_scales(arm, tasks),
         (OPTIONS.tolerance, OPTIONS.max_step, OPTIONS.max_iterations),
@@ -108,14 +107,14 @@ def retract_nearest(
     start: Float[np.ndarray, "*batch dof"],
     targets: Float[np.ndarray, "*#batch numbers"],
 ) -> Retraction:
-    """Return postures retracted the shortest way: along the row space of the tasks' Jacobian at ``start``."""
+    """Return postures retracted by the shortest way: along the row space of the tasks' Jacobian at ``start``."""
     return retract(arm, tasks, start, targets, normal_directions(arm, tasks, start, targets))
 
 
 def normal_directions(
     arm: Arm, tasks: Sequence[Task], q: Float[np.ndarray, "*batch dof"], targets: Float[np.ndarray, "*#batch numbers"]
 ) -> Float[np.ndarray, "*batch dof rows"]:
-    """Return a basis [rad, m] of the directions across the self-motion, orthonormal where slides are measured alike."""
+    """Return a basis [rad, m] of the directions across the self-motion, orthonormal in scaled joints."""
     return row_space_basis(relative_errors(arm, tasks, q, targets)[1]) * joint_scales(arm)[:, None]
 
 
@@ -131,7 +130,7 @@ def solve_small_systems(
 ) -> tuple[Float[np.ndarray, "count size"], Float[np.ndarray, " count"]]:
     """Return (solutions, determinants) of small systems, by Gaussian elimination without pivoting.
 
-    A pivot that vanishes gives a solution that is not finite, or a determinant of 0.
+    A pivot of 0 gives a solution that is not finite, or a determinant of 0.
     """
     solution, determinant = np.array(right, dtype=float, order="C"), np.empty(len(matrix))
     compiled_steps().solve_small_systems(np.array(matrix, dtype=float, order="C"), solution, determinant)
@@ -141,13 +140,13 @@ def solve_small_systems(
 @cache
 def compiled_steps() -> Any:
     """Return the compiled steps of the projection onto paths."""
-    from paretoik.task import retraction_kernel as compiled  # here: numba takes its time
+    from paretoik.task import retraction_kernel as compiled  # here: numba is slow to load
 
     return compiled
 
 
 def error_evaluator(arm: Arm, tasks: Sequence[Task]) -> Evaluator:
-    """Return the evaluator of all errors, then all entries of the Jacobian, at joint positions and targets."""
+    """Return the evaluator of all errors, then all Jacobian entries, at joint positions and targets."""
 
     def build() -> tuple[Tape, list[int]]:
         tape = Tape()
@@ -164,7 +163,7 @@ def path_evaluator(
 ) -> Evaluator:
     """Return the evaluator of a tape's outputs, from memory if it was built before.
 
-    Arms of the same geometry share it, on any path: every problem has a copy of its arm.
+    Arms of the same geometry share it on any path, since every problem has a copy of its arm.
     """
     frames = [frame_of(arm, task.frame) for task in tasks]
     places = [(frame.link, frame.pose.position.tobytes(), frame.pose.quaternion.tobytes()) for frame in frames]

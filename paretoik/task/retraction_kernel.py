@@ -1,4 +1,4 @@
-"""Newton's method onto the path, and the rates of what it leads to, compiled."""
+"""Newton's method onto the path, and the rates of its result, compiled."""
 
 from __future__ import annotations
 
@@ -12,10 +12,13 @@ from paretoik.compilation.numba_cache import compiled, inlined
 def newton(arrays, targets, directions, scales, settings, q, errors, same_sheet):
     """Move postures q (samples, dof) onto the path along ``directions`` (samples, dof, rows), each on its own.
 
-    ``arrays`` are those of the evaluator of errors and Jacobian entries at (q, targets), ``scales`` (rows,) what errors
-    are measured in; ``settings``: tolerance, max_step and max_iterations. Writes q, the largest error where it was last
-    evaluated, and whether the determinant of the Newton matrix was positive there: the sheet that the posture started
-    from. Samples share the lanes of the evaluator's workspace; a sample that has finished leaves its lane to the next.
+    arrays: arrays of the evaluator of errors and Jacobian entries at (q, targets)
+    scales: units (rows,) of errors
+    settings: tolerance, max_step and max_iterations
+
+    Writes q, the largest error at its last evaluation, and whether the determinant of the Newton matrix was positive
+    there: then the posture is on the sheet that it started from. Samples share the lanes of the evaluator's workspace;
+    a finished sample leaves its lane to the next.
     """
     code, constants, inputs, outputs, workspace = arrays
     samples, n, rows = directions.shape
@@ -56,11 +59,11 @@ def newton(arrays, targets, directions, scales, settings, q, errors, same_sheet)
         active = unfinished
 
 
-@inlined  # called, the two steps cost newton a fifth of its time
+@inlined  # calls of the two steps would cost a fifth of newton's time
 def _newton_system(workspace, outputs, lane, directions, scales, s, matrix, right):
-    """Write J · directions and the errors of sample s, in one lane; return the largest error, NaN where one is.
+    """Write J · directions and the errors of sample s, in one lane; return the largest error, NaN if one is NaN.
 
-    The size is one of errors divided by ``scales``.
+    Its size is that of errors divided by ``scales``.
     """
     _, n, rows = directions.shape
     size = 0.0
@@ -77,7 +80,7 @@ def _newton_system(workspace, outputs, lane, directions, scales, s, matrix, righ
 
 @inlined
 def _move(q, directions, s, step, max_step):
-    """Move sample s by the step along its directions, each entry at most ``max_step``; NaN counts as 0."""
+    """Move sample s by a step along its directions, each entry at most ``max_step``; NaN counts as 0."""
     _, n, rows = directions.shape
     for k in range(rows):
         length = min(max(step[k], -max_step), max_step) if step[k] == step[k] else 0.0
@@ -89,7 +92,8 @@ def _move(q, directions, s, step, max_step):
 def write_directions(normals, spline, scales, directions):
     """Write D = W² Jᵀ and its first and second derivatives, (3, points, dof, rows), from a spline's state.
 
-    ``normals`` is the evaluator of J, J̇ and J̈ at ``spline`` (3, points, dof); W are the ``scales`` of joints.
+    normals: evaluator of J, J̇ and J̈ at ``spline`` (3, points, dof)
+    scales: joint scales W
     """
     _, points, n, rows = directions.shape
     places, values = np.empty((3 * n, points)), np.empty((3 * rows * n, points))
@@ -107,11 +111,14 @@ def write_directions(normals, spline, scales, directions):
 
 @compiled
 def project_rates(rates, inputs, scales, spline, directions, state, multipliers):
-    """Write velocities and accelerations of a spline's projection q = s + D λ; ``state``[0] holds its positions.
+    """Write velocities and accelerations of a spline's projection q = s + D λ; ``state``[0] has its positions.
 
-    ``spline`` and ``state`` are (3, points, dof): positions, velocities, accelerations; ``directions`` D, Ḋ and D̈.
-    ``rates`` is the evaluator of ∂g/∂q, ġ and g̈ at ``inputs``: state, then targets with two derivatives.
-    ``multipliers`` (3, points, rows) become λ, λ̇ and λ̈. Errors show as inf or NaN.
+    rates: evaluator of ∂g/∂q, ġ and g̈ at ``inputs``, the state, then targets with two derivatives
+    spline, state: positions, velocities and accelerations (3, points, dof)
+    directions: D, Ḋ and D̈
+    multipliers: output λ, λ̇ and λ̈ (3, points, rows)
+
+    Errors become inf or NaN.
     """
     _, points, n, rows = directions.shape
     matrix, right, values = np.empty((rows, rows)), np.empty(rows), np.empty((rows * (n + 2), points))
@@ -162,10 +169,10 @@ def solve_small_systems(matrices, right, determinants):
 
 @compiled
 def solve(matrix, right):
-    """Overwrite ``right`` with matrix⁻¹ right; return the determinant. Gaussian elimination without pivoting.
+    """Overwrite ``right`` with matrix⁻¹ right; return the determinant.
 
-    Directions are ordered so that the matrix starts lower triangular with a positive diagonal; a pivot that vanishes
-    gives inf or NaN.
+    Gaussian elimination without pivoting: directions are ordered so that the matrix is at first lower triangular with a
+    positive diagonal. A pivot of 0 gives inf or NaN.
     """
     size, determinant = len(right), 1.0
     for i in range(size):

@@ -1,8 +1,9 @@
 """Finite differences and quadrature: the discretisations of a motion.
 
-"backward" as in Tringali & Cocuzza 2020: v₀ = a₀ = 0, vᵢ = (qᵢ − qᵢ₋₁)/Δt, aᵢ = (vᵢ − vᵢ₋₁)/Δt, integrals by the
-rectangle at the right end. "central": second order, integrals by the trapezoid rule. On a cycle v₀ = v_N. "spline": the
-derivatives of the cubic spline near the samples (``task.spline``), integrals by Simpson's rule with midpoints.
+- "backward" as in Tringali & Cocuzza 2020: v₀ = a₀ = 0, vᵢ = (qᵢ − qᵢ₋₁)/Δt, aᵢ = (vᵢ − vᵢ₋₁)/Δt, integrals by the
+  rectangle at the right end
+- "central": second order, integrals by the trapezoid rule; on a cycle v₀ = v_N
+- "spline": derivatives of the cubic spline near the samples (``Spline``), integrals by Simpson's rule with midpoints
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ def quadrature_weights(time: Series, differences: Differences) -> Series:
 
 
 def simpson_weights(time: Series) -> Series:
-    """Return the weights (*batch, time) [s] of Simpson's rule: every other time is in the middle of its neighbours."""
+    """Return the weights (*batch, time) [s] of Simpson's rule; every other time is a midpoint."""
     sixth = (time[..., 2::2] - time[..., :-2:2]) / 6
     weights = np.zeros(time.shape)
     weights[..., :-2:2] += sixth
@@ -61,7 +62,7 @@ def simpson_weights(time: Series) -> Series:
 
 
 def with_midpoints(time: Series) -> Series:
-    """Return times (*batch, 2 · time − 1) with the middle of every interval."""
+    """Return times (*batch, 2 · time − 1) with the middle of every interval added."""
     dense = np.empty((*time.shape[:-1], 2 * time.shape[-1] - 1))
     dense[..., ::2] = time
     dense[..., 1::2] = (time[..., 1:] + time[..., :-1]) / 2
@@ -81,7 +82,7 @@ def _central_first_derivative(values: Samples, time: Instants, *, cyclic: bool) 
 
 
 def _steps(values: Samples, time: Instants, *, cyclic: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Return the changes of values and time from sample to sample; a cycle is continued by one step at each end."""
+    """Return the changes of values and time between samples; a cycle continues by one step at each end."""
     change, step = np.diff(values, axis=-2), np.diff(time)[..., None]
     if not cyclic:
         return change, step
@@ -89,23 +90,24 @@ def _steps(values: Samples, time: Instants, *, cyclic: bool) -> tuple[np.ndarray
     return change, step
 
 
-# Cubic splines near samples: a local quasi-interpolant of a motion, and its values at any time.
+# Cubic splines near samples: local quasi-interpolants of motions
 #
-# The control point of a sample is what a cubic spline has where it is the parabola through this sample and its
-# neighbours: it reproduces parabolas on any times, cubics on even ones, where it is cᵢ = qᵢ − (qᵢ₊₁ − 2qᵢ + qᵢ₋₁)/6.
-# The spline misses its inner samples by about δ⁴q/36, and goes through the first and the last. At a free end the
-# acceleration continues the parabola of the next three, so that it is as exact as between; an end at rest is
-# mirrored; a cycle is wrapped. Every value depends on the few samples around it alone. Source: de Boor, A Practical
-# Guide to Splines, chapter XII.
+# The control point of a sample is that of the parabola through this sample and its neighbours. So the spline reproduces
+# parabolas on any times, and cubics on even times, with cᵢ = qᵢ − (qᵢ₊₁ − 2qᵢ + qᵢ₋₁)/6. It misses inner samples by
+# about δ⁴q/36, and passes through the first and the last. At a free end the acceleration continues the parabola of the
+# next three samples, so that it is as accurate as elsewhere; an end at rest is mirrored; a cycle is wrapped. Every
+# value depends only on the few samples around it. Source: de Boor, A Practical Guide to Splines, chapter XII.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Spline:
     """A cubic spline with knots at the samples.
 
-    Its ``position``, ``velocity`` and ``acceleration`` at the knots; ``inner_velocity`` of each interval (*batch,
-    time − 1, columns) is the middle Bernstein coefficient of its velocity, a parabola: the velocity lies between this
-    and those at the ends, the acceleration between those at the ends.
+    position, velocity, acceleration: values at the knots
+    inner_velocity: middle Bernstein coefficient of each interval's velocity, a parabola (*batch, time − 1, columns)
+
+    In an interval the velocity is within the range of this coefficient and the velocities at the ends, the acceleration
+    within the range of those at the ends.
     """
 
     time: Instants
@@ -147,10 +149,10 @@ class Spline:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Derivatives:
-    """Derivatives of a motion at its samples, known rather than their differences.
+    """Known derivatives of a motion at its samples, which replace differences.
 
-    ``velocity_bounds`` are velocities too, or Bernstein coefficients between which these lie. ``spline`` is the state
-    (q, dq, ddq) of the spline, if the motion is this after its projection.
+    velocity_bounds: velocities, or Bernstein coefficients that bound them
+    spline: state (q, dq, ddq) of the spline, if the motion is its projection
     """
 
     dq: Samples
@@ -174,7 +176,7 @@ class Derivatives:
 
 
 def evaluate_with_midpoints(spline: Spline) -> tuple[Instants, Samples, Derivatives]:
-    """Return times, positions and derivatives at the samples and in the middles between them."""
+    """Return times, positions and derivatives at the samples and the middles between them."""
     x, v, a, inner = spline.position, spline.velocity, spline.acceleration, spline.inner_velocity
     step = np.diff(spline.time)[..., None]
     middle = (x[..., :-1, :] + x[..., 1:, :]) / 2 + step * (v[..., :-1, :] - v[..., 1:, :]) / 8
@@ -204,8 +206,10 @@ def fit_spline(q: Samples, time: Instants, *, cyclic: bool, ends_at_rest: bool) 
 
 
 def _values_at_knots(control: np.ndarray, knots: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Return position, velocity and acceleration at all knots but two at each end, and control points of velocities."""
-    # de Boor 1978, X (12): control points of the derivatives
+    """Return position, velocity and acceleration at all knots but two at each end, and the velocity's control points.
+
+    Source: de Boor 1978, X (12).
+    """
     slopes = 3 * np.diff(control, axis=-2) / (knots[..., 3:] - knots[..., :-3])[..., None]
     before, after = np.diff(knots)[..., 1:-2, None], np.diff(knots)[..., 2:-1, None]
     acceleration = 2 * np.diff(slopes, axis=-2) / (before + after)
@@ -221,7 +225,7 @@ def _interleave(samples: np.ndarray, middles: np.ndarray) -> np.ndarray:
 
 
 def _extended_knots(time: Instants, *, cyclic: bool) -> np.ndarray:
-    """Return the times with two more at each end: those of the cycle, or mirrored ones."""
+    """Return the times with two more at each end, from the cycle or mirrored."""
     step = np.diff(time)
     before, after = (step[..., -2:], step[..., :2]) if cyclic else (step[..., 1::-1], step[..., :-3:-1])
     first = time[..., :1] - np.cumsum(before[..., ::-1], axis=-1)[..., ::-1]
@@ -261,7 +265,7 @@ def _inner_control_points(q: Samples, time: Instants) -> np.ndarray:
 def _free_end(q: np.ndarray, control: np.ndarray, knots: np.ndarray) -> np.ndarray:
     """Return the two first control points of a spline through the first sample, from the next three or four.
 
-    Its first acceleration is on the parabola, or line, of the next three, or two. ``knots`` are the first seven, or
+    Its first acceleration continues the parabola (or line) of the next three (or two). ``knots`` are the first seven or
     eight, two of them before the first sample.
     """
     count = control.shape[-2] + 2
@@ -277,14 +281,14 @@ def _free_end(q: np.ndarray, control: np.ndarray, knots: np.ndarray) -> np.ndarr
 
 
 def _lagrange_factor(time: np.ndarray, k: int) -> np.ndarray:
-    """Return what the value at time k counts of the polynomial's at the first time, through all times but that."""
+    """Return the weight of the value at time k in the extrapolation to the first time from all other times."""
     others = [j for j in range(1, time.shape[-1]) if j != k]
     shares = [(time[..., 0] - time[..., j]) / (time[..., k] - time[..., j]) for j in others]
     return np.prod(np.broadcast_arrays(np.ones(time.shape[:-1]), *shares), axis=0)
 
 
 def _polynomial_control_points(q: Samples, knots: np.ndarray, *, ends_at_rest: bool) -> np.ndarray:
-    """Return the control points of the polynomial through three or four samples, its end at rest where it has to."""
+    """Return the control points of the polynomial through three or four samples, at rest at its end if required."""
     samples = q.shape[-2]
     unit = knots[..., -3:-2] - knots[..., 2:3]
     t = (knots - knots[..., 2:3]) / unit
@@ -300,6 +304,6 @@ def _polynomial_control_points(q: Samples, knots: np.ndarray, *, ends_at_rest: b
 
 
 def _polar_form(t: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 4"]:
-    """Return the polar forms of 1, t, t² and t³ at three times: what a control point is of a cubic."""
+    """Return the polar forms of 1, t, t² and t³ at three times, which give a cubic's control point."""
     x, y, z = t[..., 0], t[..., 1], t[..., 2]
     return np.stack([np.ones_like(x), (x + y + z) / 3, (x * y + y * z + z * x) / 3, x * y * z], axis=-1)

@@ -1,4 +1,4 @@
-"""Coordinates of the self-motion manifold around base motions."""
+"""Branches, self-motion curves, and coordinates of the self-motion manifold around base motions."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from paretoik.task.retraction import relative_errors, retract, row_space_basis
 from paretoik.task.starts import MOTION_OPTIONS as STARTS
 from paretoik.task.starts import posture_distance, reach_error, sample_postures, wrap_difference
 
-# Branches: which way each joint is bent, as labels of whole motions.
+# Branches: signs of bent joints as labels of motions
 
 
-SINE_TOLERANCE = 1e-9  # of the angle between axes that count as parallel, or a joint that counts as straight
+SINE_TOLERANCE = 1e-9  # sine of the angle below which axes count as parallel, or a joint as straight
 
 
 def bend_signs(arm: Arm, q: Float[np.ndarray, "*batch dof"]) -> Int[np.ndarray, "*batch inner"]:
-    """Return the sign in which every inner joint is bent, 0 where it is straight: shoulder, elbow, wrist.
+    """Return the sign of every inner joint's bend, 0 if it is straight: shoulder, elbow, wrist.
 
-    For three consecutive axes that are not parallel it is the sign of their triple product; for parallel ones that of
-    the turn from one link to the next. It changes just where a joint aligns its neighbours. Arms of two joints or fewer
-    have none.
+    For three consecutive axes that are not parallel it is the sign of their triple product, for parallel ones that of
+    the turn from one link to the next. It changes only if a joint aligns its neighbours. Arms of two joints or fewer
+    have no inner joint.
     """
     if arm.dof < 3:
         return np.zeros((*q.shape[:-1], 0), dtype=int)
@@ -48,8 +48,8 @@ def bend_signs(arm: Arm, q: Float[np.ndarray, "*batch dof"]) -> Int[np.ndarray, 
 def branch_labels(motion: Motion) -> list[str]:
     """Return a label for each motion of a batch (motions, time, dof), such as ``+-`` or ``+~``.
 
-    One sign per inner joint: how it is bent over the whole motion, or ``~`` where it passes through straight, followed
-    by the sign it ends with.
+    It has one sign per inner joint: its bend over the whole motion, or ``~`` if the joint passes through straight, then
+    the sign at the end.
     """
     signs = bend_signs(motion.arm, motion.q)
     constant = np.logical_or((signs >= 0).all(axis=-2), (signs <= 0).all(axis=-2))
@@ -68,26 +68,26 @@ def _axes(arm: Arm, q: np.ndarray) -> np.ndarray:
 
 
 def _always_parallel(arm: Arm) -> np.ndarray:
-    """Return for every inner joint whether the axes on either side of it are parallel at all postures."""
-    axes = _axes(arm, np.arange(1.0, arm.dof + 1))  # a posture like any other
+    """Return for every inner joint whether the axes on both sides are parallel at all postures."""
+    axes = _axes(arm, np.arange(1.0, arm.dof + 1))  # an arbitrary posture
     return np.all(np.abs(np.cross(axes[:-2], axes[2:])) < SINE_TOLERANCE, axis=-1)
 
 
-# The curves that postures lie on where redundancy is one: traced, and cut into nodes evenly spaced.
+# Self-motion curves of postures at redundancy one, cut into evenly spaced nodes
 #
 # Source: Burdick 1989 (self-motion curves).
 
 
 @dataclass(frozen=True, kw_only=True)
 class CurveOptions:
-    """How curves are traced and cut into nodes, in rad, slides in lengths of the arm."""
+    """Settings of tracing curves and cutting them into nodes, in rad, slides in arm lengths."""
 
     step_length: float = 0.1  # of the predictor
     turn: float = 0.9  # least cosine between the directions of two steps
-    steps: int = 1200  # of a curve, at most
-    seeds: int = 48  # postures at either end of the path that are carried along it
-    nodes: tuple[int, int] = (12, 500_000)  # in the furthest step of a joint, and at most in all
-    pair_nodes: tuple[int, int] = (10, 30_000)  # the same where pairs of nodes are states
+    steps: int = 1200  # largest number of steps of a curve
+    seeds: int = 48  # postures at each end of the path that are carried along it
+    nodes: tuple[int, int] = (12, 500_000)  # number in the largest step of a joint, and largest number in all
+    pair_nodes: tuple[int, int] = (10, 30_000)  # the same if states are pairs of nodes
 
 
 OPTIONS = CurveOptions()
@@ -96,9 +96,9 @@ Curve = tuple[np.ndarray, np.ndarray]  # steps (q, directions)
 
 
 def postures_along_path(task: MotionTask, rng: np.random.Generator) -> tuple[list[np.ndarray], float]:
-    """Return postures of every sample on all curves that are connected to either end, and the path's pace.
+    """Return postures of every sample on all curves that are connected to an end of the path, and the path's pace.
 
-    What comes into being halfway along the path is near nothing that could lead to it.
+    Curves that exist only in the middle of the path are not found.
     """
     curves: list[list[np.ndarray]] = [[] for _ in task.times]
     pace = [0.0]
@@ -122,7 +122,7 @@ def self_motion_frames(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the direction of self-motion at postures, the targets of their samples and the directions across it.
 
-    Directions are of length one where slides are measured in lengths of the arm; they are returned in rad and m.
+    Directions have length 1 with slides in arm lengths; they are returned in rad and m.
     """
     targets, scales = task.targets[samples], joint_scales(task.arm)
     jacobian = relative_errors(task.arm, task.tasks, q, targets)[1]
@@ -132,7 +132,7 @@ def self_motion_frames(
 
 
 def trace_curves(task: MotionTask, seeds: list[np.ndarray]) -> list[list[Curve]]:
-    """Return the self-motion curves of every sample, as steps (q, directions), until no seed is off all of them."""
+    """Return the self-motion curves of every sample, as steps (q, directions); every seed is on one of them."""
     curves: list[list[Curve]] = [[] for _ in seeds]
     remaining = list(seeds)
     while rows := [i for i, q in enumerate(remaining) if len(q)]:
@@ -145,7 +145,7 @@ def trace_curves(task: MotionTask, seeds: list[np.ndarray]) -> list[list[Curve]]
 
 
 def _trace_once(task: MotionTask, samples: np.ndarray, begin: np.ndarray) -> list[Curve]:
-    """Return one curve through each posture, by predictor and corrector, until it closes, stops or is too long."""
+    """Return one curve per posture, by predictor and corrector, until it closes, stops or is too long."""
     q, (heading, targets, steep) = begin.copy(), self_motion_frames(task, samples, begin)
     metric = joint_scales(task.arm) ** -2.0
     first, step_length = heading.copy(), np.full(len(q), OPTIONS.step_length)
@@ -168,7 +168,7 @@ def _trace_once(task: MotionTask, samples: np.ndarray, begin: np.ndarray) -> lis
         closed = accepted & (np.sqrt(back**2 @ metric) < 0.6 * reach) & (count[active] > 3)
         closed &= (heading[active] * first[active]) @ metric > OPTIONS.turn
         q[active[closed]] += back[closed]
-        heading[active[closed]] = first[active[closed]]  # it is the node that the curve began at
+        heading[active[closed]] = first[active[closed]]  # the node that the curve began at
         steps.append((moved, q[moved], heading[moved]))
         step_length[active] = np.where(accepted, np.minimum(1.5 * reach, OPTIONS.step_length), reach / 2)
         active = active[~closed & (step_length[active] > 1e-4)]
@@ -179,13 +179,13 @@ def _trace_once(task: MotionTask, samples: np.ndarray, begin: np.ndarray) -> lis
 
 
 def node_spacing(arm: Arm, curves: list[list[Curve]], windows: np.ndarray, *, second: bool) -> float:
-    """Return the distance of nodes that tells enough speeds apart, or keeps the nodes few enough."""
+    """Return the distance of nodes that resolves speeds well enough, larger if there would be too many nodes."""
     shares, limit = OPTIONS.pair_nodes if second else OPTIONS.nodes
     return float(max((windows[1:] / joint_scales(arm)).max() / shares, _length(arm, curves) / limit))
 
 
 def count_nodes(task: MotionTask, curves: list[list[Curve]], spacing: float) -> float:
-    """Return about how many nodes curves have, so far apart, at all the turns that joints' limits hold."""
+    """Return the approximate number of nodes of a spacing on curves, at all turns within joint limits."""
     lower, upper = unwrapped_ranges(task, np.zeros(task.arm.dof, dtype=bool)).T
     turns = np.where(task.arm.periodic & np.isfinite(upper - lower), (upper - lower) / (2 * np.pi), 1.0)
     return float(_length(task.arm, curves) / spacing * np.prod(np.maximum(turns, 1.0)))
@@ -197,7 +197,7 @@ def _length(arm: Arm, curves: list[list[Curve]]) -> float:
 
 
 def resample_curve(arm: Arm, curve: Curve, spacing: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return points evenly spaced along a curve and which of them is next to each, −1 at the end of an open one."""
+    """Return evenly spaced points along a curve and the index of each one's next, −1 at the end of an open curve."""
     q, directions = curve
     s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(q / joint_scales(arm), axis=0), axis=1))])
     distinct = np.append(np.diff(s) > 1e-9, True)
@@ -211,7 +211,7 @@ def resample_curve(arm: Arm, curve: Curve, spacing: float) -> tuple[np.ndarray, 
 
 
 def unwrapped_ranges(task: MotionTask, unrolled: np.ndarray) -> Float[np.ndarray, "dof 2"]:
-    """Return where the turns of joints are told difference: within their limits; NaN for joints known modulo 2π."""
+    """Return the ranges of joints whose turns differ, which are their limits; NaN for joints known modulo 2π."""
     ranges = task.arm.position_limits.copy()
     lower, upper = ranges.T
     ranges[np.isinf(lower) & np.isinf(upper)] = np.nan
@@ -222,7 +222,7 @@ def unwrapped_ranges(task: MotionTask, unrolled: np.ndarray) -> Float[np.ndarray
 
 
 def unwrap_nodes(q: np.ndarray, ranges: np.ndarray, periodic: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return nodes at all the turns that their joints' ranges hold, and which node each of them is."""
+    """Return nodes at all turns within their joints' ranges, and the index of each one's node."""
     which = np.arange(len(q))
     for j in np.flatnonzero(periodic):
         lower, upper = (-np.pi, np.pi) if np.isnan(ranges[j, 0]) else ranges[j]
@@ -238,9 +238,10 @@ def unwrap_nodes(q: np.ndarray, ranges: np.ndarray, periodic: np.ndarray) -> tup
 class Charts:
     """Coordinates around base motions: q = base + null_space · y, then along ``row_space`` onto the path.
 
-    ``null_space`` spans that of the tasks' Jacobian along each base, transported without turning, ``row_space`` its row
-    space. Both are orthonormal, slides measured in lengths of the arm, so y = null_spaceᵀ (q − base) gives the
-    coordinates back.
+    null_space: bases of the null space of the tasks' Jacobian along each base motion, transported without turning
+    row_space: bases of its row space
+
+    Both are orthonormal with slides in arm lengths, so that y = null_spaceᵀ (q − base).
     """
 
     base: Float[np.ndarray, "bases time dof"]
@@ -252,7 +253,7 @@ class Charts:
     ) -> tuple[JointPaths, Bool[np.ndarray, "*batch time"]]:
         """Return motions at coordinates y around bases ``which``, and which of their samples are on the path.
 
-        A sample whose correction jumps from that of the sample before has come to another sheet, and is off.
+        If a sample's correction jumps relative to the sample before, it is on another sheet and counts as off the path.
         """
         scales = joint_scales(task.arm)
         start = self.base[which] + np.einsum("ptdr,ptr->ptd", self.null_space[which], y) * scales
@@ -273,7 +274,7 @@ def build_charts(task: MotionTask, base: Float[np.ndarray, "bases time dof"]) ->
     """Return coordinates around base motions on the path."""
     jacobian = relative_errors(task.arm, task.tasks, base, task.targets)[1]
     null_space = np.linalg.svd(jacobian)[2][..., task.rows :, :].swapaxes(-1, -2)
-    for i in range(1, base.shape[1]):  # parallel transport: each basis turned as near as can be to the one before
+    for i in range(1, base.shape[1]):  # parallel transport: each basis as near as possible to the one before
         left, _, right = np.linalg.svd(np.swapaxes(null_space[:, i], -1, -2) @ null_space[:, i - 1])
         null_space[:, i] = null_space[:, i] @ (left @ right)
     if task.cyclic:
@@ -282,7 +283,7 @@ def build_charts(task: MotionTask, base: Float[np.ndarray, "bases time dof"]) ->
 
 
 def _close_frames(null_space: np.ndarray, share: np.ndarray) -> np.ndarray:
-    """Turn each basis evenly over time so that it closes with the motion."""
+    """Return bases turned evenly over time so that they close with the motion."""
     from scipy.linalg import expm, logm  # here: only cyclic motions need it
 
     closed = null_space.copy()

@@ -1,4 +1,4 @@
-"""Postures that reach a sample of a task, from random starts, and why none does."""
+"""Postures and motions on the path to start from, and the reason if there are none."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ class InverseKinematicsOptions:
     """Settings of damped least squares from random starts."""
 
     iterations: int = 40
-    longest_step: float = 0.5  # rad, or the arm's length: of a joint
+    longest_step: float = 0.5  # rad, or the arm's length, of a joint
     damping: float = 1e-2  # share of the squared error
-    first_damping: float = 4e-3  # added to it in the first iterations
+    first_damping: float = 4e-3  # more damping in the first iterations
     damped_iterations: int = 5
     quick_starts: int = 32
-    thorough_starts: int = 256  # with five times the iterations, before a sample is called out of reach
-    other_units: float = 10.0  # arm's lengths: a path that far out of reach is probably not in metres
+    thorough_starts: int = 256  # with five times the iterations, before a sample counts as out of reach
+    other_units: float = 10.0  # arm lengths out of reach above which a path is probably not in metres
 
 
 POSTURE_OPTIONS = InverseKinematicsOptions()
@@ -45,9 +45,9 @@ POSTURE_OPTIONS = InverseKinematicsOptions()
 def sample_postures(
     task: MotionTask, count: int, rng: np.random.Generator, *, sample: int = 0
 ) -> Float[np.ndarray, "found dof"]:
-    """Return up to ``count`` postures that reach a sample, from random starts all over the joint ranges.
+    """Return up to ``count`` postures that reach a sample, from random starts in the joint ranges.
 
-    Damped least squares (Nakamura & Hanafusa 1986), then Newton; those that don't arrive are left out.
+    Damped least squares (Nakamura & Hanafusa 1986), then Newton; those that don't converge are left out.
     """
     q, error = _solve_from_random_starts(task, np.full(count, sample), rng)
     return q[np.abs(error).max(axis=1) <= ON_PATH_TOLERANCE]
@@ -60,7 +60,7 @@ def _solve_from_random_starts(
     *,
     iterations: int = POSTURE_OPTIONS.iterations,
 ) -> tuple[Float[np.ndarray, "count dof"], Float[np.ndarray, "count rows"]]:
-    """Return for each of ``samples`` a posture near it, from a random start, and the relative task errors there."""
+    """Return a posture near each of ``samples``, from a random start, and its relative task errors."""
     q = rng.uniform(*_sampling_range(task), size=(len(samples), task.arm.dof))
     targets = task.targets[samples]
     active = np.arange(len(samples))
@@ -71,7 +71,7 @@ def _solve_from_random_starts(
             POSTURE_OPTIONS.first_damping if step < POSTURE_OPTIONS.damped_iterations else 1e-12
         )
         if step >= POSTURE_OPTIONS.iterations:
-            damping = size  # out of reach, perhaps: with less damping it would oscillate about the nearest point
+            damping = size  # perhaps out of reach: with less damping it would oscillate about the nearest point
         square = jacobian @ np.swapaxes(jacobian, -1, -2) + damping[:, None, None] * np.eye(task.rows)
         step_taken = (np.swapaxes(jacobian, -1, -2) @ solve_small_systems(square, error)[0][..., None])[..., 0]
         step_taken /= np.maximum(1.0, np.abs(step_taken).max(axis=1, keepdims=True) / POSTURE_OPTIONS.longest_step)
@@ -92,10 +92,10 @@ def _sampling_range(task: MotionTask) -> tuple[np.ndarray, np.ndarray]:
 
 
 def reach_error(task: MotionTask, rng: np.random.Generator, near: int) -> OutOfReach | Infeasible:
-    """Return the error that says why no motion gets past sample ``near``."""
+    """Return the error with the reason why no motion passes sample ``near``."""
     _, error = _solve_from_random_starts(task, np.repeat(np.arange(len(task.times)), POSTURE_OPTIONS.quick_starts), rng)
     unreached = np.abs(error).max(axis=1).reshape(-1, POSTURE_OPTIONS.quick_starts).min(axis=1) > ON_PATH_TOLERANCE
-    for sample in np.flatnonzero(unreached).tolist():  # by few starts; more are tried before it counts as out of reach
+    for sample in np.flatnonzero(unreached).tolist():  # from few starts; more are tried before it is out of reach
         _, error = _solve_from_random_starts(
             task, np.full(POSTURE_OPTIONS.thorough_starts, sample), rng, iterations=5 * POSTURE_OPTIONS.iterations
         )
@@ -115,7 +115,7 @@ def reach_error(task: MotionTask, rng: np.random.Generator, near: int) -> OutOfR
 
 
 def _describe_error(task: MotionTask, sample: int, error: Float[np.ndarray, " rows"]) -> str:
-    """Return in words how far the nearest posture found is from a sample, for the task that is missed most."""
+    """Return in words the distance of the nearest posture found from a sample, for the task with the largest error."""
     errors, row, column = [], 0, 0
     for part in task.tasks:
         size = 2 if part.axes in ("xy", "xy+angle") else 3
@@ -137,7 +137,7 @@ def _describe_error(task: MotionTask, sample: int, error: Float[np.ndarray, " ro
 
 
 def order_by_neighbour(arm: Arm, q: Float[np.ndarray, "postures dof"]) -> Float[np.ndarray, "postures dof"]:
-    """Return postures in an order in which each comes after its nearest neighbour among those before it."""
+    """Return postures in an order in which each is followed by its nearest remaining one."""
     remaining = list(q)
     ordered = [remaining.pop(0)]
     while remaining:
@@ -155,24 +155,24 @@ def posture_distance(
 
 
 def wrap_difference(difference: np.ndarray, periodic: np.ndarray) -> np.ndarray:
-    """Return joint distances with whole turns of periodic joints taken off."""
+    """Return joint distances without whole turns of periodic joints."""
     return np.where(periodic, difference - 2 * np.pi * np.round(difference / (2 * np.pi)), difference)
 
 
-# Motions on the path to start from: roll-outs, some that travel along the self-motion, perturbed, recombined ones.
+# Start motions on the path: roll-outs, motions along the self-motion, perturbed and recombined ones
 
 
 @dataclass(frozen=True, kw_only=True)
 class StartOptions:
-    """How far starts move, in rad, slides in lengths of the arm."""
+    """Settings of start motions, in rad, slides in arm lengths."""
 
-    travel: float = 9.0  # all joints together along the self-motion, at most
-    travel_width: tuple[float, float] = (0.3, 1.0)  # shares of the path into which half of the travel falls
-    perturbation: float = 1.0  # RMS change of joints where the path leaves them free
-    crossing_half: tuple[float, float] = (0.05, 0.4)  # half the share of the path that is another's, recombined
-    crossing_width: tuple[float, float] = (0.05, 0.4)  # share of the path in which one changes over to the other
+    travel: float = 9.0  # largest travel of all joints together along the self-motion
+    travel_width: tuple[float, float] = (0.3, 1.0)  # share of the path with half of the travel
+    perturbation: float = 1.0  # RMS change of joints in directions that the path leaves free
+    crossing_half: tuple[float, float] = (0.05, 0.4)  # half the share of the path recombined from another
+    crossing_width: tuple[float, float] = (0.05, 0.4)  # share of the path in which it changes to the other
     longest_jump: float = 0.7  # of a joint from one sample to the next
-    finer: tuple[int, ...] = (2, 4)  # times as many samples, tried in turn where a joint would jump between two
+    finer: tuple[int, ...] = (2, 4)  # factors of the number of samples, tried one after the other if a joint would jump
 
 
 MOTION_OPTIONS = StartOptions()
@@ -181,14 +181,12 @@ MOTION_OPTIONS = StartOptions()
 def rollout_starts(task: MotionTask, count: int, rng: np.random.Generator) -> Float[np.ndarray, "found time dof"]:
     """Return up to ``count`` motions on the path, by roll-outs of weighted pseudoinverses.
 
-    Each starts at another posture (or all at the given one) and weighs the joints by its own random symmetric matrix
-    with eigenvalues in (0, 1); the whole is then retracted to the path. Source: Tringali & Cocuzza 2020,
-    section 3.1.2.
+    Each starts at another posture (or all at the given one) and weights the joints by its own random symmetric matrix
+    with eigenvalues in (0, 1); the whole motion is then retracted to the path. If samples are too far apart, the path
+    is sampled finer meanwhile. Source: Tringali & Cocuzza 2020, section 3.1.2.
 
-    Where samples are too far apart for that, they are taken closer on the way.
-
-    Raises OutOfReach, naming the sample, where no posture reaches the path; Infeasible where postures exist everywhere
-    but no continuous motion was found.
+    Raises OutOfReach, naming the sample, if no posture reaches the path; Infeasible if postures exist everywhere but no
+    continuous motion was found.
     """
     try:
         return _roll_out(task, count, rng)
@@ -216,11 +214,11 @@ def _roll_out(task: MotionTask, count: int, rng: np.random.Generator) -> Float[n
 
 
 def travelling_starts(task: MotionTask, count: int, rng: np.random.Generator) -> Float[np.ndarray, "found time dof"]:
-    """Return up to ``count`` motions on the path that travel along the self-motion meanwhile.
+    """Return up to ``count`` motions on the path that also travel along the self-motion.
 
-    Roll-outs alone move little: they do not pass through the postures between one branch and another.
-    Each travels so far, and mostly at such a time, as chance has it; cyclic motions there and back.
-    Source: Tringali & Cocuzza 2020, Eq. 17, along the path instead of before it.
+    Roll-outs move little: they do not pass through the postures between two branches. Length and time of each travel
+    are random; cyclic motions travel there and back. Source: Tringali & Cocuzza 2020, Eq. 17, along the path instead of
+    before it.
     """
     steps = len(task.times) - 1
     share, shape = (np.arange(steps) + 0.5) / steps, (count, 1)
@@ -247,10 +245,10 @@ def perturbed_starts(
     *,
     size: float | Float[np.ndarray, " motions"] = MOTION_OPTIONS.perturbation,
 ) -> Float[np.ndarray, "found time dof"]:
-    """Return motions on the path near others, all joints displaced at random by ``size`` [rad or arm's length, RMS].
+    """Return motions on the path near others, displaced at random by ``size`` [rad or arm length, RMS].
 
-    Most at both ends (in cyclic motions at opposite points), less in between, along the null space of the tasks'
-    Jacobian; then they are retracted. Motions that leave the path, or jump further than they did, are left out.
+    They are displaced along the null space of the tasks' Jacobian, most at both ends (in cyclic motions at opposite
+    points), and then retracted. Motions that leave the path, or jump further than before, are left out.
     """
     share, shape = task.times / task.times[-1], (len(q), 1, task.arm.dof)
     scale = np.broadcast_to(size, len(q))[:, None, None]
@@ -271,10 +269,10 @@ def perturbed_starts(
 def recombined_starts(
     task: MotionTask, q: JointPaths, others: JointPaths, rng: np.random.Generator
 ) -> Float[np.ndarray, "found time dof"]:
-    """Return motions on the path like those of ``q``, except that for a while they are like ``others``, in pairs.
+    """Return motions on the path like those of ``q``, but for a while like those of ``others``, in pairs.
 
-    They change over at random times, interpolated joint by joint and retracted. Those that leave the path meanwhile, or
-    jump further than both did, are left out: no self-motion leads straight across.
+    They change at random times, interpolated joint by joint and retracted. Motions that leave the path, or jump further
+    than both did, are left out, since no self-motion leads directly across.
     """
     share, shape = task.times / task.times[-1], (len(q), 1)
     half, width = rng.uniform(*MOTION_OPTIONS.crossing_half, shape), rng.uniform(*MOTION_OPTIONS.crossing_width, shape)
@@ -304,8 +302,8 @@ def _integrate(
 ) -> tuple[Float[np.ndarray, "found time dof"], int]:
     """Return motions near the path, and the sample that the last of them reached.
 
-    One Newton step a sample, each making good the error of the one before, and ``pace`` [rad, the arm's length] along
-    the self-motion.
+    Each sample has one Newton step, which also corrects the error of the step before, and a step of ``pace`` [rad, the
+    arm's length] along the self-motion.
     """
     inverses = _sample_inverse_weights(len(start), task.arm.dof, rng)
     heading = rng.normal(size=start.shape)
@@ -317,7 +315,7 @@ def _integrate(
         here = q[alive, i - 1]
         error, jacobian = relative_errors(task.arm, task.tasks, here, task.targets[i])
         spread = inverses[alive] @ np.swapaxes(jacobian, -1, -2)
-        with np.errstate(all="ignore"):  # at a singularity steps grow without bound, and the jump ends the roll-out
+        with np.errstate(all="ignore"):  # at a singularity steps become infinite, and the jump ends the roll-out
             move = (spread @ solve_small_systems(jacobian @ spread, error)[0][..., None])[..., 0]
         if pace.any():
             heading[alive] = _project_to_self_motion(row_space_basis(jacobian), heading[alive])
@@ -342,7 +340,7 @@ def _sample_inverse_weights(count: int, dof: int, rng: np.random.Generator) -> F
 
 
 def _remove_drift(task: MotionTask, q: JointPaths) -> JointPaths:
-    """Return motions that end in the posture they start from, their drift taken out evenly over time."""
+    """Return motions that end in their start posture: their drift is removed evenly over time."""
     drift = q[:, -1:] - q[:, :1]
     drift = np.where(task.arm.periodic, (drift + np.pi) % (2 * np.pi) - np.pi, drift)
     return q - (task.times / task.times[-1])[None, :, None] * drift

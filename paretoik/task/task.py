@@ -1,4 +1,4 @@
-"""A task: a frame of the arm that must follow a path, and in which directions."""
+"""A task: a frame of the arm that must follow a path in some axes."""
 
 from __future__ import annotations
 
@@ -41,16 +41,16 @@ from paretoik.robot.pose import Frame, quaternion_to_matrix, rotation_vector
 from paretoik.tables import field_representation, html_representation
 from paretoik.task.path import Path
 
-# Orientation errors of a frame against a desired rotation, in components: expressions or numbers.
+# Orientation errors of a frame relative to a desired rotation, in components (expressions or numbers)
 
 
-SINE_TOLERANCE = 1e-12  # the axis of a rotation with a smaller sine is rounding
+SINE_TOLERANCE = 1e-12  # sine of a rotation below which its axis is only rounding
 
 
 def axis_times_sine(axes: str, between: Matrix) -> Vector:
-    """Return axis · sin(angle) of a rotation, or with "xyz+z-axis" of the smallest one that moves z as it does.
+    """Return axis · sin(angle) of a rotation, or with "xyz+z-axis" of the smallest rotation that moves z equally.
 
-    It is in the axes that are rotated; the free turn about z would tell these apart from those before.
+    It is given in the rotated axes, which differ from the axes before by the free turn about z.
     """
     (_, xy, xz), (yx, _, yz), (zx, zy, _) = between
     if axes == "xyz+z-axis":
@@ -88,7 +88,7 @@ def _is_half_turn(sine: Component, cosine: Component) -> Component:
 def _half_turn(between: Matrix) -> Vector:
     """Return the rotation vector of a half turn: R + 1 = 2 a aᵀ, so that any of its columns gives the axis a."""
     x, y, z = (tuple(plus(between[i][j], float(i == j)) for i in range(3)) for j in range(3))
-    # The longest column, which has the largest entry on the diagonal; the others may vanish.
+    # the longest column, which has the largest diagonal entry; the others may be 0
     axis = _where(np.less_equal(z[2], y[1]), y, z)
     axis = _where(np.less_equal(z[2], x[0]) * np.less_equal(y[1], x[0]), x, axis)
     return scale(axis, np.pi / np.sqrt(dot(axis, axis)))
@@ -106,9 +106,9 @@ ROWS: dict[str, int] = {"xy": 2, "xy+angle": 3, "xyz": 3, "xyz+z-axis": 5, "pose
 
 @dataclass(frozen=True, kw_only=True)
 class TaskOptions:
-    """How far the frame of an arm in space may rise and still keep its height, as a share of the arm's length [m/m].
+    """Largest rise of a frame that keeps its height, as a share of the arm's length [m/m].
 
-    Angles of a URDF that are written with four decimals tilt its axes by up to 5e-5 rad.
+    Angles with four decimals in a URDF tilt its axes by up to 5e-5 rad.
     """
 
     height_tolerance: float = 1e-4
@@ -120,16 +120,16 @@ OPTIONS = TaskOptions()
 @check_call
 @dataclass(frozen=True, eq=False)
 class Task:
-    """Frame ``frame`` of the arm, by default its tool, follows ``path`` in ``axes``.
+    """A frame of the arm that follows a path.
 
-    frame: a link of the URDF or a joint by name, or "tool" if nothing else has this name.
+    path: path of points or poses
+    frame: name of a link of the URDF or of a joint, or "tool" if nothing else has this name
+    axes: "xy" or "xyz" for position, "xy+angle" for position and angle in the x-y plane, "xyz+z-axis" for position and
+        direction of the frame's z axis, "pose" for all six, None for those of the path (of a planar arm in its plane)
 
-    axes: "xy" and "xyz" ask for position, "xy+angle" for position and angle in the x-y plane, "xyz+z-axis" for position
-    and direction of the frame's z axis, "pose" for all six. None takes the axes of the path: its points, or its poses
-    (in the plane for a planar arm). 2-D points are for planar arms, and arms in space whose frame keeps its height.
-    Position errors are in m in world axes; orientation errors are the rotation vector [rad] of RᵀR_d.
-
-    Raises InvalidInput for unknown axes, or axes that the path says nothing about.
+    2-D points are for planar arms, and for arms in space whose frame keeps its height. Position errors are in m in
+    world axes; orientation errors are the rotation vector [rad] of RᵀR_d. Raises InvalidInput for unknown axes, or axes
+    that the path does not give.
     """
 
     path: Path
@@ -147,16 +147,15 @@ class Task:
         check_choice("axes", self.axes, ROWS)
         if self.has_orientation and self.path.quaternions is None:
             hint = "pk.line(pk.Pose.from_rpy(xyz, rpy), ...) is one of poses"
-            raise InvalidInput(f"axes {shown(self.axes)} wants a path of poses, got a path of points; {hint}")
+            raise InvalidInput(f"path must be one of poses for axes {shown(self.axes)}, got one of points; {hint}")
         if self.axes == "xyz" and self.path.positions.shape[-1] == 2:
-            raise InvalidInput("axes 'xyz' wants a path of 3-D points, got one of 2-D points; axes='xy' leaves z free")
+            raise InvalidInput("path must have 3-D points for axes 'xyz', got 2-D ones; axes='xy' leaves z free")
 
     def resolve_axes(self, arm: Arm) -> Task:
-        """Return the task with the axes that an arm and the path imply where none are given.
+        """Return the task with the axes that an arm and the path imply, if none are given.
 
-        2-D points are "xy" for an arm in space, too, whose frame keeps its height: a gantry, say. Raises InvalidInput
-        for axes that a planar arm does not have, 2-D points where the frame can rise, or a frame that is not on the
-        arm.
+        2-D points are "xy" also for an arm in space whose frame keeps its height, such as a gantry. Raises InvalidInput
+        for axes that a planar arm does not have, 2-D points if the frame can rise, or a frame that is not on the arm.
         """
         arm.frame(self.frame)
         oriented = self.path.quaternions is not None
@@ -165,8 +164,8 @@ class Task:
             return replace(self, axes="xy")
         if flat:
             raise InvalidInput(
-                f"path: 3-D points wanted, as {arm.name} moves in space, got 2-D ones; pk.Task(path, axes='xy') leaves "
-                "z free"
+                f"path must have 3-D points, as {arm.name} moves in space, got 2-D ones; pk.Task(path, axes='xy') "
+                "leaves z free"
             )
         if self.axes is None:
             planar: Axes = "xy+angle" if oriented else "xy"
@@ -177,7 +176,7 @@ class Task:
 
     @property
     def rows(self) -> int:
-        """Number of equations of a sample."""
+        """Number of equations per sample."""
         return ROWS[self.axes or ""]
 
     @property
@@ -223,8 +222,8 @@ class Task:
     def displacements(self, t: Times) -> Float[np.ndarray, "time displacements"]:
         """Return the displacement of the target from each of the times t [s] to the next, 0 from the last.
 
-        Position [m], then the rotation vector [rad] in world axes, if any: with "xyz+z-axis" the smallest that rotates
-        the z axis.
+        It has the position [m], then the rotation vector [rad] in world axes, if any; with "xyz+z-axis" the smallest
+        one that rotates the z axis.
         """
         targets = self.targets(t)
         size = self.position_rows
@@ -254,7 +253,7 @@ class Task:
         return components
 
     def errors(self, arm: Arm, links: LinkFrames, target: Components) -> list[Component]:
-        """Return the errors at a target as components, all of them expressions or numbers."""
+        """Return the errors at a target as components: expressions or numbers."""
         rotation, position = frame_components(arm, links, frame_of(arm, self.frame))
         size = self.position_rows
         error = [minus(target[i], position[i]) for i in range(size)]
@@ -264,7 +263,7 @@ class Task:
         return error
 
     def jacobian(self, arm: Arm, links: LinkFrames) -> list[list[Component]]:
-        """Return the Jacobian rows of the frame's motion as components: J δq = error is Newton's step."""
+        """Return the Jacobian rows of the frame as components; Newton's step solves J δq = error."""
         frame = frame_of(arm, self.frame)
         rotation, position = frame_components(arm, links, frame)
         columns = jacobian_components(arm, links, frame, position)
@@ -275,10 +274,10 @@ class Task:
         return jacobian
 
     def equations(self, arm: Arm, links: LinkFrames, target: Components) -> list[Component]:
-        """Return smooth functions that vanish where the errors do; there their gradients are the Jacobian's rows.
+        """Return smooth functions that are 0 if the errors are; there their gradients are the Jacobian's rows.
 
-        Unlike the rotation vector, sines of the angle have derivatives of every order on the path itself, and the same
-        first and second ones there. They vanish at half turns too: use them for motions that are on the path.
+        Unlike the rotation vector, sines of the angle have derivatives of every order on the path, and the same first
+        and second ones. They are 0 at half turns too, so use them only for motions on the path.
         """
         rotation, position = frame_components(arm, links, frame_of(arm, self.frame))
         size = self.position_rows
@@ -290,27 +289,27 @@ class Task:
 
     @property
     def has_orientation(self) -> bool:
-        """Whether some of the equations are of orientation."""
+        """Whether some equations are of orientation."""
         return self.axes in ("xy+angle", "xyz+z-axis", "pose")
 
     @property
     def _rotation_axes(self) -> tuple[int, ...]:
-        """Which entries of the rotation vector are equations."""
+        """Indices of the rotation vector's entries that are equations."""
         return {"xyz+z-axis": (0, 1), "xy+angle": (2,)}.get(self.axes or "", (0, 1, 2))
 
 
 def error_unit(tasks: Sequence[Task]) -> str:
-    """Return the unit of the largest error of tasks: m, or with orientations rad, too."""
+    """Return the unit of the largest error of tasks: m, or m or rad with orientations."""
     return " or ".join(dict.fromkeys(row_units(tasks)))
 
 
 def row_units(tasks: Sequence[Task]) -> list[str]:
-    """Return the unit of every row of the errors of tasks: m of position, rad of orientation."""
+    """Return the unit of every row of task errors: m for position, rad for orientation."""
     return ["m" if row < task.position_rows else "rad" for task in tasks for row in range(task.rows)]
 
 
 def describe_errors(tasks: Sequence[Task], errors: Float[np.ndarray, " rows"]) -> str:
-    """Return in words the largest errors of tasks at a sample: of position in m, of orientation in rad."""
+    """Return in words the largest task errors at a sample: position in m, orientation in rad."""
     largest: dict[str, float] = {}
     for unit, error in zip(row_units(tasks), np.abs(errors), strict=True):
         largest[unit] = max(largest.get(unit, 0.0), float(error))
@@ -344,9 +343,9 @@ def _over_tasks(
 
 
 def _keeps_height(arm: Arm, frame: str) -> bool:
-    """Return whether no joint moves a frame up or down, at some postures that have nothing in common.
+    """Return whether no joint moves a frame up or down at some random postures.
 
-    The postures are within 1 rad, or the arm's length along a slide.
+    They are within 1 rad, or one arm length of a slide.
     """
     q = np.sin(np.arange(1.0, 4.0 * arm.dof + 1.0)).reshape(4, arm.dof) * joint_scales(arm)
     heights = arm.pose(q, frame=frame).position[:, 2]
@@ -356,11 +355,11 @@ def _keeps_height(arm: Arm, frame: str) -> bool:
 @lru_cache(maxsize=64)
 def frame_of(arm: Arm, name: str) -> Frame:
     """Return a frame of an arm, from memory."""
-    return arm.frame(name)  # it searches and builds; retraction calls this a thousand times
+    return arm.frame(name)  # a slow search, which retraction would call a thousand times
 
 
 def _cross_matrices(vectors: Float[np.ndarray, "time 3"]) -> Float[np.ndarray, "time 3 3"]:
-    """Return [a], with [a] b = a × b."""
+    """Return the matrices [a] with [a] b = a × b."""
     matrices = np.zeros((len(vectors), 3, 3))
     x, y, z = vectors.T
     matrices[:, 2, 1], matrices[:, 0, 2], matrices[:, 1, 0] = x, y, z

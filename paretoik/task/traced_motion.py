@@ -1,8 +1,8 @@
-"""A motion made of expressions: functions of motions are traced through it, and have exact derivatives.
+"""A motion of expressions: functions of motions are traced through it and get exact derivatives.
 
-An objective is one NumPy function. Called with a ``TracedMotion`` it records its computation, from which exact
+An objective is one NumPy function. A call with a ``TracedMotion`` records its computation, from which exact
 derivatives of any order follow. Most functions depend on one sample at a time: position, velocity, acceleration and
-jerk of a sample give one value. Those are traced once for all samples; the others with all samples as inputs.
+jerk of a sample give one value. They are traced once for all samples; the others with all samples as inputs.
 """
 
 from __future__ import annotations
@@ -37,10 +37,11 @@ KINKS = PIECEWISE | {Op.ABSOLUTE}
 
 @dataclass(frozen=True, eq=False)
 class TracedMotion:
-    """The attributes of ``Motion``, made of expressions; functions get it where derivatives are taken.
+    """The attributes of ``Motion`` as expressions; functions get it when derivatives are taken.
 
-    ``seconds`` is the duration [s]; None that of a motion with times of its own, which follows no task: ``steps`` [s]
-    are its intervals (time − 1,), of one sample their sum. ``task`` is a MotionTask, or what stands for one.
+    task: MotionTask, or a stand-in for one
+    seconds: duration [s]; None for a motion with its own times, which follows no task
+    steps: intervals (time − 1,) [s] of a motion with its own times; of one sample their sum
     """
 
     task: Any
@@ -55,11 +56,11 @@ class TracedMotion:
     def __getattr__(self, name: str) -> Any:
         if name in ("arm", "obstacles", "link_radius", "differences", "cyclic"):
             return getattr(self.task, name)
-        if name.startswith("__"):  # protocols that Python probes
+        if name.startswith("__"):  # protocols that Python looks for
             raise AttributeError(name)
         names = [each for each in {*dir(Motion), *Motion.__dataclass_fields__} if not each.startswith("_")]
         if name not in names:
-            raise InvalidInput(f"motion.{name}: a field of motions wanted, got none{likely_spelling(name, names)}")
+            raise InvalidInput(f"motion.{name} must be a field of motions, got none{likely_spelling(name, names)}")
         raise InvalidInput(f"motion.{name} has no derivative here")
 
     def __len__(self) -> int:
@@ -83,7 +84,7 @@ class TracedMotion:
 
     @cached_property
     def velocity_bounds(self) -> TracedArray:
-        """As ``Motion.velocity_bounds``, but at a sample that of the interval that follows."""
+        """As ``Motion.velocity_bounds``, but a sample has that of the interval after it."""
         if self.seconds is None or self.differences != "spline":
             return self.dq
         half = np.zeros(len(self.task.instants))
@@ -140,7 +141,7 @@ class TracedMotion:
 
     @cached_property
     def manipulability(self) -> TracedArray:
-        """As ``Motion.manipulability``, which has no kink: rounding below 0 is cut off there alone."""
+        """As ``Motion.manipulability``, but without a kink: only there rounding below 0 is cut off."""
         flat = self._by_sample(lambda q, *_: path_jacobian(self.arm, self.tasks, q) or self._tool_jacobian(q))
         jacobian = self._reshape(flat, -1, self.arm.dof)
         measure: TracedArray = np.sqrt(np.linalg.det(jacobian @ jacobian.swapaxes(-1, -2)))
@@ -150,7 +151,7 @@ class TracedMotion:
     def clearance(self) -> TracedArray:
         """As ``Motion.clearance``."""
         if not self.obstacles:
-            raise InvalidInput("motion.clearance wants obstacles, got a problem without any")
+            raise InvalidInput("motion.clearance must have obstacles, got a problem without any")
         smallest: TracedArray = reduce(np.minimum, [distance.min(-1) for distance in self.distances])
         return smallest
 
@@ -159,7 +160,7 @@ class TracedMotion:
         """Distances of every link (..., links) from each obstacle [m]; clearance is the smallest."""
         nodes = [self.links[..., axis] for axis in range(3)]
         starts, ends = [node[..., :-1] for node in nodes], [node[..., 1:] for node in nodes]
-        distance: Any = distance_components  # typed for arrays; it takes expressions as well
+        distance: Any = distance_components  # typed for arrays, but takes expressions too
         return [distance(obstacle, starts, ends) - self.link_radius for obstacle in self.obstacles]
 
     def integral(self, series: Any) -> Any:
@@ -175,7 +176,7 @@ class TracedMotion:
         return list(self.steps.entries)
 
     def _tool_jacobian(self, q: list[Component]) -> list[Component]:
-        """Return the rows of the tool's Jacobian one after the other: those of its position in the plane, else all."""
+        """Return the entries of the tool's Jacobian by rows: those of position in the plane, else all."""
         links, frame = link_frames(self.arm, q), self.arm.frame(TOOL_FRAME)
         columns = jacobian_components(self.arm, links, frame, frame_components(self.arm, links, frame)[1])
         rows = [(0, 0), (0, 1)] if self.arm.is_planar else [(part, axis) for part in (0, 1) for axis in range(3)]
@@ -198,7 +199,7 @@ class TracedMotion:
 
 @dataclass(frozen=True, eq=False)
 class OwnDuration:
-    """The duration of motions with times of their own, traced at one sample: a number a motion, not one a sample."""
+    """The duration of motions with their own times, traced at one sample: one number per motion, not per sample."""
 
     number: TracedArray | None
 
@@ -223,9 +224,9 @@ def trace_sample(
 ) -> TracedMotion:
     """Return one sample of a motion of a task, for functions that depend on one sample at a time.
 
-    Its inputs are joints and their rates divided by ``scales``. ``duration`` [s] is what means over time divide by; by
-    default the task's own. With ``own_times`` motions have the task's arm and number of samples alone, and the duration
-    is the last input.
+    scales: divisors of the inputs, which are joints and their rates
+    duration: divisor of means over time [s], None for the task's duration
+    own_times: whether motions have only the task's arm and number of samples; the duration is then the last input
     """
     trace = Trace(len(task.instants))
     seconds = float(np.ptp(task.times)) if duration is None else duration
@@ -236,7 +237,7 @@ def trace_sample(
 
 
 def trace_sample_again(motion: TracedMotion, scales: Float[np.ndarray, " dof"] | float = 1.0) -> TracedMotion:
-    """Return one sample of another motion of the task on the same tape, by inputs of its own."""
+    """Return one sample of another motion of the task on the same tape, with its own inputs."""
     q, dq, ddq, jerk = (_inputs(motion.trace, scales, motion.arm.dof) for _ in range(4))
     return TracedMotion(motion.task, motion.trace, q, dq, ddq, jerk, motion.seconds)
 
@@ -263,7 +264,7 @@ def _inputs(trace: Trace, scales: Float[np.ndarray, " dof"] | float, *shape: int
 def trace_motion_function(
     motion: TracedMotion, name: str, function: Callable[[Any], Any], form: str
 ) -> list[Expression | float]:
-    """Return the values of a function of a whole motion: one, or one a sample where its form is a series.
+    """Return the values of a function of a whole motion: one, or one per sample if its form is a series.
 
     Raises, by ``name``, InvalidInput for a function without derivatives, EvaluationFailed for one that raises.
     """
@@ -283,7 +284,7 @@ def trace_motion_function(
 
 
 def trace_sample_function(motion: TracedMotion, name: str, function: Callable[[Any], Any]) -> Expression | float | None:
-    """Return the value of a function at one sample; None where it combines several samples.
+    """Return the value of a function at one sample; None if it combines several samples.
 
     Raises, by ``name``, InvalidInput for a function without derivatives, EvaluationFailed for one that raises.
     """
@@ -310,7 +311,7 @@ def _sample_value(motion: TracedMotion, value: Any) -> Expression | float:
 
 
 class OneInterval(NamedTuple):
-    """A motion of one interval, to trace functions of an instant."""
+    """A motion of one interval, for tracing functions of an instant."""
 
     arm: Arm
     tasks: tuple[Task, ...]
@@ -329,7 +330,7 @@ def has_kinks(
 ) -> bool:
     """Return whether an objective or constraint of an instant has kinks.
 
-    False if it cannot be traced, or combines several samples.
+    It is False if the function cannot be traced, or combines several samples.
     """
     motion = trace_sample(OneInterval(arm, tasks, obstacles, link_radius))
     try:

@@ -1,4 +1,4 @@
-"""Every part of a motion problem checked, and the motion task that they make."""
+"""Checks of all parts of a motion problem, and the motion task made of them."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ from paretoik.task.retraction import row_scales, task_errors
 from paretoik.task.sampling import Differences
 from paretoik.task.task import Task, row_units
 
-START_TOLERANCE = 1e-6  # of the arm's length, and rad: a start this near the path is moved onto it
+START_TOLERANCE = 1e-6  # of the arm's length, and rad: largest distance of a start that is moved onto the path
 
 
 @dataclass(frozen=True, kw_only=True)
 class PlaneOptions:
-    """How far poses, and the frames that follow them, may be tilted out of the plane of a planar arm."""
+    """Largest tilt of poses, and of frames that follow them, out of the plane of a planar arm."""
 
-    tilt_tolerance: float = 1e-4  # rad: angles written with four decimals are off by half of it
+    tilt_tolerance: float = 1e-4  # rad: twice the error of angles with four decimals
 
 
 OPTIONS = PlaneOptions()
@@ -52,10 +52,9 @@ def motion_task(
     differences: Differences = "backward",
     redundant: bool = True,
 ) -> MotionTask:
-    """Check everything that a motion problem is made of and return it.
+    """Return the motion task of all parts of a problem, checked.
 
-    ``redundant`` refuses tasks that leave no joint over. Raises InvalidInput, naming the thing, for each part that
-    cannot be used.
+    ``redundant`` refuses tasks that leave no joint free. Raises InvalidInput, naming the part, if one cannot be used.
     """
     check_arm("arm", arm)
     check_flag("cyclic", cyclic)
@@ -68,7 +67,7 @@ def motion_task(
     _check_objectives_and_limits(objectives, constraints, limits)
     _check_obstacles(obstacles, link_radius)
     if cyclic and not all(task.path.is_closed for task in followed):
-        raise InvalidInput("cyclic=True wants a closed path, got one that does not end where it starts")
+        raise InvalidInput("path must be closed if cyclic=True, got one that does not end where it starts")
     if end_velocity is not None and (finite_number("end_velocity", end_velocity) != 0 or cyclic):
         raise InvalidInput(f"end_velocity must be None (free) or 0 on an open motion, got {shown(end_velocity)}")
     if end_velocity is not None:
@@ -79,7 +78,7 @@ def motion_task(
     arm = replace(arm, position_limits=widest)
     if lacks_masses(arm):
         _check_limits_without_masses(arm, limits)
-        bounds.pop("torque", None)  # the arm's own: nothing is known of its torques
+        bounds.pop("torque", None)  # the arm's own limit: its torques are unknown
     task = MotionTask(
         arm=arm,
         tasks=followed,
@@ -104,21 +103,21 @@ def motion_task(
 
 def _as_task(value: object) -> Task:
     if not isinstance(value, Path | Task):
-        raise InvalidInput(f"path wants a Path, a Task or several of them, got {shown(value)}")
+        raise InvalidInput(f"path must be a Path, a Task or several of them, got {shown(value)}")
     return Task(value) if isinstance(value, Path) else value
 
 
 def _check_plane(arm: Arm, task: Task) -> None:
-    """Raise InvalidInput where a path leaves the plane of a planar arm: without axes, nothing would follow it there.
+    """Raise InvalidInput if a path without axes leaves the plane of a planar arm, where no frame follows it.
 
-    Poses may lie at z = 0 where the plane is level, whatever its height: ``Pose.planar`` puts them there.
+    If the plane is level, poses may also be at z = 0, as ``Pose.planar`` makes them.
     """
     if not arm.is_planar:
         return
     normal = arm.base.rotation[:, 2]
     if abs(normal[2]) < OPTIONS.tilt_tolerance:
         raise InvalidInput(
-            f"path: an arm in a plane that is not vertical wanted, as x and y lead it, got {arm.name} in one with the "
+            f"path: the arm's plane must not be vertical, as x and y lead it, got {arm.name} in one with the "
             f"normal ({_coordinates(normal)}); a level one with mounted(gravity=(0, -9.81, 0)) weighs the same"
         )
     path, points = task.path, task.path.positions
@@ -127,7 +126,7 @@ def _check_plane(arm: Arm, task: Task) -> None:
     frame = arm.pose(np.zeros(arm.dof), frame=task.frame)
     tolerance = START_TOLERANCE * characteristic_length(arm)
     is_level = float(np.hypot(*normal[:2])) <= OPTIONS.tilt_tolerance
-    wish = f"path: {'points' if path.quaternions is None else 'poses'} in {_plane_text(arm, frame, is_level)} wanted"
+    wish = f"path must have {'points' if path.quaternions is None else 'poses'} in {_plane_text(arm, frame, is_level)}"
     if path.quaternions is not None:
         _check_tilt(arm, frame, path.quaternions, wish)
     distance = (points - frame.position) @ (np.sign(normal[2]) * normal)
@@ -138,10 +137,10 @@ def _check_plane(arm: Arm, task: Task) -> None:
 
 
 def _check_tilt(arm: Arm, frame: Pose, quaternions: Float[np.ndarray, "samples 4"], wish: str) -> None:
-    """Raise InvalidInput where poses are not the ``frame`` turned about the normal of the arm's plane.
+    """Raise InvalidInput unless poses are the ``frame`` turned about the normal of the arm's plane.
 
-    The tilt is the rotation that remains of RᵀR_d without its part about the normal (swing and twist). The angle that
-    "xy+angle" follows is about the frame's own z axis, which must not lie in the plane.
+    The tilt is the rotation RᵀR_d without its part about the normal (swing and twist). The angle of "xy+angle" is about
+    the frame's own z axis, which must not be in the plane.
     """
     normal = frame.rotation.T @ arm.base.rotation[:, 2]
     relative = matrix_to_quaternion(frame.rotation.T @ quaternion_to_matrix(quaternions))
@@ -163,13 +162,13 @@ def _plane_text(arm: Arm, frame: Pose, is_level: bool) -> str:
 
 
 def _coordinates(vector: Float[np.ndarray, " coordinates"]) -> str:
-    """Return coordinates as text; those that are 0 up to rounding have no sign."""
+    """Return coordinates as text, without a sign if they are 0 up to rounding."""
     return ", ".join(f"{round(value, 12) + 0.0:.6g}" for value in vector.tolist())
 
 
 def _check_tasks(arm: Arm, tasks: tuple[Task, ...], redundant: bool) -> None:
     if not tasks:
-        raise InvalidInput("path: wants at least one path or task, got none")
+        raise InvalidInput("path must be at least one path or task, got none")
     times = tasks[0].path.times
     for i, task in enumerate(tasks[1:], start=2):
         if not np.array_equal(task.path.times, times):
@@ -178,7 +177,8 @@ def _check_tasks(arm: Arm, tasks: tuple[Task, ...], redundant: bool) -> None:
     if rows > arm.dof - redundant:
         wish = "is not redundant for this task" if redundant else "has too few joints for this task"
         raise InvalidInput(
-            f"path: {arm.name} {wish}, got {arm.dof} joints for {rows} equations, wanted are more, or fewer axes"
+            f"path: {arm.name} {wish}, got {arm.dof} joints for {rows} equations; there must be more joints "
+            "or fewer axes"
         )
 
 
@@ -188,9 +188,9 @@ def _check_objectives_and_limits(
     _check_decorated("objective", objectives, Objective)
     _check_decorated("constraint", constraints, Constraint)
     if not objectives:
-        raise InvalidInput("objectives: wants at least one, got none")
+        raise InvalidInput("objectives must be at least one, got none")
     if limits is not None and not isinstance(limits, Limits):
-        raise InvalidInput(f"limits: Limits(...) wanted, got {shown(limits)}")
+        raise InvalidInput(f"limits must be Limits(...), got {shown(limits)}")
 
 
 def _check_obstacles(obstacles: Sequence[Obstacle], link_radius: float) -> None:
@@ -230,7 +230,7 @@ def _check_decorated(kind: str, members: Sequence[Objective] | Sequence[Constrai
 
 
 def lacks_masses(arm: Arm) -> bool:
-    """Return whether torques and energies of an arm mean nothing: no link has mass, or of a URDF one has none."""
+    """Return whether an arm's torques and energies are meaningless: no link, or not each link of a URDF, has mass."""
     masses = [body.mass for body in arm.bodies]
     return not any(masses) or (arm.source is not None and not all(masses[:-1]))
 
@@ -239,39 +239,39 @@ def _check_limits_without_masses(arm: Arm, limits: Limits | None) -> None:
     for kind in ("torque", "power"):
         limit = getattr(limits, kind, None)
         if limit is not None and np.isfinite(limits.bounds(arm, 3).get(kind, np.inf)).any():  # type: ignore[union-attr]
-            raise InvalidInput(f"{kind} limit: an arm with masses wanted, {arm.name} has links without")
+            raise InvalidInput(f"{kind} limit: the arm must have masses, got {arm.name}, which has links without")
 
 
 def _check_functions_without_masses(task: MotionTask) -> None:
-    """Raise InvalidInput, naming the first objective or constraint that torques or energies are part of."""
+    """Raise InvalidInput, naming the first objective or constraint that depends on torques or energies."""
     q = np.linspace(0.1, 0.7, len(task.times) * task.arm.dof).reshape(1, len(task.times), task.arm.dof)
     if task.cyclic:
         q[:, -1] = q[:, 0]
     motion = task.motion(q)
     for name in ("torque", "power", "kinetic_energy"):
         values = np.full_like(getattr(motion, name), np.nan)
-        motion.__dict__[name] = values  # in place of what would be computed
+        motion.__dict__[name] = values  # replaces the computed values
     for kind, members in (("objective", task.objectives), ("constraint", task.constraints)):
         for member in members:
             try:
                 values = evaluate_function(member.name, member.function, motion, member.form)
-            except Exception:  # a user's function may raise anything, here or later
+            except Exception:  # users' functions may raise anything, here or later
                 continue
             if np.isnan(values).all():
                 raise InvalidInput(
-                    f"{kind} {member.name}: an arm with masses wanted, {task.arm.name} has links without"
+                    f"{kind} {member.name}: the arm must have masses, got {task.arm.name}, which has links without"
                 )
 
 
 def _check_paths_end_at_rest(tasks: tuple[Task, ...]) -> None:
-    """Raise InvalidInput unless speeds over the last 0.01 % of paths are below 1 % of their mean."""
+    """Raise InvalidInput unless speeds in the last 0.01 % of paths are below 1 % of their mean."""
     for task in tasks:
         path = task.path
         instants = np.array([1.0 - 1e-4, 1.0]) * path.duration
         end = np.linalg.norm(np.diff(path.at(instants)[0], axis=0)) / np.diff(instants)[0]
         mean = np.linalg.norm(np.diff(path.positions, axis=0), axis=1).sum() / path.duration
         if end > 0.01 * mean:
-            raise InvalidInput(f"end_velocity=0 wants a path that comes to rest, got one that ends at {end:.3g} m/s")
+            raise InvalidInput(f"path must come to rest if end_velocity=0, got one that ends at {end:.3g} m/s")
 
 
 def _start_posture(arm: Arm, start: object) -> np.ndarray:

@@ -1,1 +1,1 @@
-"""Whole motions as nonlinear programs: transcription, levels and restarts, the grid oracle and its bound."""
+"""Whole motions as nonlinear programs: transcription, levels, restarts, and the grid oracle with its bound."""

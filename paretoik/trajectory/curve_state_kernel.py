@@ -1,8 +1,8 @@
-"""The state of a motion's curve at its instants, and how it changes with that of the spline; compiled.
+"""The state of a motion's curve at its instants, and its derivatives by the spline's state; compiled.
 
-A motion is its spline s projected onto the path (``task.joint_curve``), along the columns of D = W² J(s)ᵀ where W are
-the joint scales: q = s + D λ, so that the path equations g(q, t), ġ and g̈ vanish. With G = (J D)⁻¹, K = D G,
-Π = I − K J, B = ∂ġ/∂q and C = ∂g̈/∂q the implicit function theorem gives, if multipliers are held first,
+A motion is its spline s projected onto the path (``task.joint_curve``) along the columns of D = W² J(s)ᵀ, W the joint
+scales: q = s + D λ, so that the path equations g(q, t), ġ and g̈ are 0. With G = (J D)⁻¹, K = D G, Π = I − K J,
+B = ∂ġ/∂q and C = ∂g̈/∂q the implicit function theorem gives, with multipliers fixed first,
 
     δq₀ = δs + δD λ,                     δq = Π δq₀,                       δλ = −G J δq₀,
     δq̇₀ = δṡ + δ(D λ)˙ + Ḋ δλ,           δq̇ = Π δq̇₀ − K B δq,              δλ̇ = −G (J δq̇₀ + B δq),
@@ -10,9 +10,10 @@ the joint scales: q = s + D λ, so that the path equations g(q, t), ġ and g̈ v
 
 The derivatives by s, ṡ and s̈ are those of a function of s and t, differentiated by time: ∂q̇/∂ṡ = ∂q/∂s, and so on.
 
-Second derivatives are those of the Lagrangian with multipliers of g, ġ and g̈ that leave no gradient by λ, λ̇ and λ̈.
-If r is its gradient by q, q̇ and q̈, what turns with s is P = Σ r · (D λ)⁽ᵒ⁾: it adds the mixed derivatives
-∂²P/∂s∂λ δλ twice. Those by s alone are left out: they count times λ, the spline's distance from the path.
+Second derivatives are those of the Lagrangian, with multipliers of g, ġ and g̈ for which its gradient by λ, λ̇ and λ̈
+is 0. If r is its gradient by q, q̇ and q̈, the part that turns with s is P = Σ r · (D λ)⁽ᵒ⁾, which adds the mixed
+derivatives ∂²P/∂s∂λ δλ twice. Derivatives by s only are left out: they are proportional to λ, the spline's distance
+from the path.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from paretoik.task.retraction_kernel import newton, project_rates, solve, write_
 
 
 class Curve(NamedTuple):
-    """What projects the instants of a task's spline: evaluators, targets and scales."""
+    """Evaluators, targets and scales that project the instants of a task's spline."""
 
     projects: bool  # False for motions of finite differences, whose state is that of their samples
     errors: tuple[np.ndarray, ...]  # of the task errors and their Jacobian at s and targets
@@ -37,7 +38,7 @@ class Curve(NamedTuple):
     turns: tuple[np.ndarray, ...]  # of the slopes of Jᵀ λ, (Jᵀ λ)˙ and (Jᵀ λ)¨ by s
     twists: tuple[np.ndarray, ...]  # of the slopes of J ρ, (J ρ)˙ and (J ρ)¨ by s
     targets: np.ndarray  # (instants, numbers)
-    inputs: np.ndarray  # (3 dof + 3 numbers, instants): targets and their derivatives, below room for the state
+    inputs: np.ndarray  # (3 dof + 3 numbers, instants): space for the state, then targets and their derivatives
     row_scales: np.ndarray  # (rows,)
     scales: np.ndarray  # (dof,)
     retraction: tuple[float, float, int]  # settings of Newton's method
@@ -47,16 +48,16 @@ class Curve(NamedTuple):
 class CurveWork(NamedTuple):
     """The state of a curve at its instants, and its derivatives."""
 
-    inputs: np.ndarray  # as those of the curve
+    inputs: np.ndarray  # those of the curve
     spline: np.ndarray  # (3, instants, dof)
     state: np.ndarray  # (3, instants, dof)
     directions: np.ndarray  # (3, instants, dof, rows): D, Ḋ and D̈
     multipliers: np.ndarray  # (3, instants, rows): λ, λ̇ and λ̈
-    on_path: np.ndarray  # (instants,): where not, the state is that of the spline
+    on_path: np.ndarray  # (instants,): if false, the state is that of the spline
     inverse: np.ndarray  # (rows, rows, instants): G
     gains: np.ndarray  # (3, dof, rows, instants): K = D G, Ḋ G and D̈ G
     bends: np.ndarray  # (3, rows, dof, instants): J, B and C
-    held: np.ndarray  # (3, dof, dof, instants): derivatives of s + D λ, if λ is held, and its rates
+    held: np.ndarray  # (3, dof, dof, instants): derivatives of s + D λ with λ and its rates fixed
     rates: np.ndarray  # (3, dof, dof, instants): derivatives of q, q̇ and q̈ by s
     moves: np.ndarray  # (3, rows, dof, instants): derivatives of λ, λ̇ and λ̈ by s
     chain: np.ndarray  # (variables, variables, instants): derivatives of the curve's state by that of the spline
@@ -66,10 +67,10 @@ class CurveWork(NamedTuple):
 
 @compiled
 def allocate_curve(curve, variables):
-    """Return the workspace for states of so many variables each."""
+    """Return the workspace for states with a number of variables each."""
     instants, rows, n = curve.inputs.shape[1] if curve.projects else 0, len(curve.row_scales), len(curve.scales)
     spline = np.zeros((3, instants, n))
-    spline[0] = np.nan  # none has been projected
+    spline[0] = np.nan  # nothing is projected yet
     return CurveWork(
         curve.inputs.copy(),
         spline,
@@ -91,7 +92,7 @@ def allocate_curve(curve, variables):
 
 @compiled
 def project_instants(curve, work, u):
-    """Overwrite the spline's state u (variables, instants) by the curve's, if the spline is near its path there."""
+    """Overwrite the spline's state u (variables, instants) with the curve's, if the spline is near its path."""
     if not curve.projects:
         return
     n, instants, orders = len(curve.scales), u.shape[1], u.shape[0] // len(curve.scales)
@@ -112,7 +113,7 @@ def project_instants(curve, work, u):
 
 @compiled
 def _project(curve, work):
-    """Write the state, and which instants are on the path, from the spline's state."""
+    """Write the state from the spline's state, and which instants are on the path."""
     spline, state = work.spline, work.state
     _, instants, n = spline.shape
     write_directions(curve.normals, spline, curve.scales, work.directions)
@@ -139,7 +140,7 @@ def _project(curve, work):
 
 @compiled
 def linearise_instants(curve, work):
-    """Write the derivatives of the states that were last projected; matrices stand entry first, instant last."""
+    """Write the derivatives of the last projected states; matrices have the instant as last axis."""
     if not curve.projects:
         return
     _, instants, n, rows = work.directions.shape
@@ -223,7 +224,7 @@ def _add_product(left, right, factor, out):
 
 @compiled
 def _add_bend(gain, bend, factor, moves, along, out):
-    """Add factor · gain bend moves; ``along`` is room for bend moves."""
+    """Add factor · gain bend moves; ``along`` is workspace for bend moves."""
     along[:] = 0.0
     _add_product(bend, moves, 1.0, along)
     _add_product(gain, along, factor, out)
@@ -256,7 +257,7 @@ def _keep_spline(work, p):
 
 @compiled
 def chain_directions(work, du):
-    """Overwrite directions (states, instants) of the spline's state by those of the curve's; those behind keep them."""
+    """Overwrite directions (states, instants) of the spline's state with those of the curve's; later rows stay."""
     states, _, instants = work.chain.shape
     if not instants:
         return
@@ -272,7 +273,7 @@ def chain_directions(work, du):
 
 @compiled
 def chain_gradient(work, gradient, out):
-    """Write a gradient by the spline's state, from one by the curve's and, behind it, by the spline's own."""
+    """Write a gradient by the spline's state, from one by the curve's and, after it, by the spline's own state."""
     chain = work.chain
     if not chain.shape[2]:
         out[:] = gradient
@@ -288,15 +289,15 @@ def chain_gradient(work, gradient, out):
 
 @compiled
 def curve_multipliers(curve, work, gradient, multipliers):
-    """Write the multipliers (orders · rows, instants) of g, ġ and g̈ that belong to a gradient by the curve's state.
+    """Write the multipliers (orders · rows, instants) of g, ġ and g̈ for a gradient by the curve's state.
 
-    They leave no gradient by λ, λ̇ and λ̈.
+    With them the gradient by λ, λ̇ and λ̈ is 0.
     """
     _, instants, n, rows = work.directions.shape
     orders, left = min(gradient.shape[0] // n, 3), work.left
     for o in range(orders - 1, -1, -1):
         found = multipliers[o * rows : (o + 1) * rows]
-        for j in range(n):  # before g of this order has its part
+        for j in range(n):  # before the part of g of this order
             for p in range(instants):
                 left[o, j, p] = gradient[o * n + j, p] / curve.scales[j]
             for higher in range(o + 1, orders):
@@ -320,7 +321,7 @@ def curve_multipliers(curve, work, gradient, multipliers):
 
 @compiled
 def _write_twist(curve, work):
-    """Write the mixed derivatives of P by the spline's state and multipliers, times how the latter move.
+    """Write the mixed derivatives of P by the spline's state and multipliers, times the multipliers' derivatives.
 
     P is the second derivative by time of ρᵀ W² Jᵀ λ, if ρ, ρ̇ and ρ̈ are r₂, r₁ / 2 and r₀. With L = ∂λ/∂s and
     U = ∂(J ρ)/∂s, it is the symmetric part of (2 Uᵀ L)⁽ᵒ⁾.
@@ -351,7 +352,7 @@ def _write_twist(curve, work):
 
 @compiled
 def add_twist(work, p, phi):
-    """Add to second derivatives by the spline's state what the turning of the directions adds at an instant."""
+    """Add the effect of turning directions to the second derivatives by the spline's state at an instant."""
     n = work.twist.shape[1]
     for o in range(min(len(phi) // n, 3)):
         for k in range(min(len(phi) // n, 3 - o)):

@@ -1,7 +1,7 @@
-"""The projection of a spline's instants onto the path of its task, as arrays for ``compiled.curve_states``.
+"""The projection of a spline's instants onto the path of its task, as arrays for ``curve_state_kernel``.
 
-Programs bound and minimise functions of the curve's state. Its first derivatives are exact; of the second ones, what
-counts times the spline's distance from the path is left out.
+Programs bound and minimise functions of the curve's state. Its first derivatives are exact; second derivatives lack the
+terms that are proportional to the spline's distance from the path.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from paretoik.trajectory.curve_state_kernel import Curve
 
 
 def curve_arrays(task: MotionTask) -> Curve:
-    """Return what projects the instants of a task; its registers are its own: one for a thread."""
+    """Return the arrays that project the instants of a task, with their own registers: one per thread."""
     arm, tasks, (targets, inputs) = task.arm, task.tasks, _targets(task)
     return Curve(
         projects=task.differences == "spline",
@@ -52,7 +52,7 @@ def curve_arrays(task: MotionTask) -> Curve:
 
 @lru_cache(maxsize=32)
 def _targets(task: MotionTask) -> tuple[np.ndarray, np.ndarray]:
-    """Return the targets (instants, numbers), and these with their derivatives below room for q, q̇ and q̈."""
+    """Return targets (instants, numbers), and an array with space for q, q̇ and q̈, then targets and derivatives."""
     parts = instant_targets(task)
     room = np.zeros((3 * task.arm.dof, len(task.instants)))
     return np.ascontiguousarray(parts[0]), np.concatenate([room, *(part.T for part in parts)])

@@ -1,4 +1,4 @@
-"""A motion's program to first order at one motion, along the self-motion of every sample."""
+"""First derivatives of a motion's program at one motion, along the self-motion of every sample."""
 
 from __future__ import annotations
 
@@ -20,11 +20,15 @@ from paretoik.trajectory.program import MotionProgram, MotionValues
 class MotionLinearisation:
     """A program at a motion ``x``, to first order; see ``Linearisation``.
 
-    Columns are steps of the self-motion, slides in lengths of the arm, then slack and epigraph variables of samples,
-    peaks and functions of the whole motion. Sample s moves by ``normal``[s] times its own unknowns, the null space of
-    the tasks' ``path_jacobian``. ``basis`` (variables · instants, columns) says how all variables move, ``spline`` how
-    the spline's state does and ``samples`` (dof · time, columns) how q does; ``function_gradients`` are those of the
-    functions of an instant by its variables, ``sample_inputs`` are those of evaluators at the samples.
+    Columns are steps of the self-motion, slides in arm lengths, then slack and epigraph variables of samples, peaks and
+    functions of the whole motion.
+
+    normal: null space of the tasks' Jacobian; sample s moves by ``normal``[s] times its unknowns
+    basis: derivatives of all variables by the columns (variables · instants, columns)
+    spline: derivatives of the spline's state by the columns
+    samples: derivatives of q by the columns (dof · time, columns)
+    function_gradients: derivatives of the functions of an instant by its variables
+    sample_inputs: inputs of evaluators at the samples
     """
 
     program: MotionProgram
@@ -54,7 +58,7 @@ class MotionLinearisation:
 
     @property
     def unit(self) -> float:
-        """Euclidean length of a step that is one RMS over time [rad, the arm's length]."""
+        """Euclidean length of a step with RMS 1 over time [rad, the arm's length]."""
         return float(np.sqrt(self.unknowns / self.normal.shape[2]))
 
     @property
@@ -78,17 +82,17 @@ class MotionLinearisation:
         multipliers: Float[np.ndarray, " inequalities"],
         cone_multipliers: tuple[np.ndarray, ...] = (),
     ) -> sparse.csr_array:
-        """Return the Hessian (columns, columns) of the Lagrangian, the path's curvature included."""
+        """Return the Hessian (columns, columns) of the Lagrangian, with the path's curvature."""
         return _lagrangian_hessian(self, weights, multipliers, cone_multipliers)
 
     def displacement(self, step: Float[np.ndarray, " columns"]) -> Float[np.ndarray, "time dof"]:
-        """Return how positions move, to first order, with a step."""
+        """Return the first-order change of positions with a step."""
         first_unknown, r = self.program.stencil.first_unknown, self.normal.shape[2]
         unknowns = np.where(first_unknown[:, None] < 0, 0.0, step[np.maximum(first_unknown, 0)[:, None] + np.arange(r)])
         return np.einsum("tja,ta->tj", self.normal, unknowns) * joint_scales(self.program.task.arm)
 
     def retract(self, step: Float[np.ndarray, " columns"]) -> Float[np.ndarray, "time dof"] | None:
-        """Return the motion that a step leads to, back on the path; None where it leaves the self-motion manifold."""
+        """Return the motion after a step, retracted to the path; None if it leaves the self-motion manifold."""
         task = self.program.task
         q = self.x + self.displacement(step)
         targets = task.targets.copy()
@@ -110,7 +114,7 @@ class MotionLinearisation:
     def corrected_inequalities(
         self, step: Float[np.ndarray, " columns"], x: Float[np.ndarray, "time dof"]
     ) -> Float[np.ndarray, " inequalities"]:
-        """Return limits and ties at the motion x, slack and epigraph variables being what the step makes them."""
+        """Return limits and ties at the motion x, with slack and epigraph variables after the step."""
         p, u, instants = self.program, self.unknowns, len(self.program.task.instants)
         values = p.values(x)
         inputs, column = values.inputs.copy(), u + p.slacks * instants
@@ -175,7 +179,7 @@ def linearise(program: MotionProgram, q: Float[np.ndarray, "time dof"]) -> Motio
 def _basis(
     program: MotionProgram, chain: np.ndarray, normal: np.ndarray, wholes: int
 ) -> tuple[sparse.csr_array, sparse.csr_array, int]:
-    """Return how variables (variables · instants) and the spline's state change with the columns, and their number."""
+    """Return derivatives of variables (variables · instants) and the spline's state by columns, and their number."""
     stencil, instants, r = program.stencil, len(program.task.instants), normal.shape[2]
     columns = stencil.unknowns + program.slacks * instants + program.peaks + wholes
     begin = stencil.first_unknown[stencil.neighbours]
@@ -199,7 +203,7 @@ def _basis(
 
 
 def _sample_basis(program: MotionProgram, normal: np.ndarray, columns: int) -> sparse.csr_array:
-    """Return how q (dof · time) changes with the columns."""
+    """Return the derivatives of q (dof · time) by the columns."""
     samples, n, r = normal.shape
     begin = program.stencil.first_unknown
     entries = np.where((begin >= 0)[:, None, None], normal, 0.0).transpose(1, 0, 2)
@@ -212,7 +216,7 @@ def _sample_basis(program: MotionProgram, normal: np.ndarray, columns: int) -> s
 def _whole_functions(
     program: MotionProgram, values: MotionValues, basis: sparse.csr_array, columns: int
 ) -> tuple[np.ndarray, list[np.ndarray], list[sparse.csr_array], list[Cone]]:
-    """Return gradients of all objectives, as far as wholes go, and the ties, their rows and the cones of wholes."""
+    """Return the parts of objective gradients from wholes, and the ties, their rows and the cones of wholes."""
     gradients = np.zeros((len(program.totals), columns))
     ties, tie_rows, cones = list[np.ndarray](), list[sparse.csr_array](), list[Cone]()
     if not program.whole_functions:
@@ -241,7 +245,7 @@ def _whole_functions(
 
 
 def _epigraph_rows(rows: sparse.csr_array, column: int) -> sparse.csr_array:
-    """Return a column, behind all those of ``rows``, minus the rows."""
+    """Return a new last column minus the rows."""
     ends = rows.indptr[1:]
     entries, indices = np.insert(-rows.data, ends, 1.0), np.insert(rows.indices, ends, column)
     return sparse.csr_array((entries, indices, rows.indptr + np.arange(len(rows.indptr))), shape=rows.shape)
@@ -270,8 +274,8 @@ def _lagrangian_hessian(
 ) -> sparse.csr_array:
     """Return the Hessian (columns, columns) of weights · F + ν · h − multipliers · c − cone_multipliers · cones.
 
-    The path's multipliers ν are those that leave no gradient in the row space of its Jacobian. Of a spline h are also
-    the equations of its instants, with their first and second derivatives.
+    The path's multipliers ν make the gradient in the row space of its Jacobian 0. For a spline, h includes the
+    equations of its instants with their first and second derivatives.
     """
     p, curve, path_jacobian = at.program, at.values.curve, at.path_jacobian
     _functions, variables, instants = at.function_gradients.shape
@@ -313,7 +317,7 @@ def _lagrangian_hessian(
 
 
 def _whole_basis(program: MotionProgram, basis: sparse.csr_array) -> sparse.csr_array:
-    """Return how the inputs of functions of the whole motion change with the columns."""
+    """Return the derivatives of whole functions' inputs by the columns."""
     orders, n, instants = program.stencil.orders, program.task.arm.dof, len(program.task.instants)
     order = np.arange(orders * n * instants).reshape(orders, n, instants).swapaxes(1, 2).ravel()
     rows = basis[order]
@@ -365,7 +369,7 @@ def _function_weights(
 def _by_positions(
     program: MotionProgram, by_u: Float[np.ndarray, "orders dof instants"], samples: int
 ) -> Float[np.ndarray, "time dof"]:
-    """Return what a gradient by positions and rates of all instants is by positions of the samples."""
+    """Return a gradient by positions of the samples, from one by positions and rates of all instants."""
     shares = np.einsum("oik,oji->ikj", program.stencil.coefficients, by_u)
     gradient = np.zeros((samples, by_u.shape[1]))
     np.add.at(gradient, program.stencil.neighbours, shares)
@@ -375,7 +379,7 @@ def _by_positions(
 def _by_variables(
     program: MotionProgram, seconds: Float[np.ndarray, "entries instants"], variables: int, instants: int
 ) -> sparse.csr_array:
-    """Return second derivatives by the variables of all instants as a symmetric matrix."""
+    """Return second derivatives by the variables of all instants as one symmetric matrix."""
     i, j = program.evaluators.hessian_sparsity.rows, program.evaluators.hessian_sparsity.columns
     s = np.arange(instants)
     row, column = (i[:, None] * instants + s).ravel(), (j[:, None] * instants + s).ravel()
@@ -386,7 +390,7 @@ def _by_variables(
 
 
 def _block_diagonal(seconds: Float[np.ndarray, "blocks entries entries"]) -> sparse.csr_array:
-    """Return matrices on the diagonal of one whose rows are entry first, block second."""
+    """Return a block-diagonal matrix; its rows are sorted by entry, then by block."""
     blocks, entries, _ = seconds.shape
     places = np.arange(entries * blocks).reshape(entries, blocks).T
     row, column = np.broadcast_arrays(places[:, :, None], places[:, None, :])

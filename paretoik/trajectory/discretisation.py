@@ -1,4 +1,4 @@
-"""Stencils of a task: positions and rates at its instants from positions at the samples, and what can move."""
+"""Stencils of a task: positions and rates at instants from positions at samples, and their unknowns."""
 
 from __future__ import annotations
 
@@ -11,16 +11,18 @@ from paretoik.errors import InvalidInput
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.sampling import evaluate_with_midpoints, first_derivative, fit_spline, second_derivative
 
-WINDOW = 6  # samples: those that position, rates and jerk of a spline between two samples depend on
+WINDOW = 6  # samples that position, rates and jerk of a spline between two samples depend on
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Stencil:
     """u of instant i is Σ_k ``coefficients``[order, i, k] q of sample ``neighbours``[i, k].
 
-    The unknowns of sample i begin at ``first_unknown``[i] (−1: it cannot move). The last ``border`` of them belong to
-    the border of Newton's matrix: they couple the end of a cycle to its start. On a cycle the last sample moves with
-    the first; where the motion ends at rest, with the one before, as far as the path lets it.
+    first_unknown: index of the first unknown of each sample, −1 if it cannot move
+    border: number of last unknowns in the border of Newton's matrix, which couple the end of a cycle to its start
+
+    On a cycle the last sample moves with the first; if the motion ends at rest, with the one before, as far as the path
+    allows.
     """
 
     neighbours: Int[np.ndarray, "instants width"]
@@ -31,12 +33,12 @@ class Stencil:
 
     @property
     def orders(self) -> int:
-        """How many of position, velocity, acceleration and jerk u has."""
+        """Number of orders in u: position, velocity, acceleration and jerk."""
         return len(self.coefficients)
 
 
 def stencil(task: MotionTask, orders: int) -> Stencil:
-    """Return the stencil of a task for so many of position, velocity, acceleration and jerk."""
+    """Return the stencil of a task for the first orders of position, velocity, acceleration and jerk."""
     neighbours, coefficients = (_spline if task.differences == "spline" else _differences)(task, orders)
     samples, width = len(task.times), neighbours.shape[1]
     fixed = int(task.start is not None)
@@ -48,7 +50,7 @@ def stencil(task: MotionTask, orders: int) -> Stencil:
     spline = task.differences == "spline"
     border = (width - 1) * (1 if spline else 2) if task.cyclic else 0
     if task.cyclic and samples - 1 <= 2 * border:
-        raise InvalidInput(f"path: at least {2 * border + 2} samples of a cyclic motion wanted, got {samples}")
+        raise InvalidInput(f"path must have at least {2 * border + 2} samples if the motion is cyclic, got {samples}")
     return Stencil(
         neighbours=neighbours,
         coefficients=np.ascontiguousarray(coefficients),
@@ -77,9 +79,9 @@ def _differences(task: MotionTask, orders: int) -> tuple[np.ndarray, np.ndarray]
 
 
 def _spline(task: MotionTask, orders: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return neighbours and coefficients of the spline and its derivatives, each of the few samples around it.
+    """Return neighbours and coefficients of the spline and its derivatives, from the samples around.
 
-    Unit samples that no window has two of are evaluated together.
+    Unit samples that share no window are evaluated together.
     """
     samples = len(task.times)
     free = samples - task.cyclic

@@ -1,7 +1,7 @@
 """Objectives and limits of a task as expressions on a tape.
 
-Functions of one sample at a time become sums over samples, or rows that are bounded at every sample; the others are
-functions of the whole motion.
+Functions of one sample become sums over samples, or rows with bounds at every sample; the others are functions of the
+whole motion.
 """
 
 from __future__ import annotations
@@ -33,21 +33,20 @@ from paretoik.task.traced_motion import (
     trace_sample_function,
 )
 
-# Functions that relate samples of a motion to one another: dense derivatives.
+# Functions that relate samples of a motion to one another, with dense derivatives
 #
-# Such a function is a sum of the largest of some numbers, or of one, or a factor times the length of a vector: these
-# numbers, its ``parts``, are smooth. Derivatives are taken by all positions and rates of all samples; second ones
-# along directions.
+# This function is a sum of maxima over groups of numbers, or a factor times the length of a vector. The numbers, its
+# ``parts``, are smooth. Derivatives are taken by all positions and rates of all samples, second ones along directions.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WholeFunction:
-    """A function of all u (orders · time · dof), in this order: the sum of the largest of each group, or a length.
+    """A function of all u (orders · time · dof), in this order: the sum of the groups' maxima, or a length.
 
-    ``groups`` says where each group's parts begin; it is empty where the function is ``factor`` times their length.
-    ``jacobian_evaluator`` gives the derivatives of parts ``rows`` by inputs ``columns``. ``hessian_evaluator`` takes u,
-    a direction in u and a multiplier a part, and gives the entries ``hessian_columns`` of the Hessian of
-    Σ multiplier · part times the direction.
+    groups: index of each group's first part; empty if the function is ``factor`` times the length of the parts
+    jacobian_evaluator: evaluator of the derivatives of parts ``rows`` by inputs ``columns``
+    hessian_evaluator: evaluator that takes u, a direction in u and one multiplier per part, and returns the entries
+        ``hessian_columns`` of the Hessian of Σ multiplier · part times the direction
     """
 
     name: str
@@ -63,7 +62,7 @@ class WholeFunction:
     inputs: int
 
     def combine(self, values: Float[np.ndarray, " parts"]) -> float:
-        """Return the function's value at values of its parts."""
+        """Return the function's value from values of its parts."""
         if not len(self.groups):
             return self.factor * float(np.linalg.norm(values))
         return float(np.maximum.reduceat(values, self.groups).sum())
@@ -75,7 +74,7 @@ class WholeFunction:
 
     @property
     def epigraph_columns(self) -> int:
-        """Number of its epigraph variables: one for every group of several parts, one for a length."""
+        """Number of epigraph variables: one per group of several parts, one for a length."""
         return sum(part.stop - part.start > 1 for part in self.slices) if len(self.groups) else 1
 
     def jacobian(self, u: Float[np.ndarray, " inputs"]) -> sparse.csr_array:
@@ -99,7 +98,7 @@ class WholeFunction:
 
 
 def whole_function(tape: Tape, name: str, value: object) -> WholeFunction:
-    """Return a function traced on a tape whose inputs are all u."""
+    """Return a function that was traced on a tape with all u as inputs."""
     entry, count = as_entry(tape, value), len(tape.inputs)
     norm = norm_terms(tape, entry)
     groups = _groups(tape, entry) if norm is None else []
@@ -134,7 +133,7 @@ def whole_function(tape: Tape, name: str, value: object) -> WholeFunction:
 
 
 def _groups(tape: Tape, entry: int) -> list[list[int]]:
-    """Return the smooth addends as one, then the pieces of every addend with kinks."""
+    """Return one group of all smooth addends, then the pieces of each addend with kinks."""
     smooth, groups = tape.constant(0.0), list[list[int]]()
     for term in summands(tape, entry):
         pieces = smooth_pieces(tape, term)
@@ -150,7 +149,7 @@ LOADS = ("torque", "power")
 
 @dataclass(frozen=True, kw_only=True)
 class Total:
-    """A number of a whole motion: ``index`` counts those of its kind; it may not be more than ``upper``."""
+    """A number of a whole motion, at most ``upper``; ``index`` is its place among those of its kind."""
 
     name: str
     kind: Literal["sum", "peak", "whole"]
@@ -162,13 +161,16 @@ class Total:
 class Functions:
     """The functions of a task: totals, objectives first, and entries on the tape of one sample.
 
-    ``sums`` are integrated; ``rows``, by name, lie between ``bounds`` (time, 2), violations being shares of ``ranges``
-    (time,). A peak is the largest at any sample of
-    its pieces: its epigraph variable σ is in ``epigraph_variables``, the entries σ − piece ≥ 0 in ``epigraph_rows``;
-    ``epigraph_peaks`` says for each of these which peak it belongs to.
+    motion: instant of the motion's curve
+    spline: instant of its spline, for integrals with kinks
+    sums: entries that are integrated
+    rows: entries by name, between ``bounds`` (time, 2); violations are shares of ``ranges`` (time,)
+    epigraph_variables: epigraph variable σ of each peak, the largest piece at any sample
+    epigraph_rows: entries σ − piece ≥ 0
+    epigraph_peaks: peak of each of these entries
 
-    ``motion`` is an instant of the motion's curve. Integrals with kinks are those of its ``spline``: a travel, for one,
-    is the same along many motions, and what Simpson's rule leaves on the curve would tell these apart.
+    Integrals with kinks are taken on the spline: travel, for example, is equal for many motions, and errors of
+    Simpson's rule on the curve would make them differ.
     """
 
     task: MotionTask
@@ -187,7 +189,7 @@ class Functions:
 
     @property
     def distances(self) -> list[int]:
-        """Entries of the distances to obstacles: pieces that meet without a kink."""
+        """Entries of the distances to obstacles, pieces that meet without a kink."""
         tape, obstacles = self.motion.trace.tape, self.task.obstacles
         return dependencies(tape, [as_entry(tape, self.motion.clearance.entries)] if obstacles else [])
 
@@ -195,7 +197,7 @@ class Functions:
 def trace_functions(task: MotionTask, shares: np.ndarray) -> Functions:
     """Return the functions of a task, each objective multiplied by its share.
 
-    Raises InvalidInput, naming the objective or limit, where its derivative cannot be had.
+    Raises InvalidInput, naming the objective or limit, if it has no derivative.
     """
     scales = joint_scales(task.arm)
     motion = trace_sample(task, scales=scales)
@@ -229,7 +231,7 @@ def _add_total(functions: Functions, label: str, term: Objective | Constraint, f
         functions.whole_functions.append(_whole(task, label, term, factor))
         return
     tape = motion.trace.tape
-    entry, share = as_entry(tape, np.sign(factor) * value), tape.input()  # an input: other shares, the same evaluators
+    entry, share = as_entry(tape, np.sign(factor) * value), tape.input()  # for any share, the same evaluators
     motion.trace.parameters[share.index] = np.full(len(motion.time), abs(factor))
     if form == "integral":
         functions.totals.append(Total(name=term.name, kind="sum", index=len(functions.sums), upper=upper))
@@ -258,7 +260,7 @@ def _whole(task: MotionTask, label: str, term: Objective | Constraint, factor: f
 
 
 def _add_limits(functions: Functions) -> None:
-    """Add the limits that are not on positions and rates themselves."""
+    """Add all limits except those on positions and rates."""
     task = functions.task
     if task.differences == "spline" and "velocity" in task.bounds:
         _add_inner_velocities(functions)
@@ -292,7 +294,7 @@ def _add_inner_velocities(functions: Functions) -> None:
 
 
 def _add_row(functions: Functions, name: str, value: Any, bounds: np.ndarray, ranges: np.ndarray) -> None:
-    """Add a function of an instant between bounds (instants or 1, 2), by its smooth pieces where it has kinks."""
+    """Add a function of an instant between bounds (instants or 1, 2), as smooth pieces if it has kinks."""
     tape, instants = functions.motion.trace.tape, len(functions.task.instants)
     entry, both = as_entry(tape, value), np.broadcast_to(bounds, (instants, 2))
     below, above = smooth_pieces(tape, entry, -1), smooth_pieces(tape, entry, 1)

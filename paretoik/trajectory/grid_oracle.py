@@ -1,10 +1,10 @@
-"""The grid oracle: all motions over a grid of postures at once, by dynamic programming, where redundancy is one.
+"""The grid oracle: all motions over a grid of postures, by dynamic programming, for redundancy one.
 
-The postures that reach a sample lie on a few curves. They are traced and cut into nodes evenly spaced, and the nodes of
-consecutive samples are joined wherever no joint goes too far. Where objectives and limits look at positions and
-velocities only (backward differences), the best path through is exact on that grid, and ``grid_bound`` says how much
-better any motion between its nodes can be. Where they look at accelerations, states are pairs of consecutive nodes, on
-fewer samples: what comes out, led back to all samples, is a source of starts and bounds nothing.
+The postures that reach a sample are on a few curves. These are traced and cut into evenly spaced nodes, and nodes of
+consecutive samples are joined if no joint moves too far. If objectives and limits depend only on positions and
+velocities (backward differences), the best path is exact on that grid, and ``lower_bound`` bounds all motions between
+its nodes. If they depend on accelerations, states are pairs of consecutive nodes, on fewer samples: the result,
+resampled to all samples, is a source of starts and gives no bound.
 
 Source: Bellman 1957 (dynamic programming); Burdick 1989 (self-motion curves).
 """
@@ -36,25 +36,24 @@ from paretoik.trajectory.posture_grid import (
 )
 from paretoik.trajectory.shortest_paths import LayeredGraph, distinct_paths, shortest_path
 
-# A lower bound on all motions, where redundancy is one and accelerations don't count.
+# A lower bound on all motions, for redundancy one and without accelerations
 #
-# A motion runs within cells: between two neighbouring nodes at every sample. Let every sample be rounded, by itself,
-# to one of its two nodes, with the chances that make the mean the motion's own place. The mean cost of what comes out
-# is the sum of each transition's cost interpolated between the corners of its cell, which exceeds the motion's own
-# cost by no more than the interpolation's error. Some rounding costs no more than the mean. So the best path through
-# the grid, with that error taken off every transition and limits relaxed by what they change within a cell, is a
-# bound from below.
+# A motion is within cells: between two neighbouring nodes at every sample. Round every sample independently to one of
+# its two nodes, with probabilities whose mean is the motion's own place. The mean cost of the rounded paths is the sum
+# of each transition's cost interpolated between the corners of its cell, which exceeds the motion's own cost by at most
+# the interpolation error. Some rounded path costs at most the mean. So the best path through the grid, with that error
+# subtracted from every transition and limits relaxed by their change within a cell, is a lower bound.
 #
-# The error is taken from second differences D between neighbouring transitions, those of all cells around one: where
-# costs are smooth it is an eighth of the largest; where they have a kink, and are convex along the curves, half of
-# it. There D jumps from node to node, so that ⅛ max D + ⅜ (max D − min D) holds for both. What limits change within a
-# cell is taken from first differences.
+# The error is estimated from second differences D between neighbouring transitions of all cells around: if costs are
+# smooth it is an eighth of the largest; if they have a kink and are convex along the curves, half of it. D then jumps
+# from node to node, so that ⅛ max D + ⅜ (max D − min D) is valid for both. The change of limits within a cell is
+# estimated from first differences.
 
 
 def lower_bound(task: MotionTask, grid: PostureGrid, terms: Terms, spacing: float) -> float:
-    """Return a bound from below on every motion within the grid's windows; infinite where limits leave none.
+    """Return a lower bound on every motion within the grid's windows; infinite if limits allow none.
 
-    ``grid`` is of all nodes, those that do not keep the limits included, a few beyond the joints' ranges.
+    ``grid`` has all nodes, also infeasible ones, and some beyond the joints' ranges.
     """
     wide = replace(grid, windows=grid.windows + OPTIONS.margin * spacing * grid.scales)
     pairs, edge = transitions(task, wide)
@@ -74,7 +73,7 @@ def lower_bound(task: MotionTask, grid: PostureGrid, terms: Terms, spacing: floa
     return shortest_path(layers, task.cyclic)[0]
 
 
-Pair = tuple[np.ndarray, np.ndarray]  # where the neighbours on either side are, −1 where there is none
+Pair = tuple[np.ndarray, np.ndarray]  # indices of the neighbours on both sides, −1 for none
 
 
 def _neighbours(ahead: np.ndarray) -> Pair:
@@ -88,7 +87,7 @@ def _neighbours(ahead: np.ndarray) -> Pair:
 def _neighbouring_transitions(
     sources: np.ndarray, ends: np.ndarray, before: np.ndarray, here: np.ndarray
 ) -> list[Pair]:
-    """Return the transitions beside each: with the next and the last source, and with the next and the last end."""
+    """Return the transitions next to each: from the next and the last source, and to the next and the last end."""
     width = len(before)
     keys = ends * width + sources  # ascending
 
@@ -105,48 +104,50 @@ def _neighbouring_transitions(
 
 
 def _interpolation_error(second_differences: np.ndarray, around: list[Pair]) -> np.ndarray:
-    """Return the largest error of interpolation within the cells around, by second differences."""
-    convex = np.maximum(second_differences, 0.0)  # of NaN: NaN
+    """Return the largest error of interpolation within the cells around, from second differences."""
+    convex = np.maximum(second_differences, 0.0)  # NaN stays NaN
     largest, smallest = _neighbourhood_max(convex, around), -_neighbourhood_max(-convex, around)
     return np.where(largest >= smallest, largest / 8 + 3 / 8 * (largest - smallest), 0.0)
 
 
 def _second_difference(values: np.ndarray, pair: Pair) -> np.ndarray:
-    """Return second differences, NaN where a neighbour is missing."""
+    """Return second differences, NaN if a neighbour is missing."""
     after, before = pair
     return np.where((after >= 0) & (before >= 0), values[after] + values[before] - 2 * values, np.nan)
 
 
 def _first_difference(values: np.ndarray, pair: Pair) -> np.ndarray:
-    """Return how much values differ from their neighbours', at most."""
+    """Return the largest difference of values from their neighbours."""
     return np.max([np.where(side >= 0, np.abs(values[side] - values), 0.0) for side in pair], axis=0)
 
 
 def _neighbourhood_max(values: np.ndarray, around: list[Pair]) -> np.ndarray:
-    """Return the largest of values and of those all around them that are known, NaN where none is."""
+    """Return the largest known value among values and all those around them, NaN if all are unknown."""
     for pair in around:
         values = np.fmax.reduce([values, *(np.where(side >= 0, values[side], np.nan) for side in pair)])
     return values
 
 
 def _may_satisfy(excess: np.ndarray, around: list[Pair]) -> np.ndarray:
-    """Return where limits may hold within a cell beside."""
+    """Return which transitions may satisfy limits within an adjacent cell."""
     margin = sum(_neighbourhood_max(_first_difference(excess, pair), around) for pair in around)
     return excess <= LIMIT_TOLERANCE + margin
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GridOracle:
-    """What the grid knows: motions ``q``, the best of each class and what is far from them, best on the grid first.
+    """Motions found on the grid: the best of each class and motions far from them, best first.
 
-    ``labels`` are those of ``branches``, ``values`` the sums of objectives (minimised), ``violations`` the worst of the
-    limits, ``resolution`` [rad, the arm's length] the distance of nodes, ``samples`` how many of the motion the grid
-    has.
+    q: joint positions of the motions
+    labels: branch labels of the motions
+    values: sums of objectives (minimised)
+    violations: worst violation of limits
+    resolution: distance of nodes [rad, the arm's length]
+    samples: number of samples on the grid
+    exact: whether no path through the grid is better than the first
+    lower_bound: bound of all motions on the traced curves within the same pace; NaN without ``exact`` or if ``quick``
 
-    Where ``exact``, no path through the grid is better than the first, and no motion on the curves traced, its joints
-    within the same pace, has a value below ``lower_bound``, which comes nearer as the resolution is refined: with its
-    square, or in proportion to it where limits are active. Where accelerations count it is NaN, as where
-    it was not asked for.
+    The bound's error decreases with the square of the resolution, or in proportion to it if limits are active.
     """
 
     q: Float[np.ndarray, "paths time dof"]
@@ -172,38 +173,25 @@ def grid_oracle(
     seed: int = 0,
     quick: bool = False,
 ) -> GridOracle:
-    """Return the best paths through a grid of all postures, one of each class, for one degree of redundancy.
+    """Return the best paths through a grid of all postures, one per class, for one degree of redundancy.
 
-    Parameters
-    ----------
-    task
-        A motion task with integral objectives, of which the sum counts, and backward differences.
-    resolution
-        The distance [rad, the arm's length] between nodes; by default a share of the furthest step of a joint between
-        samples, or more where that would make too many nodes.
-    classes
-        The most motions returned, of every class first: how joints are bent, and how often they turn.
-    seed
-        Of the first postures; the curves through them hardly depend on it.
-    quick
-        Whether to do without the bound, and to refuse what takes longer than a moment.
+    task: motion task with integral objectives, whose sum is minimised, and backward differences
+    resolution: distance [rad, the arm's length] between nodes; None for a share of the largest step of a joint between
+        samples, or more if that would give too many nodes
+    classes: largest number of motions; first one per class (bends of joints and their turns)
+    seed: seed of the first postures, with little effect on the curves through them
+    quick: whether to leave out the bound, and to refuse slow problems
 
-    Joints without velocity limit may go at a few times the pace that the path asks for.
-
-    Raises
-    ------
-    InvalidInput
-        Naming redundancy where it is not one, and whatever else is not supported; OutOfReach where the path is. With
-        ``quick`` also where accelerations count, or there are very many postures.
-    Infeasible
-        Where there is no path through the grid.
+    Joints without velocity limit may move at a few times the pace that the path needs. Raises InvalidInput if the
+    redundancy is not one, or for other unsupported parts, with ``quick`` also for accelerations and very many postures;
+    OutOfReach if the path is out of reach; Infeasible if no path through the grid exists.
     """
     _check(task, resolution)
     rng = np.random.default_rng(seed)
     seeds, pace = postures_along_path(task, rng)
     terms = build_terms(task, np.stack([q[0] for q in seeds])[None])
     if quick and terms.second:
-        raise InvalidInput("grid_oracle: quick=True wants no accelerations, got objectives or limits of them")
+        raise InvalidInput("grid_oracle: quick=True must have no objectives or limits of accelerations, got some")
     level = coarsest_level(task) if terms.second else task
     sample_index = np.searchsorted(task.times, level.times)
     windows = step_windows(level, OPTIONS.pace * pace * (len(task.times) - 1) / (len(level.times) - 1))
@@ -212,7 +200,7 @@ def grid_oracle(
     unrolled = np.zeros(task.arm.dof, dtype=bool)
     if quick and count_nodes(task, curves, spacing) > OPTIONS.quick_nodes:
         limit = OPTIONS.quick_nodes
-        raise InvalidInput(f"grid_oracle: quick=True wants at most {limit} nodes, {spacing:g} rad apart there are more")
+        raise InvalidInput(f"grid_oracle: quick=True must have at most {limit} nodes, got more, {spacing:g} rad apart")
     while True:
         grid = _feasible_grid(level, posture_grid(level, curves, spacing, windows, unrolled), terms)
         layers = (_pair_graph if terms.second else _node_graph)(level, grid, terms)
@@ -223,7 +211,7 @@ def grid_oracle(
         wound = level.cyclic & level.arm.periodic & (np.abs(q[-1] - q[0]) > 1.0)
         if not wound.any():
             break
-        unrolled |= wound  # the best cycle ends whole turns away: turns of these joints must be told apart
+        unrolled |= wound  # the best cycle ends whole turns away: turns of these joints must differ
     paths = [states, *distinct_paths(layers, level.cyclic, round(OPTIONS.distinct / spacing))]
     motions = np.stack([grid.motion(layers.node_path(path)) for path in paths])
     selection = _select_paths(task, level, grid, terms, motions, classes)
@@ -240,12 +228,12 @@ def grid_oracle(
 
 def _check(task: MotionTask, resolution: float | None) -> None:
     if task.redundancy != 1:
-        raise InvalidInput(f"grid_oracle: redundancy 1 wanted, got {task.redundancy}")
+        raise InvalidInput(f"grid_oracle: redundancy must be 1, got {task.redundancy}")
     if task.differences != "backward" or task.ends_at_rest:
         wrong = "end_velocity=0" if task.ends_at_rest else f"{task.differences} differences"
-        raise InvalidInput(f"grid_oracle: backward differences and a free end wanted, got {wrong}")
+        raise InvalidInput(f"grid_oracle: differences must be backward and the end free, got {wrong}")
     if resolution is not None and not resolution > 0:
-        raise InvalidInput(f"resolution: a positive distance in rad wanted, got {resolution}")
+        raise InvalidInput(f"resolution must be a positive distance in rad, got {resolution}")
 
 
 def _node_graph(task: MotionTask, grid: PostureGrid, terms: Terms) -> LayeredGraph:
@@ -256,7 +244,7 @@ def _node_graph(task: MotionTask, grid: PostureGrid, terms: Terms) -> LayeredGra
 
 
 def _pair_graph(task: MotionTask, grid: PostureGrid, terms: Terms) -> LayeredGraph:
-    """Return the graph whose states are pairs of consecutive nodes; speeds change by half their range in a step."""
+    """Return the graph of pairs of consecutive nodes; speeds change by at most half their range in a step."""
     nodes, steps, first = grid.nodes, np.diff(task.times, prepend=np.nan), 0 if task.cyclic else 1
     pairs = [grid.edges(i) for i in range(1, len(nodes))]
     dq = [grid.step(nodes[i + 1][b], nodes[i][a]) / steps[i + 1] for i, (a, b) in enumerate(pairs)]
@@ -290,14 +278,14 @@ def _pair_graph(task: MotionTask, grid: PostureGrid, terms: Terms) -> LayeredGra
 
 
 def _join_pairs(ends_before: np.ndarray, begins: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return all (first, second) pairs of which the second begins where the first, sorted by their ends, ends."""
+    """Return all pairs (first, second) whose second begins at the end of the first, which are sorted by their ends."""
     low, high = (np.searchsorted(ends_before, begins, side=side) for side in ("left", "right"))
     ends = np.repeat(np.arange(len(begins)), high - low)
     return np.arange(len(ends)) - np.repeat(np.cumsum(high - low) - high, high - low), ends
 
 
 def _feasible_grid(task: MotionTask, grid: PostureGrid, terms: Terms) -> PostureGrid:
-    """Return the grid of the nodes that keep the limits on postures."""
+    """Return the grid of the nodes that satisfy the limits on postures."""
 
     def satisfies(motion: Motion) -> np.ndarray:
         satisfied = terms.satisfied(motion, terms.postures)
@@ -310,14 +298,16 @@ def _feasible_grid(task: MotionTask, grid: PostureGrid, terms: Terms) -> Posture
         feasible[0] = feasible[-1] = feasible[0] & feasible[-1]
     for i, k in enumerate(feasible):
         if not k.any():
-            raise Infeasible(f"no posture keeps the limits at sample {i} of {len(feasible)} ({task.times[i]:.3g} s)")
+            raise Infeasible(
+                f"no posture satisfies the limits at sample {i} of {len(feasible)} ({task.times[i]:.3g} s)"
+            )
     return grid.select(feasible)
 
 
 def _select_paths(
     task: MotionTask, level: MotionTask, grid: PostureGrid, terms: Terms, paths: np.ndarray, classes: int
 ) -> dict[str, Any]:
-    """Return the best motion of every class, by its objective value on the grid, and what is far from them."""
+    """Return the best motion of every class by its value on the grid, and motions far from these."""
     if task.cyclic:
         paths = paths[np.abs((paths[:, -1] - paths[:, 0]) / grid.scales).max(axis=1) < 1e-6]
     motions = level.motion(paths)
@@ -325,7 +315,7 @@ def _select_paths(
     change = paths[:, -1] - paths[:, 0]
     turns = np.round((change - grid.step(paths[:, -1], paths[:, 0])) / (2 * np.pi)).astype(int)
     selected: dict[int, np.ndarray] = {}
-    for far in (False, True):  # classes first: none is left out for what is only far
+    for far in (False, True):  # classes first: no class is left out for a distant motion
         for k in np.argsort(cost, kind="stable").tolist():
             indices = list(selected)
             is_known = any(kinds[k] == kinds[j] and (turns[k] == turns[j]).all() for j in indices)
@@ -348,7 +338,7 @@ def _select_paths(
 
 
 def _resample(task: MotionTask, motion: Motion) -> np.ndarray | None:
-    """Return a motion on all samples, None where it leaves the path between its own."""
+    """Return a motion on all samples, None if it leaves the path between its own."""
     if len(motion.time) == len(task.times):
         return motion.q
     try:
@@ -361,10 +351,12 @@ def _resample(task: MotionTask, motion: Motion) -> np.ndarray | None:
 
 
 def _no_path_error(task: MotionTask, layers: LayeredGraph, spacing: float) -> Infeasible:
-    """Return the error that says how far paths through the grid come."""
+    """Return the error with the sample that paths through the grid reach."""
     reached = [np.isfinite(value).any() for value in layers.forward(layers.start)]
     if all(reached):
-        return Infeasible("no path through the grid is closed: every one that keeps the limits ends in another posture")
+        return Infeasible(
+            "no path through the grid is closed: every one that satisfies the limits ends in another posture"
+        )
     i = len(task.times) - len(reached) + reached.index(False)
     return Infeasible(
         f"no path through the grid, its nodes {spacing:.3g} rad apart, comes to sample {i} of {len(task.times)} "

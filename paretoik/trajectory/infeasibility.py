@@ -1,4 +1,4 @@
-"""Limits that cannot all hold: whether that is clear already, which of them it is, and in what words."""
+"""Limits that cannot all be satisfied: early detection, the limits that conflict, and the error text."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ from paretoik.trajectory.plan_starts import sample_travelling, squared_velocity
 from paretoik.trajectory.program import MotionProgram
 from paretoik.trajectory.transcription import motion_program
 
-# Obstacles on the path: where the tool itself cannot keep clear of one, no motion can, whatever the posture.
+# Obstacles on the path, which make all motions infeasible
 
 
 def warn_of_obstructed_path(task: MotionTask) -> None:
-    """Warn where an obstacle is nearer to the tool's path than links may be to it: no motion is feasible then.
+    """Warn if an obstacle is nearer to the tool's path than links may be: no motion is feasible then.
 
-    The tool is the end of the last link, and at every sample where its path has it. No error: the least-violating
-    motion may be wanted, and the search for one goes on to name it.
+    The tool is the end of the last link, at its place on the path at every sample. It is no error, because a search may
+    still look for the least-violating motion.
     """
     for followed in task.tasks:
         if task.obstacles and _fixes_tool(task, followed):
@@ -55,7 +55,7 @@ def warn_of_obstructed_path(task: MotionTask) -> None:
 
 
 def obstructed_sample(task: MotionTask, sample: int | None = None) -> int | None:
-    """Return a sample at which an obstacle is too near to the tool's path, the worst or the given one; None if none."""
+    """Return the worst sample at which an obstacle is too near to the tool's path, or the given one; None if none."""
     worst, found = 0.0, None
     for followed in task.tasks if task.obstacles else ():
         if _fixes_tool(task, followed):
@@ -71,7 +71,7 @@ def _tool_distances(task: MotionTask, tool: Float[np.ndarray, "time 3"]) -> Floa
 
 
 def _fixes_tool(task: MotionTask, followed: Task) -> bool:
-    """Return whether a path says where the tool is, all of its position."""
+    """Return whether a path fixes all of the tool's position."""
     follows_tool = task.arm.frame(followed.frame).pose is task.arm.tool
     return follows_tool and (task.arm.is_planar or followed.axes not in ("xy", "xy+angle"))
 
@@ -84,7 +84,7 @@ def _tool_positions(task: MotionTask, followed: Task) -> Float[np.ndarray, "time
 
 
 def _obstruction(task: MotionTask, tool: Float[np.ndarray, "time 3"]) -> str:
-    """Return which obstacle is nearest to the tool, at which sample, and how near links may be; "" if all are clear."""
+    """Return in words the obstacle nearest to the tool, its sample and the clearance; "" if all are clear."""
     distances = _tool_distances(task, tool)
     obstacle, sample = np.unravel_index(int(np.argmin(distances)), distances.shape)
     distance = float(distances[obstacle, sample])
@@ -95,34 +95,34 @@ def _obstruction(task: MotionTask, tool: Float[np.ndarray, "time 3"]) -> str:
     where = f"reaches {-distance:.3g} m into it" if distance < 0 else f"is {distance:.3g} m away from it"
     return (
         f"path: obstacle {obstacle + 1}, a {shape}, is in its way: at sample {sample} ({task.times[sample]:.4g} s), "
-        f"the worst of {count}, the end of link {task.arm.dof} (of radius {task.link_radius:g} m) {where}, where a "
-        f"clearance of {task.min_clearance:g} m is wanted: no motion along it is feasible"
+        f"the worst of {count}, the end of link {task.arm.dof} (of radius {task.link_radius:g} m) {where}, but the "
+        f"clearance must be {task.min_clearance:g} m: no motion along it is feasible"
     )
 
 
 @dataclass(frozen=True, kw_only=True)
 class InfeasibilityOptions:
-    """When it is clear that limits cannot all hold."""
+    """Settings of deciding that limits cannot all be satisfied."""
 
     doubt: float = 1e-3  # share of a range: a smaller violation is left to the search
-    clear: float = 0.1  # share of a range: a violation of rates and torques that no finer level or posture mends
-    starts: int = 24  # roll-outs, and as many motions that travel along the self-motion
-    finer: int = 8  # least-violating motions that are led on at a finer level, and as many new starts
-    halvings: int = 6  # of the interval in which the least violation of all limits is sought
-    postures: int = 256  # that are tried at a sample
-    improved: int = 32  # of these, the best, that are moved along the self-motion
+    clear: float = 0.1  # share of a range: violation of rates and torques that no finer level or posture removes
+    starts: int = 24  # number of roll-outs, and of motions that travel along the self-motion
+    finer: int = 8  # number of least-violating motions that continue at a finer level, and of new starts
+    halvings: int = 6  # of the interval that contains the least violation of all limits
+    postures: int = 256  # number tried at a sample
+    improved: int = 32  # number of best postures that are moved along the self-motion
     moves: tuple[float, ...] = (0.3, 0.3, 0.1, 0.1, 0.03, 0.03, 0.01, 0.01)  # rad or arm lengths, standard deviations
-    samples: int = 3  # whose postures are tested, at most
-    apart: float = 0.1  # share of the duration that is between these
+    samples: int = 3  # largest number of samples whose postures are tested
+    apart: float = 0.1  # share of the duration between these samples
     clear_posture: float = 0.02  # share of a range that every posture violates
-    boxes: int = 10_000  # of joint positions, at most, that a proof looks at
+    boxes: int = 10_000  # largest number of boxes of joint positions in a proof
     proofs: int = 3  # samples along the path at which low velocities are to be proved impossible
-    inner: int = 5  # samples from the ends of a spline, whose conditions are not seen from there on
+    inner: int = 5  # samples from the ends of a spline after which the end conditions have no effect
 
 
 OPTIONS = InfeasibilityOptions()
 
-REMEDIES = {  # by kind of limit: what may make room for a motion
+REMEDIES = {  # by kind of limit
     "position": "another place of the path, or fewer axes of the task",
     "velocity": "a longer duration",
     "acceleration": "a longer duration",
@@ -133,12 +133,12 @@ REMEDIES = {  # by kind of limit: what may make room for a motion
 
 
 def require_feasible(task: MotionTask, rollouts: JointPaths, observe: ObserveLevel | None = None) -> None:
-    """Raise Infeasible, with the least-violating motion, if limits clearly cannot hold.
+    """Raise Infeasible, with the least-violating motion, if limits clearly cannot be satisfied.
 
-    First come the postures of the sample that ``rollouts``, motions on the path, leave in doubt. Then the violation of
-    limits is minimised from roll-outs and motions that travel along the self-motion on the coarsest level, and from
-    the best and new ones on finer levels. Problems are left to the search if a motion keeps the limits or nearly does,
-    or if a limited function has no value or no derivative, or is of the whole motion.
+    First, postures are tested at the samples that ``rollouts``, motions on the path, leave in doubt. Then the violation
+    of limits is minimised from roll-outs and motions that travel along the self-motion on the coarsest level, and from
+    the best and new ones on finer levels. Problems are left to the search if a motion satisfies the limits or nearly
+    does, or if a limited function has no value or no derivative, or is of the whole motion.
 
     Raises Interrupted after a signal.
     """
@@ -179,7 +179,7 @@ def require_feasible(task: MotionTask, rollouts: JointPaths, observe: ObserveLev
 
 
 def _violations(level: MotionTask, q: JointPaths) -> Float[np.ndarray, " motions"]:
-    """Return the worst violation of each motion, as a share of its range; NaN if a function has no value there."""
+    """Return the worst violation of each motion as a share of its range; NaN if a function has no value."""
     return np.asarray(evaluate_motions(level, level.motion(q))[1].max(axis=1, initial=0.0))
 
 
@@ -193,7 +193,7 @@ def _limits_program(level: MotionTask) -> MotionProgram | None:
 
 
 def _minimise_violation(program: MotionProgram, q: JointPaths, share: float = 0.0) -> Solutions:
-    """Return where motions violate limits least, locally, if these are wider by a share of their ranges."""
+    """Return motions that locally violate limits least, with limits widened by a share of their ranges."""
     limits = slice(program.elastic)
     bounds = program.bounds.copy()
     bounds[limits] -= share * program.sides[limits] * program.ranges[limits]
@@ -202,7 +202,7 @@ def _minimise_violation(program: MotionProgram, q: JointPaths, share: float = 0.
 
 
 def _least_violating(program: MotionProgram, q: JointPaths) -> Float[np.ndarray, "more time dof"]:
-    """Return motions with one in front whose worst violation is the least: all limits are widened by the same share."""
+    """Return motions, first a new one with the least worst violation: all limits are widened by the same share."""
     q = q[np.argsort(_violations(program.task, q))]
     low, high = 0.0, float(_violations(program.task, q[:1])[0])
     for _ in range(OPTIONS.halvings):
@@ -219,7 +219,7 @@ def _least_violating(program: MotionProgram, q: JointPaths) -> Float[np.ndarray,
 
 
 def is_clearly_infeasible(task: MotionTask, motion: Motion) -> bool:
-    """Return whether a least-violating motion shows that no motion keeps all limits; it is no proof."""
+    """Return whether a least-violating motion shows, without proof, that no motion satisfies all limits."""
     violations = task.violations(motion)
     if not len(violations) or not violations.max() > 0:
         return False
@@ -231,17 +231,20 @@ def is_clearly_infeasible(task: MotionTask, motion: Motion) -> bool:
 
 
 def explain_violation(task: MotionTask, motion: Motion) -> str:
-    """Return which limit a motion violates most, where, by how much, and what may help; "" if it keeps them all."""
+    """Return in words which limit a motion violates most, where, by how much, and remedies; "" if none."""
     return task.describe_violation(motion) + remedy_text(task, motion)
 
 
 def infeasible_error(
     task: MotionTask, level: MotionTask, q: JointPaths, *, status: str = "", sample: int | None = None
 ) -> Infeasible:
-    """Return the error of limits that cannot all hold, of least-violating motions on a level of a task, best first.
+    """Return the error of limits that cannot all be satisfied.
 
-    ``status`` is how the solver ended, ``sample`` one where no posture keeps the limits, if that is known. Samples go
-    by their numbers in the task.
+    q: least-violating motions on a level of the task, best first
+    status: status of the solver
+    sample: sample at which no posture satisfies the limits, if known
+
+    Samples have their numbers in the task.
     """
     motion = level.motion(q[0])
     violations = level.violations(motion)
@@ -254,7 +257,7 @@ def infeasible_error(
     numbers, full = np.searchsorted(task.times, level.times), at_samples(task, motion)
     proved = _proof_text(task, full, sample)
     if proved:
-        message = "no motion can keep the limits"
+        message = "no motion can satisfy the limits"
     return Infeasible(
         f"{message}{proved}; of the least-violating one, {level.describe_violation(motion, numbers) or status}"
         + remedy_text(task, full, sample),
@@ -265,22 +268,22 @@ def infeasible_error(
 
 
 def _is_obstructed(level: MotionTask, q: JointPaths) -> bool:
-    """Return whether motions lead to one within the limits if obstacles are left out."""
+    """Return whether motions lead to one within the limits without obstacles."""
     free = replace(level, obstacles=())
     program = _limits_program(free) if level.obstacles else None
     return program is not None and bool(_violations(free, _minimise_violation(program, q).x).min() <= OPTIONS.doubt)
 
 
 def _worst_kind(task: MotionTask, violations: np.ndarray) -> str:
-    """Return the kind of the limit that is violated most; "" for a user's own."""
+    """Return the kind of the most violated limit; "" for a user's own."""
     kind = task.limit_names[int(np.argmax(violations))].partition(" of ")[0]
     return kind if kind in task.bounds or (kind == "clearance" and task.obstacles) else ""
 
 
 def remedy_text(task: MotionTask, motion: Motion, sample: int | None = None) -> str:
-    """Return what may help if a least-violating motion breaks a limit: "; it may help: ...", "" for a user's own.
+    """Return remedies for the limit that a least-violating motion breaks: "; it may help: ...", "" for a user's own.
 
-    It begins with how many postures were tried at a sample, the worst if none is given, if none keeps the limits.
+    It begins with the number of postures tried at the sample, or at the worst one, if none satisfies the limits.
     """
     violations = task.violations(motion)
     kind = _worst_kind(task, violations) if len(violations) and violations.max() > 0 else ""
@@ -293,18 +296,18 @@ def remedy_text(task: MotionTask, motion: Motion, sample: int | None = None) -> 
         worst = task.worst_sample(int(np.argmax(violations)), motion) if sample is None else sample
         q, violation = _best_postures(task, worst)
         if len(q) > 1 and violation.min() > 0:
-            return f"; none of {len(q)} postures tried at sample {worst} keeps the limits{text}"
+            return f"; none of {len(q)} postures tried at sample {worst} satisfies the limits{text}"
     return text
 
 
 def _proof_text(task: MotionTask, motion: Motion, sample: int | None) -> str:
-    """Return in words at which sample it is proved that no posture keeps the limits; "" if that is not proved."""
+    """Return in words the sample at which no posture satisfies the limits by proof; "" without a proof."""
     violations = task.violations(motion)
     kind = _worst_kind(task, violations)
     if kind not in ("position", "clearance", "velocity"):
         return ""
     samples = [task.worst_sample(int(np.argmax(violations)), motion) if sample is None else sample]
-    if kind == "velocity":  # the limits are often too low at other samples too, the fastest of the path first
+    if kind == "velocity":  # limits are often too low at other samples too, first the fastest ones of the path
         pace = sum(np.linalg.norm(np.gradient(one.path.positions, task.times, axis=0), axis=1) for one in task.tasks)
         samples += [int(np.argmax(pace)), *np.linspace(0, len(task.times) - 1, OPTIONS.proofs + 2).astype(int)[1:-1]]
     proved = next((each for each in samples if no_posture_keeps_limits(task, each)), None)
@@ -312,9 +315,9 @@ def _proof_text(task: MotionTask, motion: Motion, sample: int | None) -> str:
 
 
 def _sample_without_posture(task: MotionTask, rollouts: JointPaths) -> int | None:
-    """Return a sample none of whose postures keeps the limits on position, clearance and velocity, as far as found.
+    """Return a sample at which no posture found satisfies the limits on position, clearance and velocity.
 
-    Samples are tried if no roll-out keeps the limits there, the worst first.
+    Samples are tried if no roll-out satisfies the limits there, the worst first.
     """
     obstructed = obstructed_sample(task)
     if obstructed is not None:
@@ -337,9 +340,9 @@ def _best_postures(
     measure: Callable[[MotionTask, int, np.ndarray], np.ndarray] | None = None,
     others: Float[np.ndarray, "postures dof"] | None = None,
 ) -> tuple[Float[np.ndarray, "tried dof"], Float[np.ndarray, " tried"]]:
-    """Return postures that reach a sample and what they violate of limits on position and clearance, or ``measure``.
+    """Return postures that reach a sample, and their violations of limits on position and clearance, or ``measure``.
 
-    Random ones and ``others``; then the best, moved along the self-motion to lesser violations.
+    They are random ones and ``others``, then the best ones moved along the self-motion to smaller violations.
     """
     value_of, rng = partial(measure or _posture_violation, task, sample), np.random.default_rng(0)
     if task.start is not None and sample == 0:
@@ -359,7 +362,7 @@ def _best_postures(
 
 
 def _nearest_turns(task: MotionTask, q: Float[np.ndarray, "postures dof"]) -> Float[np.ndarray, "postures dof"]:
-    """Return postures whose turning joints are in the turn next to the middle of their limits."""
+    """Return postures with rotational joints in the turn nearest to the middle of their limits."""
     limits = task.arm.position_limits
     middle = np.where(np.isfinite(limits).all(axis=1, keepdims=True), limits, 0.0).mean(axis=1)
     turns = np.where(task.arm.periodic, np.round((q - middle) / (2 * np.pi)), 0.0)
@@ -381,9 +384,9 @@ def _posture_violation(task: MotionTask, sample: int, q: np.ndarray) -> np.ndarr
 
 
 def _speed_violation(task: MotionTask, sample: int, q: np.ndarray) -> np.ndarray:
-    """Return by how much postures (postures,) exceed velocity limits at least, as shares of their ranges.
+    """Return the least excess (postures,) over velocity limits, as a share of their ranges.
 
-    The tool moves at ẋ = J q̇ on the curve of a spline, whatever the self-motion. With |q̇ᵢ| ≤ f sᵢ, sᵢ the limits,
+    The tool moves at ẋ = J q̇ on the curve of a spline for any self-motion. With |q̇ᵢ| ≤ f sᵢ, sᵢ the limits,
     u·ẋ ≤ f Σᵢ |u·Jᵢ| sᵢ for every unit vector u. The result is 0 if a joint has no limit, and for other differences,
     whose velocities are those of chords.
     """
@@ -418,9 +421,9 @@ def _overload(task: MotionTask, sample: int, q: np.ndarray) -> np.ndarray:
 
 
 def _weight_text(task: MotionTask, motion: Motion) -> str:
-    """Return in words that torque limits cannot hold the arm at rest at a sample; "" if some posture there can.
+    """Return in words that torque limits cannot hold the arm at rest at a sample; "" if they can in some posture.
 
-    The sample is the one at which the motion's posture is the hardest to hold.
+    It is the sample at which the motion's posture needs the largest share of a limit.
     """
     if "torque" not in task.bounds or not task.arm.gravity.any():
         return ""
@@ -442,18 +445,18 @@ def _weight_text(task: MotionTask, motion: Motion) -> str:
 
 
 def no_posture_keeps_limits(task: MotionTask, sample: int) -> bool:
-    """Return whether it is proved that no posture that reaches a sample keeps the limits there.
+    """Return whether it is proved that no posture that reaches a sample satisfies the limits there.
 
     These are the limits on position and clearance, and on velocity from the sample before to the sample after. Boxes
-    of joint positions are halved until each breaks one (branch and bound, Land & Doig 1960). In a box of half widths w
-    about c there may be such a posture only if, for any unit vector u, |∂²x/∂qᵢ∂qⱼ| ≤ Bᵢⱼ and links end at most Rᵢ
-    from joint i,
+    of joint positions are halved until each breaks one (branch and bound, Land & Doig 1960). A box of half widths w
+    about c may contain a feasible posture only if, for any unit vector u, |∂²x/∂qᵢ∂qⱼ| ≤ Bᵢⱼ and links that end at most
+    Rᵢ from joint i,
 
         |u·e(c)| ≤ Σᵢ |u·Jᵢ(c)| wᵢ + ½ Σᵢⱼ Bᵢⱼ wᵢ wⱼ                    e: error of the task
         d(c) + Σᵢ Rᵢ wᵢ ≥ the smallest clearance                      d: distance of a link
         u·Δx ≤ Σᵢ (|u·Jᵢ(c)| + Σⱼ Bᵢⱼ wⱼ) sᵢ + ½ Σᵢⱼ Bᵢⱼ sᵢ sⱼ          Δx: from sample to sample, s: steps of joints
 
-    False if more than OPTIONS.boxes boxes are needed.
+    It is False if more than OPTIONS.boxes boxes are needed.
     """
     arm = task.arm
     limits = _at_sample(task.bounds["position"], sample) if "position" in task.bounds else arm.position_limits
@@ -486,9 +489,9 @@ def no_posture_keeps_limits(task: MotionTask, sample: int) -> bool:
 
 
 def _reaches(task: MotionTask, limits: np.ndarray) -> Float[np.ndarray, "dof links"]:
-    """Return how far the end of each link, at most, is from the axis of each joint; 1 for joints that slide.
+    """Return the largest distance of each link's end from the axis of each joint; 1 for joints that slide.
 
-    The last counts for the frames of tasks too. Links before a joint do not move with it: 0.
+    The last link includes the frames of tasks. Links before a joint do not move with it: 0.
     """
     arm, frames = task.arm, [task.arm.frame(each.frame) for each in task.tasks]
     slides = np.where(arm.periodic, 0.0, np.abs(limits).max(axis=1))
@@ -501,16 +504,16 @@ def _reaches(task: MotionTask, limits: np.ndarray) -> Float[np.ndarray, "dof lin
 
 
 def _second_derivatives(turns: np.ndarray, reach: np.ndarray) -> Float[np.ndarray, "dof dof"]:
-    """Return bounds on |∂²x/∂qᵢ∂qⱼ| of points at most ``reach`` from the axes of joints, which turn or slide."""
+    """Return bounds on |∂²x/∂qᵢ∂qⱼ| of points at most ``reach`` from the axes of joints that turn or slide."""
     first, last = np.minimum.outer(*[np.arange(len(turns))] * 2), np.maximum.outer(*[np.arange(len(turns))] * 2)
     return np.where(turns[first], np.where(turns[last], reach[last], 1.0), 0.0)
 
 
 def _steps(task: MotionTask, sample: int) -> list[tuple[int, Float[np.ndarray, " dof"]]]:
-    """Return the samples before and after one, and how far joints can go between, as velocities are limited.
+    """Return the samples before and after one, and the largest joint steps to them within velocity limits.
 
-    Steps of a spline's samples are averages of those of its control points, which are limited; of uneven times, near
-    ends and of central differences nothing is known.
+    Steps of a spline's samples are averages of those of its control points, which are limited. There is no result for
+    uneven times, near ends, or for central differences.
     """
     if "velocity" not in task.bounds or task.differences == "central":
         return []
@@ -534,7 +537,7 @@ def _may_reach(
     bend: np.ndarray,
     steps: Sequence[tuple[int, np.ndarray]],
 ) -> np.ndarray:
-    """Return which boxes may reach a sample, and from there the samples before and after by ``steps``."""
+    """Return which boxes may reach a sample, and then the samples before and after by ``steps``."""
     error, jacobian = task_errors(task.arm, task.tasks, center, task.targets[sample])
     rest, blur = np.einsum("bi,ij,bj->b", half, bend, half) / 2, half @ bend
     turning = (half * task.arm.periodic).sum(axis=1)
@@ -558,9 +561,9 @@ def _may_reach(
 
 
 def _directions(path: np.ndarray, jacobian: np.ndarray) -> list[Float[np.ndarray, "boxes axes"]]:
-    """Return unit vectors in which joints may move a tool too little along a path: along it, and across columns of J.
+    """Return unit vectors along which joints may move a tool too slowly: along the path, and normal to columns of J.
 
-    The velocities that joints can give it are a zonotope; its facets are across all but one of the axes' columns.
+    The possible velocities of the tool are a zonotope, whose facets are normal to columns of J.
     """
     along = path / max(float(np.linalg.norm(path)), 1e-300)
     candidates = [np.broadcast_to(along, jacobian.shape[:2])]
@@ -578,7 +581,7 @@ def _directions(path: np.ndarray, jacobian: np.ndarray) -> list[Float[np.ndarray
 
 
 def _may_be_clear(task: MotionTask, center: np.ndarray, half: np.ndarray, reach: np.ndarray) -> np.ndarray:
-    """Return which boxes may keep all links clear of all obstacles."""
+    """Return which boxes may contain postures with all links clear of all obstacles."""
     nodes, motion = link_nodes(task.arm, center), half @ reach
     smallest = task.min_clearance + task.link_radius - LIMIT_TOLERANCE * task.clearance_range
     keep = np.ones(len(center), dtype=bool)

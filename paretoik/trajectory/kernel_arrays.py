@@ -1,4 +1,4 @@
-"""Motions as arrays for compiled code: a program, and what the steps of the interior-point method write."""
+"""Motions as arrays for compiled code: a program, and the workspace of the interior-point method."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from paretoik.trajectory.curve_state_kernel import Curve, CurveWork, allocate_cu
 
 
 class MotionKernel(NamedTuple):
-    """A MotionProgram of sums and peaks, as arrays; see there, and ``self_motion_steps`` for the stencil.
+    """A MotionProgram of sums and peaks as arrays; see there, and ``self_motion_kernel`` for the stencil.
 
-    A point has a row of joint positions for each sample, divided by ``scales``, then rows with the epigraph variables σ
-    of its peaks. Path equations are evaluated at the samples, functions at all instants. Functions of an instant are
-    sums, limited rows, the rows of peaks σ − piece among them, then the ties of slacks v.
+    A point has a row of joint positions per sample, divided by ``scales``, then rows with the epigraph variables σ of
+    its peaks. Path equations are evaluated at the samples, functions at all instants. Functions of an instant are sums,
+    limited rows (with the rows σ − piece of peaks), then the ties of slacks v.
     """
 
     value: tuple[np.ndarray, ...]
@@ -28,14 +28,14 @@ class MotionKernel(NamedTuple):
     track: tuple[np.ndarray, ...]
     track_curvature: tuple[np.ndarray, ...]
     curve: Curve
-    kinked: bool  # whether the spline's u are variables too, behind those of the curve
+    kinked: bool  # whether the spline's u are variables too, after those of the curve
     neighbours: np.ndarray
     coefficients: np.ndarray
     first_unknown: np.ndarray
     unknowns: int
-    border: int  # so many unknowns, the last, belong to the border
+    border: int  # number of last unknowns that are in the border
     stride: int  # instants from one sample to the next
-    stops: bool  # the last sample is the nearest to the one before
+    stops: bool  # whether the last sample is the nearest to the one before
     ones: np.ndarray
     quadrature: np.ndarray
     inputs: np.ndarray
@@ -43,23 +43,23 @@ class MotionKernel(NamedTuple):
     limited: np.ndarray  # (limits, 2): variable or row, and sample
     factors: np.ndarray  # (limits,): one over the range of a lower limit, minus that of an upper one
     bounds: np.ndarray  # (limits,)
-    scales: np.ndarray  # (dof,): what joints are measured in
-    totals: np.ndarray  # (totals,): which sum it is; −1 − peak for a peak
+    scales: np.ndarray  # (dof,): units of joints
+    totals: np.ndarray  # (totals,): index of the sum; −1 − peak for a peak
     peak_inputs: np.ndarray  # (peaks,)
     row_peaks: np.ndarray  # (rows,): the peak that a row belongs to, −1 for none
     kinks: np.ndarray  # (kinks, 4): input, variable, sign and first tie of a slack v, innermost first
-    nesting: int  # how many kinks lie within one another at most
-    smoothing: float  # of kinks, in barriers μ and sizes of their arguments: how many kinks there are at all instants
-    longest_step: float = 0.4  # [rad, arm's length] of any joint: too little to reach another branch unseen
-    penalty: float = 10.0  # of a whole range, in sizes of the objective
+    nesting: int  # largest depth of nested kinks
+    smoothing: float  # of kinks, in barriers μ and sizes of their arguments: number of kinks at all instants
+    longest_step: float = 0.4  # [rad, arm's length] of any joint: too short to skip to another branch
+    penalty: float = 10.0  # of a violation by a whole range, in sizes of the objective
     implied_slacks: bool = True
     large_multiplier: float = np.inf
-    dual_fraction: float = 0.25  # of the way to its bounds that the multiplier of a kink moves at most
-    least_smoothing: float = 1e-9  # of these sizes: what rounding leaves of a kink
+    dual_fraction: float = 0.25  # largest share of the way to its bounds that the multiplier of a kink moves
+    least_smoothing: float = 1e-9  # of these sizes: rounding error of a kink
 
 
 class Workspace(NamedTuple):
-    """What the steps write: U variables of an instant, V slacks, K sums, G limited rows, r unknowns a sample."""
+    """Arrays that steps write: U variables of an instant, V slacks, K sums, G limited rows, r unknowns per sample."""
 
     inputs: np.ndarray
     curve: CurveWork
@@ -74,17 +74,17 @@ class Workspace(NamedTuple):
     seconds: np.ndarray
     gradients: np.ndarray  # (K + G + 2V, U + V + peaks, instants) of functions by variables; by u, slacks follow
     objective_gradients: np.ndarray  # (K, time, dof) of sums by q
-    by_row: np.ndarray  # (U + G, instants): a number a variable and a limited row
+    by_row: np.ndarray  # (U + G, instants): a number per variable and limited row
     gradient_u: np.ndarray  # (U, instants)
-    gradient_spline: np.ndarray  # (states, instants): what it is by the spline's state
+    gradient_spline: np.ndarray  # (states, instants): the same by the spline's state
     gradient_q: np.ndarray  # (time, dof)
     du: np.ndarray  # (U, instants)
     projected: np.ndarray  # (unknowns,)
-    widths: np.ndarray  # (V, 2): size of a kink's argument, and the width over which it is smoothed
+    widths: np.ndarray  # (V, 2): size of a kink's argument, and width of its smoothing
     arguments: np.ndarray  # (V, instants): half the difference of a kink's pieces
-    arguments_at: np.ndarray  # (V, instants): arguments where functions were last linearised
+    arguments_at: np.ndarray  # (V, instants): arguments at the last linearisation
     slopes_at: np.ndarray  # (V, instants): λ there, derivative of the smoothed absolute value of the argument
-    duals: np.ndarray  # (V, instants): λ̂, as Newton's method expects it
+    duals: np.ndarray  # (V, instants): λ̂, predicted by Newton's method
     bends: np.ndarray  # (V, instants): second derivative, between λ and its dual
     slack_gradients: np.ndarray  # (V, U, instants)
     slack_weights: np.ndarray  # (V, instants): the Lagrangian's weight of a kink's bend

@@ -1,16 +1,16 @@
-"""Kinks of a motion's functions, smoothed as far as the barrier asks, compiled.
+"""Kinks of a motion's functions, smoothed according to the barrier, compiled.
 
-A slack v stands for max(a, b), or min(a, b) with sign −1; its ties are v − a and v − b, times the sign. It follows from
-the other variables as v = (a + b)/2 ± √(E² + ν²) with E = (a − b)/2, whose width ν falls with the barrier: every
-function of v then is a smooth function of u, and banded in time as before. The slope λ = E / √(E² + ν²) solves
-λ √(E² + ν²) = E, which Newton's method takes in E and λ at once: in its Hessian the second derivative
-(1 − λ²) / √(E² + ν²) is (1 − λ λ̂) / √(E² + ν²), λ̂ the slope that the last step led one to expect. With λ² alone it
-would hardly move once ν is small. A λ̂ that moves to its bounds slowly keeps a kink stiff that was just crossed, so
-that steps do not leap back and forth; with λ̂ = 0 the iteration is lagged diffusivity, which never does. Source: Chan,
-Golub & Mulet 1999, section 4; Vogel & Oman 1996 for lagged diffusivity.
+A slack v is max(a, b), or min(a, b) with sign −1; its ties are v − a and v − b, times the sign. It is eliminated by
+v = (a + b)/2 ± √(E² + ν²) with E = (a − b)/2, and its width ν decreases with the barrier. So every function of v is a
+smooth function of u and still banded in time. The slope λ = E / √(E² + ν²) solves λ √(E² + ν²) = E, and Newton's method
+iterates E and λ together: its Hessian has (1 − λ λ̂) / √(E² + ν²) instead of the second derivative
+(1 − λ²) / √(E² + ν²), with λ̂ the slope predicted in the last step. With λ² it would make very small steps if ν is
+small. A λ̂ that moves to its bounds slowly keeps a kink stiff after it is crossed, so that steps do not oscillate; with
+λ̂ = 0 the iteration is lagged diffusivity, which never does. Source: Chan, Golub & Mulet 1999, section 4; Vogel & Oman
+1996 for lagged diffusivity.
 
-A slack of weight w in the objective, with a barrier μ on each of its ties, would stand 2 μ / w above a kink of size 0.
-All kinks together are of the objective's size, 1: as many as there are, so many barriers wide is each, in its own size.
+A slack with weight w in the objective and a barrier μ on each tie would be 2 μ / w above a kink of size 0. All kinks
+together have the objective's size, 1: so the width of each, in its own size, is μ times the number of kinks.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from paretoik.compilation.numba_cache import compiled
 
 @compiled
 def evaluate_functions(kernel, work):
-    """Write the functions of all samples, slacks v at their smoothed values."""
+    """Write the functions of all samples, with slacks v at their smoothed values."""
     inputs, values, kinks, arguments = work.inputs, work.values, kernel.kinks, work.arguments
     for j in range(len(kinks)):
         for s in range(values.shape[1]):
             inputs[kinks[j, 0], s] = 0.0
-    for _ in range(kernel.nesting):  # what lies within another kink comes first
+    for _ in range(kernel.nesting):  # inner kinks first
         run(kernel.value, work.inputs, work.values)
         for j in range(len(kinks)):
             row, sign, tie, width = kinks[j, 0], kinks[j, 2], kinks[j, 3], work.widths[j, 1]
@@ -44,7 +44,7 @@ def evaluate_functions(kernel, work):
 
 @compiled
 def measure_kinks(kernel, work):
-    """Write the size of each kink's argument, its mean over time, from the functions as they were evaluated."""
+    """Write the size of each kink's argument, its mean over time, from the evaluated functions."""
     samples, largest = work.arguments.shape[1], 0.0
     for j in range(len(kernel.kinks)):
         work.widths[j, 0] = 0.0
@@ -57,16 +57,16 @@ def measure_kinks(kernel, work):
 
 @compiled
 def set_widths(kernel, work, mu):
-    """Write the widths ν that belong to a barrier."""
+    """Write the widths ν for a barrier."""
     for j in range(len(kernel.kinks)):
         work.widths[j, 1] = work.widths[j, 0] * max(kernel.smoothing * mu, kernel.least_smoothing)
 
 
 @compiled
 def linearise_kinks(kernel, work):
-    """Write slopes and bends of all kinks at their arguments, and the duals that the last ones led one to expect.
+    """Write slopes and second derivatives of all kinks at their arguments, and predicted duals.
 
-    A dual moves at most a share of the way to its bounds ±1, so that a kink just crossed stays stiff for a while.
+    A dual moves at most a share of the way to its bounds ±1, so that a crossed kink stays stiff for some steps.
     """
     share = 1.0 - kernel.dual_fraction
     for j in range(len(kernel.kinks)):
@@ -82,7 +82,7 @@ def linearise_kinks(kernel, work):
 
 @compiled
 def chain_gradients(kernel, work):
-    """Add to all gradients by u what they have by v."""
+    """Add the part by v to all gradients by u."""
     gradients, kinks, by_u = work.gradients, kernel.kinks, work.slack_gradients
     variables, samples = work.gradient_u.shape
     first_tie = len(gradients) - 2 * len(kinks)
@@ -102,7 +102,7 @@ def chain_gradients(kernel, work):
 
 @compiled
 def _chain(kernel, work, f, count):
-    """Add to the gradient of function f by u what it has by the first ``count`` slacks."""
+    """Add the part by the first ``count`` slacks to the gradient of function f by u."""
     gradients, by_u = work.gradients, work.slack_gradients
     for j in range(count):
         column = kernel.kinks[j, 1]
@@ -113,7 +113,7 @@ def _chain(kernel, work, f, count):
 
 @compiled
 def tie_multipliers(kernel, work, weights):
-    """Write the multipliers of ties where the Hessian of the Lagrangian reads them, and the weights of bends."""
+    """Write the multipliers of ties as inputs of the Lagrangian's Hessian, and the weights of second derivatives."""
     inputs, gradients, kinks, by_row = work.inputs, work.gradients, kernel.kinks, work.by_row
     variables, samples = work.gradient_u.shape
     sums, rows, first = len(work.objective_gradients), len(kernel.row_peaks), kernel.multipliers[1]
@@ -137,7 +137,7 @@ def tie_multipliers(kernel, work, weights):
 
 @compiled
 def add_kink_hessian(kernel, work, s, row, phi):
-    """Add to the Hessian (U, U) of sample s by u what its entries by v, and the bends of kinks, are by u."""
+    """Add the entries by v and the kinks' second derivatives to the Hessian (U, U) of sample s by u."""
     second_i, second_j, kinks, gradients = kernel.second_i, kernel.second_j, kernel.kinks, work.gradients
     variables = len(phi)
     other = np.empty(variables)
@@ -157,7 +157,7 @@ def add_kink_hessian(kernel, work, s, row, phi):
 
 @compiled
 def _variable_gradient(kernel, work, variable, s, row):
-    """Write the gradient of a variable of sample s, one of u or a slack, by u."""
+    """Write the gradient by u of a variable (one of u or a slack) of sample s."""
     for a in range(len(row)):
         row[a] = 1.0 if a == variable else 0.0
     for j in range(len(kernel.kinks)):

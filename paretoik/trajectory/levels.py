@@ -25,15 +25,18 @@ from paretoik.task.motion_task import SAMPLES, MotionTask, require_values
 from paretoik.trajectory.program import MotionProgram, joint_distance
 from paretoik.trajectory.transcription import motion_program
 
-# What there is of a plan once a level of samples is done.
+# Progress of a plan after each level of samples
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LevelProgress:
-    """A level of samples that is done: its task, the motions that it started from, and the distinct optima, best first.
+    """A finished level of samples.
 
-    Where none of the level's motions keeps all limits, and it is not ``feasible``, these are the least-violating ones.
-    ``ends`` are the motions that the starts led to, ``converged`` says of which a solver says that they are optimal.
+    task: task on the level
+    starts: motions that it started from
+    ends: motions that the starts led to
+    converged: whether the solver found each end optimal
+    optima: distinct optima, best first; if none is ``feasible``, the least-violating motions
     """
 
     task: MotionTask
@@ -49,7 +52,7 @@ class LevelProgress:
         return len(self.task.times)
 
     def describe_violation(self, task: MotionTask) -> str:
-        """Say which limits the least-violating motion breaks, samples numbered as in a task; "" of a feasible one."""
+        """Return in words which limits the least-violating motion breaks, in samples of a task; "" if feasible."""
         if self.feasible or not len(self.optima):
             return ""
         motion = self.task.motion(self.optima[0])
@@ -63,10 +66,10 @@ ObserveLevel: TypeAlias = Callable[[LevelProgress], object]
 def explained_interruption(
     task: MotionTask, rollouts: JointPaths, observe: ObserveLevel | None
 ) -> Iterator[ObserveLevel]:
-    """Let a body search for optima: if a signal ends it, the exception has the motion and limits that did not hold yet.
+    """Run a search in the body; if a signal ends it, add the motion and the violated limits to the exception.
 
-    The body gets what it has to call after each level, ``observe`` with it. Before any level is done, the first of
-    ``rollouts``, which violates limits least, counts.
+    The body gets a function to call after each level, which also calls ``observe``. Before the first level is done, the
+    motion is the first of ``rollouts``, which violates limits least.
     """
     seen = list[LevelProgress]()
 
@@ -78,7 +81,7 @@ def explained_interruption(
     try:
         yield show
     except Interrupted as stop:
-        if stop.reason:  # a call of a user's function that was ended
+        if stop.reason:  # the end of a call of a user's function
             raise
         with suppress(ParetoikError):  # a user's constraint may fail there
             start = task.motion(rollouts[0])
@@ -110,26 +113,26 @@ Disturb = Callable[[MotionProgram, Solutions], Solutions]
 
 @dataclass(frozen=True, kw_only=True)
 class LevelOptions:
-    """How optima are refined from level to level: ``cold`` on the coarsest, ``warm`` where coarser levels end."""
+    """Settings of refinement between levels: ``cold`` on the coarsest, ``warm`` from the optima of coarser levels."""
 
     coarsest: int = 26  # samples: with half as many, the best torque optimum does not exist
-    distinct: float = 0.01  # rad or arm lengths, RMS: optima nearer than this are one
-    feasible: float = 1e-8  # share of a limit's range: a smaller violation is none
-    scale_share: float = 0.1  # of the lower quartile of an objective's size at starts: its scale is no less
-    disturbed: int = 101  # samples: on levels with more than that, the same optimum is the best
-    max_optima: int = 32  # that are refined on a finer level: their order there is another
-    restored: int = 8  # motions whose violation is minimised, and twice as many starts of the first level
-    cold: tuple[InteriorPointOptions, ...] = (  # in turn: each finds basins that the other leaves
+    distinct: float = 0.01  # rad or arm lengths, RMS: nearer optima are one
+    feasible: float = 1e-8  # share of a limit's range: a smaller violation counts as none
+    scale_share: float = 0.1  # of the lower quartile of an objective's size at starts: lower bound of its scale
+    disturbed: int = 101  # samples: on levels with more of them the best optimum stays the same
+    max_optima: int = 32  # number refined on a finer level, where their order changes
+    restored: int = 8  # motions whose violation is minimised, and half the number of starts on the first level
+    cold: tuple[InteriorPointOptions, ...] = (  # alternating: each finds basins that the other leaves
         InteriorPointOptions(barrier=0.1, radius=0.4, iterations=300),
         InteriorPointOptions(barrier=0.01, radius=0.1, iterations=300),
         InteriorPointOptions(barrier=1e-3, radius=0.05, iterations=300),
     )
     warm: InteriorPointOptions = InteriorPointOptions(barrier=1e-4, radius=0.02)
-    restoration: tuple[InteriorPointOptions, ...] = (  # in turn, when only the violation is minimised
+    restoration: tuple[InteriorPointOptions, ...] = (  # alternating, when only the violation is minimised
         InteriorPointOptions(barrier=0.1, radius=0.4, iterations=100),
         InteriorPointOptions(barrier=0.01, radius=0.1, iterations=100),
     )
-    holding: InteriorPointOptions = InteriorPointOptions(barrier=1e-4, penalty=100.0, radius=0.02)  # limits, after it
+    holding: InteriorPointOptions = InteriorPointOptions(barrier=1e-4, penalty=100.0, radius=0.02)  # after restoration
 
 
 OPTIONS = LevelOptions()
@@ -144,26 +147,26 @@ def level_samples(samples: int) -> list[int]:
 
 
 def first_levels(samples: int) -> list[int]:
-    """Return the levels to start from in turn, where the one before leads to no motion: 0 is the coarsest."""
+    """Return the levels to try as first one if the level before leads to no motion; 0 is the coarsest."""
     last = len(level_samples(samples)) - 1
     return sorted({0, min(1, last), last})
 
 
 def coarsest_level(task: MotionTask, first: int = 0) -> MotionTask:
-    """Return the task on the samples of its coarsest level, or of the level ``first``."""
+    """Return the task on its coarsest level, or on the level ``first``."""
     return task.subsample(level_samples(len(task.times))[first])
 
 
 def level_programs(task: MotionTask, scales: Float[np.ndarray, " n_obj"], first: int = 0) -> list[MotionProgram]:
-    """Return the programs of all levels from ``first`` on, the task's own last, objectives divided by ``scales``."""
+    """Return the programs of all levels from ``first`` to the task's own, objectives divided by ``scales``."""
     coarser = [task.subsample(samples) for samples in level_samples(len(task.times))[first:-1]]
     return [motion_program(level, scales) for level in (*coarser, task)]
 
 
 def objective_scales(task: MotionTask, q: Float[np.ndarray, "starts samples dof"]) -> Float[np.ndarray, " n_obj"]:
-    """Return the size of every objective at the best of coarse starts: barriers and tolerances are shares of it.
+    """Return the size of every objective at the best coarse start, the unit of barriers and tolerances.
 
-    Optima are far better than starts; where one start is by chance next to 0, the size is a share of what is usual.
+    Optima are much better than starts; if one start is next to 0 by chance, the size is a share of the usual value.
     """
     level = task.subsample(q.shape[1])
     sizes = [size[np.isfinite(size)] for size in np.abs(require_values(level, level.motion(q)).T)]
@@ -185,15 +188,18 @@ def refine_levels(
 ) -> tuple[Solutions, tuple[tuple[int, int], ...]]:
     """Return the distinct optima of weights · F with F ≤ upper, best first, and samples and optima of each level.
 
-    ``programs`` are those of ``level_programs``, ``q`` starts of the first; at most ``max_optima`` of a level are
-    refined on the next. At each level ``further`` is given its program, its starts and the optima of the level before,
-    None at the first; it returns what returns more starts, and barriers for them, given the solutions so far, until it
-    returns none. ``disturb`` returns optima and those that they lead to, on one of the finer levels. Where limits are
-    violated at the end, ``restore`` first minimises the violation alone; where none of the first level can be restored,
-    its least-violating motions are returned. ``observe`` is called after each level.
+    programs: programs of ``level_programs``
+    q: starts of the first level
+    observe: function called after each level
+    restore: whether to minimise only the violation first if limits are violated at the end; if no motion of the first
+        level can be restored, its least-violating motions are returned
+    further: function of a level's program, starts and optima of the level before (None on the first); its result maps
+        the solutions so far to more starts and barriers, until there are none
+    disturb: function that returns optima and those that they lead to, on one of the finer levels
+    max_optima: largest number of optima of a level that are refined on the next
 
-    After a signal what there is by then is returned, at the samples of the last level. Raises Infeasible where all
-    optima of a level leave the path between its samples, Interrupted where a signal comes before there is any.
+    After a signal the motions found so far are returned, at the samples of the last level. Raises Infeasible if all
+    optima of a level leave the path between its samples, Interrupted if a signal comes before there is any.
     """
     levels = list[tuple[int, int]]()
     bounded = len(programs[0].upper) - len(weights)
@@ -229,7 +235,7 @@ def refine_levels(
 
 
 def level_progress(task: MotionTask, starts: np.ndarray, ends: Solutions, optima: Solutions) -> LevelProgress:
-    """Return what there is of a plan once the level is done whose starts led to ``ends``."""
+    """Return the progress of a plan after a level whose starts led to ``ends``."""
     return LevelProgress(
         task=task,
         starts=starts,
@@ -243,7 +249,7 @@ def level_progress(task: MotionTask, starts: np.ndarray, ends: Solutions, optima
 def _solve_level(
     search: Callable[..., Solutions], q: np.ndarray, further: Further | None
 ) -> tuple[Solutions, np.ndarray]:
-    """Return what starts and ``further`` ones lead to, and all of them. Raises Interrupted, with what there is."""
+    """Return the solutions of starts and ``further`` ones, and all starts; Interrupted has the solutions so far."""
     solutions = search(q)
     try:
         while further is not None:
@@ -262,9 +268,9 @@ def _unfinished(
     weights: np.ndarray,
     *levels: tuple[MotionProgram, Solutions | None] | None,
 ) -> Solutions:
-    """Return the optima of the first of ``levels`` that has any, at the samples of the last: none has converged there.
+    """Return the optima of the first of ``levels`` that has any, at the samples of the last, as not converged.
 
-    Raises Interrupted where none has any.
+    Raises Interrupted if no level has any.
     """
     for program, solutions in filter(None, levels):
         if solutions is None or not solutions.converged.any():
@@ -294,7 +300,7 @@ def _unfinished(
 def distinct_rows(
     task: MotionTask, solutions: Solutions, merit: Float[np.ndarray, " points"], *, limit: int
 ) -> Int[np.ndarray, " rows"]:
-    """Return one row of every optimum, best first; where none converged, those that violate the limits least."""
+    """Return one row of every optimum, best first; if none converged, the least-violating ones."""
     order = np.lexsort((merit, np.round(solutions.violation, 6)))
     if solutions.converged.any():
         order = np.argsort(np.where(solutions.converged, merit, np.inf), kind="stable")[: solutions.converged.sum()]
@@ -308,7 +314,7 @@ def distinct_rows(
 
 
 def coarse(options: InteriorPointOptions) -> InteriorPointOptions:
-    """Return options for a level that a finer one follows: it ends where that one begins."""
+    """Return options for a level before a finer one: it ends at that one's first barrier."""
     return options._replace(last_barrier=OPTIONS.warm.barrier, tolerance=OPTIONS.warm.barrier)
 
 
@@ -321,7 +327,7 @@ def _minimise_in_turn(
     q: np.ndarray,
     others: Sequence[InteriorPointOptions] = (),
 ) -> Solutions:
-    """Return the local optima from starts, the options being theirs in turn; ``others`` instead where there are any."""
+    """Return the local optima from starts, with alternating options, or with ``others`` if given."""
     if others:
         options = [
             each._replace(last_barrier=options[0].last_barrier, tolerance=options[0].tolerance) for each in others
@@ -338,7 +344,7 @@ def _restore(
     upper: np.ndarray,
     solver: Solver,
 ) -> Solutions:
-    """Return the optima from motions that violate limits, the violation alone being minimised first."""
+    """Return the optima from motions that violate limits, after minimising only the violation."""
     if solutions.violation.max() <= OPTIONS.feasible:
         return solutions
     rows = distinct_rows(program.task, solutions, solutions.objectives @ weights, limit=OPTIONS.restored)
@@ -352,11 +358,13 @@ def _restore(
 def on_more_samples(
     result: Result, error: Callable[[Result], float], refine: Callable[[Result], Result | None]
 ) -> Result:
-    """Return a plan or a front on more samples of its path, if values are too far off those of the curves.
+    """Return a plan or a front on more samples of its path, if values differ too much from those of the curves.
 
-    ``error`` is the largest of those, 0 if none is. ``refine`` returns the result with a sample in the middle of every
-    interval too, None if something would be lost. It is called again while that halves the error, some times at most.
-    If it fails, or a signal or the time limit ends it, the result before stays.
+    error: function that returns the largest excessive error of a result, or 0
+    refine: function that returns the result with a sample added in every interval, None if something would be lost
+
+    Refinement is repeated a few times while it halves the error. If it fails, or a signal or the time limit ends it,
+    the result before stays.
     """
     worst = np.inf
     for _ in range(SAMPLES.doublings):
@@ -374,7 +382,7 @@ def on_more_samples(
 def resample(
     task: MotionTask, q: Float[np.ndarray, "motions samples dof"], finer: MotionTask
 ) -> Float[np.ndarray, "resampled time dof"]:
-    """Return motions at the samples of a finer level, except those that leave the path between their own."""
+    """Return motions at the samples of a finer level, without those that leave the path between their own."""
     motions = task.motion(q)
     with suppress(Infeasible):
         return motions.at(finer.times)

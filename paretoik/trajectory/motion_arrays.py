@@ -6,19 +6,19 @@ import numpy as np
 from jaxtyping import Int
 
 from paretoik.robot.kinematics import joint_scales
-from paretoik.trajectory import motion_kernel as _steps  # noqa: F401  what solvers do with these arrays
+from paretoik.trajectory import motion_kernel as _steps  # noqa: F401  the steps of solvers on these arrays
 from paretoik.trajectory.curve_states import curve_arrays
 from paretoik.trajectory.kernel_arrays import MotionKernel
 from paretoik.trajectory.program import MotionProgram
 
 
 def motion_kernel(program: MotionProgram) -> MotionKernel:
-    """Return a program of sums and peaks as interior points take it; its registers are its own: one for a thread."""
+    """Return a program of sums and peaks for interior points, with its own registers: one per thread."""
     evaluators, stencil = program.evaluators, program.stencil
     variables, auxiliary = len(program.variables), len(program.variables) - program.rates
     rows = len(program.rows) + len(program.epigraph_rows)
     row = program.limited[:, 0]
-    limits = row < variables + rows  # the ties of slacks, which follow, hold as they are defined
+    limits = row < variables + rows  # the ties of slacks, which follow, are satisfied by definition
     row = np.where(row >= variables, row - auxiliary, row)
     row_peaks = np.full(rows, -1, dtype=np.int64)
     row_peaks[program.epigraph_rows] = program.epigraph_peaks
@@ -60,7 +60,7 @@ def motion_kernel(program: MotionProgram) -> MotionKernel:
 
 
 def _kinks(program: MotionProgram) -> tuple[Int[np.ndarray, "kinks 4"], int]:
-    """Return input, variable, sign and first tie of every slack, innermost first, and how deep kinks are nested."""
+    """Return input, variable, sign and first tie of every slack, innermost first, and the depth of nested kinks."""
     count, first_tie = program.slacks, program.sums + len(program.rows) + len(program.epigraph_rows)
     function, variable = program.evaluators.gradient_sparsity.rows, program.evaluators.gradient_sparsity.columns
     inner = [set[int]() for _ in range(count)]

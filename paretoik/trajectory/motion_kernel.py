@@ -1,8 +1,8 @@
-"""Motions as compiled code takes them: the kernel whose Newton matrix is banded in time.
+"""The compiled kernel of motions, whose Newton matrix is banded in time.
 
 Unknowns are steps in the self-motion of every sample: q moves along the null space of the tasks' Jacobian and is then
-retracted onto the path, so that every iterate follows it. What is left is a program in (dof − task rows) numbers a
-sample whose exact second derivatives, the path's curvature included, are banded in time; a cycle closes in the border.
+retracted onto the path, so that every iterate follows it. The program has (dof − task rows) unknowns per sample, and
+its exact second derivatives, with the path's curvature, are banded in time; a cycle closes in the border.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from paretoik.trajectory import kink_smoothing
 from paretoik.trajectory import self_motion_kernel as self_motion_steps
 from paretoik.trajectory.kernel_arrays import MotionKernel, allocate, sample_count
 
-# The limits of a motion, each a variable or a function at an instant, as rows of its program; compiled.
+# Limits on variables and functions of an instant, as rows of the program; compiled
 #
-# Row i is factors[i] · (value − bounds[i]) ≥ 0, the value that of row ``limited``[i, 0] at instant ``limited``[i, 1]:
-# of the variables u at an instant first, then of the functions that are limited.
+# Row i is factors[i] · (value − bounds[i]) ≥ 0. Its value is that of row ``limited``[i, 0] at instant
+# ``limited``[i, 1]; rows are the variables u at an instant, then the limited functions.
 
 
 @compiled
 def limit_gradient(kernel, work, multipliers):
-    """Write the gradient of −multipliers · c by u, and the multipliers of variables and rows in their own units."""
+    """Write the gradient of −multipliers · c by u, and multipliers of variables and rows in their own units."""
     gradient_u, by_row, gradients = work.gradient_u, work.by_row, work.gradients
     limited, factors = kernel.limited, kernel.factors
     variables, samples = gradient_u.shape
@@ -78,21 +78,21 @@ def write_rows(kernel, work, columns, entries):
                             entries[i, b] += scaled * local[s, a, b]
 
 
-# Peaks of a motion: epigraph variables σ on the border of Newton's matrix, compiled.
+# Peaks of a motion: epigraph variables σ on the border of Newton's matrix; compiled
 #
-# A peak is the least σ with σ − piece ≥ 0 for every piece at every sample. The rows σ − piece are limited rows as
-# others are; what is added here is how they change with σ, which stands in rows of a point below its samples.
+# A peak is the least σ with σ − piece ≥ 0 for every piece at every sample. The rows σ − piece are ordinary limited
+# rows; these functions add their derivatives by σ, which is in rows of a point after its samples.
 
 
 @compiled
 def peak_rows(kernel, n):
-    """Return the number of rows of n entries that peaks take in a point."""
+    """Return the number of rows of n entries for peaks in a point."""
     return (len(kernel.peak_inputs) + n - 1) // n
 
 
 @compiled
 def copy_peaks(kernel, work, x):
-    """Write the σ of a point where the functions of a sample read them."""
+    """Write the σ of a point into the inputs of the functions of a sample."""
     samples, n = sample_count(kernel), x.shape[1]
     for k in range(len(kernel.peak_inputs)):
         for s in range(len(kernel.ones)):
@@ -101,7 +101,7 @@ def copy_peaks(kernel, work, x):
 
 @compiled
 def lift_peaks(kernel, work, x):
-    """Write the least σ that a motion allows into its point; the functions of a sample were evaluated at σ = 0."""
+    """Write a motion's least σ into its point; functions of a sample must have been evaluated at σ = 0."""
     samples, n = sample_count(kernel), x.shape[1]
     sums = len(work.objective_gradients)
     for k in range(len(kernel.peak_inputs)):
@@ -115,7 +115,7 @@ def lift_peaks(kernel, work, x):
 
 @compiled
 def peak_gradient(kernel, work, weights, multipliers, out):
-    """Write the gradient of weights · F − multipliers · c by σ; the signed multipliers of rows are in ``by_row``."""
+    """Write the gradient of weights · F − multipliers · c by σ, from signed multipliers of rows in ``by_row``."""
     first, variables = kernel.unknowns, len(work.gradient_u)
     for total in range(len(weights)):
         if kernel.totals[total] < 0:
@@ -129,7 +129,7 @@ def peak_gradient(kernel, work, weights, multipliers, out):
 
 @compiled
 def assemble_peaks(kernel, work, A, B, C):
-    """Write the rows of the border that belong to σ; the stiffness of rows is in ``by_row``."""
+    """Write the rows of the border for σ, from the stiffness of rows in ``by_row``."""
     variables, samples = work.gradient_u.shape
     sums, size = len(work.objective_gradients), A.shape[0]
     for k in range(len(kernel.peak_inputs)):
@@ -161,7 +161,7 @@ def assemble_peaks(kernel, work, A, B, C):
 
 @compiled
 def step_peaks(kernel, step, dx):
-    """Write how σ changes with a step of the unknowns."""
+    """Write the change of σ with a step of the unknowns."""
     samples, n = sample_count(kernel), dx.shape[1]
     for k in range(len(kernel.peak_inputs)):
         dx[samples + k // n, k % n] = step[kernel.unknowns + k]
@@ -189,7 +189,7 @@ def allocate_workspace(kernel, x):
 
 @implement(steps.add_auxiliary, MotionKernel)
 def add_auxiliary(kernel, work, x):
-    """Return the point of a motion, each σ as low as its peak allows; measure kinks."""
+    """Return the point of a motion with the least σ of each peak; measure kinks."""
     samples, n = x.shape
     point = np.zeros((samples + peak_rows(kernel, n), n))
     for s in range(samples):
@@ -215,7 +215,7 @@ def _write_states(kernel, work, x):
 
 @compiled
 def _add_by_positions(kernel, work, gradient, scale, gradient_q):
-    """Add the gradient by q (time, dof) that belongs to one by u (variables, instants), times ``scale`` (instants,)."""
+    """Add the gradient by q (time, dof) of one by u (variables, instants), times ``scale`` (instants,)."""
     curve_states.chain_gradient(work.curve, gradient[: len(work.gradient_u)], work.gradient_spline)
     self_motion_steps.add_transposed_stencil(
         work.gradient_spline, scale, kernel.neighbours, kernel.coefficients, gradient_q
@@ -237,7 +237,7 @@ def set_smoothing(kernel, work, mu):
 
 @implement(steps.restore, MotionKernel)
 def restore(kernel, work, x):
-    """Return 0: a motion is on the path from the start."""
+    """Return 0: a motion is on the path already."""
     return 0.0
 
 
@@ -283,7 +283,7 @@ def linearise(kernel, work, x):
         self_motion_steps.tie_last_sample(work.tangent, work.normal)
     run(kernel.slope, work.inputs, work.slopes)
     functions = len(gradients)
-    for f in range(functions if len(kernel.kinks) else 0):  # entries that are always 0 by themselves
+    for f in range(functions if len(kernel.kinks) else 0):  # entries that are always 0
         clear(gradients[f])
     for e in range(len(slope_of)):
         for s in range(instants):
@@ -299,7 +299,7 @@ def linearise(kernel, work, x):
 
 @implement(steps.reduced_gradient, MotionKernel)
 def reduced_gradient(kernel, work, weights, multipliers, out):
-    """Write the gradient of weights · F − multipliers · c by the unknowns; leave that by q in the workspace."""
+    """Write the gradient of weights · F − multipliers · c by the unknowns, and in the workspace by q."""
     clear(work.gradient_q)
     clear(work.gradient_u)
     if len(multipliers):
@@ -314,7 +314,7 @@ def reduced_gradient(kernel, work, weights, multipliers, out):
 
 @implement(steps.prepare_multipliers, MotionKernel)
 def prepare_multipliers(kernel, work, weights):
-    """Write the multipliers of path, sums and rows where the Hessian of the Lagrangian reads them."""
+    """Write the multipliers of path, sums and rows as inputs of the Lagrangian's Hessian."""
     first, variables, samples = kernel.multipliers, len(work.gradient_u), work.gradient_u.shape[1]
     inputs, by_row, quadrature = work.inputs, work.by_row, kernel.quadrature
     for g in range(len(by_row) - variables):
@@ -349,10 +349,10 @@ def residual_norm(kernel, residual):
 
 @implement(steps.assemble, MotionKernel)
 def assemble(kernel, work, stiffness, A, B, C):
-    """Add up the second derivatives of the Lagrangian and the stiffness of the limits, sample by sample."""
+    """Write Newton's matrix: second derivatives of the Lagrangian plus the limits' stiffness, by samples."""
     variables, samples = work.gradient_u.shape
     states = len(work.gradient_spline)
-    behind = 2 * states if kernel.curve.projects else variables  # the spline's u, behind those of the curve
+    behind = 2 * states if kernel.curve.projects else variables  # the spline's u, after those of the curve
     local = np.zeros((behind, kernel.coefficients.shape[2] * work.tangent.shape[2]))
     phi, row, half = np.zeros((behind, behind)), np.empty(variables), np.zeros(local.shape)
     run(kernel.curvature, work.inputs, work.seconds)
@@ -443,7 +443,7 @@ def directional_derivatives(kernel, work, dx, dF, dc):
 
 @implement(steps.row_width, MotionKernel)
 def row_width(kernel, work):
-    """Return how many unknowns the neighbours of an instant have."""
+    """Return the number of unknowns of an instant's neighbours."""
     return kernel.coefficients.shape[2] * work.tangent.shape[2]
 
 
@@ -455,7 +455,7 @@ def constraint_rows(kernel, work, columns, entries):
 
 @implement(steps.retract, MotionKernel)
 def retract(kernel, work, x, dx, length, trial):
-    """Write the motion on the path that a step leads to; return whether it got there."""
+    """Write the motion on the path after a step; return whether the retraction succeeded."""
     samples = sample_count(kernel)
     for s in range(x.shape[0]):
         for j in range(x.shape[1]):

@@ -1,4 +1,4 @@
-"""Local optima from nothing: all distinct locally optimal motions of one objective that many starts lead to.
+"""Plans: all distinct locally optimal motions of one objective that many starts lead to.
 
 Source: Tringali & Cocuzza 2020, section 3.1.
 """
@@ -53,19 +53,24 @@ from paretoik.trajectory.restarts import LevelRestarts, first_portions
 from paretoik.trajectory.tightening import feasible_motions, hold_all
 from paretoik.trajectory.transcription import motion_program
 
-EXCEEDS = "limits exceeded between samples"  # status of an optimum that no tightening brings within its limits
-UNDER_RESOLVED = "under-resolved"  # status of an optimum whose value is too far off that of its curve
+EXCEEDS = "limits exceeded between samples"  # status of an optimum that exceeds its limits in spite of tightening
+UNDER_RESOLVED = "under-resolved"  # status of an optimum whose value differs too much from that of its curve
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Optimum:
-    """A locally optimal motion, its objective in the user's own sign, the label of its branch, and a status.
+    """A locally optimal motion.
 
-    ``violation_between`` is an upper bound of how far it exceeds its limits at any time, as a share of their ranges;
-    ``criticality`` how much its objective can still gain to first order, as a share of the best optimum's, confirmed by
-    a convex program; NaN if unknown. ``discretisation_error`` says how far ``objective`` is off its value on the
-    motion's curve, in its unit; NaN in earlier runs. If that is more than 0.1 % of the value, an optimum of a spline is
-    "under-resolved".
+    motion: the motion
+    objective: value of the objective, in the user's own sign
+    label: label of the motion's branch
+    status: status of the solver, or a fault such as "under-resolved"
+    violation_between: upper bound of its violation of limits at any time, as a share of their ranges
+    criticality: first-order gain that its objective still has, as a share of the best optimum's objective, confirmed by
+        a convex program; NaN if unknown
+    discretisation_error: error of ``objective`` relative to the motion's curve, in its unit; NaN in earlier runs
+
+    An optimum of a spline whose error is more than 0.1 % of the value is "under-resolved".
     """
 
     motion: Motion
@@ -83,10 +88,12 @@ class Optimum:
 @check_call
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Plan:
-    """Distinct local optima, best first, each with ``motion``, ``objective``, ``label`` of its branch and ``status``.
+    """Distinct local optima, best first.
 
-    ``levels`` are the numbers of samples and of optima at each level, coarse to fine, ``starts`` how many motions the
-    first of them started from; ``provenance`` says how the plan came about, as a front's does.
+    optima: optima with ``motion``, ``objective``, ``label`` and ``status``
+    levels: numbers of samples and of optima at each level, coarse to fine
+    starts: number of motions that the first level started from
+    provenance: record of how the plan was made, as for a front
     """
 
     optima: tuple[Optimum, ...]
@@ -100,7 +107,7 @@ class Plan:
         return self.optima[0]
 
     def __repr__(self) -> str:
-        """Return a line an optimum, best first."""
+        """Return one line per optimum, best first."""
         rows = [("place", "objective", "branch", "status", "violation between samples")]
         for place, each in enumerate(self.optima):
             rows.append((str(place), f"{each.objective:.6g}", each.label, each.status, f"{each.violation_between:.1e}"))
@@ -122,21 +129,26 @@ def find_optima(
 ) -> Plan:
     """Return the distinct local optima of a task with one objective that many starts lead to.
 
-    ``starts`` motions per degree of redundancy, by default up to 48 until a better one is hardly unseen, are sampled
-    and minimised at the coarsest level of samples that leads to an optimum. ``RestartPolicy`` adds independent starts
-    there while one of the optima unseen so far is likely a better one, and on the next level too where values change
-    much; where optima are many it also perturbs the best at random while that finds better ones. The distinct optima
-    are refined on finer levels up to the task's own samples; on one of them the best of many are perturbed again.
-    ``initial`` motions on the path are minimised at the task's own samples, and are starts too: the best of the plan is
-    no worse than the best feasible of them. ``observe`` is called after each level. ``rollouts`` are motions on the
-    path, the least-violating first: if none of them keeps the limits, ``require_feasible`` looks first whether any can.
+    starts: number of starts per degree of redundancy; None for up to 48, until a better optimum is unlikely
+    seed: seed of random numbers
+    initial: motions on the path that are starts too, minimised at the task's own samples; the best optimum is no worse
+        than the best feasible of them
+    solver: solver of the local searches
+    observe: function called after each level
+    rollouts: motions on the path, the least-violating first; if none satisfies the limits, ``require_feasible`` first
+        checks whether any motion can
 
-    Raises InvalidInput where the objective or a limit has no derivative, or a kink and ``solver`` is "interior-point";
-    OutOfReach or Infeasible where there is no motion; Infeasible with the least-violating motion where none keeps the
-    limits; SolverFailed where limits hold but no start converged, EvaluationFailed if no start converged and a search
-    came to a motion without a value.
+    Starts are minimised at the coarsest level of samples that leads to an optimum. ``RestartPolicy`` adds independent
+    starts there while a better unseen optimum is likely, and on the next level too if values change much; if optima are
+    many it also perturbs the best at random while that finds better ones. The distinct optima are refined on finer
+    levels up to the task's own samples; on one of these the best of many are perturbed again.
+
+    Raises InvalidInput if the objective or a limit has no derivative, or a kink and ``solver`` is "interior-point";
+    OutOfReach or Infeasible if there is no motion; Infeasible with the least-violating motion if none satisfies the
+    limits; SolverFailed if limits are satisfied but no start converged; EvaluationFailed if no start converged and a
+    search came to a motion without a value.
     """
-    assert len(task.objectives) == 1, "one objective at a time is planned for"
+    assert len(task.objectives) == 1, "a plan has one objective"
     if solver != "auto":  # before any work
         check_solver(motion_program(task), solver)
     initial_solutions = _minimise_initial(task, initial, solver)
@@ -161,9 +173,9 @@ def resolve_plan(
 ) -> Plan:
     """Return a plan of a task, on more samples if an optimum is under-resolved (``on_more_samples``).
 
-    All optima are minimised again there. The plan stays as it is if one of them leaves the path between its samples or
-    does not converge. An error that is rounding of the objective's size at ``rollouts`` counts as none. ``given`` is
-    the number of the user's samples.
+    All optima are minimised again there. The plan does not change if one of them leaves the path between its samples or
+    does not converge. An error below rounding of the objective's size at ``rollouts`` counts as none. ``given`` is the
+    user's number of samples.
     """
 
     def error(found: tuple[MotionTask, Plan]) -> float:
@@ -192,7 +204,7 @@ def resolve_plan(
 def _minimise_initial(
     task: MotionTask, initial: Float[np.ndarray, "motions time dof"] | None, solver: Solver
 ) -> Solutions:
-    """Return what motions lead to at the task's own samples, as far as limits hold there."""
+    """Return the feasible solutions from motions at the task's own samples."""
     initial = np.empty((0, len(task.times), task.arm.dof)) if initial is None else initial
     program = motion_program(task, objective_scales(task, initial) if len(initial) else None)
     solutions = minimise_from(program, initial, np.ones(1), solver=solver)
@@ -208,9 +220,9 @@ def _search(
     observe: ObserveLevel | None,
     rollouts: JointPaths | None,
 ) -> tuple[Solutions, tuple[tuple[int, int], ...], int]:
-    """Return the distinct optima from starts on the coarsest level that leads to some, with what ``_search_from`` adds.
+    """Return the result of ``_search_from`` on the coarsest level that leads to optima.
 
-    Raises Infeasible or SolverFailed where none leads to any.
+    Raises Infeasible or SolverFailed if no level does.
     """
     if rollouts is not None:
         require_feasible(task, rollouts, observe)
@@ -236,9 +248,9 @@ def _search_from(
     solver: Solver,
     observe: ObserveLevel | None,
 ) -> tuple[Solutions, tuple[tuple[int, int], ...], int]:
-    """Return the distinct optima from starts on the level ``first``, samples and optima of each level, and the starts.
+    """Return the distinct optima from the level ``first``, samples and optima of each level, and the number of starts.
 
-    Their number includes those of a level that a signal cut short.
+    It includes starts of a level that a signal interrupted.
     """
     level, rng = coarsest_level(task, first), np.random.default_rng(seed)
     count = RESTARTS.starts if starts is None else starts
@@ -278,8 +290,8 @@ def _plan(
 
 
 def _merge(task: MotionTask, solutions: Solutions, initial: Solutions) -> Solutions:
-    """Return the distinct optima of both, best first; before them the best initial motion where it is better."""
-    natural = motion_program(task)  # objectives of both are divided by scales of their own
+    """Return the distinct optima of both, best first; the best initial motion comes first if it is better."""
+    natural = motion_program(task)  # both divide objectives by scales of their own
     both = concatenate((solutions, initial))
     both = replace(both, objectives=np.stack([natural.evaluate(x)[0] for x in both.x]))
     initial = both[len(solutions) :]
@@ -291,10 +303,10 @@ def _merge(task: MotionTask, solutions: Solutions, initial: Solutions) -> Soluti
 def _optima(
     task: MotionTask, solutions: Solutions, initial: Float[np.ndarray, "motions time dof"] | None, solver: Solver
 ) -> tuple[Optimum, ...]:
-    """Return the optima, best first, limits that they exceed between samples being tightened.
+    """Return the optima, best first, after tightening the limits that they exceed between samples.
 
-    Optima that exceed one all the same come last. A motion that was given, keeps its limits between samples and is
-    better than all optima comes first.
+    Optima that still exceed a limit come last. A given motion that satisfies its limits between samples and is better
+    than all optima comes first.
     """
     program = motion_program(task, np.maximum(np.abs(task.objectives[0](task.motion(solutions.x[:1]))), 1e-300))
     results, status = hold_all(program, solutions.x, 1, solver), solutions.status
@@ -328,7 +340,7 @@ def _optima(
 
 
 def _failure(task: MotionTask, solutions: Solutions) -> EvaluationFailed | Infeasible | SolverFailed:
-    """Return why no search ended well: first of all a function without a value at one of the ends."""
+    """Return the error of a plan without optima; a function without a value comes first."""
     status, level = STATUSES[int(solutions.status[0])], task.subsample(solutions.x.shape[1])
     unfinished = solutions.x[solutions.status == NOT_FINITE]
     failed = [each for each in evaluate_motions(level, level.motion(unfinished))[2] if each] if len(unfinished) else []
@@ -340,12 +352,12 @@ def _failure(task: MotionTask, solutions: Solutions) -> EvaluationFailed | Infea
     return infeasible_error(task, level, solutions.x, status=status)
 
 
-# How optima of motions are found from nothing, as ε-sweeps ask for it.
+# Cold searches for ε-sweeps
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MotionColdSearch:
-    """Plans each objective alone; leads coarse starts below bounds, level by level; a ``ColdSearch``."""
+    """A ``ColdSearch`` that plans each objective, and minimises coarse starts below bounds, level by level."""
 
     task: MotionTask
     rollouts: JointPaths
@@ -356,11 +368,11 @@ class MotionColdSearch:
 
     @property
     def multimodal(self) -> bool:
-        """Whether valleys are many: where the self-motion has several dimensions."""
+        """Whether local optima are many: the self-motion has several dimensions."""
         return self.task.redundancy > 1
 
     def optima(self, objective: int) -> Float[np.ndarray, "optima time dof"]:
-        """Return the local optima of one objective alone, best first. Raises what ``find_optima`` does."""
+        """Return the local optima of one objective, best first; raises as ``find_optima`` does."""
         alone = replace(self.task, objectives=(self.task.objectives[objective],))
         names = [each.name for each in self.task.objectives]
         named = replace(self, observe=naming_objective(self.observe, names, objective))
@@ -373,16 +385,16 @@ class MotionColdSearch:
     def optima_below(
         self, program: Program, main: int, upper: Float[np.ndarray, " n_obj"], weight: float
     ) -> Solutions | None:
-        """Return what half as many cold starts lead to for one objective, the others below ``upper``, best first."""
+        """Return the optima of one objective from half as many cold starts, others below ``upper``, best first."""
         assert isinstance(program, MotionProgram)
         weights = np.full(len(upper), weight)
         weights[main] = 1.0
         first, starts = self._coarse_starts
         programs = level_programs(self.task, program.scales, first)
         try:
-            optima = 2 * EPSILON.cold_optima  # that many are asked for, half may end elsewhere
+            optima = 2 * EPSILON.cold_optima  # twice as many as needed, since half may end elsewhere
             return refine_levels(programs, starts, weights, upper, self._show, solver=self.solver, max_optima=optima)[0]
-        except Infeasible:  # all that is found leaves the path between samples: nothing below this bound
+        except Infeasible:  # all optima leave the path between samples: there are none below this bound
             return None
 
     def _show(self, level: LevelProgress) -> None:
@@ -391,7 +403,7 @@ class MotionColdSearch:
 
     @cached_property
     def _coarse_starts(self) -> tuple[int, Float[np.ndarray, "starts samples dof"]]:
-        """The coarsest level that has starts, and these."""
+        """The coarsest level with starts, and these starts."""
         stages = first_levels(len(self.task.times))
         for first in stages:
             try:

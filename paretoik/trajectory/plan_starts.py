@@ -24,12 +24,12 @@ from paretoik.trajectory.levels import coarsest_level
 
 @dataclass(frozen=True, kw_only=True)
 class StartOptions:
-    """How many starts there are, and of what kinds."""
+    """Numbers and kinds of starts."""
 
-    rollouts: int = 4  # that are tried for each start
-    travelling: int = 3  # motions that are tried for each start that travels
-    spacing: float = 0.15  # rad or arm lengths: of a grid's nodes, so that it takes as long as many starts
-    classes: int = 8  # of a grid's paths, at most
+    rollouts: int = 4  # tried for each start
+    travelling: int = 3  # motions tried for each start that travels
+    spacing: float = 0.15  # rad or arm lengths: of a grid's nodes, so that the grid takes the time of many starts
+    classes: int = 8  # largest number of a grid's paths
 
 
 OPTIONS = StartOptions()
@@ -44,16 +44,16 @@ def squared_velocity(motion: Any) -> Any:
 def initial_motions(
     task: MotionTask, *, starts: int, seed: int, first: int = 0
 ) -> Float[np.ndarray, "starts samples dof"]:
-    """Return starts over the coarsest level, or the level ``first``, ``starts`` for every degree of redundancy.
+    """Return ``starts`` motions per degree of redundancy on the coarsest level, or on the level ``first``.
 
-    Half are roll-outs, half travel along the self-motion, which roll-outs hardly do: the most promising of many.
+    Half are roll-outs, half travel along the self-motion, which roll-outs rarely do: the most promising of many.
     """
     count = starts * max(task.redundancy, 1)
     return sample_starts(coarsest_level(task, first), count, np.random.default_rng(seed))
 
 
 def sample_starts(level: MotionTask, count: int, rng: np.random.Generator) -> Float[np.ndarray, "starts samples dof"]:
-    """Return at most so many motions on the path of a level."""
+    """Return at most ``count`` motions on the path of a level."""
     rollouts = rollout_starts(level, OPTIONS.rollouts * count, rng)
     travelling = sample_travelling(level, count // 2, rng)
     others = count - len(travelling)
@@ -63,17 +63,17 @@ def sample_starts(level: MotionTask, count: int, rng: np.random.Generator) -> Fl
 def sample_travelling(
     level: MotionTask, count: int, rng: np.random.Generator
 ) -> Float[np.ndarray, "starts samples dof"]:
-    """Return at most so many motions that travel along the self-motion, the most promising of more."""
+    """Return at most ``count`` motions that travel along the self-motion, the most promising of more."""
     return _most_promising(level, travelling_starts(level, OPTIONS.travelling * count, rng), count)
 
 
 def grid_starts(level: MotionTask, dof: int) -> Float[np.ndarray, "paths samples dof"]:
-    """Return the best paths of every class through a coarse grid of postures; none where that would take long.
+    """Return the best paths of every class through a coarse grid of postures; none if the grid would take long.
 
-    Where the objective asks for accelerations, as torques do, what moves least is taken for the best instead, and under
-    gravity also what is best without accelerations.
+    If the objective depends on accelerations, as with torques, the motions that move least are used instead, and under
+    gravity also the best ones without accelerations.
     """
-    with suppress(InvalidInput, Infeasible):  # there is no grid of such a task, or no path through one so coarse
+    with suppress(InvalidInput, Infeasible):  # no grid for the task, or no path through a coarse one
         return _grid_paths(level, level.objectives)
     paths = [np.empty((0, len(level.times), dof))]
     surrogates: list[tuple[Objective, ...]] = [(squared_velocity,)]
@@ -86,7 +86,7 @@ def grid_starts(level: MotionTask, dof: int) -> Float[np.ndarray, "paths samples
 
 
 def _grid_paths(level: MotionTask, objectives: tuple[Objective, ...]) -> Float[np.ndarray, "paths samples dof"]:
-    task = replace(level, objectives=objectives, differences="backward", ends_at_rest=False)  # as grids want it
+    task = replace(level, objectives=objectives, differences="backward", ends_at_rest=False)  # as grids need it
     return grid_oracle(task, resolution=OPTIONS.spacing, classes=OPTIONS.classes, quick=True).q
 
 
@@ -94,7 +94,7 @@ def _without_acceleration(one: Objective) -> Objective:
     """Return an objective of the same motions at the same velocities without accelerations."""
 
     def function(motion: Any) -> Any:
-        slow = replace(motion)  # nothing is known of it yet
+        slow = replace(motion)  # without computed quantities
         vars(slow).update(dq=motion.dq, ddq=np.zeros_like(motion.q), jerk=np.zeros_like(motion.q))
         return one.function(slow)
 
@@ -102,13 +102,13 @@ def _without_acceleration(one: Objective) -> Objective:
 
 
 def _most_promising(task: MotionTask, q: JointPaths, limit: int) -> Float[np.ndarray, "chosen time dof"]:
-    """Return the motions to start from: in every branch the best by objectives and limits, the branches in turn."""
+    """Return the motions to start from: the best of every branch by objectives and limits, branches alternating."""
     if not len(q):
         return q
     F, limits, _ = evaluate_motions(task, task.motion(q))
     finite = np.isfinite(F.T)
     usual = np.where(finite, np.abs(F.T), 0.0).sum(axis=1) / np.maximum(finite.sum(axis=1), 1)
-    merit = np.sum(F.T / np.maximum(usual, 1e-300)[:, None], axis=0)  # NaN, and so last, where a function fails
+    merit = np.sum(F.T / np.maximum(usual, 1e-300)[:, None], axis=0)  # NaN, and so last, if a function fails
     violation = np.maximum(limits, 0).sum(axis=1)
     order = np.lexsort((merit, np.round(violation, 2)))
     branch = np.array(branch_labels(task.motion(q[order])))

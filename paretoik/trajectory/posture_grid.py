@@ -1,4 +1,4 @@
-"""The grid that motions are sought on where redundancy is one: the postures of every sample, cut into nodes."""
+"""The grid of motions for redundancy one: the postures of every sample, cut into nodes."""
 
 from __future__ import annotations
 
@@ -21,24 +21,24 @@ from paretoik.task.self_motion import Curve, resample_curve, self_motion_frames,
 from paretoik.task.starts import wrap_difference
 from paretoik.trajectory.shortest_paths import LayeredGraph
 
-# Costs and limits of motions over a grid of postures, by the number of consecutive samples that they depend on.
+# Costs and limits of motions on a grid of postures, by the number of consecutive samples that they depend on
 
 
 Series = Callable[[Motion], np.ndarray]
-At = Callable[[int, np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]  # (q, dq, ddq) of some of a sample's
+At = Callable[[int, np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]  # (q, dq, ddq) of some items of a sample
 
 
 @dataclass(frozen=True, kw_only=True)
 class GridOptions:
-    """How a grid is laid and what it returns."""
+    """Settings of a grid and its results."""
 
-    pace: float = 2.5  # times the path's own that joints without velocity limit may go
-    quick_nodes: int = 30_000  # of a quick grid, at most
-    distinct: float = 0.15  # rad or arm lengths, RMS: paths nearer to a better one are not told from it
+    pace: float = 2.5  # multiple of the path's own pace for joints without velocity limit
+    quick_nodes: int = 30_000  # largest number of nodes of a quick grid
+    distinct: float = 0.15  # rad or arm lengths, RMS: paths nearer to a better one count as equal to it
     transitions: int = 40_000_000  # more do not fit the memory of a small machine
     block: int = 200_000  # samples that are evaluated at once
-    cell: int = 2  # nodes by which steps between a cell's corners are longer than those of a motion in it (the bound)
-    margin: int = 4  # nodes beyond windows and ranges of joints that transitions are evaluated (the bound)
+    cell: int = 2  # nodes by which steps between a cell's corners exceed those of a motion in it (for the bound)
+    margin: int = 4  # nodes beyond windows and ranges of joints with transitions (for the bound)
 
 
 OPTIONS = GridOptions()
@@ -46,7 +46,7 @@ OPTIONS = GridOptions()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Terms:
-    """The cost, and limits that may not exceed 0 at any sample; ``second`` where one depends on accelerations."""
+    """The cost, and limits that must be at most 0 at all samples; ``second`` if one depends on accelerations."""
 
     cost: Series
     postures: list[Series]
@@ -54,30 +54,30 @@ class Terms:
     second: bool
 
     def sample_costs(self, motion: Motion) -> np.ndarray:
-        """Return the share of every sample in the integral of the cost."""
+        """Return every sample's share of the integral of the cost."""
         return self.cost(motion) * motion.weights
 
     def feasible_costs(self, motion: Motion) -> np.ndarray:
-        """Return the cost of every sample, infinite where a limit on rates does not hold."""
+        """Return the cost of every sample, infinite if a limit on rates is violated."""
         return np.where(self.satisfied(motion, self.rates), self.sample_costs(motion), np.inf)
 
     def satisfied(self, motion: Motion, limits: list[Series]) -> np.ndarray:
-        """Return at which samples limits hold."""
+        """Return at which samples limits are satisfied."""
         return self.worst(limits)(motion) <= LIMIT_TOLERANCE
 
     @staticmethod
     def worst(limits: list[Series]) -> Series:
-        """Return the excess over the limit that is broken most, −1 where there is none."""
+        """Return the excess over the most violated limit, −1 without limits."""
         nothing = [lambda motion: np.full(motion.q.shape[:-1], -1.0)]
         return lambda motion: np.max([limit(motion) for limit in limits or nothing], axis=0)
 
 
 def build_terms(task: MotionTask, probe: np.ndarray) -> Terms:
-    """Return objectives and limits, sorted by what they depend on."""
+    """Return objectives and limits, sorted by the derivatives that they depend on."""
     for kind, functions, form in (("objective", task.objectives, "integral"), ("constraint", task.constraints, "peak")):
         for one in functions:
             if one.form != form:
-                raise InvalidInput(f"grid_oracle: {kind} {one.name}: form {form!r} wanted, got {one.form!r}")
+                raise InvalidInput(f"grid_oracle: {kind} {one.name}: form must be {form!r}, got {one.form!r}")
 
     def cost(motion: Motion) -> np.ndarray:
         return np.sum(
@@ -108,31 +108,32 @@ def build_terms(task: MotionTask, probe: np.ndarray) -> Terms:
 
 
 def derivative_order(task: MotionTask, term: Series, q: np.ndarray) -> int:
-    """Return the highest derivative that a function of motions depends on: NaN in higher ones does not change it."""
+    """Return the highest derivative that a function of motions depends on: NaN in higher ones has no effect."""
     for order, rates in enumerate([(np.nan, np.nan), (0.1, np.nan), (0.1, 0.1)]):
         with np.errstate(all="ignore"):
             try:
                 values = term(instant_motions(task, q, *rates))
             except EvaluationFailed as error:
-                raise InvalidInput(f"grid_oracle: functions that bear NaN in rates wanted, got {error}") from error
+                raise InvalidInput(f"grid_oracle: functions must accept NaN in rates, got {error}") from error
         if not np.isnan(values).any():
             return order
     raise InvalidInput("grid_oracle: objectives and limits must be numbers and look no further than accelerations")
 
 
 def instant_motions(task: MotionTask, q: np.ndarray, dq: np.ndarray | float, ddq: np.ndarray | float) -> Motion:
-    """Return rows (rows, time, dof) of postures with given rates; what comes before and after each is elsewhere."""
+    """Return rows (rows, time, dof) of independent postures with given rates."""
     motion = replace(task, cyclic=False).motion(q)
-    rates = {"dq": dq, "ddq": ddq, "jerk": np.nan}  # these stand in for what Motion would find from the row itself
+    rates = {"dq": dq, "ddq": ddq, "jerk": np.nan}  # instead of those that Motion would compute from the row
     vars(motion).update({name: np.broadcast_to(values, q.shape) for name, values in rates.items()})
     return motion
 
 
 def evaluate_at(task: MotionTask, term: Series, counts: Sequence[int], at: At) -> list[np.ndarray]:
-    """Return ``term`` of so many instants of every sample; ``at`` gives some of a sample's: (q, dq, ddq)."""
+    """Return ``term`` of every sample's instants (``counts``); ``at`` gives (q, dq, ddq) of some of them."""
     if sum(counts) > OPTIONS.transitions:
         raise InvalidInput(
-            f"resolution: at most {OPTIONS.transitions:.3g} transitions wanted, got {sum(counts):.3g}: make it coarser"
+            f"resolution must give at most {OPTIONS.transitions:.3g} transitions, got {sum(counts):.3g}: make it "
+            "coarser"
         )
     values_at = [np.empty(count) for count in counts]
     rows, longest = max(1, OPTIONS.block // len(counts)), max(counts)
@@ -148,10 +149,11 @@ def evaluate_at(task: MotionTask, term: Series, counts: Sequence[int], at: At) -
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PostureGrid:
-    """Nodes of every sample (nodes, dof) and the node that comes next on the curve of each, −1 where none does.
+    """Nodes of every sample (nodes, dof), and the next node on the curve of each, −1 for none.
 
-    ``turning`` joints are known modulo 2π; ``windows`` (time, dof) is how far a joint may go to each sample, distances
-    of joints are measured in ``scales``.
+    turning: joints that are known modulo 2π
+    windows: largest step (time, dof) of each joint to each sample
+    scales: units of joint distances
     """
 
     nodes: list[Float[np.ndarray, "_ dof"]]
@@ -165,9 +167,9 @@ class PostureGrid:
         return wrap_difference(later - before, self.turning)
 
     def edges(self, i: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return all pairs of nodes of samples i − 1 and i with every joint's step within its window.
+        """Return all pairs of nodes of samples i − 1 and i whose joint steps are within their windows.
 
-        Sorted by the second, then by the first.
+        They are sorted by the second node, then by the first.
         """
         box = np.where(self.turning, 2 * np.pi / self.windows[i], 0.0)
         places = [np.where(self.turning, q % (2 * np.pi), q) / self.windows[i] for q in self.nodes[i - 1 : i + 1]]
@@ -190,7 +192,7 @@ class PostureGrid:
         """Return the grid of the nodes of ``mask``."""
         next_node = []
         for ahead, k in zip(self.next_node, mask, strict=True):
-            place = np.append(np.where(k, np.cumsum(k) - 1, -1), -1)  # the last entry: next of none is none
+            place = np.append(np.where(k, np.cumsum(k) - 1, -1), -1)  # last entry: the next of no node is no node
             next_node.append(place[ahead[k]])
         return PostureGrid(
             nodes=[q[k] for q, k in zip(self.nodes, mask, strict=True)],
@@ -202,9 +204,9 @@ class PostureGrid:
 
 
 def step_windows(task: MotionTask, pace: float) -> Float[np.ndarray, "time dof"]:
-    """Return how far [rad, m] each joint may go to each sample, at most ``pace`` [rad, the arm's length].
+    """Return each joint's largest step [rad, m] to each sample, at most ``pace`` [rad, the arm's length].
 
-    Next to nothing where it may not move at all.
+    It is tiny, not 0, for a joint that must not move.
     """
     limits = np.abs(task.bounds.get("velocity", np.full((1, task.arm.dof, 2), np.inf))).max(axis=-1)
     steps = np.diff(task.times)[:, None]
@@ -223,7 +225,7 @@ def posture_grid(
 ) -> PostureGrid:
     """Return the nodes of every sample, ``spacing`` apart on its curves, joints at most ``beyond`` past their ranges.
 
-    Both are in rad, slides in lengths of the arm. Turns of ``unrolled`` joints are told apart.
+    Both are in rad, slides in arm lengths. Turns of ``unrolled`` joints differ.
     """
     cut = [[resample_curve(task.arm, curve, spacing) for curve in here] for here in curves]
     samples = np.repeat(np.arange(len(cut)), [sum(len(q) for q, _ in here) for here in cut])
@@ -249,7 +251,7 @@ def posture_grid(
 
 
 def _next_nodes(q: np.ndarray, which: np.ndarray, ahead: np.ndarray, turning: np.ndarray, spacing: float) -> np.ndarray:
-    """Return the next of every node, in the same turn: ``ahead`` is the next of each place ``which`` nodes are at."""
+    """Return every node's next in the same turn; nodes are at places ``which``, whose next places are ``ahead``."""
     order = np.argsort(which, kind="stable")
     low, high = (np.searchsorted(which[order], ahead[which], side=side) for side in ("left", "right"))
     next_index = np.full(len(q), -1)
@@ -261,7 +263,7 @@ def _next_nodes(q: np.ndarray, which: np.ndarray, ahead: np.ndarray, turning: np
 
 
 def transitions(task: MotionTask, grid: PostureGrid) -> tuple[list[tuple[np.ndarray, np.ndarray]], At]:
-    """Return all edges to every sample, none to the first, and what gives (q, dq, ddq) at the end of some of them."""
+    """Return all edges to every sample, none to the first, and the function of (q, dq, ddq) at ends of edges."""
     pairs = [(np.zeros(0, dtype=int),) * 2] + [grid.edges(i) for i in range(1, len(grid.nodes))]
     steps = np.diff(task.times, prepend=np.nan)
 

@@ -1,13 +1,12 @@
-"""The nonlinear program of a motion, as solvers see it: one evaluation of everything at every instant.
+"""The nonlinear program of a motion for solvers: one evaluation of all functions at every instant.
 
-The instants are the samples, with differences="spline" the middles between them too. The variables of an instant are
-u = (q, q̇, q̈, q⃛), slides measured in lengths of the arm (``joint_scales``), and slacks v if functions have kinks; peaks
-have an epigraph variable σ for the whole motion. u is linear in the positions of a few samples (``Stencil``); that of a
-spline is then projected onto the path (``curve_states``). If integrals have kinks, the u of the spline are variables
-too, behind those of the curve.
-Integral objectives are sums over instants of functions of these; limits bound u itself, or further functions such as
-torque. The path is an equation in q at every sample. Functions that relate samples to one another are
-``WholeFunction``.
+The instants are the samples, with differences="spline" also the middles between them. The variables of an instant are
+u = (q, q̇, q̈, q⃛), slides in arm lengths (``joint_scales``), and slacks v if functions have kinks; peaks have an
+epigraph variable σ for the whole motion. u is linear in the positions of a few samples (``Stencil``); that of a spline
+is then projected onto the path (``curve_states``). If integrals have kinks, the u of the spline are variables too,
+after those of the curve.
+Integral objectives are sums over instants of functions of these; limits bound u or other functions, such as torque. The
+path is an equation in q at every sample. Functions that relate samples to one another are ``WholeFunction``.
 """
 
 from __future__ import annotations
@@ -31,13 +30,13 @@ from paretoik.trajectory.functions import Total, WholeFunction
 if TYPE_CHECKING:
     from paretoik.trajectory.kernel_arrays import MotionKernel
 
-KINK_TOLERANCE = 1e-8  # of the largest operand of a maximum, minimum or absolute value: where operands meet
+KINK_TOLERANCE = 1e-8  # share of the largest operand of a maximum, minimum or absolute value: operands meet below it
 ORDERS = ("position", "velocity", "acceleration", "jerk")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sparsity:
-    """Places of the derivatives that are not always 0: row and column, one an entry."""
+    """Rows and columns of the derivatives that are not always 0."""
 
     rows: Int[np.ndarray, " entries"]
     columns: Int[np.ndarray, " entries"]
@@ -47,13 +46,17 @@ class Sparsity:
 class Evaluators:
     """Compiled functions of a sample and their derivatives: sums first, then rows.
 
-    ``inputs`` counts their inputs: u, then v and σ at ``auxiliary``, parameters, and from ``multipliers`` on those of
-    path equations (of a sample, then of an instant of a curve), sums and rows. ``slack`` gives the ``slacks`` v that
-    the point implies, ``ties`` rows bound them, a pair each, from below where its entry of ``signs`` is 1, from above
-    where it is −1; ``kink_operands`` gives, a pair each, what meets at a kink that no slack stands for, of the function
-    that ``kinked`` says; ``value`` gives sums and rows; ``gradient`` these, then the entries of their gradients by
-    variables; ``hessian`` the entries of that of the Lagrangian by u and v; ``path`` the path equations of a sample and
-    their Jacobian by q; ``path_hessian`` (dof, dof) that of their sum by q, each times its multiplier.
+    inputs: number of inputs: u, then v and σ (at ``auxiliary``), parameters, and multipliers
+    multipliers: index of the first multiplier: those of path equations (of a sample, then of a curve's instant), sums
+        and rows
+    slack: values of the ``slacks`` v at a point
+    ties: pairs of rows that bound slacks, from below if the entry of ``signs`` is 1, from above if it is −1
+    kink_operands: pairs of operands of a kink without slack, in the function ``kinked``
+    value: sums and rows
+    gradient: sums and rows, then the entries of their gradients by variables
+    hessian: entries of the Lagrangian's Hessian by u and v
+    path: path equations of a sample and their Jacobian by q
+    path_hessian: Hessian (dof, dof) by q of the sum of path equations times multipliers
     """
 
     inputs: int
@@ -78,9 +81,11 @@ class Evaluators:
 class MotionValues:
     """Objectives F and constraints of a program at a motion.
 
-    ``inputs`` are those of its evaluators, slack and epigraph variables at their true values; ``inequalities`` the
-    limits, divided by their ranges, positive where they hold; ``ties`` those that tie slack and epigraph variables;
-    ``parts`` the smooth parts of every function of the whole motion; ``curve`` is the state of the motion's curve.
+    inputs: inputs of the evaluators, with slack and epigraph variables at their true values
+    inequalities: limits divided by their ranges, positive if satisfied
+    ties: inequalities that tie slack and epigraph variables
+    parts: smooth parts of every function of the whole motion
+    curve: state of the motion's curve
     """
 
     inputs: Float[np.ndarray, "inputs instants"]
@@ -95,12 +100,16 @@ class MotionValues:
 class MotionProgram:
     """The nonlinear program of a MotionTask.
 
-    ``totals`` are the numbers of a whole motion: the objectives, divided by ``scales``, then bounded ones. ``inputs``
-    (inputs, instants) are those of the evaluators, all but parameters still 0; ``variables`` the rows of u, v and σ, of
-    which there are ``peaks``. Limit i bounds, at instant ``limited``[i, 1], the variable, or beyond these the row,
-    ``limited``[i, 0] by ``bounds``[i]: from below where ``sides``[i] is 1, from above where it is −1. Violations are
-    shares of ``ranges``. The last ``kinks`` limits tie v and σ: row ``epigraph_rows[i]`` is that of peak
-    ``epigraph_peaks[i]``.
+    totals: numbers of a whole motion: the objectives, divided by ``scales``, then bounded ones
+    inputs: inputs (inputs, instants) of the evaluators, 0 except for parameters
+    variables: rows of u, v and σ in the inputs
+    peaks: number of σ
+    limited: variable (or row, after the variables) and instant of each limit
+    sides: 1 for a lower limit, −1 for an upper one
+    bounds: bound of each limit
+    ranges: unit of each violation
+    kinks: number of the last limits, which tie v and σ
+    epigraph_rows, epigraph_peaks: rows of peaks, and the peak of each
     """
 
     task: MotionTask
@@ -134,22 +143,22 @@ class MotionProgram:
 
     @property
     def rates(self) -> int:
-        """Number of entries of u, and of those of the spline if they are variables."""
+        """Number of entries of u, plus those of the spline if they are variables."""
         return len(self.variables) - len(self.evaluators.auxiliary)
 
     @property
     def slack_inputs(self) -> Int[np.ndarray, " slacks"]:
-        """Which inputs are slack variables."""
+        """Indices of the inputs that are slack variables."""
         return self.variables[self.rates : self.rates + self.slacks]
 
     @property
     def peak_inputs(self) -> Int[np.ndarray, " peaks"]:
-        """Which inputs are epigraph variables of peaks."""
+        """Indices of the inputs that are epigraph variables of peaks."""
         return self.variables[self.rates + self.slacks :]
 
     @property
     def elastic(self) -> int:
-        """Number of limits: the inequalities that come before those that tie slack and epigraph variables."""
+        """Number of limits: the inequalities before the ties of slack and epigraph variables."""
         return len(self.sides) - self.kinks
 
     @property
@@ -171,7 +180,7 @@ class MotionProgram:
 
     @property
     def kinked(self) -> tuple[str, ...]:
-        """Names of totals that have kinks, or what else has in general."""
+        """Names of totals with kinks, or a general name if others have kinks."""
         sparsity = self.evaluators.gradient_sparsity
         by_slack = (sparsity.columns >= self.rates) & (sparsity.columns < self.rates + self.slacks)
         kinked_functions = set(sparsity.rows[by_slack].tolist())
@@ -179,7 +188,7 @@ class MotionProgram:
         return names or ("an absolute value, maximum or minimum",) * bool(self.slacks)
 
     def kinks_at(self, x: Float[np.ndarray, "time dof"]) -> tuple[str, ...]:
-        """Return the names of objectives and limits with a kink at a motion that no auxiliary column stands for."""
+        """Return the names of objectives and limits with a kink at a motion and no auxiliary variable for it."""
         kinked = self.evaluators.kinked
         if not kinked:
             return ()
@@ -193,20 +202,20 @@ class MotionProgram:
 
     @property
     def unsupported(self) -> tuple[str, ...]:
-        """Names of totals that relate samples to one another other than by a sum or a peak."""
+        """Names of totals that relate samples to one another, other than sums and peaks."""
         return tuple(total.name for total in self.totals if total.kind == "whole")
 
     @property
     def rounding(self) -> float:
-        """Stationarity that is rounding: where a motion stops, how its last sample follows is known up to a step."""
+        """Rounding error of stationarity: if a motion stops, its last sample is known only up to a step."""
         return 1e-6 if self.task.ties_end else 0.0
 
     def project(self, x: Float[np.ndarray, "motions time dof"]) -> Float[np.ndarray, "motions time dof"]:
-        """Return motions that begin at the start and end at rest, where they have to."""
+        """Return motions that begin at the start and end at rest, if required."""
         return self.pin(_end_at_rest(self.task, x) if self.task.ties_end else x)
 
     def pin(self, x: Float[np.ndarray, "motions time dof"]) -> Float[np.ndarray, "motions time dof"]:
-        """Return motions that begin at the start, where one is given, to the bit."""
+        """Return motions that begin exactly at the start, if one is given."""
         if self.task.start is None:
             return x
         q = x.copy()
@@ -216,16 +225,16 @@ class MotionProgram:
     def evaluate(
         self, x: Float[np.ndarray, "time dof"]
     ) -> tuple[Float[np.ndarray, " objectives"], Float[np.ndarray, " equalities"], Float[np.ndarray, " inequalities"]]:
-        """Return F, h, which is empty, motions being on the path, and c, the limits divided by their ranges."""
+        """Return F, h (empty, as motions are on the path), and c, the limits divided by their ranges."""
         values = self.values(x)
         return values.objectives, np.zeros(0), values.inequalities
 
     def values(self, q: Float[np.ndarray, "time dof"]) -> MotionValues:
-        """Return objectives and constraints at a motion on the path, and what they come of."""
+        """Return objectives and constraints at a motion on the path, with their inputs."""
         inputs = self.inputs.copy()
         relative = q / joint_scales(self.task.arm)
         u = np.einsum("oik,ikj->oji", self.stencil.coefficients, relative[self.stencil.neighbours])
-        for first in range(0, self.rates, self.states):  # the curve, and perhaps the spline
+        for first in range(0, self.rates, self.states):  # the curve, and the spline if its u are variables
             inputs[self.variables[first : first + self.states]] = u.reshape(self.states, -1)
         arrays = curve_arrays(self.task)
         curve = allocate_curve(arrays, self.states)
@@ -260,7 +269,7 @@ class MotionProgram:
     def limit_values(
         self, inputs: Float[np.ndarray, "inputs instants"], values: Float[np.ndarray, "functions instants"]
     ) -> tuple[Float[np.ndarray, " inequalities"], Float[np.ndarray, " ties"]]:
-        """Return the limits, divided by their ranges, and the ties, from inputs and values of functions of a sample."""
+        """Return the limits, divided by their ranges, and the ties, from inputs and values of functions."""
         every = np.concatenate([inputs[self.variables], values[self.sums :]])
         row, sample = self.limited.T
         limits = self.sides * (every[row, sample] - self.bounds)
@@ -285,7 +294,7 @@ class MotionProgram:
 
     @property
     def kernel(self) -> MotionKernel | None:
-        """The program as interior points take it, None for the SQP; each has registers of its own: one for a thread."""
+        """The program for interior points, None for the SQP; each has its own registers: one per thread."""
         from paretoik.trajectory.motion_arrays import motion_kernel  # here: it builds on this file
 
         return motion_kernel(self) if not self.unsupported else None
@@ -294,7 +303,7 @@ class MotionProgram:
 def joint_distance(task: MotionTask, q: np.ndarray, other: np.ndarray) -> Float[np.ndarray, "*batch"]:
     """Return the RMS over time of the joint distance between motions (..., time, dof), angles modulo 2π.
 
-    In rad, slides in lengths of the arm.
+    It is in rad, slides in arm lengths.
     """
     difference = (q - other) / joint_scales(task.arm)
     difference = np.where(task.arm.periodic, (difference + np.pi) % (2 * np.pi) - np.pi, difference)
@@ -302,7 +311,7 @@ def joint_distance(task: MotionTask, q: np.ndarray, other: np.ndarray) -> Float[
 
 
 def _end_at_rest(task: MotionTask, q: Float[np.ndarray, "motions time dof"]) -> Float[np.ndarray, "motions time dof"]:
-    """Return motions whose last step is the shortest that the path allows: they end without self-motion."""
+    """Return motions with the shortest last step that the path allows, without self-motion."""
     directions = normal_directions(task.arm, task.tasks, q[:, -1], task.targets[-1])
     retracted = retract(task.arm, task.tasks, q[:, -2], task.targets[-1], directions)
     ends = np.where(retracted.on_path[:, None], retracted.q, q[:, -1])

@@ -1,4 +1,4 @@
-"""Restart policy: which starts to add, batch by batch, until hardly an optimum better than all is likely unseen."""
+"""Restart policy: starts that are added in batches until a better unseen optimum is unlikely."""
 
 from __future__ import annotations
 
@@ -21,24 +21,26 @@ from paretoik.trajectory.levels import Further, coarse, distinct_rows
 from paretoik.trajectory.plan_starts import grid_starts, sample_starts, sample_travelling
 from paretoik.trajectory.program import MotionProgram, joint_distance
 
-# Basin hopping: the best optima disturbed and recombined, and minimised again, while the best gets better.
+# Basin hopping: the best optima are perturbed, recombined and minimised again while the best improves
 #
 # Source: Wales & Doye 1997; ``restarts`` says when.
 
 
 @dataclass(frozen=True, kw_only=True)
 class BasinHoppingOptions:
-    """How optima are disturbed, and which of those that this leads to are new.
+    """Settings of basin hopping.
 
-    Of the best optima so many ``centers`` are perturbed, each so often as ``copies`` says, by ``perturbation`` [rad or
-    lengths of the arm, RMS: least, largest]. Twice as many are recombined with others as often as ``crossings`` says
-    each: the best of so many ``tries`` for one. It goes on until so many batches in turn as ``patience`` says brought
-    nothing better: ``gain`` is the share of a value by which another is better. Motions are minimised from ``barrier``:
-    a high one leaves basins. Optima within ``distance`` (rad or lengths of the arm, RMS) whose values differ by a share
-    of at most ``value`` count as one.
-
-    The best are disturbed once more on a finer level, in at most ``final_rounds``: what is best there is not what is
-    best on the coarsest. Where nothing better came of it on the coarsest, one batch that brings nothing is enough.
+    centers: number of best optima that are perturbed; twice as many are recombined with others
+    copies: number of perturbed copies of each
+    perturbation: least and largest perturbation [rad or arm lengths, RMS]
+    crossings: number of recombinations of each
+    tries: number of tries for each recombination; the best is taken
+    patience: number of consecutive batches without improvement that end the search
+    gain: share of a value that counts as an improvement
+    barrier: first barrier of the minimisation; a high one leaves basins
+    distance, value: optima within this distance (rad or arm lengths, RMS) and share of their value count as one
+    final_rounds: largest number of batches on a finer level, where other optima may be the best; one batch without
+        improvement is enough there if the coarsest level had none
     """
 
     centers: int = 4
@@ -60,7 +62,7 @@ HOPPING_OPTIONS = BasinHoppingOptions()
 def disturb(
     task: MotionTask, q: Float[np.ndarray, "optima time dof"], rng: np.random.Generator
 ) -> Float[np.ndarray, "starts time dof"]:
-    """Return the first of some optima perturbed several times each, little and much, and recombined in pairs."""
+    """Return perturbed copies of the first optima, small and large ones, and recombined pairs."""
     copies = np.repeat(q[: HOPPING_OPTIONS.centers], HOPPING_OPTIONS.copies, axis=0)
     least, largest = np.log(HOPPING_OPTIONS.perturbation)
     perturbed = perturbed_starts(task, copies, rng, size=np.exp(rng.uniform(least, largest, len(copies))))
@@ -70,14 +72,13 @@ def disturb(
 def _recombine(
     task: MotionTask, q: Float[np.ndarray, "optima time dof"], rng: np.random.Generator
 ) -> Float[np.ndarray, "starts time dof"]:
-    """Return the best of many motions that are like one of the first optima, for a while like another.
+    """Return the best of many motions that follow one of the first optima and for a while another.
 
-    Where optima come near one another they may change over for little, and what is better before may be joined to
-    what is better after.
+    If two optima come near each other, a change costs little and may join the better parts of both.
     """
     count = HOPPING_OPTIONS.crossings * min(len(q), 2 * HOPPING_OPTIONS.centers)
     first = rng.integers(0, min(len(q), 2 * HOPPING_OPTIONS.centers), HOPPING_OPTIONS.tries * count)
-    second = (first + rng.integers(1, len(q), len(first))) % len(q)  # any other
+    second = (first + rng.integers(1, len(q), len(first))) % len(q)  # any other one
     x = recombined_starts(task, q[first], q[second], rng)
     if not len(x):
         return x
@@ -100,11 +101,10 @@ def disturb_best(
     *,
     patience: int = HOPPING_OPTIONS.patience,
 ) -> Solutions:
-    """Return optima and those that the best lead to, disturbed or from high barriers, while the best gets better.
+    """Return optima and new ones from the best, perturbed or with high barriers, while the best improves.
 
-    Where valleys are many, neighbouring ones are as often better as not. Starts are minimised as on a coarse level;
-    only where they lead to other optima are these refined. It ends after so many batches in turn as ``patience`` says
-    that brought nothing better.
+    If local optima are many, a neighbouring one is often better. Starts are minimised as on a coarse level, and only
+    new optima are refined. It ends after ``patience`` consecutive batches without improvement.
     """
     task, failures, centers = program.task, 0, solutions.x[:0]
     for _ in range(HOPPING_OPTIONS.final_rounds):
@@ -131,12 +131,12 @@ def disturb_best(
 
 
 def _far(task: MotionTask, q: np.ndarray, others: np.ndarray) -> Bool[np.ndarray, " motions"]:
-    """Return which motions are none of the others."""
+    """Return which motions differ from all others."""
     return np.array([not len(others) or joint_distance(task, x, others).min() > LEVELS.distinct for x in q])
 
 
 def _new(task: MotionTask, rough: Solutions, solutions: Solutions) -> Bool[np.ndarray, " motions"]:
-    """Return which rough ends are near none of the solutions of about their value."""
+    """Return which rough ends are near no solution with about the same value."""
     values = solutions.objectives[:, 0]
     return np.array(
         [
@@ -155,17 +155,18 @@ Batch = tuple[Float[np.ndarray, "starts samples dof"], Sequence[InteriorPointOpt
 
 @dataclass(frozen=True, kw_only=True)
 class RestartOptions:
-    """When starts are added, and which.
+    """Settings of adding starts.
 
-    Where nobody says how many, ``starts`` for every degree of redundancy are sampled, and minimised in so many
-    ``portions`` while better optima are likely unseen. ``expected`` is the number of better optima that the next batch
-    may be expected to find, below which no independent starts are added; in at most so many ``rounds``. The best are
-    disturbed until so many batches in turn as basin hopping's ``patience`` says brought nothing better; with one degree
-    of redundancy only where optima are ``many``, with more only where another start finds an unseen optimum with a
-    probability above ``unseen``. A branch that so many starts led nowhere as ``doomed`` says is left out. Where the
-    best value changes from the first level to the next by more than a share ``misled``, of it or, where it is next to
-    0, of ``negligible`` times what is usual at starts, the first does not tell which optima are good: starts are
-    sampled on the next as well.
+    starts: default number of starts per degree of redundancy
+    portions: number of portions in which they are minimised, while better optima are likely unseen
+    expected: expected number of better optima in the next batch below which no independent starts are added
+    rounds: largest number of batches of independent starts
+    many: least number of optima for basin hopping with one degree of redundancy
+    unseen: probability of a new optimum above which basin hopping is used with more degrees of redundancy
+    doomed: number of failed starts after which a branch is left out
+    misled: share by which the best value may change from the first level to the next; if it changes more, starts are
+        sampled on the next level too
+    negligible: share of the usual value at starts that replaces a best value next to 0 for ``misled``
     """
 
     starts: int = 48
@@ -183,15 +184,15 @@ OPTIONS = RestartOptions()
 
 
 class RestartPolicy:
-    """Which starts to add to those of the coarsest level.
+    """Starts that are added to those of the coarsest level.
 
-    First those that wait, a portion at a time, while a better optimum is likely unseen: w optima that n starts led to
-    tell how likely the next one finds another (Boender & Rinnooy Kan 1987). Then independent ones as long as they are
-    likely to find something better. The share of starts that are alone at an optimum estimates how likely the next one
-    finds another (Good 1953). Such another is a rare one too: each rank among those is as likely, and so is each among
-    the optima from the best to the best rare one. The best ones perturbed and recombined, as long as the best gets
-    better (basin hopping, Wales & Doye 1997). With one degree of redundancy once the best paths through a grid, where
-    optima are rare or many.
+    - Waiting starts, one portion at a time, while a better optimum is likely unseen: the numbers of optima w and starts
+      n give the probability of a new one (Boender & Rinnooy Kan 1987).
+    - Independent starts while they are likely to find a better optimum. The share of starts that are the only ones at
+      their optimum estimates the probability of a new optimum (Good 1953). A new optimum is also a rare one: all ranks
+      among the rare optima, and among the optima up to the best rare one, are equally likely.
+    - The best optima perturbed and recombined, while the best improves (basin hopping, Wales & Doye 1997).
+    - With one degree of redundancy, once, the best paths through a grid, if optima are rare or many.
     """
 
     def __init__(
@@ -206,13 +207,13 @@ class RestartPolicy:
     ) -> None:
         self.level, self.count, self.rng, self.waiting = level, count, rng, list(waiting)
         self.rounds, self.failures, self.best = 0, 0, np.inf
-        self.several = self.improved = False  # whether optima are likely unseen, and whether restarts found better ones
+        self.several = self.improved = False  # whether unseen optima are likely, and whether restarts found better ones
         self.grid_tried = level.redundancy > 1 or not independent
-        self.independent = np.full(len(q), independent)  # of all starts so far: not perturbed, of a grid or coarser
+        self.independent = np.full(len(q), independent)  # per start so far: not perturbed, of a grid or coarser
         self.starts, self.labels = [q], list[str]()
 
     def __call__(self, solutions: Solutions) -> Batch:
-        """Return further starts, and the options that they are minimised with in turn; none where enough were tried."""
+        """Return further starts, and the options that they alternate between; none if enough were tried."""
         portion = self._waiting_portion(solutions)
         if len(portion):
             return self._batch([], [portion])
@@ -247,9 +248,9 @@ class RestartPolicy:
         return q, (HOPPING_OPTIONS.barrier,) if len(dependent) and self.rounds else LEVELS.cold
 
     def _waiting_portion(self, solutions: Solutions) -> Float[np.ndarray, "starts samples dof"]:
-        """Return the next starts that wait; none once neither they nor a further batch likely find a better optimum.
+        """Return the next waiting starts; none if neither they nor a further batch are likely to find a better optimum.
 
-        The next start finds another optimum with the probability ``_unseen``; one in w + 1 of these is better than all.
+        The next start finds a new optimum with the probability ``_unseen``; one in w + 1 of these is better than all.
         """
         if self.waiting and solutions.converged.any() and self.independent.any():
             hits, count = self._optima(solutions)[1], sum(map(len, self.waiting))
@@ -262,7 +263,7 @@ class RestartPolicy:
         return self.waiting.pop(0) if self.waiting else np.empty((0, len(self.level.times), self.level.arm.dof))
 
     def _optima(self, solutions: Solutions) -> tuple[Int[np.ndarray, " optima"], Int[np.ndarray, " optima"]]:
-        """Return a row of every optimum, best first, and how many independent starts led to it."""
+        """Return a row of every optimum, best first, and its number of independent starts."""
         values = np.where(solutions.converged, solutions.objectives[:, 0], np.inf)
         remaining, rows, hits = solutions.converged.copy(), list[int](), list[int]()
         for i in np.argsort(values, kind="stable")[: solutions.converged.sum()]:
@@ -276,13 +277,13 @@ class RestartPolicy:
         return np.array(rows), np.array(hits)
 
     def _sample(self) -> Float[np.ndarray, "starts samples dof"]:
-        """Return independent starts: such as at first, and in every other round those alone that travel."""
+        """Return independent starts, of all kinds as at first, in every other round only travelling ones."""
         if self.rounds % 2:
             return sample_starts(self.level, self.count, self.rng)
         return sample_travelling(self.level, self.count, self.rng)
 
     def _without_doomed(self, q: np.ndarray, solutions: Solutions) -> Float[np.ndarray, "starts samples dof"]:
-        """Return the starts whose branch has not led nowhere again and again."""
+        """Return the starts except those of branches that failed repeatedly."""
         if solutions.converged.all() or not len(q):
             return q
         for unlabelled in filter(len, self.starts):
@@ -305,9 +306,9 @@ class RestartPolicy:
 class LevelRestarts:
     """The restarts of a plan, level by level, as ``refine_levels`` asks for them.
 
-    On the first level starts are added to ``portions`` of them, which wait; on the next as well where the first
-    misled: so many ``starts`` for every degree of redundancy are sampled there. On the last level where it counts the
-    best are disturbed, for longer where restarts found better ones.
+    On the first level starts are added to waiting ``portions``. If the first level misled, ``starts`` per degree of
+    redundancy are sampled on the next. On the last level with an effect the best optima are perturbed, for longer if
+    restarts found better ones.
     """
 
     def __init__(
@@ -318,34 +319,34 @@ class LevelRestarts:
         solver: Solver,
     ) -> None:
         self.portions, self.starts, self.rng, self.solver = portions, starts, rng, solver
-        self.policies = list[RestartPolicy]()  # of the first level, and of the next where that misled
-        self.compared = False  # the first level with the next
+        self.policies = list[RestartPolicy]()  # of the first level, and of the next if that misled
+        self.compared = False  # whether the first level was compared with the next
 
     @property
     def first_starts(self) -> int:
-        """Number of starts of the first level so far; 0 where it was not begun."""
+        """Number of starts of the first level so far."""
         return len(self.policies[0].independent) if self.policies else 0
 
     def further(self, program: MotionProgram, q: np.ndarray, coarser: Solutions | None) -> Further | None:
-        """Return what adds starts on a level; None for none."""
+        """Return the function that adds starts on a level, or None."""
         if coarser is None:
             self.policies.append(self._policy(program.task, q, self.portions))
             return self.policies[0]
         return None if self.compared else partial(self._further_on_next, program.task, q, coarser)
 
     def disturb(self, program: MotionProgram, solutions: Solutions) -> Solutions:
-        """Return optima, and those that the best lead to where many are likely unseen."""
+        """Return optima, with those that the best lead to if many are likely unseen."""
         if not solutions.converged.any() or not any(policy.several for policy in self.policies):
             return solutions
         patience = HOPPING_OPTIONS.patience if any(policy.improved for policy in self.policies) else 1
         return disturb_best(program, solutions, self.rng, self.solver, patience=patience)
 
     def _further_on_next(self, level: MotionTask, q: np.ndarray, coarser: Solutions, solutions: Solutions) -> Batch:
-        """Return further starts on the level after the first: none but where that misled."""
+        """Return further starts on the second level, only if the first misled."""
         if not self.compared:
             self.compared = True
             if is_misled(coarser, solutions):
-                with suppress(Infeasible):  # the optima of the first level will do
+                with suppress(Infeasible):  # the optima of the first level are enough
                     starts = sample_starts(level, self.starts * max(level.redundancy, 1), self.rng)
                     self.policies.append(self._policy(level, q, first_portions(starts), independent=False))
         return self.policies[1](solutions) if len(self.policies) > 1 else (q[:0], ())
@@ -359,13 +360,13 @@ class LevelRestarts:
 def first_portions(
     q: Float[np.ndarray, "starts samples dof"],
 ) -> list[Float[np.ndarray, "portion samples dof"]]:
-    """Return starts dealt out in turn, so that every portion has some of every kind and each keeps its barrier."""
+    """Return portions of starts with some of every kind; each start keeps its barrier."""
     turn = np.arange(len(q)) // len(LEVELS.cold) % OPTIONS.portions
     return [q[turn == i] for i in range(OPTIONS.portions)]
 
 
 def is_misled(coarse: Solutions, fine: Solutions) -> bool:
-    """Return whether the best value on a level differs much from that on the next; both are shares of the usual."""
+    """Return whether the best values of two levels differ much; both are shares of the usual value."""
     if not (coarse.converged.any() and fine.converged.any()):
         return False
     before, now = (float(each.objectives[each.converged, 0].min()) for each in (coarse, fine))
@@ -373,14 +374,14 @@ def is_misled(coarse: Solutions, fine: Solutions) -> bool:
 
 
 def _expected_better(hits: Int[np.ndarray, " optima"], count: int, starts: int) -> float:
-    """Return how many better optima so many more starts are expected to find, from the share alone (Good 1953)."""
+    """Return the expected number of better optima from ``count`` more starts, by the share of singles (Good 1953)."""
     alone = int(np.sum(hits == 1))
-    rank = int(np.argmax(hits <= 1)) + 1 if alone else len(hits)  # of the best that is rare
+    rank = int(np.argmax(hits <= 1)) + 1 if alone else len(hits)  # of the best rare optimum
     return count * alone / starts / (alone + 1) / rank
 
 
 def _unseen(hits: Int[np.ndarray, " optima"]) -> float:
-    """Return the probability that the next start leads to an optimum that none has, as many led to each as ``hits``.
+    """Return the probability that the next start leads to a new optimum, from the number of ``hits`` of each.
 
     Source: Boender & Rinnooy Kan 1987, Bayesian stopping rules for multistart global optimization methods.
     """

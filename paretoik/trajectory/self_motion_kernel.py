@@ -1,8 +1,8 @@
 """Numerical steps on motions: finite-difference stencils, bases of the self-motion, retraction onto the path; compiled.
 
 The variables u of an instant, position and rates, are sums over the samples ``neighbours`` (instants, width) with
-``coefficients`` (orders, instants, width). The unknowns of a sample begin at ``first_unknown`` (time,), −1 where it is
-fixed: steps along its ``tangent`` (time, dof, unknowns), the null space of the tasks' Jacobian.
+``coefficients`` (orders, instants, width). The unknowns of a sample begin at ``first_unknown`` (time,), −1 for a fixed
+sample: steps along its ``tangent`` (time, dof, unknowns), the null space of the tasks' Jacobian.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from paretoik.nlp.linear_algebra import eliminate
 
 
 class RetractionOptions(NamedTuple):
-    """How motions are moved back onto their path."""
+    """Settings of Newton's method back onto the path."""
 
-    tolerance: float = 1e-12  # of the path equations, in lengths of the arm and rad: what rounding leaves
-    steps: int = 8  # of Newton's method at most: it squares errors, and more have left for another sheet
+    tolerance: float = 1e-12  # of the path equations, in arm lengths and rad: rounding error
+    steps: int = 8  # largest number: Newton's method squares errors, and more steps mean another sheet
 
 
 OPTIONS = RetractionOptions()
@@ -42,7 +42,7 @@ def apply_stencil(q, neighbours, coefficients, u):
 
 @compiled
 def add_transposed_stencil(gradient_u, scale, neighbours, coefficients, gradient_q):
-    """Add the gradient by q (time, dof) that belongs to one by u (variables, instants), times ``scale`` (instants,)."""
+    """Add the gradient by q (time, dof) of one by u (variables, instants), times ``scale`` (instants,)."""
     orders, samples, width = coefficients.shape
     n = gradient_q.shape[1]
     for o in range(orders):
@@ -56,7 +56,7 @@ def add_transposed_stencil(gradient_u, scale, neighbours, coefficients, gradient
 
 @compiled
 def project_gradient(gradient_q, tangent, first_unknown, reduced):
-    """Write the gradient by the unknowns that belongs to one by q."""
+    """Write the gradient by the unknowns from one by q."""
     samples, n, r = tangent.shape
     for i in range(len(reduced)):
         reduced[i] = 0.0
@@ -84,10 +84,10 @@ def expand_motion_step(step, tangent, first_unknown, dq):
 
 @compiled
 def local_basis(i, neighbours, coefficients, tangent, chain, local):
-    """Write how u of instant i changes with the unknowns of its neighbours, (variables, width · unknowns).
+    """Write the derivatives of u of instant i by its neighbours' unknowns, (variables, width · unknowns).
 
-    ``chain`` (states, states, instants) says how u changes with that of the spline, which stands behind it if there is
-    room; it is empty if they are the same.
+    ``chain`` (states, states, instants) has the derivatives of u by the spline's u, or is empty if they are equal. The
+    spline's u comes after u if there is space.
     """
     orders, _, width = coefficients.shape
     n, r = tangent.shape[1], tangent.shape[2]
@@ -167,8 +167,8 @@ def add_path_hessian(seconds, tangent, first_unknown, A, C):
 def tangent_frames(tracked, tangent, normal, triangle):
     """Write orthonormal bases of null space and row space of the tasks' Jacobians, and R of Jᵀ = Y R.
 
-    ``tracked`` holds path equations and Jacobian entries (rows + rows · dof, time). By Householder reflections. Returns
-    False at a singularity.
+    ``tracked`` has path equations and Jacobian entries (rows + rows · dof, time). Householder reflections are used.
+    Returns False at a singularity.
     """
     samples, n, rows = normal.shape
     work, basis, v = np.empty((n, rows)), np.empty((n, n)), np.empty(n)
@@ -208,7 +208,7 @@ def tangent_frames(tracked, tangent, normal, triangle):
 
 @compiled
 def tie_last_sample(tangent, normal):
-    """Write the tangent of the last sample where that is the nearest on the path to the one before."""
+    """Write the tangent of a last sample that is the nearest on the path to the one before."""
     _, n, r = tangent.shape
     for a in range(r):
         for j in range(n):
@@ -232,9 +232,9 @@ def _reflect(x, v, begin, square):
 
 @compiled
 def retract_motion(track, inputs, q, normal, triangle, tracked):
-    """Move q (time, dof) back onto the path along ``normal``, by Newton's method; return whether every sample arrived.
+    """Move q (time, dof) back onto the path along ``normal`` by Newton's method; return whether all samples converged.
 
-    A sample that crosses a fold, to another sheet of the self-motion manifold, has not arrived.
+    A sample that crosses a fold to another sheet of the self-motion manifold has not converged.
     """
     samples, n, rows = normal.shape
     matrix, right = np.empty((rows, rows)), np.empty(rows)
@@ -250,7 +250,7 @@ def retract_motion(track, inputs, q, normal, triangle, tracked):
         if worst <= OPTIONS.tolerance:
             return True
         if not worst < 1.0 or attempt == OPTIONS.steps - 1:
-            return worst <= 100 * OPTIONS.tolerance  # a long arm rounds to more
+            return worst <= 100 * OPTIONS.tolerance  # long arms have larger rounding errors
         for s in range(samples):
             for i in range(rows):
                 right[i] = tracked[i, s]

@@ -1,4 +1,4 @@
-"""Layers of states and the transitions between them: the shortest paths through, by dynamic programming.
+"""Shortest paths through layers of states and their transitions, by dynamic programming.
 
 Source: Bellman 1957.
 """
@@ -17,10 +17,13 @@ from paretoik.stop_flag import check_interruption
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LayeredGraph:
-    """A layered graph: ``start`` costs, and per step all transitions, sorted by the state that they end in.
+    """A layered graph; transitions of a step are sorted by the state that they end in.
 
-    ``offsets`` (states + 1) says which end where, ``sources`` where they begin; ``nodes`` is the node of every state,
-    ``before`` the one of the sample before the first layer, where states are pairs.
+    start: costs of the first states
+    offsets: index (states + 1) of the first transition that ends in each state
+    sources: states that transitions begin in
+    nodes: node of every state
+    before: node before the first layer of every state, if states are pairs
     """
 
     start: np.ndarray
@@ -31,7 +34,7 @@ class LayeredGraph:
     before: np.ndarray | None = None
 
     def forward(self, start: np.ndarray) -> list[np.ndarray]:
-        """Return the least cost of coming to every state of every layer."""
+        """Return the least cost to every state of every layer."""
         costs_to_come = [start]
         for offsets, sources, costs in zip(self.offsets, self.sources, self.costs, strict=True):
             check_interruption()
@@ -42,7 +45,7 @@ class LayeredGraph:
         return costs_to_come
 
     def backward(self) -> list[np.ndarray]:
-        """Return the least cost of going on from every state of every layer."""
+        """Return the least cost from every state of every layer to the end."""
         costs_to_go = [np.zeros(len(self.nodes[-1]))]
         for step in reversed(range(len(self.costs))):
             value = np.full(len(self.nodes[step]), np.inf)
@@ -54,7 +57,7 @@ class LayeredGraph:
     def path_through(
         self, cost_to_come: list[np.ndarray], cost_to_go: list[np.ndarray], layer: int, state: int
     ) -> list[int]:
-        """Return the shortest path through a state, as a state of every layer."""
+        """Return the shortest path through a state, as one state per layer."""
         states = [state]
         for step in reversed(range(layer)):
             part = slice(*self.offsets[step][states[0] : states[0] + 2])
@@ -67,12 +70,12 @@ class LayeredGraph:
         return states
 
     def node_path(self, states: Sequence[int]) -> list[int]:
-        """Return the nodes of a path, one a sample."""
+        """Return the nodes of a path, one per sample."""
         first = [] if self.before is None else [int(self.before[states[0]])]
         return first + [int(nodes[state]) for nodes, state in zip(self.nodes, states, strict=True)]
 
     def prune(self, mask: list[np.ndarray], start: np.ndarray) -> LayeredGraph:
-        """Return the graph with only the transitions of ``mask``, and other costs of the first states."""
+        """Return the graph with only the transitions of ``mask``, and new costs of the first states."""
         ends = [np.repeat(np.arange(len(o) - 1), np.diff(o))[k] for o, k in zip(self.offsets, mask, strict=True)]
         return replace(
             self,
@@ -84,9 +87,9 @@ class LayeredGraph:
 
 
 def shortest_path(layers: LayeredGraph, cyclic: bool, among: np.ndarray | None = None) -> tuple[float, list[int]]:
-    """Return the least cost and its path, a closed one of a cycle; an empty path where there is none.
+    """Return the least cost and its path, closed for a cycle; an empty path without any.
 
-    Cycles by branch and bound over sets of first states: the shortest path from a set back into it bounds its cycles.
+    Cycles use branch and bound over sets of first states: the shortest path from a set back to it bounds its cycles.
     """
     first_states = np.arange(len(layers.start)) if among is None else among
 
@@ -104,7 +107,7 @@ def shortest_path(layers: LayeredGraph, cyclic: bool, among: np.ndarray | None =
     upper = min(relaxation(np.array([states[k]]))[0] for k in (0, -1))
     if np.isfinite(upper):
         layers = prune_costly(layers, upper)
-    queue, count = [(value, 0, first_states, states)], 1  # counted: arrays don't compare
+    queue, count = [(value, 0, first_states, states)], 1  # counted, because arrays cannot be compared
     while queue:
         value, _, first, states = heapq.heappop(queue)
         if states[0] == states[-1]:
@@ -120,7 +123,7 @@ def shortest_path(layers: LayeredGraph, cyclic: bool, among: np.ndarray | None =
 
 
 def prune_costly(layers: LayeredGraph, upper: float) -> LayeredGraph:
-    """Return the graph without the transitions that no path of at most this cost takes."""
+    """Return the graph without transitions that only paths above a cost take."""
     cost_to_come, cost_to_go, mask = layers.forward(layers.start), layers.backward(), []
     for step, offsets in enumerate(layers.offsets):
         cost = cost_to_come[step][layers.sources[step]] + layers.costs[step]
@@ -129,7 +132,7 @@ def prune_costly(layers: LayeredGraph, upper: float) -> LayeredGraph:
 
 
 def distinct_paths(layers: LayeredGraph, cyclic: bool, nearby: int, *, inspected: int = 5) -> list[list[int]]:
-    """Return the shortest path through each node of ``inspected`` layers, no longer than those through nodes beside."""
+    """Return the shortest path through each node of ``inspected`` layers, if none through adjacent nodes is shorter."""
     cost_to_come, cost_to_go, paths = layers.forward(layers.start), layers.backward(), list[list[int]]()
     last = len(layers.nodes) - 1
     for layer in [0] if cyclic else np.unique(np.linspace(0, last, inspected).astype(int)).tolist():

@@ -1,7 +1,7 @@
-"""Limits between samples: tightened at each instant by what a motion's curve exceeds them nearby, and solved again.
+"""Limits between samples: each is tightened by the excess of a motion's curve nearby, and the program solved again.
 
-A program bounds a motion at its instants. Between them the curve may exceed a limit a little. The limit there is
-lowered by the excess and a small margin, so that the curve ends strictly within its limits.
+A program bounds a motion at its instants. Between them the curve may exceed a limit a little. The limit is then lowered
+there by the excess and a small margin, so that the curve is strictly within its limits.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ class TighteningOptions:
 
     margin: share by which a tightened motion stays within its limits
     feasible: share by which a motion may exceed its limits at the samples
-    rounds: most times that limits are tightened
-    largest: share that a limit moves by at most in a round
-    steps: steps of an interval between two samples in which a motion is looked at
-    shares: shares of what a limit should move by; the first that leads to a motion counts
-    weight: weight of every objective but the first of a point without weights, as when fronts are refined
+    rounds: largest number of times that limits are tightened
+    largest: largest share that a limit moves in a round
+    steps: number of steps of an interval at which a motion is evaluated
+    shares: shares of a limit's move that are tried; the first that leads to a motion is taken
+    weight: weight of all objectives but the first at a point without weights, as when fronts are refined
     least_weight: least share that any objective has of a point's weights
-    warm: options of the interior point that is tried first
+    warm: options of the first interior point
     holding: options tried if it does not converge
     """
 
@@ -64,14 +64,14 @@ OPTIONS = TighteningOptions()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class HeldMotion:
-    """A motion ``x``, the ``bounds`` of its program that it is optimal for, and its ``violation`` between samples."""
+    """A motion ``x``, the ``bounds`` of the program for which it is optimal, and its ``violation`` between samples."""
 
     x: Float[np.ndarray, "time dof"]
     bounds: Float[np.ndarray, " limits"]
     violation: float
 
     def program(self, natural: MotionProgram) -> MotionProgram:
-        """Return the program that the motion is optimal for, from the task's own."""
+        """Return the program for which the motion is optimal, from the task's own."""
         return replace(natural, bounds=self.bounds)
 
 
@@ -83,10 +83,10 @@ def hold_between(
     solver: Solver = "auto",
     margin: float = OPTIONS.margin,
 ) -> HeldMotion:
-    """Return an optimal motion that keeps its limits between samples, as far as a few rounds lead.
+    """Return an optimal motion that satisfies its limits between samples, as far as possible in a few rounds.
 
-    Several objectives all give way alike (Pascoletti & Serafini 1984). Programs of finite differences, motions that
-    keep their limits, and those that no round makes better are returned as they are.
+    Several objectives all get worse by the same amount (Pascoletti & Serafini 1984). Motions of finite differences,
+    motions that satisfy their limits, and motions that no round improves are returned unchanged.
     """
     best = _held(program, x)
     if program.task.differences != "spline":
@@ -117,9 +117,9 @@ def hold_all(
     solver: Solver = "auto",
     observe: Callable[[int, int], object] | None = None,
 ) -> list[HeldMotion]:
-    """Return motions as ``hold_between`` does; after a signal those that are left as they are, not looked at.
+    """Return motions as ``hold_between`` does; after a signal the remaining ones are returned unchanged.
 
-    ``observe`` is called with what is done and with all.
+    ``observe`` is called with the number of finished motions and of all.
     """
     results = dict[int, HeldMotion]()
     with suppress(Interrupted):
@@ -134,7 +134,7 @@ def hold_all(
 def _hold_each(
     program: MotionProgram, x: Float[np.ndarray, "motions time dof"], n_obj: int, solver: Solver
 ) -> Iterator[tuple[int, HeldMotion]]:
-    """Yield the place of every motion with what it is held to, from the journal if there, or as workers return it.
+    """Yield the index of every motion and its ``HeldMotion``, from the journal or from workers.
 
     Raises Interrupted after a signal.
     """
@@ -155,7 +155,7 @@ def _hold_each(
 
 
 def _hold_values(program: MotionProgram, item: tuple[np.ndarray, int, Solver]) -> Values:
-    """Return a motion that is held as plain arrays, in a worker too."""
+    """Return a held motion as plain arrays, also in a worker."""
     x, n_obj, solver = item
     held = hold_between(program, x, n_obj, solver=solver)
     return {"x": held.x, "bounds": held.bounds, "violation": np.asarray(held.violation)}
@@ -166,7 +166,7 @@ def _held_motion(values: Values) -> HeldMotion:
 
 
 def feasible_motions(program: MotionProgram, x: Float[np.ndarray, "motions time dof"]) -> list[HeldMotion]:
-    """Return those of the motions that keep their limits, at samples and in between."""
+    """Return the motions that satisfy their limits at samples and between them."""
     at_samples = [one for one in x if program.evaluate(one)[2].min(initial=0.0) >= -OPTIONS.feasible]
     return [each for each in (_held(program, one) for one in at_samples) if each.violation <= LIMIT_TOLERANCE]
 
@@ -176,17 +176,17 @@ def _held(program: MotionProgram, x: np.ndarray) -> HeldMotion:
 
 
 def violation_between(task: MotionTask, x: Float[np.ndarray, "time dof"]) -> float:
-    """Return the worst violation of a motion between its samples; infinite where it leaves its path there."""
+    """Return the worst violation of a motion between its samples; infinite if it leaves its path there."""
     return float(task.violation_between(task.motion(x[None]))[0])
 
 
 def _solve_again(
     program: MotionProgram, x: np.ndarray, weights: Float[np.ndarray, " n_obj"], solver: Solver
 ) -> np.ndarray | None:
-    """Return the motion that a tighter program has instead; None where it has none.
+    """Return the optimal motion of a tighter program, or None.
 
-    Objectives have the ``weights`` of the motion before, so that it does not slide along the front. Straight ahead an
-    objective may have to rise so that all move alike: what several can still gain is taken then.
+    Objectives have the ``weights`` of the motion before, so that it does not slide along the front. An objective may
+    have to rise so that all change equally; then the remaining gain of the others is taken.
     """
     n_obj = len(weights)
     main = int(np.argmax(weights))
@@ -208,7 +208,7 @@ def _solve_again(
 
 
 def _weights(program: MotionProgram, x: np.ndarray, n_obj: int) -> Float[np.ndarray, " n_obj"]:
-    """Return the weights of the objectives at a motion, those of refinement where it is not critical."""
+    """Return the weights of the objectives at a motion, or those of refinement if it is not critical."""
     (weights,) = weights_at(program, x[None], n_obj)
     if np.isfinite(weights).all():
         return np.maximum(weights / weights.sum(), OPTIONS.least_weight)
@@ -218,16 +218,16 @@ def _weights(program: MotionProgram, x: np.ndarray, n_obj: int) -> Float[np.ndar
 def _tightened_bounds(
     program: MotionProgram, x: Float[np.ndarray, "time dof"], before: Float[np.ndarray, " limits"], margin: float
 ) -> Float[np.ndarray, " limits"]:
-    """Return the bounds of a program, each moved inwards by the margin and what is exceeded within half a sample.
+    """Return the bounds of a program, each moved inwards by the margin and the excess within half a sample.
 
-    If the limit itself is not active, it bounds the value there instead; if it is exceeded itself, it moves by so much
-    less.
+    If the limit is not active, the new bound is relative to the value there; if the value exceeds the limit itself, the
+    bound moves by that much less.
     """
     task, bounds, elastic = program.task, before.copy(), program.elastic
     curve = finer_motion(task.motion(x), OPTIONS.steps)
     half = OPTIONS.steps // task.stride
     row, instant = program.limited[:elastic].T
-    rates = row < program.rates  # those of slides are measured in lengths of the arm
+    rates = row < program.rates  # slides are in arm lengths
     units = np.where(rates, joint_scales(task.arm)[row % task.arm.dof], 1.0)
     sides, ranges, names = program.sides[:elastic], program.ranges[:elastic], np.array(program.inequality_names)
     slack = program.values(x).inequalities * ranges + sides * (program.bounds - before)[:elastic]
@@ -248,7 +248,7 @@ def _tightened_bounds(
 
 
 def _peaks(values: Float[np.ndarray, " time"]) -> Float[np.ndarray, " time"]:
-    """Return values, each as large as the top of the parabola through it and both neighbours if that is next to it."""
+    """Return values, each replaced by the peak of the parabola through it and its neighbours if that is next to it."""
     with np.errstate(invalid="ignore"):  # −inf is no limit
         slope, bend = np.diff(values), np.diff(values, 2)
     peaks = values.copy()
@@ -261,7 +261,7 @@ def _peaks(values: Float[np.ndarray, " time"]) -> Float[np.ndarray, " time"]:
 def _excess(
     task: MotionTask, name: str, curve: Motion
 ) -> tuple[Float[np.ndarray, " time"], Float[np.ndarray, " time"]]:
-    """Return by how much a limit is exceeded over time, below and above."""
+    """Return the excess over a limit over time, below and above."""
     if name == "clearance":
         return task.min_clearance - curve.clearance, np.full(curve.time.shape, -np.inf)
     for constraint in task.constraints:

@@ -27,7 +27,7 @@ from paretoik.trajectory.program import ORDERS, Evaluators, MotionProgram, Spars
 
 @dataclass(frozen=True, kw_only=True)
 class TranscriptionOptions:
-    """How functions are probed for kinks, and how many sets of evaluators stay in memory."""
+    """Settings of probing functions for kinks, and of the evaluators in memory."""
 
     probes: int = 64  # random inputs
     probe_range: tuple[float, ...] = (2.0, 1.0, 3.0, 10.0)  # rad, over powers of the duration: standard deviations
@@ -40,11 +40,11 @@ OPTIONS = TranscriptionOptions()
 def motion_program(task: MotionTask, scales: Sequence[float] | np.ndarray | None = None) -> MotionProgram:
     """Return the nonlinear program of a task, its objectives divided by ``scales``.
 
-    Raises InvalidInput, naming the objective or limit, where there is none.
+    Raises InvalidInput, naming the objective or limit, if there is no program.
     """
     if task.ends_at_rest and task.differences == "central":
         raise InvalidInput(
-            "end_velocity=0: differences 'spline' or 'backward' wanted where motions are refined, got 'central'"
+            "differences must be 'spline' or 'backward' to refine motions with end_velocity=0, got 'central'"
         )
     divisors = np.ones(len(task.objectives)) if scales is None else np.asarray(scales, dtype=float)
     functions = trace_functions(task, 1.0 / divisors)
@@ -87,7 +87,7 @@ _EVALUATORS: OrderedDict[Any, Evaluators] = OrderedDict()
 
 
 def _evaluators(functions: Functions, path: list[int]) -> Evaluators:
-    """Return the evaluators of functions and path, from memory where the same was traced before."""
+    """Return the evaluators of functions and path, from memory if the same was traced before."""
     tape = functions.motion.trace.tape
     entries = functions.sums, functions.rows, functions.epigraph_rows, functions.epigraph_variables, path
     sides = [tuple(np.isfinite(bounds).any(axis=0)) for bounds in functions.bounds]
@@ -170,7 +170,7 @@ def _reformulate(functions: Functions) -> Reformulation:
 
 
 def _path_equations(functions: Functions, orders: int) -> list[int]:
-    """Return the path equations of an instant, of a spline their derivatives too, as many as functions depend on."""
+    """Return the path equations of an instant; for a spline also the derivatives that functions depend on."""
     motion, task = functions.motion, functions.task
     tape = motion.trace.tape
     parameters: list[list[Any]] = [[motion.trace.parameter(x) for x in part.T] for part in instant_targets(task)]
@@ -189,9 +189,9 @@ def _path_equations(functions: Functions, orders: int) -> list[int]:
 
 
 def _orders(functions: Functions) -> tuple[int, bool]:
-    """Return on how many of position, velocity, acceleration and jerk functions and limits depend, 2 at least.
+    """Return how many orders of position, velocity, acceleration and jerk functions and limits need, at least 2.
 
-    And whether some depend on those of the spline.
+    The second value is whether some need those of the spline.
     """
     task, tape = functions.task, functions.motion.trace.tape
     n, entries = task.arm.dof, [*functions.sums, *functions.rows, *functions.epigraph_rows]
@@ -207,7 +207,8 @@ def _limits(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return ``limited``, ``sides``, ``bounds`` and ``ranges`` of a program, those of rows last.
 
-    ``rows`` (instants, 3) are their lower and upper bounds and ranges; so many variables before them have none.
+    rows: lower and upper bounds and ranges (instants, 3) of rows
+    unlimited: number of variables without limits before the rows
     """
     instants, n = len(task.instants), task.arm.dof
     free = np.tile([-np.inf, np.inf], (instants, n, 1))
@@ -224,7 +225,7 @@ def _limits(
 
 
 def _simple_bounds(task: MotionTask, kind: str, free: np.ndarray) -> np.ndarray:
-    """Return the limits on a variable and their ranges; those on a spline's rates hold between samples."""
+    """Return the limits on a variable and their ranges; limits on a spline's rates are valid between samples."""
     if kind not in task.bounds:
         return np.concatenate([free, np.ones((*free.shape[:-1], 1))], axis=-1)
     bounds = np.array(np.broadcast_to(task.bounds_at(kind, task.instants), free.shape))
@@ -235,7 +236,7 @@ def _simple_bounds(task: MotionTask, kind: str, free: np.ndarray) -> np.ndarray:
 
 
 def _place_variables(evaluators: Evaluators, states: np.ndarray, dof: int) -> Evaluators:
-    """Return evaluators whose derivatives are placed by the variables: inputs ``states``, then v and σ."""
+    """Return evaluators with derivatives sorted by the variables: inputs ``states``, then v and σ."""
     place = np.zeros(8 * dof + len(evaluators.auxiliary), dtype=np.int64)
     place[np.append(states, np.arange(8 * dof, len(place)))] = np.arange(len(states) + len(evaluators.auxiliary))
     first, second = evaluators.gradient_sparsity, evaluators.hessian_sparsity

@@ -1,1 +1,1 @@
-"""An independent second opinion on what a run folder holds: nothing here shares a kernel with what it checks."""
+"""An independent second opinion on the contents of a run folder: no kernel is shared with the code that it checks."""

@@ -1,4 +1,4 @@
-"""An arm as Pinocchio's model, built from its numbers alone."""
+"""An arm as Pinocchio's model, built only from its numbers."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from paretoik.errors import InvalidInput
 class VerificationTolerances:
     """Deviations that the verifier accepts, each pinned by a run that exceeds it three times.
 
-    They are what the library claims, or what rounding leaves of the same number computed twice. Derivatives along
-    the self-motion are differences: rounding leaves half of their digits to ``criticality``.
+    They are the library's claims, or the rounding between two computations of the same number. Derivatives along the
+    self-motion are differences: rounding leaves half of their digits to ``criticality``.
     """
 
-    times: float = 1e-9  # share of the duration: sample times against those of the path
-    on_path: float = 1e-9  # share of the arm's length, and rad: what the library claims of samples
-    limits: float = 1e-8  # share of a limit's range: what certificates claim at the instants of the problem
+    times: float = 1e-9  # share of the duration: sample times compared with those of the path
+    on_path: float = 1e-9  # share of the arm's length, and rad: the library's claim for samples
+    limits: float = 1e-8  # share of a limit's range: the claim of certificates at the instants of the problem
     between: float = 1e-6  # share of a limit's range, between samples: second derivatives of postures on the path
     stated: float = 1e-6  # share of a limit's range: by how much a stated bound between samples may be too low
     values: float = 1e-9  # share of an objective's size: two ways to sum the same numbers
@@ -38,28 +38,28 @@ class VerificationTolerances:
     rates: float = 1e-6  # share of an exchange rate: the ratio of the weights
     sums: float = 1e-6  # weights: below 0, or their sum off 1
     tightened: float = 1e-2  # share of a limit's range: refinement keeps limits inside by up to this
-    rest: float = 1e-6  # s: an interval in which nothing moves; it counts for nothing in a duration
+    rest: float = 1e-6  # s: an interval without motion; it does not count in a duration
 
 
 @dataclass(frozen=True, kw_only=True)
 class VerificationOptions:
     """Grids and steps of a verification."""
 
-    finer: int = 50  # instants an interval on which limits are checked between samples
-    nodes: int = 10  # Chebyshev points a piece of a curve that is projected onto the path
+    finer: int = 50  # instants per interval at which limits are checked between samples
+    nodes: int = 10  # Chebyshev points per piece of a curve that is projected onto the path
     tail: float = 1e-12  # rad or m: last coefficients of a piece that needs no splitting
-    splits: int = 3  # halvings of a piece at most
+    splits: int = 3  # most halvings of a piece
     step: float = 1e-6  # rad: central differences along the self-motion
     spacing: int = 12  # samples between those that are moved at once: more than any value depends on
-    foreseen: float = 1e-3  # share of a slope by which a random direction may differ from what slopes foresee
+    foreseen: float = 1e-3  # share of a slope by which a random direction may differ from the prediction by slopes
     kink: float = 1e-3  # share by which slopes on both sides differ at a kink
     rounds: int = 12  # times that slopes on the other side of kinks are added
     trials: tuple[float, ...] = (1e-4, 1e-5, 1e-6)  # rad: steps that show a gain
     probe: float = 1e-4  # rad: step to the other side of kinks
-    instants: int = 4  # distances an interval before they are bounded
+    instants: int = 4  # distances per interval before they are bounded
     bisections: int = 14  # halvings of an interval in which a collision cannot be excluded
     sections: int = 60  # golden sections of a link: below the rounding of its length
-    end_accelerations: int = 3  # accelerations that the one at a free end is continued from, at most
+    end_accelerations: int = 3  # most accelerations that the one at a free end is continued from
     turn: float = 1e-3  # rad, or the arm's length: largest joint motion in differences of normal directions
     newton_steps: int = 30  # steps of a projection onto the path
 
@@ -68,12 +68,12 @@ TOLERANCES = VerificationTolerances()
 OPTIONS = VerificationOptions()
 
 
-TOOL_FRAME = "<tool>"  # as an arm calls its own
+TOOL_FRAME = "<tool>"  # the arm's own name for it
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ArmModel:
-    """Pinocchio's model of an arm; joints move as the arm's, angles modulo nothing."""
+    """Pinocchio's model of an arm; joints move as the arm's, without taking angles modulo whole turns."""
 
     arm: Any
     pin: Any
@@ -88,7 +88,7 @@ class ArmModel:
 
     @cached_property
     def length(self) -> float:
-        """Length [m] of the arm stretched out, slides at 0; what positions are measured in."""
+        """Length [m] of the stretched arm, slides at 0; the unit of positions."""
         offsets = [*self.arm.placements[1:], self.arm.tool]
         length = float(sum(np.linalg.norm(pose.position) for pose in offsets))
         slides = [limits for limits, each in zip(self.arm.position_limits, self.turning, strict=True) if not each]
@@ -102,7 +102,7 @@ class ArmModel:
 
     @cached_property
     def scales(self) -> np.ndarray:
-        """Units of joints (dof,): 1 rad, or the arm's length [m] of a slide."""
+        """Units of joints (dof,): 1 rad, or for a slide the arm's length [m]."""
         return np.where(self.turning, 1.0, self.length)
 
     def torques(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
@@ -147,7 +147,7 @@ class ArmModel:
         return place.rotation.copy(), place.translation.copy(), jacobian
 
     def drift(self, q: np.ndarray, dq: np.ndarray, frame: str = "tool") -> np.ndarray:
-        """Return the acceleration (6,) in world axes that a frame has without accelerations of joints."""
+        """Return the acceleration (6,) of a frame in world axes when joints have none."""
         number, world = self.frame_number(frame), self.pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         self.pin.forwardKinematics(self.model, self.data, q, dq, np.zeros_like(q))
         motion = self.pin.getFrameClassicalAcceleration(self.model, self.data, number, world)
@@ -192,7 +192,7 @@ def build_model(arm: Any) -> ArmModel:
 
 
 def import_pinocchio() -> Any:
-    """Return Pinocchio; raises InvalidInput, which says how to install it, if it is missing."""
+    """Return Pinocchio; raises InvalidInput, with how to install it, if it is missing."""
     try:
         import pinocchio
     except ImportError as fault:

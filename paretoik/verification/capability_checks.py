@@ -1,4 +1,4 @@
-"""Runs of what an arm can do: postures that stand, motions from a point to a point, and polygons."""
+"""Checks of runs about an arm's capability: postures at rest, motions from point to point, and polygons."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from paretoik.verification.run_contents import Check, RunContents, Worst, demand
 
 
 def check_standing(run: RunContents, problem: Any, model: ArmModel) -> Iterator[Check]:
-    """Check a front of directional maxima: postures at their position, speeds that motors at joints can have."""
+    """Check a front of directional maxima: postures at their position, speeds that motors at joints can reach."""
     size = len(problem.position)
     bare = not hasattr(problem.actuation, "rod")
     for row, q in enumerate(run.motions["q"]):
@@ -35,7 +35,7 @@ def check_standing(run: RunContents, problem: Any, model: ArmModel) -> Iterator[
 
 
 def check_point_to_point(run: RunContents, problem: Any, model: ArmModel) -> Iterator[Check]:
-    """Check motions between two points: their ends, joint limits, and durations against their own times."""
+    """Check motions between two points: their ends, joint limits, and durations compared with their own times."""
     size, names = len(problem.start), [str(each["name"]) for each in run.objectives]
     for row, (time, q) in enumerate(zip(run.motions["time"], run.motions["q"], strict=True)):
         point = int(run.ids[row])
@@ -54,7 +54,7 @@ def check_point_to_point(run: RunContents, problem: Any, model: ArmModel) -> Ite
 
 
 def _check_work(run: RunContents, problem: Any, model: ArmModel, row: int, q: np.ndarray) -> Iterator[Check]:
-    """Check the work of motors at the joints under gravity, given or taken, in one motion."""
+    """Check the work of motors at the joints against gravity, given or taken, in one motion."""
     middle, point = (q[1:] + q[:-1]) / 2, int(run.ids[row])
     for k, entry in enumerate(run.objectives):
         name = str(entry["name"])
@@ -70,7 +70,7 @@ def _check_work(run: RunContents, problem: Any, model: ArmModel, row: int, q: np
 
 
 def check_tool_path(run: RunContents) -> Iterator[Check]:
-    """Check where a tool path begins and ends, that it stays in its box, and that its times grow."""
+    """Check both ends of a tool path, that it stays in its box, and that its times increase."""
     arrays = run.arrays["tool_path.npz"]
     tool = np.asarray(arrays["positions" if "positions" in arrays else "points"], dtype=float)
     settings = dict(run.entries.get("settings", {}))
@@ -113,7 +113,7 @@ def check_polygon(run: RunContents, model: ArmModel | None, reason: str = "") ->
 
 
 def _position_limits(model: ArmModel, time: np.ndarray, q: np.ndarray, point: int) -> Check:
-    """Return whether the arm's own limits hold: excesses are shares of a joint's range, of 1 rad or m without one."""
+    """Return whether the arm's own limits are satisfied: excesses are shares of a joint's range, or of 1 rad or m."""
     lower, upper = np.array(model.arm.position_limits, dtype=float).T
     size = np.where(np.isfinite(upper - lower) & (upper > lower), upper - lower, 1.0)
     place, excess = _worst_of(model, "position", time, q, lower, upper, size)

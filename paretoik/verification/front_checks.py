@@ -1,7 +1,7 @@
 """Certificates by differences: no direction along the self-motion improves all objectives at once.
 
-Along directions d that keep the path, a point is critical if no d lowers all objectives while limits hold, to first
-order: a linear program over the box |d| ≤ r inside the unit ball,
+Among directions d that keep the path, a point is critical if no d lowers all objectives while limits are satisfied, to
+first order: a linear program over the box |d| ≤ r inside the unit ball,
 
     maximise    t
     subject to  gᵢ·d + Σ wₖ eₖ + t ≤ 0      for every objective i
@@ -10,8 +10,8 @@ order: a linear program over the box |d| ≤ r inside the unit ball,
                 −r ≤ d ≤ r
 
 The value is a lower bound of the criticality χ, and 0 if and only if χ is. Derivatives are central differences of the
-definitions. A user's function may have kinks that nobody names: the direction found is then tried, and if objectives do
-not fall along it, their slopes there are further pieces, until a better motion is shown or no direction is left.
+definitions. A user's function may have unknown kinks: the direction found is then tried, and if objectives do not fall
+along it, their slopes there become further pieces, until a better motion is shown or no direction is left.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from paretoik.verification.objectives import Terms, clearance_range, is_own_inte
 from paretoik.verification.path_targets import path_points, task_error
 from paretoik.verification.run_contents import Check, RunContents, demand, judge, leave_out
 
-# The table and the arrays of a run by themselves, without the problem.
+# The table and the arrays of a run, without the problem.
 
 
 EXCEEDS = "limits exceeded between samples"  # status of an optimum that no tightening brings within its limits
@@ -42,7 +42,7 @@ EXCEEDS = "limits exceeded between samples"  # status of an optimum that no tigh
 def check_tables(run: RunContents) -> Iterator[Check]:
     """Check ids, objectives, arrays and certificates of a front or a plan."""
     ids, values = run.ids, run.values
-    yield demand("ids", len(set(ids.tolist())) == len(ids), "an id stands in the table twice")
+    yield demand("ids", len(set(ids.tolist())) == len(ids), "an id is in the table twice")
     declared = run.entries.get("points")
     if declared is not None:
         yield demand("ids", declared == len(ids), f"run.json says {declared} points, the table has {len(ids)}")
@@ -57,7 +57,7 @@ def check_tables(run: RunContents) -> Iterator[Check]:
 
 
 def _check_order(run: RunContents, values: np.ndarray) -> Iterator[Check]:
-    """Check that no point dominates another; of a plan, that the best comes first."""
+    """Check that no point dominates another; for a plan, that the best comes first."""
     signs = np.array([-1.0 if each.get("maximised") else 1.0 for each in run.objectives])
     F = values * signs
     if "objective" in run.entries:
@@ -88,7 +88,7 @@ def _check_arrays(run: RunContents) -> Iterator[Check]:
     )
     if not fits:
         return
-    yield demand("joint names", len(set(joints.tolist())) == len(joints), "a joint stands in motions.npz twice")
+    yield demand("joint names", len(set(joints.tolist())) == len(joints), "a joint is in motions.npz twice")
     for row, number in enumerate(run.ids.tolist()):
         finite = np.isfinite(q[row]).all() and np.isfinite(time[row]).all()
         yield demand("finite motions", finite, "a joint position or a time is no finite number", point=number)
@@ -96,7 +96,7 @@ def _check_arrays(run: RunContents) -> Iterator[Check]:
 
 
 def _check_rates(run: RunContents) -> Iterator[Check]:
-    """Check that exchange rates follow from the weights, and lie in their intervals."""
+    """Check that exchange rates follow from the weights, and are in their intervals."""
     arrays, objectives = run.motions, run.objectives
     for name in ("weights", "exchange_rates", "exchange_intervals"):
         if name not in arrays or len(arrays[name]) != len(run.ids):
@@ -131,7 +131,7 @@ def _check_rates(run: RunContents) -> Iterator[Check]:
 
 
 def certified_ranges(run: RunContents) -> np.ndarray:
-    """Return the ranges (n_obj,) that the weights of a run are over."""
+    """Return the ranges (n_obj,) that the weights of a run refer to."""
     return np.array([float(each["range"][1]) - float(each["range"][0]) for each in run.objectives])
 
 
@@ -142,7 +142,7 @@ CRITICAL = ("minimum", "saddle", "converged", "under-resolved")  # statuses that
 def check_certificate(
     run: RunContents, task: Any, model: ArmModel, objectives: Any, row: int, time: np.ndarray, q: np.ndarray
 ) -> Iterator[Check]:
-    """Check the criticality of a point if the run claims one, and its weights if it has any."""
+    """Check the criticality of a point if the run claims it, and its weights if it has any."""
     point, status = int(run.ids[row]), status_of(run, row)
     stated = "objective" not in run.entries and "criticality" in run.table
     residual = float(run.table["criticality"][row]) if stated else np.nan
@@ -152,7 +152,7 @@ def check_certificate(
     if "objective" not in run.entries:
         weights = np.asarray(run.motions["weights"][row]) if "weights" in run.motions else np.full(len(size), np.nan)
         excess = max(residual - TOLERANCES.criticality, 0.0) if status in CRITICAL else 0.0
-        yield demand("certificates", not excess, f"{status!r} wants criticality 0, got {residual:.3g}", point=point)
+        yield demand("certificates", not excess, f"{status!r} must have criticality 0, got {residual:.3g}", point=point)
     accepted = TOLERANCES.criticality + (0.0 if status in CRITICAL else max(residual, 0.0))
     signs = np.array([-1.0 if each.get("maximised") else 1.0 for each in run.objectives])
     known, reason = bool(np.isfinite(weights).all()), ""
@@ -187,11 +187,11 @@ def status_of(run: RunContents, row: int) -> str:
 
 
 class UndecidedError(Exception):
-    """Differences cannot decide whether a point is critical; the text says why."""
+    """Differences cannot decide whether a point is critical; the text has the reason."""
 
 
 def _sizes(run: RunContents, row: int) -> np.ndarray:
-    """Return what objectives are divided by (n_obj,): ranges of the run, or if there is none the value, or 1 unit."""
+    """Return the scales of objectives (n_obj,): ranges of the run, else the value, at least 1 unit."""
     if "objective" in run.entries:
         return np.maximum(np.abs(run.values[row]), np.finfo(float).tiny)
     size = certified_ranges(run)
@@ -247,7 +247,7 @@ class Neighbours:
         return self.frames.shape[0] * self.frames.shape[1]
 
     def move(self, d: np.ndarray) -> np.ndarray:
-        """Return the motion at coordinates, on the path again."""
+        """Return the motion at coordinates, projected onto the path."""
         shares = d.reshape(self.frames.shape[:2])
         moved = self.q.copy()
         touched = np.flatnonzero(np.abs(shares).max(axis=1) > 0)
@@ -273,7 +273,7 @@ def _gains(
     *,
     own_kinks: bool = False,
 ) -> tuple[float, float, float]:
-    """Return the gain of all objectives at once, that of their weighted sum, and that of the steepest alone.
+    """Return the gain of all objectives at once, of their weighted sum, and of the steepest one.
 
     Raises UndecidedError if kinks leave it open.
     """
@@ -297,7 +297,7 @@ def _gains(
 
 
 def _neighbours(task: Any, model: ArmModel, time: np.ndarray, q: np.ndarray) -> Neighbours:
-    """Return the motions near one; raises UndecidedError if the end of a motion that is tied is not where it should."""
+    """Return the motions near one; raises UndecidedError if a tied end is not the posture nearest to the one before."""
     frames = list[np.ndarray]()
     for k in range(len(time)):
         parts = []
@@ -324,8 +324,8 @@ def _neighbours(task: Any, model: ArmModel, time: np.ndarray, q: np.ndarray) -> 
 def _linearise(near: Neighbours, evaluate: Callable[[np.ndarray], list[Terms]], d: np.ndarray) -> FirstOrder:
     """Return objectives and limits to first order at coordinates, by central differences.
 
-    Terms of an instant depend on samples near by only, so that samples far apart are moved at once. If that does not
-    foresee what a random direction does, each sample is moved alone. Raises UndecidedError at a concave kink.
+    Terms of an instant depend only on samples near it, so that samples far apart are moved at once. If that does not
+    predict the change in a random direction, each sample is moved alone. Raises UndecidedError at a concave kink.
     """
     terms = evaluate(d)
     instants = np.concatenate([np.tile(each.instants, len(each.pieces)) for each in terms])
@@ -364,7 +364,7 @@ def _slopes(
     spacing: int,
     step: float = OPTIONS.step,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the derivatives (values, coordinates), and the least bend (values,) along any coordinate."""
+    """Return the derivatives (values, coordinates), and the least curvature (values,) along any coordinate."""
     count, redundancy = near.frames.shape[:2]
     stride = 2 if near.task.differences == "spline" else 1
     cycle = len(near.time) - 1 if near.task.cyclic else 0
@@ -391,7 +391,7 @@ def _flat(terms: Sequence[Terms]) -> np.ndarray:
 
 
 def _limit_terms(task: Any, motion: MeasuredMotion) -> Terms:
-    """Return all limits as shares of their ranges, negative if they hold; −inf without a limit."""
+    """Return all limits as shares of their ranges, negative if satisfied; −inf without a limit."""
     count = motion.time.shape[1]
     shares = list(limit_shares(task, motion).values())
     if task.obstacles:
@@ -429,12 +429,12 @@ def _shown_gain(
 ) -> tuple[float, FirstOrder]:
     """Return the gain of all objectives at once; one above ``accepted`` only if a motion shows it.
 
-    On the way there all objectives fall with at least half of the slope that is foreseen, and no limit is exceeded more
-    than before, at any instant or between. Raises UndecidedError if kinks or limits between samples leave it open.
+    On the way there all objectives fall with at least half of the predicted slope, and no limit is exceeded more than
+    before, at any instant or between. Raises UndecidedError if kinks or limits between samples leave it open.
     """
     start = np.array([_total(each) for each in evaluate(np.zeros(near.size))[:-1]])
     between = np.zeros(0)
-    if near.promises_between:  # limits that refinement keeps inside count as active there too
+    if near.promises_between:  # limits with a small slack after refinement count as active there too
         between = np.maximum(_between(near, np.zeros(near.size)), -TOLERANCES.tightened)
     reason = ""
     for _ in range(OPTIONS.rounds):
@@ -445,7 +445,7 @@ def _shown_gain(
             *objectives, limits = evaluate(step * d)
             far = np.array([_total(each) for each in objectives])
             half = np.array([_total(each) for each in evaluate(step / 2 * d)[:-1]])
-            falls = ((4 * half - far - 3 * start) / step).max() <= -gain / 2  # slopes ahead, curvature aside
+            falls = ((4 * half - far - 3 * start) / step).max() <= -gain / 2  # slopes at the start, without curvature
             kept = limits.pieces.max(initial=0.0) <= max(at.bounds.max(initial=0.0), 0.0) + TOLERANCES.limits
             if falls and kept:
                 if not len(between) or (_between(near, step * d) <= between + TOLERANCES.limits).all():
@@ -466,7 +466,7 @@ def _between(near: Neighbours, d: np.ndarray) -> np.ndarray:
 
 
 def _with_pieces(at: Pieces, there: Pieces, d: np.ndarray) -> Pieces:
-    """Return the pieces of an objective with those of a motion near by, at coordinates, that have other slopes."""
+    """Return the pieces of an objective with those of another slope from a near motion, at coordinates."""
     values = there.values - there.slopes @ d
     own = at.slopes[: len(there.slopes)]
     other = np.abs(there.slopes - own).max(axis=1) > OPTIONS.kink * np.abs(own).max(axis=1)

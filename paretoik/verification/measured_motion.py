@@ -1,4 +1,4 @@
-"""A motion measured a second time: what an objective sees, from joint positions, Pinocchio and the curve rebuilt."""
+"""A motion measured a second time: the input of objectives, from joint positions, Pinocchio and the rebuilt curve."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from paretoik.verification.path_targets import curve_states, path_points, task_a
 
 # The curve of a motion, rebuilt from its samples with SciPy, and its finite differences.
 #
-# The curve of differences="spline" has as control point of a sample the blossom, at its three times, of the parabola
-# through the sample and its neighbours; at a free end it passes through the sample and its acceleration continues the
-# polynomial of the next ones, at an end at rest it passes through the sample with velocity 0. These are linear
+# With differences="spline" the control point of a sample is the blossom, at its three times, of the parabola through
+# the sample and its neighbours. At a free end the curve passes through the sample and its acceleration continues the
+# polynomial of the next ones; at an end at rest it passes through the sample with velocity 0. These are linear
 # equations for the control points, solved here with SciPy's B-splines. The other curves are splines through the
 # samples.
 
@@ -52,7 +52,7 @@ def rebuild(time: np.ndarray, q: np.ndarray, *, differences: str, cyclic: bool, 
 
 
 def instants_of(time: np.ndarray, differences: str) -> np.ndarray:
-    """Return the times at which limits and objectives hold: samples, of splines the middles between them too."""
+    """Return the times of limits and objectives: samples, for splines also the middles between them."""
     if differences != "spline":
         return time
     return np.sort(np.concatenate([time, (time[1:] + time[:-1]) / 2]))
@@ -121,7 +121,7 @@ def _rest_row(unit: np.ndarray) -> np.ndarray:
 
 
 def _polynomial(time: np.ndarray, q: np.ndarray, *, ends_at_rest: bool) -> PPoly:
-    """Return the polynomial through a few samples, its end at rest where it has to be."""
+    """Return the polynomial through a few samples, with its end at rest if necessary."""
     times, values = (np.append(time, time[-1]), np.concatenate([q, 0 * q[:1]])) if ends_at_rest else (time, q)
     polynomial = KroghInterpolator(times, values)
     degree = len(times) - 1
@@ -137,7 +137,7 @@ def _backward(values: np.ndarray, time: np.ndarray, *, cyclic: bool) -> np.ndarr
 
 
 def _central(values: np.ndarray, time: np.ndarray, order: int, *, cyclic: bool) -> np.ndarray:
-    """Return derivatives of the parabolas through three samples each; at ends those that belong to a parabola too."""
+    """Return derivatives of the parabolas through three samples each; an end uses the nearest parabola."""
     if cyclic:
         last = len(time) - 1
         time = np.concatenate([[time[0] - time[last] + time[last - 1]], time, [time[last] + time[1] - time[0]]])
@@ -230,9 +230,10 @@ def smallest_radius(obstacles: Sequence[Any]) -> float:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MeasuredMotion:
-    """One motion (1, time, dof) at the instants at which its problem holds limits and objectives.
+    """One motion (1, time, dof) at the instants at which its problem has limits and objectives.
 
-    It has what user functions read of a ``Motion``, batch first. ``task`` is the problem's: its arm, tasks, obstacles.
+    It has the attributes of a ``Motion`` that user functions read, batch first. ``task`` is the problem's: its arm,
+    tasks, obstacles.
     """
 
     model: ArmModel
@@ -249,12 +250,12 @@ class MeasuredMotion:
 
     @property
     def spline(self) -> MeasuredMotion:
-        """The motion of the spline that is not projected: of this integrals with kinks are minimised."""
+        """The motion of the spline without projection: integrals with kinks are minimised on it."""
         return self if self.of_spline is None else self.of_spline
 
     @property
     def velocity_bounds(self) -> np.ndarray:
-        """Velocities, at the middles of intervals Bernstein coefficients of a spline's."""
+        """Velocities; for a spline its Bernstein coefficients at the middles of intervals."""
         return self.dq if self.coefficients is None else self.coefficients
 
     @property

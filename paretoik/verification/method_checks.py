@@ -1,4 +1,4 @@
-"""Closed loops: what the run says of the tool's error, the drift, steps and objectives of the paper."""
+"""Checks of closed loops: the run's statements about the tool's error, the drift, steps and objectives of the paper."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from paretoik.verification.objectives import objective_value
 from paretoik.verification.path_targets import orientation_errors, sample_points, task_axes, tracking_errors
 from paretoik.verification.run_contents import Check, RunContents, Worst, demand, judge, leave_out
 
-# Numbers of a method that were searched for: what the table may say, by the one motion of each point that is stored.
+# Parameters of a method from a search: bounds for the table from the one stored motion of each point.
 #
-# The table has the worst, or the mean, of motions from several starts; of these the first is stored. Nothing here
-# follows a path by the method a second time, so that a worst value is bounded by the stored motion's, from one side.
+# The table has the worst, or the mean, of motions from several starts; only the first of them is stored. The method
+# is not run a second time, so that a worst value is bounded by the stored motion's from one side.
 
 
-MEASURES = "paretoik.resolution.measures"  # where objectives of resolved motions are defined
+MEASURES = "paretoik.resolution.measures"  # defines objectives of resolved motions
 
 
 def check_tuning(run: RunContents, problem: Any, model: ArmModel) -> Iterator[Check]:
@@ -65,7 +65,7 @@ def sample_errors(model: ArmModel, task: Any, q: np.ndarray) -> np.ndarray:
 
 
 def _check_start(run: RunContents, problem: Any, posture: np.ndarray, row: int, point: int) -> Check:
-    """Check that a motion begins in its own start: of several that its gene chooses, else the first."""
+    """Check that a motion begins in its own start: the one that its gene chooses among several, else the first."""
     starts = np.asarray(problem.starts)
     names = [each.name for each in problem.parameters]
     if "start" not in names:
@@ -82,7 +82,7 @@ def _check_start(run: RunContents, problem: Any, posture: np.ndarray, row: int, 
 def _check_objectives(
     run: RunContents, problem: Any, motion: MeasuredMotion, errors: np.ndarray, row: int, point: int
 ) -> Iterator[Check]:
-    """Check the table's objectives: equal to the stored motion's where that alone counts, else no better."""
+    """Check the table's objectives: equal to the stored motion's if only that counts, else no better."""
     alone = problem.judged_starts == 1
     for objective, entry, value in zip(problem.task.objectives, run.objectives, run.values[row], strict=True):
         subject = f"objective {objective.name}"
@@ -109,7 +109,7 @@ def _check_objectives(
 
 
 def _value(objective: Any, motion: MeasuredMotion, errors: np.ndarray) -> float | None:
-    """Return an objective of a stored motion; None of what only the method knows."""
+    """Return an objective of a stored motion; None if only the method knows it."""
     function = objective.function
     if getattr(function, "__module__", None) != MEASURES:
         return objective_value(objective, motion)
@@ -157,24 +157,24 @@ def _distance(motion: MeasuredMotion, reference: Any) -> float:
 
 
 def _left_out(problem: Any) -> Iterator[Check]:
-    """Say exactly what of the objectives was not computed a second time."""
+    """Yield exactly which parts of the objectives were not computed a second time."""
     count = problem.judged_starts
     if count > 1 and problem.judged_by == "worst":
-        reason = f"of {count} motions that the table has the worst of one is stored: the table is no better than that"
+        reason = f"one of {count} motions is stored, the table has the worst: it is no better than the stored one"
         yield leave_out("objectives from the other starts", reason)
     elif count > 1:
-        reason = f"the table has the mean of {count} motions, of which one is stored: no objective was computed again"
+        reason = f"the table has the mean of {count} motions, but one is stored: no objective was computed again"
         yield leave_out("objectives from all starts", reason)
     yield leave_out(
         "the method's steps", "the stored motion is not resolved a second time from the method's numbers and its start"
     )
 
 
-# Resolved motions: what the files say of themselves, and, with its problem, of the path.
+# Resolved motions: the statements of the files about themselves, and, with the problem, about the path.
 
 
 def check_resolution(run: RunContents, task: Any, model: ArmModel | None, reason: str = "") -> Iterator[Check]:
-    """Check the errors that a resolved motion states; ``task`` has the path that it followed, None if not at hand."""
+    """Check the errors that a resolved motion states; ``task`` has the path that it followed, None if unknown."""
     traces = run.arrays.get("traces.npz", {})
     errors = np.asarray(traces.get("errors", np.empty(0)))
     stated = float(run.entries.get("largest_error", np.nan))
@@ -205,14 +205,14 @@ def check_resolution(run: RunContents, task: Any, model: ArmModel | None, reason
         admitted = float(np.linalg.norm(errors[row], axis=-1).max()) if errors.ndim > 2 else largest
         detail = f"the tool is {miss:.3g} off its path, its traces admit {admitted:.3g}"
         yield judge("tracking", miss, admitted + TOLERANCES.on_path, detail, point=point)
-    yield leave_out("limits and the method's steps", "a method may exceed limits where it says so in its traces")
+    yield leave_out("limits and the method's steps", "a method may exceed limits if its traces say so")
 
 
 LIBRARY = "paretoik.closed_loop.objectives"
 
 
 def check_loop(run: RunContents, loop: Any, model: ArmModel) -> Iterator[Check]:
-    """Check the one motion of a closed loop, which follows its path as nearly as its choices let it."""
+    """Check the one motion of a closed loop, which follows its path as closely as its choices allow."""
     point, q, time = int(run.ids[0]), run.motions["q"][0], run.motions["time"][0]
     task = loop.task.truncate(len(q))
     times, step = np.asarray(task.times), float(loop.task.times[1] - loop.task.times[0])
@@ -246,7 +246,7 @@ def check_loop(run: RunContents, loop: Any, model: ArmModel) -> Iterator[Check]:
     if task.obstacles and np.isfinite(loop.longest):
         yield from _check_sweep(task, model, motion, time, q, point)
     elif task.obstacles:
-        yield leave_out("clearance between samples", "steps of any length are clear where they end alone", point=point)
+        yield leave_out("clearance between samples", "steps of any length are only clear at their ends", point=point)
     velocity = np.diff(q, axis=0) / step
     series = {
         "joint_displacement": (velocity**2).sum(axis=1) + (((q[1:] - q[0]) / step) ** 2).sum(axis=1),

@@ -1,4 +1,4 @@
-"""Stored motions against their problem: the path, limits and obstacles at samples and between, objectives."""
+"""Checks of stored motions with their problem: path, limits and obstacles at samples and between, objectives."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def check_joints(run: RunContents, arm: Any) -> Iterator[Check]:
 
 
 def check_path(task: Any, model: ArmModel) -> Iterator[Check]:
-    """Check that the samples of every path lie on its curve, which is computed again."""
+    """Check that the samples of every path are on its curve, which is computed again."""
     for each in task.tasks:
         positions, rotations = path_points(each.path, np.asarray(each.path.times))
         listed, turned = sample_points(each.path)
@@ -68,7 +68,7 @@ def check_samples(task: Any, model: ArmModel, time: np.ndarray, q: np.ndarray, p
 def _same_posture(
     subject: str, model: ArmModel, q: np.ndarray, wanted: np.ndarray, time: float, name: str, point: int
 ) -> Check:
-    """Return whether a posture is another one, and which joint is farthest from it."""
+    """Return whether a posture is another one, with the joint that is farthest from it."""
     off = np.abs((q - wanted) / model.scales)
     j = int(off.argmax())
     place = Worst(what="position", joint=model.arm.joint_names[j], time=time, value=float(q[j]), limit=float(wanted[j]))
@@ -92,7 +92,7 @@ def check_limits(task: Any, motion: MeasuredMotion, violation: float | None, poi
 
 
 def excesses(task: Any, motion: MeasuredMotion) -> Iterator[tuple[str, float, Worst | None, str]]:
-    """Yield of every limit its subject, the worst excess as a share of its range, and where; or why it is unknown."""
+    """Yield every limit's subject, worst excess as a share of its range, and place, or why these are unknown."""
     for kind, (excess, place) in worst_of_limits(task, motion).items():
         yield f"{kind} limits", excess, place, ""
     if task.obstacles:
@@ -129,7 +129,7 @@ def check_errors(
         subject, column = f"error of {objective.name}", f"discretisation error of {objective.name}"
         try:
             value, true = stated_value(objective, motion, stated_as), objective_value(objective, finer)
-        except Exception:  # a user's function may raise anything: said of its value
+        except Exception:  # a user's function may raise anything: its value's row has the reason
             continue
         low, high = entry.get("range", (0.0, 0.0))
         size, point = max(abs(value), abs(float(high) - float(low)), 1e-12), int(run.ids[row])
@@ -147,7 +147,7 @@ def _line(fault: Exception) -> str:
     return (str(fault).splitlines() or [type(fault).__name__])[0]
 
 
-# Motions between their samples: the curve, projected onto the path, its limits, and what it comes near to.
+# Motions between their samples: the curve, projected onto the path, with its limits and distances.
 #
 # A curve is projected at Chebyshev points of each interval and is the polynomial through them; rates are its
 # derivatives.
@@ -158,7 +158,7 @@ def project(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return postures moved onto the path along the normal directions, and how far they are off it then.
 
-    ``normal_at`` are the postures (time, dof) whose normal directions count, by default ``q``.
+    The normal directions are those at the postures ``normal_at`` (time, dof), by default ``q``.
     """
     targets = [path_points(task.path, t) for task in tasks]
     result, error = np.array(q), np.zeros(len(t))
@@ -234,7 +234,7 @@ def project_curve(task: Any, model: ArmModel, time: np.ndarray, q: np.ndarray) -
 
 
 def finer_motion(task: Any, model: ArmModel, curve: ProjectedCurve, time: np.ndarray) -> MeasuredMotion:
-    """Return the curve of a motion at many instants an interval, with Simpson's weights for its integrals."""
+    """Return the curve of a motion at many instants per interval, with Simpson's weights for its integrals."""
     count = OPTIONS.finer
     step = np.repeat(np.diff(time) / count, count)
     t = np.append((time[:-1, None] + np.diff(time)[:, None] * np.arange(count) / count).ravel(), time[-1])
@@ -268,7 +268,7 @@ def check_between(
 ) -> Iterator[Check]:
     """Check one motion between its samples, against the limits of the problem.
 
-    ``stated`` is the bound of the violation there in the table, ``promised`` whether there must be none.
+    ``stated`` is the table's bound of the violation there; ``promised`` says whether there must be no violation.
     """
     detail = f"it leaves its path by {curve.error:.3g} at {curve.at:.4g} s"
     yield judge("tracking between samples", curve.error, TOLERANCES.on_path, detail, point=point)
@@ -278,7 +278,7 @@ def check_between(
             yield leave_out(f"{subject} between samples", fault, point=point)
         else:
             found.append((np.inf if np.isnan(excess) else excess, where))
-    kept = [each for each in found if each[1].what != "clearance"]  # distances are bounded all the way below
+    kept = [each for each in found if each[1].what != "clearance"]  # distances are bounded everywhere below
     if kept:
         excess, place = max(kept, key=lambda each: each[0])
         excess = max(excess, 0.0)
@@ -305,7 +305,7 @@ def _judge_limits(task: Any, excess: float, place: Worst, *, promised: bool, poi
 def _check_clearance(
     task: Any, model: ArmModel, curve: ProjectedCurve, samples: MeasuredMotion, *, promised: bool, point: int
 ) -> Iterator[Check]:
-    """Check distances all the way: an interval is done with if its ends and its length exclude a collision."""
+    """Check distances on the whole way: an interval is done if its ends and its length exclude a collision."""
     smallest, at, proven = least_clearance(task, model, curve, samples, samples.time[0])
     size, short = clearance_range(task, model), max(float(task.min_clearance) - smallest, 0.0)
     pair = nearest_pair(task.obstacles, model.nodes(curve(np.array([at])))[0])
@@ -325,7 +325,7 @@ def _check_clearance(
 def least_clearance(
     task: Any, model: ArmModel, postures: Callable[[np.ndarray], np.ndarray], samples: MeasuredMotion, time: np.ndarray
 ) -> tuple[float, float, bool]:
-    """Return the least clearance where it may be below the limit, its time, and whether nothing hides between."""
+    """Return the least clearance if it may be below the limit, its time, and whether all intervals are resolved."""
     count = OPTIONS.instants
     t = np.append((time[:-1, None] + np.diff(time)[:, None] * np.arange(count) / count).ravel(), time[-1])
     q = postures(t)

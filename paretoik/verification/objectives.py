@@ -12,7 +12,7 @@ from paretoik.verification.arm_model import ArmModel
 from paretoik.verification.measured_motion import MeasuredMotion, nearest_pair
 from paretoik.verification.run_contents import Worst
 
-LIBRARY = "paretoik.task.objectives"  # where the library's own are defined
+LIBRARY = "paretoik.task.objectives"  # defines the library's own objectives
 
 
 def objective_value(objective: Any, motion: MeasuredMotion) -> float:
@@ -23,8 +23,8 @@ def objective_value(objective: Any, motion: MeasuredMotion) -> float:
 def stated_value(objective: Any, motion: MeasuredMotion, stated: float) -> float:
     """Return an objective of a motion, in its own sign, as a table states it.
 
-    Integrals with kinks are stated of the spline before its projection onto the path. A user's integral may have kinks:
-    of both values, the nearer to the ``stated`` one counts.
+    Integrals with kinks are stated for the spline before its projection onto the path. A user's integral may have
+    kinks: of both values, the one nearer to ``stated`` counts.
     """
     name, value = _library_name(objective), objective_value(objective, motion)
     if objective.form != "integral" or (name and name not in KINKED_INTEGRALS):
@@ -34,12 +34,12 @@ def stated_value(objective: Any, motion: MeasuredMotion, stated: float) -> float
 
 
 def objective_function(objective: Any) -> Callable[[Any], Any]:
-    """Return the function of an objective: the definition below of the library's own, else the user's."""
+    """Return an objective's function: the definition below for the library's own, else the user's."""
     return DEFINITIONS.get(_library_name(objective), objective.function)
 
 
 def _library_name(objective: Any) -> str:
-    """Return the name of one of the library's own objectives; "" of a user's."""
+    """Return the name of one of the library's own objectives; "" for a user's."""
     own = getattr(objective.function, "__module__", None) == LIBRARY
     return str(objective.function.__name__) if own else ""
 
@@ -48,8 +48,8 @@ def _library_name(objective: Any) -> str:
 class Terms:
     """A function as a weighted sum of terms, or the largest of them, each the largest of its ``pieces``.
 
-    ``pieces`` (pieces, terms) are smooth if the function is a library's own. ``instants`` (terms,) are those that a
-    term belongs to, −1 for the whole motion. ``weights`` (terms,) are None if the largest term counts.
+    ``pieces`` (pieces, terms) are smooth if the function is a library's own. ``instants`` (terms,) are those of the
+    terms, −1 for the whole motion. ``weights`` (terms,) are None if the largest term counts.
     """
 
     pieces: np.ndarray
@@ -65,7 +65,7 @@ def is_own_integral(objective: Any) -> bool:
 def objective_terms(objective: Any, motion: MeasuredMotion, factor: float, *, own_kinks: bool = False) -> Terms:
     """Return an objective times a factor, which is negative if it is maximised, as terms to minimise.
 
-    Integrals with kinks are those of the spline; users' are if ``own_kinks`` says that they have some.
+    Integrals with kinks are those of the spline; users' too if ``own_kinks`` says that they have kinks.
     """
     name, count = _library_name(objective), motion.time.shape[1]
     if objective.form == "integral" and (name in KINKED_INTEGRALS or (own_kinks and not name)):
@@ -88,7 +88,7 @@ def objective_terms(objective: Any, motion: MeasuredMotion, factor: float, *, ow
 
 
 def form_value(form: str, values: Any, motion: MeasuredMotion, *, maximise: bool) -> float:
-    """Return what a function's values are as an objective of its form."""
+    """Return the objective that a function's values give in its form."""
     array = np.asarray(values, dtype=float)
     if form == "integral":
         return float(motion.integral(array)[0])
@@ -236,7 +236,7 @@ def worst_of_clearance(task: Any, motion: MeasuredMotion) -> tuple[float, Worst]
 def worst_of_constraint(constraint: Any, motion: MeasuredMotion) -> tuple[float, Worst]:
     """Return the excess of a user's own limit, as a share of its scale, and its place.
 
-    An integral may have kinks, and is limited on the spline then: the lesser excess of spline and curve counts.
+    An integral may have kinks, and is then limited on the spline: the smaller excess of spline and curve counts.
     """
     if constraint.form == "peak":
         values = np.asarray(constraint.function(motion), dtype=float)
@@ -255,7 +255,7 @@ def worst_of_constraint(constraint: Any, motion: MeasuredMotion) -> tuple[float,
 
 
 def limit_shares(task: Any, motion: MeasuredMotion) -> dict[str, np.ndarray]:
-    """Return by how much joint limits are exceeded (time, dof), as shares of their ranges; −inf without a limit."""
+    """Return how much joint limits are exceeded (time, dof), as shares of their ranges; −inf without a limit."""
     shares = {}
     for kind, bounds in task.bounds.items():
         limits = limits_at(bounds, np.asarray(task.times), motion.time[0])
@@ -286,7 +286,7 @@ def limits_at(bounds: np.ndarray, samples: np.ndarray, t: np.ndarray) -> np.ndar
             finite = np.isfinite(column)
             if finite.all():
                 limits[:, joint, side] = np.interp(t, samples, column)
-            else:  # none in an interval with an end that has none
+            else:  # no limit in an interval if one of its ends has none
                 after = np.clip(np.searchsorted(samples, t), 0, len(samples) - 1)
                 exact = np.isclose(samples[after], t, rtol=0, atol=1e-12)
                 bounded = finite[after] & (exact | finite[np.maximum(after - 1, 0)])
@@ -296,7 +296,7 @@ def limits_at(bounds: np.ndarray, samples: np.ndarray, t: np.ndarray) -> np.ndar
 
 
 def ranges(kind: str, limits: np.ndarray, model: ArmModel, duration: float) -> np.ndarray:
-    """Return the ranges of limits (..., dof, 2): their width, the size of the only one, or what is usual for an arm."""
+    """Return the ranges of limits (..., dof, 2): their width, the size of a single one, or a usual size for an arm."""
     lower, upper = limits[..., 0], limits[..., 1]
     with np.errstate(invalid="ignore"):
         width = upper - lower
@@ -306,7 +306,7 @@ def ranges(kind: str, limits: np.ndarray, model: ArmModel, duration: float) -> n
 
 
 def clearance_range(task: Any, model: ArmModel) -> float:
-    """Return what violations of clearance are divided by [m]: its limit, 1 % of the arm's length at least."""
+    """Return the scale of violations of clearance [m]: its limit, at least 1 % of the arm's length."""
     return max(float(task.min_clearance), 0.01 * model.length)
 
 

@@ -1,4 +1,4 @@
-"""Where the tool must be, worked out anew from the numbers of a path, and how far a posture is off."""
+"""Positions that the tool must have, computed again from the numbers of a path, and the errors of postures."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def covered(law: str, fraction: np.ndarray) -> np.ndarray:
 def path_points(path: Any, t: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
     """Return positions (time, 2 or 3) [m] and rotations (time, 3, 3), or None, of a path at times [s].
 
-    Lines and circles are worked out from their numbers; splines are SciPy's own, other curves the user's function.
+    Lines and circles are computed from their numbers; splines are SciPy's own, other curves the user's function.
     """
     curve, parameter = path.curve, np.asarray(t, dtype=float)
     if type(curve).__name__ == "TimedCurve":
@@ -93,7 +93,7 @@ def path_rates(path: Any, t: np.ndarray) -> tuple[np.ndarray, ...]:
             turns = here.apply(curve.rotations(parameter, 1)), here.apply(curve.rotations(parameter, 2))
         parts = curve.positions(parameter, 1), curve.positions(parameter, 2), *turns
     else:
-        rates = path.rates(t)  # a user's function has differences alone
+        rates = path.rates(t)  # a user's function has only differences
         return tuple(none if part is None else part for part in rates)
     return (
         parts[0] * speed,
@@ -108,7 +108,7 @@ def curve_states(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return positions and rates (time, dof) of a spline's projection along its own normal directions.
 
-    Derivatives of these are differences of the fourth order. If the spline is too far from the path, its own state is
+    Their derivatives are differences of the fourth order. If the spline is too far from the path, its own state is
     returned.
     """
     targets = [(task, path_points(task.path, t), path_rates(task.path, t)) for task in tasks]
@@ -150,7 +150,7 @@ def _task_system(model: ArmModel, targets: list[Any], q: np.ndarray, k: int) -> 
 
 
 def _task_rates(model: ArmModel, targets: list[Any], q: np.ndarray, dq: np.ndarray | None, k: int) -> np.ndarray:
-    """Return what the tasks' Jacobian times velocities is, or with velocities what it is times accelerations."""
+    """Return the tasks' Jacobian times velocities, or with given velocities times accelerations."""
     rows = []
     for task, _, rates in targets:
         v, a, turn, bend = (part[k] for part in rates)
@@ -171,7 +171,7 @@ def sample_points(path: Any) -> tuple[np.ndarray, np.ndarray | None]:
 
 
 def task_axes(task: Any, arm: Any) -> tuple[int, tuple[int, ...]]:
-    """Return how many coordinates of position a task asks for, and which of orientation, in the frame."""
+    """Return how many coordinates of position a task has, and which of orientation, in the frame."""
     return 2 if task.axes in ("xy", "xy+angle") else 3, TURNING_AXES.get(task.axes, ())
 
 
@@ -191,7 +191,7 @@ def task_error(
 
 
 def orientation_errors(axes: str, here: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """Return the rotation vectors (time, 3) [rad], in the frame, that turn it as wanted; or its z axis alone."""
+    """Return the rotation vectors (time, 3) [rad], in the frame, to the target; or those of its z axis only."""
     between = here.swapaxes(-1, -2) @ target
     if axes != "xyz+z-axis":
         return np.asarray(Rotation.from_matrix(between).as_rotvec())

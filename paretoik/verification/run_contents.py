@@ -1,4 +1,4 @@
-"""The files of a run as the verifier reads them: every fault is a row, and what can be read is read."""
+"""The files of a run as the verifier reads them: every fault becomes a row, and all readable files are read."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from paretoik.errors import InvalidRun
 from paretoik.runs.files import MOTIONS, OPTIMA, RUN, TABLE, digest, read_arrays, read_plain_file, read_run, read_table
 from paretoik.tables import html_representation
 
-# The result of a verification: a row for everything that was checked, and one screen of text.
+# The result of a verification: a row for every check, and one screen of text.
 
 
 Verdict = Literal["passed", "failed", "noted", "not checked"]
@@ -25,7 +25,7 @@ Verdict = Literal["passed", "failed", "noted", "not checked"]
 class Worst:
     """The worst value that a check met: ``value`` of ``what``, in the ``unit`` of its ``limit``.
 
-    ``joint`` is a joint, a frame, or a link with its obstacle; "" and NaN stand for what a check does not have.
+    ``joint`` is a joint, a frame, or a link with its obstacle; "" and NaN stand for parts that a check does not have.
     """
 
     what: str
@@ -47,9 +47,9 @@ class Worst:
 class Check:
     """One thing that was checked of one point, or of the whole run (``point`` None).
 
-    ``deviation`` is the largest that was met, in the unit of ``tolerance``; both are NaN if nothing is measured.
+    ``deviation`` is the largest one found, in the unit of ``tolerance``; both are NaN if nothing is measured.
     ``verdict`` is "passed", "failed", "noted" (measured, but the library promises nothing) or "not checked". ``detail``
-    says in one line what fails, or why nothing was checked. ``worst`` says where: joint, time, value and limit.
+    has in one line the failure, or the reason why nothing was checked. ``worst`` has its joint, time, value and limit.
     """
 
     subject: str
@@ -75,7 +75,7 @@ class Verification:
 
     @property
     def verified(self) -> bool:
-        """Whether every check was made and passed, so that nothing of the run is left to belief."""
+        """Whether every check was made and passed, so that no part of the run is unverified."""
         return not (self.failures or self.unchecked or self.exceeded)
 
     @property
@@ -85,12 +85,12 @@ class Verification:
 
     @property
     def unchecked(self) -> tuple[Check, ...]:
-        """The rows that say what was not checked, and why."""
+        """The rows of checks that were not made, with their reasons."""
         return tuple(row for row in self.rows if row.verdict == "not checked")
 
     @property
     def exceeded(self) -> tuple[Check, ...]:
-        """The rows of limits that are exceeded at places where the library promises nothing."""
+        """The rows of limits that are exceeded at places for which the library promises nothing."""
         return tuple(row for row in self.rows if row.verdict == "noted" and row.deviation > row.tolerance)
 
     @property
@@ -134,7 +134,7 @@ def judge(
 
 
 def demand(subject: str, holds: object, detail: str, *, point: int | None = None) -> Check:
-    """Return the row of something that holds or fails, without a measure."""
+    """Return the row of a condition that is met or fails, without a measure."""
     return Check(
         subject=subject,
         point=point,
@@ -154,7 +154,7 @@ def note(
     point: int | None = None,
     worst: Worst | None = None,
 ) -> Check:
-    """Return the row of what was measured although the library promises nothing."""
+    """Return the row of a measured value for which the library promises nothing."""
     return Check(
         subject=subject,
         point=point,
@@ -167,7 +167,7 @@ def note(
 
 
 def leave_out(subject: str, reason: str, *, point: int | None = None) -> Check:
-    """Return the row of what was not checked, and why."""
+    """Return the row of a check that was not made, and why."""
     return Check(
         subject=subject, point=point, deviation=math.nan, tolerance=math.nan, verdict="not checked", detail=reason
     )
@@ -223,7 +223,7 @@ def _place(row: Check) -> str:
     return "" if row.point is None else f"point {row.point}, "
 
 
-TEXTS = ("status", "reason", "branch")  # columns of a table that hold no numbers
+TEXTS = ("status", "reason", "branch")  # columns of text in a table
 RESULTS = (TABLE, OPTIMA, MOTIONS, "polygon.npz", "traces.npz", "tool_path.npz")
 
 
@@ -244,7 +244,7 @@ class RunContents:
 
     @property
     def objectives(self) -> list[dict[str, Any]]:
-        """The objectives' entries; of a plan its only one."""
+        """The objectives' entries; a plan has only one."""
         if "objective" in self.entries:
             return [dict(self.entries["objective"])]
         listed = self.entries.get("objectives", [])
@@ -266,7 +266,7 @@ def read_contents(folder: Path) -> RunContents:
     """Read a run folder; raises InvalidRun if it is not a run with a result."""
     entries = dict(read_run(folder / RUN))
     if not isinstance(entries.get("files"), dict):
-        raise InvalidRun(f"{folder}: wanted a run with a result, got one of status {entries.get('status')!r} without")
+        raise InvalidRun(f"{folder} must be a run with a result, got one of status {entries.get('status')!r} without")
     written = entries.pop("digest", None)
     checks = [
         demand("digests", written == digest(entries), f"{RUN} does not match its digest: it was edited or cut"),
@@ -289,7 +289,7 @@ def read_contents(folder: Path) -> RunContents:
                 arrays[name] = read_arrays(content)
             else:
                 table = _read_columns(content)
-        except Exception as fault:  # whatever the parser trips over is the file's fault
+        except Exception as fault:  # the parser may raise anything; the file is the cause
             line = (str(fault).splitlines() or [type(fault).__name__])[0]
             checks.append(demand("files", False, f"{name} cannot be read: {line}"))
     return RunContents(folder=folder, entries=entries, table=table, arrays=arrays, checks=checks)

@@ -1,4 +1,4 @@
-"""All checks of a run, by what it holds."""
+"""All checks of a run, chosen by its contents."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ from paretoik.verification.motion_checks import (
 )
 from paretoik.verification.run_contents import Check, RunContents, Verification, demand, leave_out, note
 
-Show: TypeAlias = Callable[[int, int], object]  # is told how many points are checked, of how many
+Show: TypeAlias = Callable[[int, int], object]  # gets the number of checked points and of all points
 
 
 def verify_run(
     run: RunContents, problem: Any, *, reason: str = "", same: bool | None = None, show: Show | None = None
 ) -> Verification:
-    """Return a row for everything that was checked of a run, or was not.
+    """Return the rows of all checks of a run, also of those that were not made.
 
-    ``problem`` is None, for a ``reason``, if motions cannot be checked against it. ``same`` says if its fingerprint is
-    the run's, None if nobody can tell; ``show`` learns what is done.
+    Without ``problem``, for a ``reason``, motions are not checked against it. ``same`` says whether its fingerprint is
+    the run's, None if that is unknown; ``show`` learns the progress.
     """
     rows = [*run.checks]
     if words := computed_text(run.entries.get("computed")):
@@ -69,19 +69,19 @@ STRUCTURE = ("files", "shapes", "ids", "objectives' names", "finite motions", "t
 
 
 def _collect(checks: Iterator[Check]) -> list[Check]:
-    """Return the rows of checks; where one trips over what the files hold, that is a row that fails, and the last."""
+    """Return the rows of checks; if the files' contents make one fail with an error, that is the last row."""
     rows = list[Check]()
     try:
         for each in checks:
             rows.append(each)
     except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as fault:
         line = (str(fault).splitlines() or [""])[0]
-        rows.append(demand("files", False, f"a check cannot be made of what they hold: {type(fault).__name__}: {line}"))
+        rows.append(demand("files", False, f"a check cannot use their contents: {type(fault).__name__}: {line}"))
     return rows
 
 
 def _count_points(checks: Iterator[Check], total: int, show: Show | None) -> Iterator[Check]:
-    """Yield checks, which come point by point, and show how many points all checks were made of.
+    """Yield checks, which come point by point, and show how many points are completely checked.
 
     Raises Interrupted if ``show`` asks to stop.
     """
@@ -150,7 +150,7 @@ def _check_tracking(run: RunContents, problem: Any, model: ArmModel) -> Iterator
 
 
 def _stated(run: RunContents, column: str, row: int) -> float | None:
-    """Return what the table says in a column; None if it says nothing."""
+    """Return the value of a column in the table; None without one."""
     if column not in run.table:
         return None
     value = float(run.table[column][row])

@@ -1,4 +1,4 @@
-"""Settings of the API pages, one a public name: ``sphinx-build problems/api_pages build/api``, without network."""
+"""Settings of the API pages, one per public name: ``sphinx-build problems/api_pages build/api``, without network."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from paretoik.task.objectives import Objective
 
 
 def kind(name: str) -> str:
-    """Return the heading that a public name stands under."""
+    """Return the heading of a public name in the list of pages."""
     item = getattr(paretoik, name)
     kinds = {"Namespaces": inspect.ismodule, "Classes": inspect.isclass, "Functions": inspect.isfunction}
     return next((heading for heading, is_kind in kinds.items() if is_kind(item)), "Objectives")
@@ -49,15 +49,15 @@ autodoc_typehints_format = "short"
 numpydoc_show_class_members = False
 python_maximum_signature_line_length = 80
 
-MARKUP = re.compile(r"``.*?``|[*|]")  # (*batch, time) and |τ| mean themselves outside of literals
+MARKUP = re.compile(r"``.*?``|[*|]")  # (*batch, time) and |τ| are no markup outside of literals
 UNDERLINE = re.compile(r"-{3,}$")
 
 
 def write_sections(app: Sphinx, what: str, name: str, item: Any, options: object, lines: list[str]) -> None:
-    """Rewrite a docstring for numpydoc: prose and examples that follow a section have a heading of their own.
+    """Rewrite a docstring for numpydoc: prose and examples after a section get a heading of their own.
 
-    An objective is described by its function, a controller by where its figures are from, and what only looks like
-    markup is escaped.
+    The description of an objective is that of its function, of a controller the source of its figures. Text that only
+    looks like markup is escaped.
     """
     if what == "data":
         text = item.source if isinstance(item, Controller) else inspect.getdoc(getattr(item, "function", item))
@@ -78,14 +78,14 @@ def write_sections(app: Sphinx, what: str, name: str, item: Any, options: object
 
 
 def escape(match: re.Match[str]) -> str:
-    """Return a match of MARKUP, escaped where it is no literal."""
+    """Return a match of MARKUP, escaped unless it is a literal."""
     return match[0] if len(match[0]) > 1 else f"\\{match[0]}"
 
 
 def write_factories(
     app: Sphinx, what: str, name: str, item: Any, options: object, signature: str | None, returns: str | None
 ) -> tuple[str | None, str | None]:
-    """Return a signature in which a default that a dataclass makes anew is an ellipsis, as in stubs."""
+    """Return a signature in which a dataclass's default factory is an ellipsis, as in stubs."""
     return signature and signature.replace("<factory>", "..."), returns
 
 

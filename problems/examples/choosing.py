@@ -1,8 +1,8 @@
 # %% [markdown]
 # # Choosing one motion
 #
-# A front is a question; a preference answers it, says why, and stays with the run. Whatever the objectives' units,
-# preferences measure what each gives up as a share of its range on the front.
+# A preference picks one point of a front, says why, and stays with the run. Objectives may have any units: preferences
+# measure what each gives up as a share of its range on the front.
 
 # %%
 import numpy as np
@@ -18,8 +18,8 @@ front = pk.solve(
 print(front)
 
 # %% [markdown]
-# Weights are the oldest preference, a knee needs no numbers, an aspiration is what one would like to have. Every
-# choice has its motion, what it gives up, and a reason in words.
+# Weights are the oldest preference, a knee needs no numbers, an aspiration is a set of values to aim for. Every choice
+# has its motion, what it gives up, and a reason in words.
 
 # %%
 for preference in (
@@ -32,8 +32,8 @@ for preference in (
 print(choice.reason)
 
 # %% [markdown]
-# What must hold comes first: bounds, then any preference among the rest; an order of importance with tolerances;
-# weights that are only roughly known; or, seen from the last choice, what should get better and what may get worse.
+# Requirements come first: bounds, then any preference among the rest; an order of importance with tolerances; weights
+# that are only roughly known; or, seen from the last choice, which objectives should improve and which may get worse.
 
 # %%
 cheap = front.select(pk.Bounds(kinetic_energy=(None, 0.041), then=pk.Weights(torque_norm=1)))
@@ -53,7 +53,7 @@ print(front.choices)
 
 
 # %% [markdown]
-# A preference of one's own is any object that returns `front.choice(row, verdict)`: here the gentlest start.
+# Your own preference is any object that returns `front.choice(row, verdict)`: here the gentlest start.
 
 
 # %%

@@ -1,9 +1,9 @@
 # %% [markdown]
 # # A closed loop: searched at every step
 #
-# Marcos, Machado & Azevedo-Perdicoúlis (2012) search anew at every control step: a population of next postures, their
-# front of joint displacement against tool error, and a choice by weights. The arm drifts less the more displacement
-# counts, and follows the less exactly.
+# Marcos, Machado & Azevedo-Perdicoúlis (2012) search at every control step: a population of next postures, their front
+# of joint displacement against tool error, and a choice by weights. The more the displacement counts, the less the arm
+# drifts, and the less exactly it follows.
 
 # %%
 import numpy as np
@@ -18,7 +18,7 @@ run = loop.run()
 print(f"{len(run.q) - 1} steps: mean error {run.position_error * 1e6:.1f} µm, drift {run.drift:.4f} rad")
 
 # %% [markdown]
-# `solve` follows the same loop into a front of one motion and keeps the steps that are asked for, generation by
+# `solve` follows the same loop into a front of one motion. It keeps the steps in `record_steps`, generation by
 # generation, with the arm of every individual: `paretoik show runs/closed_loop` replays them.
 
 # %%
@@ -27,8 +27,8 @@ for name, unit, value in zip(front.names, front.units, front.objectives[0], stri
     print(f"{name}: {value:.3g} {unit} in the mean over the steps")
 
 # %% [markdown]
-# Other weights are another loop: `select` follows it anew, since every step would have gone elsewhere. It is not the
-# loop in the run folder, so the choice is not kept there.
+# Other weights give another loop: `select` follows it from the start, since every step would differ. It is not the loop
+# in the run folder, so the choice is not kept there.
 
 # %%
 choice = front.select(pk.Weights(joint_displacement=0.1, position_error=0.9))

@@ -1,7 +1,7 @@
 # %% [markdown]
 # # What an arm can do: directional maxima, and point to point
 #
-# Kim, Choi & Jang (2021) ask how fast a tool can go along each direction from where it is, with motors at the joints
+# Kim, Choi & Jang (2021) ask how fast a tool can move along each direction from its position, with motors at the joints
 # or with sliders along the links, under gravity.
 
 # %%
@@ -27,8 +27,8 @@ front = pk.solve(pk.DirectionalMaxima(arm, motors, place, [ahead, upwards]), pop
 print(front)
 
 # %% [markdown]
-# Point to point counts the way there: the least time in which motors can follow against the work that they do. Every
-# motion of the front has times of its own.
+# Point to point trades the least time in which motors can follow against the work that they do. Every motion of the
+# front has times of its own.
 
 # %%
 to_there = pk.PointToPoint(arm, motors, [0.1, -0.15], [0.2, -0.15])

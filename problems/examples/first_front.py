@@ -2,8 +2,8 @@
 # # A first front, and how to read it
 #
 # A planar arm with three joints follows a straight line: two equations, so one degree of redundancy is left. Moving
-# with little kinetic energy asks for another motion than moving with little torque. The front holds the motions between
-# which no other is better in both.
+# with little kinetic energy needs another motion than moving with little torque. No other motion is better in
+# both than one on the front.
 
 # %%
 import numpy as np
@@ -24,8 +24,8 @@ front = pk.solve(problem, population=60, generations=60, seed=1, out="runs/first
 print(front)
 
 # %% [markdown]
-# A front is a set of arrays, one row a point, sorted by the first objective. Values are in the user's own sign and in
-# the unit of each objective; an id names a point for good, in every picture and file.
+# A front is a set of arrays, one row per point, sorted by the first objective. Values have the user's own sign and the
+# unit of each objective; an id names a point for good, in every picture and file.
 
 # %%
 for name, unit, values in zip(front.names, front.units, front.objectives.T, strict=True):
@@ -33,7 +33,7 @@ for name, unit, values in zip(front.names, front.units, front.objectives.T, stri
 print(f"ids of the two ends: {front.ids[0]} and {front.ids[-1]}")
 
 # %% [markdown]
-# Every point is a whole motion. All of them follow the path exactly at its samples, and keep the limits there.
+# Every point is a whole motion. All of them follow the path exactly at its samples, and satisfy the limits there.
 
 # %%
 motions = front.motions
@@ -43,7 +43,7 @@ print(f"fastest joint: {np.abs(motions.dq).max():.4f} of {limits.velocity} rad/s
 
 # %% [markdown]
 # The run folder keeps the front without pickle, a picture of it (`front.png`) and a recording of all generations:
-# `paretoik show runs/first_front`. It is opened again by `load_front`.
+# `paretoik show runs/first_front`. `load_front` opens it again.
 
 # %%
 again = pk.load_front("runs/first_front", problem)

@@ -1,8 +1,8 @@
 # %% [markdown]
 # # Navigating: along the front, to points that were not on it
 #
-# A front has as many points as were asked for. From a chosen one `navigate` moves on: one objective gets better, others
-# pay. The new point is certified like the others and has an id of its own.
+# A front has as many points as you asked for. From a chosen one `navigate` moves to a new one: one objective improves,
+# others pay. The new point is certified like the others and has an id of its own.
 
 # %%
 import numpy as np
@@ -17,15 +17,16 @@ choice = front.select("knee")
 print(f"from point {choice.id}: {choice.objectives}")
 
 # %% [markdown]
-# By default it gets better by a twentieth of its range, and every other objective pays.
+# By default the objective improves by a twentieth of its range, and every other objective pays.
 
 # %%
 moved = front.navigate(choice, improve="kinetic_energy")
 print(moved.navigated.reason.partition(" It has ")[0])
 
 # %% [markdown]
-# Or by so much, or to a value, in the objective's own unit; `allow` and `hold` say who pays and who does not. Moves
-# follow one another: each front has the points of the one before, less those that a new one dominates.
+# It can also improve by an amount, or to a value, in the objective's own unit; `allow` and `hold` say who pays and who
+# does not. Moves follow one another: each front has the points of the one before, without those that a new one
+# dominates.
 
 # %%
 moved = moved.navigate(moved.navigated, improve="torque_norm", by=0.002)
@@ -36,9 +37,9 @@ certificate = moved.certificates[now.index : now.index + 1]
 print(f"its certificate: {certificate.status[0]}, residual {certificate.criticality[0]:.0e}")
 
 # %% [markdown]
-# Where a move will lead is predicted in milliseconds, by the derivatives at its start: not certified, and no point of
-# the front. In a notebook `front.view()` has a slider for every objective: while one is dragged the prediction is drawn
-# in grey, and on release the certified point appears, `view.choice` on `view.front`.
+# The result of a move is predicted in milliseconds, by the derivatives at its start: it is not certified, and no point
+# of the front. In a notebook `front.view()` has a slider for every objective: a drag draws the prediction in grey, and
+# on release the certified point appears, `view.choice` on `view.front`.
 
 # %%
 prediction = front.predict(choice, improve="kinetic_energy")
@@ -47,8 +48,8 @@ print(prediction)
 print(f"it misses the certified point by {np.abs(prediction.objectives / led.objectives - 1).max():.0e} of its values")
 
 # %% [markdown]
-# Past the end of the front there is nothing to be had, and the error says so. `refine_around` puts more points near
-# one that matters. On the command line: `paretoik navigate RUN --point 7 --improve kinetic_energy`.
+# Beyond the end of the front no point exists, and the error says so. `refine_around` puts more points near one that
+# matters. On the command line: `paretoik navigate RUN --point 7 --improve kinetic_energy`.
 
 # %%
 try:

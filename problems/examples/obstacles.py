@@ -1,8 +1,8 @@
 # %% [markdown]
 # # Obstacles
 #
-# Links are capsules of `link_radius`; obstacles are circles, spheres, capsules and boxes. How far links stay away is a
-# limit, `pk.Limits(clearance=)`, and can be an objective too: the front then says what each millimetre costs.
+# Links are capsules of `link_radius`; obstacles are circles, spheres, capsules and boxes. The clearance of the links is
+# a limit, `pk.Limits(clearance=)`, and can be an objective too: the front then says what each millimetre costs.
 
 # %%
 import warnings
@@ -21,8 +21,8 @@ seen = pk.Motion(arm=arm, time=free.motion.time, q=free.motion.q, obstacles=(pos
 print(f"without the post: {free.objective:.4g} J s, links {seen.clearance.min() * 1e3:.1f} mm from where it will be")
 
 # %% [markdown]
-# With the post, the front begins where the links pass it at the least distance that is allowed, and ends where they
-# stay away as far as they can.
+# With the post, the front begins with links that pass it at the least allowed distance, and ends with links that stay
+# away as far as they can.
 
 # %%
 problem = pk.Tracking(
@@ -38,7 +38,7 @@ for energy, clearance in front.objectives:
     print(f"{energy:.4g} J s keeps {clearance * 1e3:.1f} mm")
 
 # %% [markdown]
-# In space they are balls, boxes (a table) and capsules; a rotated box is centred on a pose.
+# In space obstacles are balls, boxes (a table) and capsules; a rotated box is centred on a pose.
 
 # %%
 table = pk.obstacles.Box([0.5, 0.0, -0.02], [0.5, 0.5, 0.02])
@@ -46,8 +46,8 @@ tilted = pk.obstacles.Box(pk.Pose.from_rpy([0.4, 0.3, 0.2], [0.0, 0.3, 0.0]), [0
 print(table, tilted, pk.obstacles.Sphere([0.4, 0.3, 0.4], 0.1), sep="\n")
 
 # %% [markdown]
-# An obstacle on the path itself is said at once. Where no way is left, the error says which link meets which obstacle,
-# and when.
+# An obstacle on the path itself is reported at once. If there is no way past, the error says which link meets which
+# obstacle, and when.
 
 # %%
 on_the_path = pk.obstacles.Circle([0.283, 0.0763], 0.03)

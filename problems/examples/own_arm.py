@@ -1,8 +1,8 @@
 # %% [markdown]
 # # One's own arm
 #
-# Any URDF will do; here it is the Panda that ships. Before anything is loaded the file is read as a whole and every
-# fault is named (`paretoik check-robot FILE` does the same). Meshes are never opened.
+# Any URDF works; here it is the Panda that comes with paretoik. First the whole file is checked and every fault is
+# named (`paretoik check-robot FILE` does the same). Meshes are never opened.
 
 # %%
 from pathlib import Path
@@ -23,9 +23,9 @@ broken.write_text(URDF.read_text().replace('<mass value="', '<mass value="-').re
 print(f"{len(pk.check_robot(broken).faults)} faults in {broken}, the first: {pk.check_robot(broken).faults[0]}")
 
 # %% [markdown]
-# An arm is data and never changes: every method returns another arm. The hand is left away and a screwdriver put on
-# the flange, whose tip is the new tool; it carries a screw; the arm hangs from a ceiling 1.2 m up, gravity being that
-# of the world.
+# An arm is data and never changes: every method returns another arm. Here the hand is left away. The flange gets a
+# screwdriver, whose tip is the new tool, and a screw as payload. The arm hangs from a ceiling 1.2 m up; gravity stays
+# that of the world.
 
 # %%
 bare = pk.Arm.from_urdf(URDF, base="panda_link0", tip="panda_link8")
@@ -37,7 +37,7 @@ arm = (
 print(arm, "- masses [kg]:", [round(body.mass, 2) for body in arm.bodies])
 
 # %% [markdown]
-# One motion of it, by the pseudoinverse, to look at torques: what the tool weighs is felt in every joint.
+# One motion of it, by the pseudoinverse, to look at torques: the weight of the tool is felt in every joint.
 
 # %%
 path = pk.line([0.45, -0.2, 0.45], [0.45, 0.2, 0.45], duration=2.0, samples=51)
@@ -49,7 +49,7 @@ for joint, with_tool, without in zip(
     print(f"{joint}: at most {with_tool:5.1f} N m, without the tool {without:5.1f} N m")
 
 # %% [markdown]
-# A joint that is blocked, or not to be used, is fixed at a value. Six joints are left, and position asks for three.
+# A joint that is blocked, or not to be used, is fixed at a value. Six joints are left, and position needs three.
 
 # %%
 blocked = arm.fixed(panda_joint3=0.0)

@@ -1,9 +1,9 @@
 # %% [markdown]
 # # One's own objectives and constraints
 #
-# An objective is a NumPy function of a `Motion`, whose arrays lead with the batch: (..., time, dof). `form` says what
-# it returns: "integral" and "peak" a value a sample (..., time), which the library integrates or takes the worst of;
-# "terminal" and "general" a value a motion (...). Derivatives are taken from the same function.
+# An objective is a NumPy function of a `Motion`, whose arrays begin with the batch axes: (..., time, dof). `form` says
+# what it returns: "integral" and "peak" one value per sample (..., time), which the library integrates or takes the
+# worst of; "terminal" and "general" one value per motion (...). Derivatives are taken from the same function.
 
 # %%
 import numpy as np
@@ -19,19 +19,19 @@ def shoulder_effort(motion):
 
 @pk.objective(unit="m", form="peak", maximise=True)
 def elbow_height(motion):
-    """Return how high the second joint is; of a peak that is maximised the lowest counts."""
+    """Return the height of the second joint; if a peak is maximised, its lowest value counts."""
     return motion.links[..., 2, 1]
 
 
 @pk.constraint(unit="N m", upper=0.05, form="peak")
 def wrist_torque(motion):
-    """Return the size of the last joint's torque, which must hold at every sample."""
+    """Return the size of the last joint's torque, which is bounded at every sample."""
     return np.abs(motion.torque[..., 2])
 
 
 # %% [markdown]
-# The library's own objectives are functions of the same kind, and all go together. Maximised ones are shown in their
-# own sign. `refine=True` brings every point to a local optimum by exact derivatives, those of your functions too.
+# The library's own objectives are functions of the same kind, and all can be combined. Maximised ones are shown in
+# their own sign. `refine=True` brings every point to a local optimum by exact derivatives, those of your functions too.
 
 # %%
 arm, limits = pk.arms.tringali_3r(), pk.Limits(position=np.deg2rad([90, 120, 120]), velocity=3.8)
@@ -56,7 +56,7 @@ plan = pk.plan(alone, starts=12)
 print(f"least shoulder effort: {plan.best.objective:.4g} {shoulder_effort.unit}, {plan.best.status}")
 
 # %% [markdown]
-# What a function returns is checked, and an error says what was wanted.
+# The values of your function are checked, and an error says what they must be.
 
 # %%
 try:

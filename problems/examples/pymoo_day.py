@@ -1,8 +1,8 @@
 # %% [markdown]
 # # A pymoo user's day
 #
-# Every formulation is a pymoo problem and MaxiMin is a survival for any of pymoo's genetic algorithms, so that either
-# may be had without the other.
+# Every formulation is a pymoo problem and MaxiMin is a survival for any of pymoo's genetic algorithms: each works
+# without the other.
 
 # %%
 import numpy as np
@@ -32,7 +32,7 @@ print(
 )
 
 # %% [markdown]
-# Ask and tell, where evaluations are yours: on another machine, or on a robot. What failed is told as NaN.
+# Ask and tell, if you evaluate yourself: on another machine, or on a robot. Failed evaluations are told as NaN.
 
 # %%
 search = pk.Search(problem, population=60, seed=1)
@@ -43,7 +43,7 @@ while search.generation < 60:
 print(f"ask and tell: {search.front}")
 
 # %% [markdown]
-# A search for numbers: which damping, near which singular values, follows how well, how far from limits.
+# A search for parameters: damping, and the singular value below which it acts, against error and distance from limits.
 
 # %%
 tuning = pk.Tuning(

@@ -1,8 +1,8 @@
 # %% [markdown]
 # # Refining: certificates and exchange rates
 #
-# A search comes near the front; gradients bring every point onto it, and say of each, from the point alone, how far it
-# is from being critical and what one objective costs of another there. "Optimal" is meant locally.
+# A search comes near the front. Gradients bring every point onto it; each point then has a certificate of how far it is
+# from critical and what one objective costs of another there. "Optimal" is meant locally.
 
 # %%
 import numpy as np
@@ -30,7 +30,7 @@ print(
 )
 
 # %% [markdown]
-# `exchange_rates[p, i, j]` is what objective j changes by for a unit of objective i, along the front. At the ends one
+# `exchange_rates[p, i, j]` is the change of objective j per unit of objective i, along the front. At the ends one
 # objective has no weight left and the rate means nothing.
 
 # %%
@@ -42,8 +42,8 @@ for row in np.flatnonzero(np.isfinite(certificates.exchange_rates[:, 0, 1]))[::3
     )
 
 # %% [markdown]
-# Without a search before it, `epsilon_front` sweeps bounds from one objective's optimum to the other's. `jumps` are
-# neighbours between which the optimum changes its branch, `missing_hypervolume` what more points could still add.
+# `epsilon_front` needs no search before it: it sweeps bounds from one objective's optimum to the other's. `jumps` are
+# neighbours between which the optimum changes its branch, `missing_hypervolume` is what more points could still add.
 
 # %%
 swept = pk.epsilon_front(problem, points=12, starts=12)
@@ -51,7 +51,7 @@ print(f"swept: {swept}")
 print(f"jumps between ids: {swept.jumps}; could still be added: {swept.missing_hypervolume:.2%} of the hypervolume")
 
 # %% [markdown]
-# Three fronts beside each other, by what of the merged front's hypervolume each has.
+# Three fronts compared, by the share that each has of the merged front's hypervolume.
 
 # %%
 comparison = pk.compare(rough, front, swept, labels=["searched", "refined", "swept"])

@@ -1,8 +1,8 @@
 # %% [markdown]
-# # Resolvers beside each other
+# # Resolvers compared
 #
-# A resolver steps along the path once, with what it knows there. It is quick, and its motion is one point. Here are
-# four of them from one posture, and the front of whole motions from the same.
+# A resolver steps along the path once, and knows only the current step. It is quick, and its motion is one point. Here
+# are four of them from one posture, and the front of whole motions from the same posture.
 
 # %%
 import numpy as np
@@ -31,8 +31,8 @@ front = pk.epsilon_front(whole, points=4, starts=8)
 print(f"whole motions: {front}")
 
 # %% [markdown]
-# `ConstrainedQP` takes the step nearest to the one wanted that keeps limits and clearance; `traces.active` says which
-# limit each joint is at.
+# `ConstrainedQP` takes the step nearest to the desired one that satisfies limits and clearance; `traces.active` says
+# which limit each joint is at.
 
 # %%
 limits = pk.Limits(velocity=1.6, acceleration=20.0, clearance=0.01)  # rad/s, rad/s², m
@@ -42,7 +42,7 @@ at_limit = motion.traces.active != ""
 print(f"constrained: fastest joint {rates.max():.4f} of 1.6 rad/s, at a limit in {at_limit.any(axis=1).sum()} steps")
 
 # %% [markdown]
-# A step cannot look ahead. Where limits leave it no way on it says which, and when; the whole motion goes around.
+# A step cannot look ahead. If no step satisfies the limits, it says which, and when; the whole motion goes around.
 
 # %%
 post = pk.obstacles.Circle([0.2, 0.2], 0.04)
@@ -55,7 +55,7 @@ best = pk.plan(around, starts=6).best
 print(f"around the post: {best.objective:.4g} J s, {best.motion.clearance.min() * 1e3:.1f} mm clear of it")
 
 # %% [markdown]
-# Many starts, or many values of a method's number, are followed at once: a batch of motions.
+# Many starts, or many values of a method's parameter, are followed at once: a batch of motions.
 
 # %%
 damping = pk.methods.DampedLeastSquares(region=0.2, damping=np.array([0.01, 0.1, 0.2]))

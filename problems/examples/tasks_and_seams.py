@@ -1,8 +1,8 @@
 # %% [markdown]
 # # Tasks: what the tool must do, and what it need not
 #
-# A path of points asks for position, a path of poses for all six; `pk.Task(path, axes=...)` asks for anything between.
-# What is not asked for is redundancy, and every degree of it makes the front better.
+# A path of points fixes the position, a path of poses all six; `pk.Task(path, axes=...)` fixes anything between. The
+# rest is redundancy, and every degree of it makes the front better.
 
 # %%
 from pathlib import Path
@@ -15,8 +15,8 @@ HERE = Path(__file__).parent if "__file__" in globals() else Path.cwd()  # a not
 panda = pk.Arm.from_urdf(HERE.parent / "robots" / "panda.urdf", base="panda_link0", tip="panda_hand_tcp")
 
 # %% [markdown]
-# A seam half around a pipe, written down with a nozzle that turns with it. A nozzle may turn about its own axis as it
-# likes: position and that axis are five equations of the Panda's seven joints, where a pose is six.
+# A seam half around a pipe, written as poses of a nozzle that turns with it. A nozzle may turn freely about its own
+# axis: position and that axis are five equations of the Panda's seven joints; a pose is six.
 
 # %%
 times = np.linspace(0.0, 2.0, 21)  # s
@@ -24,7 +24,7 @@ turns = 0.5 * np.pi * (1.0 - np.cos(np.pi * times / 2.0))  # from 0 to half a tu
 places = np.stack([0.45 + 0.12 * np.sin(turns), -0.12 * np.cos(turns), np.full(21, 0.3)], axis=1)  # m
 seam = pk.poses(times, [pk.Pose.from_rpy(p, (np.pi, 0.0, yaw)) for p, yaw in zip(places, turns, strict=True)])
 
-hand_down = pk.Task(seam, axes="xyz+z-axis")  # the hand points down and turns as it likes
+hand_down = pk.Task(seam, axes="xyz+z-axis")  # the hand points down and turns freely
 print(f"hand down: {pk.Tracking(panda, hand_down, objectives=[pk.joint_travel]).task.redundancy} redundant")
 
 best = {}
@@ -40,8 +40,8 @@ for axes in ("pose", "xyz+z-axis"):
     )
 
 # %% [markdown]
-# Onto the robot: the motion is sampled at the controller's rate, and every sample held against its published limits.
-# One that does not start from rest is refused, with what would help.
+# Onto the robot: the motion is sampled at the controller's rate, and every sample is compared with its published
+# limits. A motion that does not start from rest is refused, with what would help.
 
 # %%
 Path("runs").mkdir(exist_ok=True)
@@ -67,7 +67,7 @@ front = pk.solve(both, population=24, generations=15, seed=1)
 print(f"tool and third joint: {both.task.redundancy} redundant, {front}")
 
 # %% [markdown]
-# A motion that ends as it starts is asked for by `cyclic=True`, one that stops by `end_velocity=0`.
+# `cyclic=True` asks for a motion that ends as it starts, `end_velocity=0` for one that stops.
 
 # %%
 loop = pk.circle([0.4178, 0.0], 0.05, duration=1.0, samples=41)

@@ -16,8 +16,8 @@ ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THRE
 def run_in(checkout: Path, code: str, *, cache: Path, threads: int | None = None) -> dict[str, Any]:
     """Return the JSON object that is the last line of a program's output.
 
-    ``cache`` is where compiled code is stored; ``threads=1`` keeps linear algebra on one. Raises RuntimeError, with the
-    last line of its errors, where the program fails.
+    ``cache`` is the folder of compiled code; ``threads=1`` keeps linear algebra on one thread. Raises RuntimeError,
+    with the last line of its errors, if the program fails.
     """
     environment = {**os.environ, "PYTHONPATH": str(checkout), "NUMBA_CACHE_DIR": str(cache)}
     process = subprocess.run(

@@ -1,8 +1,9 @@
-"""The first results of a machine, caches of compiled code empty: ``python -m studies.benchmarks.cold_start``.
+"""The first results of a machine with empty caches: ``python -m studies.benchmarks.cold_start``.
 
 Every case is a process of its own from import to first result, with an empty folder for caches. ``--before DIR`` runs
-the cases of another checkout in turn with those of this one. Seconds are of the processor, which a busy machine changes
-less; those of the clock are in the notes. A further process, with the caches filled, says what is not compilation.
+the cases of another checkout alternately with those of this one. Seconds are of the processor, which a busy machine
+changes less; those of the clock are in the notes. A further process, with filled caches, shows the part without
+compilation.
 """
 
 from __future__ import annotations
@@ -55,7 +56,7 @@ class Timing:
 
 
 def time_case(case: str, checkout: Path, cache: Path) -> Timing:
-    """Run a case of a checkout in a new process with a folder for caches; raise RuntimeError where it fails."""
+    """Return the timing of a case in a new process with a cache folder; raise RuntimeError if it fails."""
     try:
         record = run_in(checkout, TIMED.format(case=CASES[case]), cache=cache)
     except RuntimeError as error:
@@ -64,13 +65,13 @@ def time_case(case: str, checkout: Path, cache: Path) -> Timing:
 
 
 def time_cold_and_warm(case: str, checkout: Path) -> tuple[Timing, Timing]:
-    """Return the timings of a case with an empty folder for caches, then with what that run left there."""
+    """Return the timings of a case with an empty cache folder, then with the filled one."""
     with tempfile.TemporaryDirectory() as cache:
         return time_case(case, checkout, Path(cache)), time_case(case, checkout, Path(cache))
 
 
 def tabulate(case: str, timings: Mapping[str, tuple[Timing, Timing]]) -> list[Row]:
-    """Return the rows of a case: seconds cold and warm of every checkout, the ratio of the first two where two are."""
+    """Return the rows of a case: seconds cold and warm per checkout, and the ratio of two checkouts."""
     table = "first result with empty caches"
     rows = []
     for label, (cold, warm) in timings.items():
@@ -97,9 +98,9 @@ def tabulate(case: str, timings: Mapping[str, tuple[Timing, Timing]]) -> list[Ro
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Time all cases, print the table, and write the rows where ``--json`` says."""
+    """Time all cases, print the table, and write the rows if ``--json`` names a file."""
     parser = study_parser("First results with empty caches of compiled code.")
-    parser.add_argument("--before", type=Path, help="another checkout, to be timed in turn with this one")
+    parser.add_argument("--before", type=Path, help="another checkout, timed alternately with this one")
     options = parser.parse_args(arguments)
     checkouts = {"now": ROOT} | ({"before": options.before.resolve()} if options.before else {})
     rows: list[Row] = []

@@ -1,15 +1,15 @@
-"""Postures that are fast in several directions: MaxiMin beside pymoo, refined and certified; losses first.
+"""Postures that are fast in several directions: MaxiMin against pymoo, refined and certified; losses first.
 
     python -m studies.benchmarks.directional_maxima [--quick] [--seeds N] [--refined N] [--cluster ADDRESS]
                                                    [--json FILE]
 
 ``DirectionalMaxima`` by joint motors and by sliders, with power, forces or a user's objective against speeds, forces
-against each other, and an arm of seven joints in space. Peers are pymoo's NSGA-II, NSGA-III and SMS-EMOA as they ship,
-from the same first genes, with equal evaluations. Fronts are judged as those of ``benchmarks.maximin``: hypervolume
-(reference 1.1), IGD+ and additive epsilon after normalising by the union of all fronts, certified ones among them.
-``pk.solve(refine=True)`` stands beside the best of these, with fewer seeds, since it takes longer; of its points is
-told how many are certified minima, and how far their greatest speeds and forces are from directional maxima, which
-bound them.
+against each other, and an arm of seven joints in space. Peers are pymoo's NSGA-II, NSGA-III and SMS-EMOA with their
+defaults, the same first genes and equal evaluations. Fronts are judged as in ``benchmarks.maximin``: hypervolume
+(reference 1.1), IGD+ and additive epsilon, normalised by the union of all fronts, certified ones included.
+``pk.solve(refine=True)`` is compared with the best of these, with fewer seeds, since it takes longer. Its rows say how
+many points are certified minima, and how far their greatest speeds and forces are from directional maxima, which bound
+them.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ def problem_of(case: str) -> pk.DirectionalMaxima:
 
 
 def run(case: str, name: str, seed: int) -> Run:
-    """Return what a method makes of a problem; by names so that it can happen in another process."""
+    """Return the run of a method on a case; by names so that it can run in another process."""
     problem = problem_of(case)
     size, begun = POPULATION[problem.n_obj], time.process_time()
     if name == REFINED:
@@ -97,7 +97,7 @@ def run(case: str, name: str, seed: int) -> Run:
     first = seeded_population(problem, size, rng=np.random.default_rng([seed, size]))
     begun = time.process_time()
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # the peers' own, about divisions
+        warnings.simplefilter("ignore")  # the peers' own warnings about divisions
         result = minimize(problem, _algorithm(name, problem.n_obj, first), ("n_gen", GENERATIONS), seed=seed)
     F = np.empty((0, problem.n_obj)) if result.F is None else np.atleast_2d(result.F)
     return Run(F=F, seconds=time.process_time() - begun)
@@ -110,7 +110,7 @@ def _algorithm(name: str, n_obj: int, first: np.ndarray) -> object:
 
 
 def judge(runs: dict[tuple[str, str], list[Run]], cases: Sequence[str]) -> list[Row]:
-    """Return ours beside every peer's, losses first."""
+    """Return comparisons of ours with every peer, losses first."""
     compared = []
     for case in cases:
         union = np.concatenate([one.F for (name, _), members in runs.items() if name == case for one in members])
@@ -125,7 +125,7 @@ def judge(runs: dict[tuple[str, str], list[Run]], cases: Sequence[str]) -> list[
 
 
 def certified_rows(case: str, problem: pk.DirectionalMaxima, members: Sequence[Run]) -> list[Row]:
-    """Return how many refined points are minima, their worst residual, and their greatest values beside the bound."""
+    """Return the share of refined points that are minima, the residuals, and the greatest values against the bound."""
     fronts = [one.front for one in members if one.front is not None]
     certificates = [front.certificates for front in fronts if front.certificates is not None]
     minima = np.concatenate([each.status == "minimum" for each in certificates])
@@ -150,7 +150,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run all methods, seeds interleaved, and report."""
     parser = study_parser(__doc__, quick="two seeds of the planar cases", cluster="all runs")
     parser.add_argument("--seeds", type=int, default=31)
-    parser.add_argument("--refined", type=int, default=5, help="of these seeds fronts are refined too")
+    parser.add_argument("--refined", type=int, default=5, help="number of seeds whose fronts are refined too")
     options = parser.parse_args(arguments)
     cases, seeds = (list(CASES)[:5], 2) if options.quick else (list(CASES), options.seeds)
     methods = {name: min(seeds, options.refined) if name == REFINED else seeds for name in (OURS, REFINED, *PEERS)}

@@ -1,8 +1,8 @@
-"""How near the search alone comes to the reference: ``python -m studies.benchmarks.energy_torque``.
+"""Distance of the search from the reference front: ``python -m studies.benchmarks.energy_torque``.
 
-``problems/tringali_2020.py:energy_torque`` at the defaults of ``paretoik.solve``, one run a seed; hypervolume below the
-reference point (0.065, 0.10) against that of the ε-constraint front of CasADi and IPOPT
-(``studies/benchmarks/reference_front.py``). ``--ablate`` takes one ingredient of the search away at a time.
+``problems/tringali_2020.py:energy_torque`` at the defaults of ``paretoik.solve``, one run per seed. The hypervolume
+below the reference point (0.065, 0.10) is compared with that of the ε-constraint front by CasADi and IPOPT
+(``studies/benchmarks/reference_front.py``). ``--ablate`` removes one ingredient of the search at a time.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def reference_front() -> np.ndarray:
 
 
 def variants(problem: pk.Tracking, *, ablate: bool) -> dict[str, pk.MaxiMinNSGA2 | None]:
-    """Return the algorithms by name, None the problem's own; ``ablate`` adds those that lack an ingredient."""
+    """Return the algorithms by name, None the problem's own; ``ablate`` adds those without one ingredient."""
     if not ablate:
         return {"defaults": None}
     mating = problem.algorithm(DEFAULTS.population).mating
@@ -50,7 +50,7 @@ def variants(problem: pk.Tracking, *, ablate: bool) -> dict[str, pk.MaxiMinNSGA2
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Searched:
-    """The front that a search came to, minimised, and its seconds."""
+    """The front of a search, minimised, and its seconds."""
 
     F: Objectives
     seconds: float
@@ -102,12 +102,12 @@ def variant_rows(variant: str, runs: Sequence[Searched]) -> list[Row]:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Solve for every seed and report medians."""
     parser = study_parser(
-        "The search at its defaults beside the energy_torque reference.",
+        "The search at its defaults against the energy_torque reference.",
         quick="3 seeds, 100 generations",
         cluster="all searches",
     )
     parser.add_argument("--seeds", type=int, default=11)
-    parser.add_argument("--ablate", action="store_true", help="also without one ingredient of the search at a time")
+    parser.add_argument("--ablate", action="store_true", help="also run without one ingredient of the search at a time")
     options = parser.parse_args(arguments)
     seeds, generations = (range(3), 100) if options.quick else (range(options.seeds), None)
     names = list(variants(energy_torque(), ablate=options.ablate))

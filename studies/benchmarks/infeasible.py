@@ -1,12 +1,12 @@
-"""Problems without a motion: seconds until they are refused, and why that is right.
+"""Problems without a motion: seconds until they are refused, and proofs.
 
     python -m studies.benchmarks.infeasible [--quick] [--json FILE]
 
 Eleven problems that no motion solves are given to ``plan``, ``epsilon_front``, ``solve`` and ``refine`` (which gets
-motions of the problem without limits). Each has an argument of its own that it is infeasible, which shares no code with
-the refusal: all postures of a planar arm by the law of cosines, linear programs of its speeds (SciPy), distances,
-lengths of links, angular momentum. The argument's ratio is what a motion needs over what it is allowed: above 1 no
-motion exists. Seconds are of this process (all threads) after everything is compiled; building the problem counts.
+motions of the problem without limits). Each has its own proof that it is infeasible, which shares no code with the
+refusal: all postures of a planar arm by the law of cosines, linear programs of its speeds (SciPy), distances, lengths
+of links, angular momentum. The proof's ratio is what a motion needs divided by what it is allowed: above 1 no motion
+exists. Seconds are of this process (all threads) after everything is compiled; building the problem counts.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ VERBS = ("plan", "epsilon_front", "solve", "refine")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Case:
-    """A problem by the settings of ``Tracking``, and its argument: the ratio of needed to allowed, and words."""
+    """A problem by the settings of ``Tracking``, and its proof: the ratio of needed to allowed, and words."""
 
     name: str
     settings: dict[str, Any]
@@ -75,12 +75,12 @@ def depths(q: np.ndarray, center: Sequence[float], radius: float) -> np.ndarray:
 
 
 def least_turn(sample: int, limits: np.ndarray) -> float:
-    """Return by what factor position limits would have to be wider for a posture at a sample."""
+    """Return the factor by which position limits must be wider for a posture at a sample."""
     return float((np.abs(postures(tringali_2020.straight().positions[sample])) / limits).max(axis=1).min())
 
 
 def least_speed(path: pk.Path, sample: int, limit: float) -> float:
-    """Return by what factor a velocity limit would have to be higher in the best posture at a sample."""
+    """Return the factor by which a velocity limit must be higher in the best posture at a sample."""
     velocity, least = path.rates(path.times[[sample]]).velocity[0], np.inf
     for q in postures(path.positions[sample])[::16]:
         arms = nodes(q[None])[0, -1] - nodes(q[None])[0, :-1]
@@ -92,16 +92,16 @@ def least_speed(path: pk.Path, sample: int, limit: float) -> float:
 
 
 def farthest_depth(sample: int, center: Sequence[float], radius: float, limits: float = np.pi) -> float:
-    """Return 1 more than how deep, in radii of a circle, links are in it in the best posture within limits."""
+    """Return 1 plus the depth of links in a circle, in its radii, in the best posture within limits."""
     q = postures(tringali_2020.straight().positions[sample])
     return 1 - float(depths(q[(np.abs(q) <= limits).all(axis=1)], center, radius).max()) / radius
 
 
 def weight(arm: pk.Arm, path: pk.Path, torque: float, speed: float) -> float:
-    """Return the mean torque that the first joint needs at least over its limit.
+    """Return the least mean torque that the first joint needs, divided by its limit.
 
-    The angular momentum H about the base changes by ∫ (τ₁ − Σ m g x) dt, and |H| ≤ Σ m r² ω + I ω, r the distance of a
-    link's center at most and ω the sum of the joints' speeds.
+    The angular momentum H about the base changes by ∫ (τ₁ − Σ m g x) dt. |H| ≤ Σ m r² ω + I ω, with r the largest
+    distance of a link's center and ω the sum of the joints' speeds.
     """
     masses = np.array([body.mass for body in arm.bodies])
     centers = np.array([body.center[0] for body in arm.bodies])
@@ -207,12 +207,12 @@ def cases() -> list[Case]:
 
 
 def refusal(case: Case, verb: str) -> tuple[float, float, str]:
-    """Return the seconds of processor and of the clock until a verb refuses a problem, and its reason."""
+    """Return the processor and clock seconds until a verb refuses a problem, and its reason."""
     objectives = OBJECTIVES[:1] if verb == "plan" else OBJECTIVES
     free = pk.Tracking(case.arm, case.path, objectives=objectives, limits=pk.Limits(position=np.inf, velocity=np.inf))
     motions = free.decode(free.sample_starts(4, np.random.default_rng(0)))
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of obstacles on the path
+        warnings.simplefilter("ignore")  # about obstacles on the path
         clock, processor = time.perf_counter(), time.process_time()
         try:
             problem = pk.Tracking(case.arm, case.path, objectives=objectives, **case.settings)
@@ -237,7 +237,7 @@ def refusal(case: Case, verb: str) -> tuple[float, float, str]:
 
 
 def case_rows(case: Case, verbs: Sequence[str]) -> list[Row]:
-    """Return the seconds of each verb and the ratio of the argument."""
+    """Return the seconds of each verb and the ratio of the proof."""
     rows = []
     for verb in verbs:
         tell(f"{case.name}: {verb}")

@@ -1,7 +1,7 @@
-"""Robot kernels beside a Python loop over Pinocchio, on the same samples: ``python -m studies.benchmarks.kinematics``.
+"""Robot kernels and a Python loop over Pinocchio on equal samples: ``python -m studies.benchmarks.kinematics``.
 
-Both sides get contiguous joint arrays, keep every result, and are timed as the best of several rounds taken in turn, so
-that a busy machine slows both alike. Further rows time what a generation of the search waits for: both objectives of a
+Both sides get contiguous joint arrays and keep every result. The best of several rounds counts; rounds alternate, so
+that a busy machine slows both alike. Further rows time the work of a generation of the search: both objectives of a
 batch of motions from their samples, differences included, and whole problems from their genes, decoding included.
 """
 
@@ -34,7 +34,7 @@ BATCH = f"{MOTIONS} motions × {SAMPLES} samples"
 
 @dataclass(frozen=True, kw_only=True)
 class Contest:
-    """One kernel on one arm: ours, the peer's, and the ratio of speeds we aim at."""
+    """One kernel on one arm: ours, the peer's, and the goal for the ratio of speeds."""
 
     arm: str
     kernel: str
@@ -58,7 +58,7 @@ def pose_and_jacobian(arm: Arm, q: np.ndarray) -> np.ndarray:
 
 
 def pinocchio_model(arm: Arm) -> Any:
-    """Return the arm as a Pinocchio model whose frame "tool" is the arm's tool; turning and sliding joints about z."""
+    """Return the arm as a Pinocchio model with its tool as frame "tool"; joints turn about or slide along z."""
     import pinocchio
 
     model = pinocchio.Model()
@@ -117,7 +117,7 @@ def contests(label: str, arm: Arm, goal: float) -> list[Contest]:
 
 
 def best_times(functions: Sequence[Callable[[], object]], rounds: int) -> list[float]:
-    """Return each function's shortest time [s] over rounds in which they take turns."""
+    """Return each function's shortest time [s] over rounds in which they alternate."""
     shortest = [float("inf")] * len(functions)
     for _ in range(rounds):
         for i, function in enumerate(functions):
@@ -148,7 +148,7 @@ def measure_contest(contest: Contest, rounds: int) -> list[Row]:
 
 
 def motion_row(label: str, arm: Arm, goal: float, rounds: int) -> Row:
-    """Return the time that kinetic energy and torque norm of a batch of motions take; the goal is in milliseconds."""
+    """Return the time of kinetic energy and torque norm of a batch of motions; the goal is in milliseconds."""
     q = np.random.default_rng(0).normal(size=(MOTIONS, SAMPLES, arm.dof))
     times = np.linspace(0.0, 1.0, SAMPLES)
 
@@ -170,7 +170,7 @@ def motion_row(label: str, arm: Arm, goal: float, rounds: int) -> Row:
 
 
 def gene_row(label: str, problem: Tracking, rounds: int) -> Row:
-    """Return the time that a problem takes from genes to objectives and limits, for one first population."""
+    """Return a problem's time from genes to objectives and limits, for one first population."""
     genes = seeded_population(problem, MOTIONS, rng=np.random.default_rng(0))
     taken = best_times([lambda: problem.evaluate(genes)], rounds)[0]
     table, names = f"evaluating {BATCH} from genes", ", ".join(problem.names)
@@ -178,9 +178,9 @@ def gene_row(label: str, problem: Tracking, rounds: int) -> Row:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Measure, print the tables, and write the rows where ``--json`` says."""
-    parser = study_parser("Robot kernels beside a Python loop over Pinocchio.", quick="three rounds")
-    parser.add_argument("--rounds", type=int, default=15, help="rounds of which the best counts")
+    """Measure, print the tables, and write the rows if ``--json`` names a file."""
+    parser = study_parser("Robot kernels against a Python loop over Pinocchio.", quick="three rounds")
+    parser.add_argument("--rounds", type=int, default=15, help="number of rounds; the best one counts")
     options = parser.parse_args(arguments)
     rounds = 3 if options.quick else options.rounds
     three, seven = tringali_3r(), panda()

@@ -1,10 +1,10 @@
-"""A resolver that keeps limits beside pink: ``python -m studies.benchmarks.limits_kept [--quick] [--json FILE]``.
+"""A resolver within limits against pink: ``python -m studies.benchmarks.limits_kept [--quick] [--json FILE]``.
 
-The Panda moves its hand straight across a table, from random postures, under limits on velocities and accelerations
-that are shares of what the same motion has without: of its fastest joint alone, or of all. Both solve one quadratic
-program for a step of 10 ms, pink by Clarabel with a frame task of cost 1 and gain 1, a damping of 1e-8, and its limits
-of configuration (gain 1), velocity and acceleration. Pink, which is left out where it is not installed, takes the task
-as a cost, and its steps are not corrected.
+The Panda moves its hand straight across a table, from random postures, under limits on velocities and accelerations.
+These are shares of what the same motion has without limits: of its fastest joint only, or of all. Both solve one
+quadratic program for a step of 10 ms, pink by Clarabel with a frame task of cost 1 and gain 1, a damping of 1e-8, and
+its limits of configuration (gain 1), velocity and acceleration. Pink takes the task as a cost, and its steps are not
+corrected; it is left out if it is not installed.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ UNCORRECTED = "pink's steps are not corrected: its error is that of first-order 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Case:
-    """A start with its limits, our motion and pink's, None where it was left out or ended early, and seconds."""
+    """A start with its limits, our motion and pink's, None if left out or ended early, and seconds."""
 
     limits: pk.Limits
     ours: Motion
@@ -79,7 +79,7 @@ def solve_case(task: MotionTask, start: np.ndarray, shares: tuple[float, float, 
 
 
 def resolve_by_pink(task: MotionTask, start: np.ndarray, limits: pk.Limits) -> np.ndarray | None:
-    """Return the positions (time, 7) of pink's motion; None where its solver ended without a solution."""
+    """Return the positions (time, 7) of pink's motion; None if its solver ended without a solution."""
     import pink
     import pinocchio
     from pink.exceptions import NoSolutionFound
@@ -100,7 +100,7 @@ def resolve_by_pink(task: MotionTask, start: np.ndarray, limits: pk.Limits) -> n
         accelerations.set_last_integration(rates, dt)
         try:
             with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # its matrices are dense, and it says so
+                warnings.simplefilter("ignore")  # it warns that its matrices are dense
                 rates = pink.solve_ik(
                     configuration, [frame], dt, solver="clarabel", damping=1e-8, limits=[*others, accelerations]
                 )
@@ -112,7 +112,7 @@ def resolve_by_pink(task: MotionTask, start: np.ndarray, limits: pk.Limits) -> n
 
 
 def measures(case: Case, motion: Motion) -> np.ndarray:
-    """Return the greatest error, velocity and acceleration as shares of their limits, and ∫‖q̇‖² of a motion."""
+    """Return the largest error, velocity and acceleration as shares of their limits, and ∫‖q̇‖² of a motion."""
     shares = [
         (np.abs(values) / limit).max()
         for values, limit in ((motion.dq, case.limits.velocity), (motion.ddq, case.limits.acceleration))
@@ -121,7 +121,7 @@ def measures(case: Case, motion: Motion) -> np.ndarray:
 
 
 def case_rows(name: str, cases: Sequence[Case]) -> list[Row]:
-    """Return what both do under one kind of limits, where both end and where limits leave the path a way."""
+    """Return the results of both under one kind of limits: where both end, and where the path stays possible."""
     title, has_peer = f"limits on {name}, {len(cases)} starts", bool(find_spec("pink"))
     ended = [one for one in cases if one.theirs is not None or not has_peer]
     if not ended:
@@ -157,7 +157,7 @@ def case_rows(name: str, cases: Sequence[Case]) -> list[Row]:
         row("time of a step", "ms", seconds[0], seconds[1], "median"),
     ]
     if done.any():
-        note = f"median of {done.sum()}, those of which we do all steps; {UNCORRECTED}"
+        note = f"median of {done.sum()}, motions with all steps by ours; {UNCORRECTED}"
         rows += [
             row("greatest error, with a way on", "m, rad", np.median(ours[done, 0]), np.median(theirs[done, 0]), note),
             row("∫‖q̇‖² dt, with a way on", "rad²/s", np.median(ours[done, 3]), np.median(theirs[done, 3]), note),
@@ -166,8 +166,8 @@ def case_rows(name: str, cases: Sequence[Case]) -> list[Row]:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Report what both do under either kind of limits."""
-    options = study_parser("A resolver that keeps limits, beside pink.", quick="3 starts instead of 20").parse_args(
+    """Report the results of both under either kind of limits."""
+    options = study_parser("A resolver within limits, against pink.", quick="3 starts instead of 20").parse_args(
         arguments
     )
     if not find_spec("pink"):

@@ -1,8 +1,8 @@
-"""What a long run takes of memory: ``python -m studies.benchmarks.memory [--quick] [--json FILE]``.
+"""Memory of a long run: ``python -m studies.benchmarks.memory [--quick] [--json FILE]``.
 
-``problems/tringali_2020.py:energy_torque`` with 400 individuals, recorded and with a folder, for 20 and for 2,000
-generations, each in a process of its own; it does not end where the front stands still. The largest resident memory is
-that of the run and that of the process that records, to the end of each: completing the file included.
+``problems/tringali_2020.py:energy_torque`` with 400 individuals, recorded and with a folder, runs for 20 and for 2,000
+generations, each in a process of its own. It does not stop when the front stagnates. Measured is the largest resident
+memory of the run and of the recording process, until each ends: completing the file included.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ pk.solve(
 class MemoryOptions:
     """The ``population`` of both runs, the generations of the ``short`` and the ``long`` one (``quick`` with --quick).
 
-    ``goal`` is how often the memory of the short one the long one may take.
+    ``goal`` is the largest ratio of the long run's memory to that of the short one.
     """
 
     population: int = 400
@@ -47,7 +47,7 @@ OPTIONS = MemoryOptions()
 
 
 def measure(generations: int) -> tuple[PeakMemory, int]:
-    """Return the peaks of a run of so many generations, and the bytes of its recording."""
+    """Return the peaks of a run of some generations, and the bytes of its recording."""
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder, "run")
         _, peak = run_watched([sys.executable, "-c", RUN, str(generations), str(OPTIONS.population), str(out)])
@@ -55,7 +55,7 @@ def measure(generations: int) -> tuple[PeakMemory, int]:
 
 
 def tabulate(long: int, peaks: Sequence[PeakMemory], recording: int) -> list[Row]:
-    """Return the rows of a long run beside the short one; their sum has the goal."""
+    """Return the rows of a long run and the short one; the goal is for the sum."""
     short, other = peaks
     processes = (
         ("both", short.run + short.recorder, other.run + other.recorder, f"goal: at most {OPTIONS.goal:g}"),
@@ -81,7 +81,7 @@ def tabulate(long: int, peaks: Sequence[PeakMemory], recording: int) -> list[Row
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run both, print the table, and write the rows where ``--json`` says."""
+    """Run both, print the table, and write the rows if ``--json`` names a file."""
     parser = study_parser(__doc__ or "", quick=f"{OPTIONS.quick} generations")
     options = parser.parse_args(arguments)
     long = OPTIONS.quick if options.quick else OPTIONS.long

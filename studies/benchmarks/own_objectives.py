@@ -2,9 +2,9 @@
 
     python -m studies.benchmarks.own_objectives [--quick] [--json FILE]
 
-The xArm 7, the Panda and the UR10 as the package ``example-robot-data`` has them, each with three objectives that
-nobody here has prepared: how fast the wrist moves, squared and integrated; what the first two joints travel, with
-absolute values; and the largest acceleration of any joint, a peak. Limits are the arms' own, kept between samples.
+The arms are the xArm 7, the Panda and the UR10 of the package ``example-robot-data``. Each has three objectives that
+the library does not know: the squared speed of the wrist, integrated; the travel of the first two joints, with absolute
+values; and the largest acceleration of any joint, a peak. Limits are the arms' own, satisfied between samples.
 ``pk.epsilon_front`` at default settings is asked for ten points, after a first one of three that compiles.
 """
 
@@ -35,7 +35,7 @@ def wrist_motion(motion):  # type: ignore[no-untyped-def]
 
 @pk.objective(unit="rad", form="integral")
 def shoulder_travel(motion):  # type: ignore[no-untyped-def]
-    """Return how fast the first two joints travel."""
+    """Return the speed of the first two joints, in absolute values."""
     return np.abs(motion.dq[..., 0]) + np.abs(motion.dq[..., 1])
 
 
@@ -101,7 +101,7 @@ WALKS = (
 
 
 def robot_file(name: str) -> Path:
-    """Return a file of the package's robots. Raises PackageNotFoundError where it is not installed."""
+    """Return a file of the package's robots. Raises PackageNotFoundError if it is not installed."""
     (file,) = (each for each in files(PACKAGE) or () if str(each).endswith(name))
     return Path(str(file.locate()))
 

@@ -1,7 +1,7 @@
 """Mathematical faults planted in the library: ``python -m studies.benchmarks.planted_faults [--quick] [--json FILE]``.
 
-Each fault changes one expression of a copy of this checkout. The default tests of the fault's own folder have to fail
-then. The copy is tested without a fault first for every folder, so that a failure means something.
+Each fault changes one expression of a copy of this checkout. The default tests of the fault's own folder must then
+fail. Every folder is first tested without a fault, so that a failure means something.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from studies.reporting import Row, report, study_parser, tell
 
 
 class Fault(NamedTuple):
-    """A fault: the ``file`` of the library, the expression there, what takes its place, and the tests to catch it."""
+    """A fault: the ``file`` of the library, the expression there, its replacement, and the tests to catch it."""
 
     file: str
     before: str
@@ -71,7 +71,7 @@ FAULTS = (
 
 
 def plant(copy: Path, fault: Fault) -> None:
-    """Write a fault into the copy; raise ValueError unless its expression stands there."""
+    """Write a fault into the copy; raise ValueError unless its expression is there."""
     file = copy / "paretoik" / fault.file
     text = file.read_text(encoding="utf-8")
     if fault.before not in text:
@@ -81,7 +81,7 @@ def plant(copy: Path, fault: Fault) -> None:
 
 def run_tests(copy: Path, folder: str) -> tuple[bool, str]:
     """Return whether the default tests of a folder pass in the copy, and the first test that does not."""
-    for index in (copy / "paretoik").rglob("*.nbi"):  # callers in other files go on with compiled code otherwise
+    for index in (copy / "paretoik").rglob("*.nbi"):  # otherwise callers in other files keep the compiled code
         index.unlink()
     command = [sys.executable, "-m", "pytest", "-q", "-x", "-n", "2", f"tests/{folder}"]
     finished = subprocess.run(command, cwd=copy, capture_output=True, text=True, check=False)

@@ -1,4 +1,4 @@
-"""pymoo's evolutionary algorithms as it ships them, from first genes that they share with ours."""
+"""pymoo's evolutionary algorithms with their defaults, from first genes that they share with ours."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ PEERS = (*CROWDING, "NSGA-III", "SMS-EMOA", "AGE-MOEA", "MOEA/D")
 
 
 def pymoo_algorithm(name: str, n_obj: int, first: Genes, **operators: Any) -> Any:
-    """Return one of ``PEERS``; ``operators`` are a crossover and a mutation where its own do not suit the genes.
+    """Return one of ``PEERS``; ``operators`` are a crossover and a mutation if its own do not suit the genes.
 
-    Those with reference directions have one an individual of a population of 100, 91 or 126 (2, 3, 5 objectives).
+    Those with reference directions have one per individual of a population of 100, 91 or 126 (2, 3, 5 objectives).
     """
     settings = {"sampling": first, **operators}
     if name in CROWDING:

@@ -1,10 +1,10 @@
-"""What a recording costs a run: ``python -m studies.benchmarks.recording [--quick] [--json FILE]``.
+"""Cost of a recording: ``python -m studies.benchmarks.recording [--quick] [--json FILE]``.
 
-A search of DTLZ2 with 200 individuals and four objectives, whose front has up to 20,000 points, with and without a
-recording in turn, each in a process of its own and with a folder. The share of the recording is of the run's processor
-time: of all that the run does for the recording alone until it is finished (it starts it, collects what it shows, packs
-and sends it). Seconds of the clock are without those that completing the file takes; on a busy machine they vary, and
-so do their ratios.
+A search of DTLZ2 with 200 individuals and four objectives, whose front has up to 20,000 points, runs alternately with
+and without a recording, each time in a process of its own and with a folder. The recording's share is of the run's
+processor time. It counts everything that the run does only for the recording until it is finished: the run starts it,
+collects what it shows, packs and sends it. Clock seconds are without those for completing the file; on a busy machine
+they vary, and so do their ratios.
 """
 
 from __future__ import annotations
@@ -72,9 +72,9 @@ GOALS = {"size": 50.0, "overhead": 2.0}  # MB, % of a run
 
 @dataclass(frozen=True, kw_only=True)
 class Cost:
-    """A run: seconds of clock and processor, these for the recording, of finishing the file; sizes [bytes]; front.
+    """A run: seconds of clock and processor, those of the recording and of finishing the file; sizes [bytes]; front.
 
-    ``peak`` is the memory of the run and of the process that records, to the end of both.
+    ``peak`` is the memory of the run and of the recording process, until both end.
     """
 
     clock: float
@@ -88,14 +88,14 @@ class Cost:
 
 
 def run(generations: int, *, records: bool) -> Cost:
-    """Return what a run with a folder costs in a process of its own, with or without a recording."""
+    """Return the cost of a run with a folder in a process of its own, with or without a recording."""
     with tempfile.TemporaryDirectory() as folder:
         printed, peak = run_watched([sys.executable, "-c", RUN, str(generations), folder, str(records)])
         return Cost(**json.loads(printed.splitlines()[-1]), peak=peak)
 
 
 def tabulate(generations: int, pairs: Sequence[tuple[Cost, Cost]]) -> list[Row]:
-    """Return the rows of runs without and with a recording, those first that miss their goal."""
+    """Return the rows of runs without and with a recording, those that miss their goal first."""
 
     def row(
         column: str, unit: str, ours: float, reference: float | None = None, source: str = "", note: str = ""
@@ -135,8 +135,8 @@ def tabulate(generations: int, pairs: Sequence[tuple[Cost, Cost]]) -> list[Row]:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run all, print the table, and write the rows where ``--json`` says."""
-    parser = study_parser("What a recording costs a run.", quick="60 generations, once")
+    """Run all, print the table, and write the rows if ``--json`` names a file."""
+    parser = study_parser("Cost of a recording.", quick="60 generations, once")
     options = parser.parse_args(arguments)
     rows: list[Row] = []
     for generations, times in ((60, 1),) if options.quick else ((500, 3), (2000, 1)):

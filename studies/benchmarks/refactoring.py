@@ -1,9 +1,9 @@
-"""What a change of the library's inside costs or gains: ``python -m studies.benchmarks.refactoring --before DIR``.
+"""Costs and gains by a change of the library: ``python -m studies.benchmarks.refactoring --before DIR``.
 
-Every case runs on another checkout and on this one, in processes that take turns. The first run of a process, which
-compiles or loads what is compiled, is not counted; of the others the least processor time is. Values, the smaller the
-better unless they are named in ``MAXIMISED``, are held against the other checkout's: a worse one is a loss, as is more
-than 1.05 times the seconds, whatever the reason that a note gives.
+Every case runs on another checkout and on this one, in alternating processes. The first run of a process, which
+compiles or loads compiled code, is not counted; of the others the least processor time counts. Values are compared with
+the other checkout's; smaller is better unless they are named in ``MAXIMISED``. A worse value is a loss, and so is more
+than 1.05 times the seconds, whatever reason a note gives.
 
     python -m studies.benchmarks.refactoring --before DIR [--cases NAME ...] [--rounds N] [--json FILE]
 """
@@ -31,7 +31,7 @@ MAXIMISED = ("hypervolume", "sum of speeds")
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
-    """Code that defines ``run()``, which returns values by name, and how often a process repeats it.
+    """Code that defines ``run()``, which returns values by name, and the number of repeats in a process.
 
     ``reason`` says why values differ.
     """
@@ -126,7 +126,7 @@ def run():
     return measure(pk.epsilon_front(problem, points=5, seed=0), [0.62, 750.0, 0.006], [0.8, 1700.0, 0.03])
 """,
         repeats=2,
-        reason="plans of the ends restart until hardly a better optimum is likely unseen",
+        reason="plans of the ends restart until a better unseen optimum is unlikely",
     ),
     "directional front of 10 points, sliders": Case(
         code="""
@@ -200,7 +200,7 @@ def run():
 
 
 def run_case(case: Case, checkouts: Mapping[str, Path], caches: Path, rounds: int) -> dict[str, dict[str, Any]]:
-    """Return ``seconds`` of all rounds and the last ``values`` by name of every checkout; processes take turns."""
+    """Return ``seconds`` of all rounds and the last ``values`` by name of every checkout; processes alternate."""
     code = SHARED + case.code + TIMED.format(repeats=case.repeats)
     results: dict[str, dict[str, Any]] = {name: {"seconds": []} for name in checkouts}
     for _ in range(rounds):
@@ -212,19 +212,19 @@ def run_case(case: Case, checkouts: Mapping[str, Path], caches: Path, rounds: in
 
 
 def compare(name: str, now: float, before: float) -> tuple[str, bool]:
-    """Return what to say of a value beside the one before, and whether it is worse than rounding."""
+    """Return the words for a value and the one before, and whether it is worse by more than rounding."""
     gain = (now - before if name in MAXIMISED else before - now) / max(abs(before), np.finfo(float).tiny)
     if abs(gain) <= VALUE_TOLERANCE:
         return f"{name} {'the same bits' if now == before else 'equal to 1e-9'}", False
-    return f"{name} {now:.5g} beside {before:.5g}, {abs(gain):.1e} {'better' if gain > 0 else 'worse'}", gain < 0
+    return f"{name} {now:.5g} against {before:.5g}, {abs(gain):.1e} {'better' if gain > 0 else 'worse'}", gain < 0
 
 
 def tabulate(name: str, case: Case, results: Mapping[str, Mapping[str, Any]]) -> Row:
-    """Return a case's row: the ratio of the least seconds, and in the note seconds, values, and what was missed."""
+    """Return a case's row: the ratio of the least seconds; the note has seconds, values, and missed goals."""
     now, before = results["now"], results["before"]
     seconds, reference = min(now["seconds"]), min(before["seconds"])
     values = [compare(name, now["values"][name], value) for name, value in before["values"].items()]
-    notes = [f"{seconds:.3g} beside {reference:.3g} s", *(words for words, _ in values)]
+    notes = [f"{seconds:.3g} against {reference:.3g} s", *(words for words, _ in values)]
     if case.reason and now["values"] != before["values"]:
         notes.append(case.reason)
     if seconds > GOAL * reference or any(worse for _, worse in values):
@@ -242,11 +242,11 @@ def tabulate(name: str, case: Case, results: Mapping[str, Mapping[str, Any]]) ->
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the cases, print the table, losses first, and write the rows where ``--json`` says."""
+    """Run the cases, print the table, losses first, and write the rows if ``--json`` names a file."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--before", type=Path, required=True, help="the other checkout")
     parser.add_argument("--cases", nargs="+", choices=list(CASES), metavar="NAME", help="only these")
-    parser.add_argument("--rounds", type=int, default=2, help="processes of each checkout a case")
+    parser.add_argument("--rounds", type=int, default=2, help="processes of each checkout per case")
     parser.add_argument("--json", type=Path, help="file to write the rows to")
     settings = parser.parse_args(arguments)
     checkouts = {"before": settings.before.resolve(), "now": ROOT}

@@ -1,6 +1,6 @@
 """The front of ``energy_torque`` by CasADi and IPOPT: ``python -m studies.benchmarks.reference_front``.
 
-Every start is solved for each objective alone; ε-constraints (inequalities, on either objective) then follow every
+Every start is solved for each objective alone. ε-constraints (inequalities, on either objective) then follow every
 branch both ways, each level from the best distinct motions of its neighbour. ``--write`` stores the front.
 """
 
@@ -72,7 +72,7 @@ def candidates(program: Program, count: int, rng: np.random.Generator) -> list[A
 
 
 def distinct_optima(optima: Iterable[Optimum | None], objective: int, count: int) -> list[Optimum]:
-    """Return the best optima by one objective, no two within a milliradian (root mean square) of one another."""
+    """Return the best optima by one objective, any two more than a milliradian (root mean square) apart."""
     chosen: list[Optimum] = []
     for one in sorted((o for o in optima if o is not None), key=lambda o: float(o.F[objective])):
         if len(chosen) < count and all(np.sqrt(np.mean((one.q - other.q) ** 2)) > 1e-3 for other in chosen):
@@ -92,8 +92,8 @@ def lexicographic(program: Program, best: Optimum, objective: int) -> Optimum:
 def follow_ceilings(program: Program, seeds: Sequence[Optimum], objective: int, levels: Array) -> list[Optimum]:
     """Return optima of one objective under each ceiling on the other, swept both ways until no level improves.
 
-    A level starts from the best distinct motions of the level just left, and at first cold from the seeds, which bring
-    in branches that appear halfway.
+    A level starts from the best distinct motions of the last level, and at first cold from the seeds, which bring in
+    branches that appear halfway.
     """
     pools: list[list[Optimum]] = [[] for _ in levels]
     order = range(len(levels))
@@ -118,7 +118,7 @@ def follow_ceilings(program: Program, seeds: Sequence[Optimum], objective: int, 
 
 
 def single_optima(program: Program, starts: int, seed: int) -> tuple[list[Optimum], list[Optimum]]:
-    """Return the distinct optima of each objective, from the starts that leave the joint limits least."""
+    """Return the distinct optima of each objective, from the starts that exceed the joint limits least."""
     tracks = candidates(program, 2 * starts, np.random.default_rng(seed))
     tracks.sort(key=lambda q: float(np.max(np.abs(q) - POSITION)))
     energies, torques = (
@@ -145,7 +145,7 @@ def reference_front(program: Program, starts: int, levels: int, seed: int) -> tu
 
 
 def published_rows(starts: int, seed: int) -> list[Row]:
-    """Return simulations 1 to 3 with the fitted masses beside Table 5, to see that this is the paper's problem."""
+    """Return simulations 1 to 3 with the fitted masses and Table 5, to show that this is the paper's problem."""
     programs = {limited: build(101, FITTED, limited=limited) for limited in (False, True)}
     optima = {limited: single_optima(program, starts, seed) for limited, program in programs.items()}
     paper = [(False, ENERGY, (0.0528, 0.1827)), (True, ENERGY, (0.0528, 0.1820)), (True, TORQUE, (0.0795, 0.0912))]
@@ -184,7 +184,7 @@ def write_front(front: Sequence[Optimum], file: Path) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Compute the front, print its ends, size and hypervolume, and write what is asked for."""
+    """Compute the front, print its ends, size and hypervolume, and write the files asked for."""
     parser = study_parser(
         "The energy_torque front by ε-constraints with CasADi and IPOPT.",
         quick="fewer starts and levels, no simulations of the paper",

@@ -1,7 +1,7 @@
 """The energy-torque problem of Tringali and Cocuzza (2020), section 4, as a program of CasADi for IPOPT.
 
 A planar 3R arm follows a line in one second within joint position and velocity limits (their Table 2); the start
-posture and the final velocity are free. Nothing is shared with paretoik: the dynamics are written in absolute link
+posture and the final velocity are free. It shares nothing with paretoik: the dynamics are written in absolute link
 angles, the path is an equality at every sample.
 """
 

@@ -1,4 +1,4 @@
-"""The largest resident memory of a run and of the process that records it, watched from outside until both end."""
+"""The largest resident memory of a run and of its recording process, watched from outside until both end."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from studies.benchmarks.checkouts import ROOT
 
 PROCESSES = Path("/proc")  # Linux
 RECORDER = "paretoik.review.recording_child"
-INTERVAL = 0.01  # s between looks; what is read is the peak so far, so only growth in the last one is missed
+INTERVAL = 0.01  # s between looks; each reads the peak so far, so only growth in the last interval is missed
 
 
 @dataclass(kw_only=True)
 class PeakMemory:
-    """The largest resident memory [bytes] of the ``run`` itself and of its ``recorder``, 0 where it has none."""
+    """The largest resident memory [bytes] of the ``run`` itself and of its ``recorder``, 0 without one."""
 
     run: int = 0
     recorder: int = 0
 
 
 def run_watched(command: Sequence[str]) -> tuple[str, PeakMemory]:
-    """Run a command at the root of this checkout; return what it prints and its peaks.
+    """Run a command at the root of this checkout; return its output and its peaks.
 
-    Raises subprocess.CalledProcessError where the command fails.
+    Raises subprocess.CalledProcessError if the command fails.
     """
     peak = PeakMemory()
-    with tempfile.TemporaryFile("w+", encoding="utf-8") as output:  # a pipe that nobody reads would fill up
+    with tempfile.TemporaryFile("w+", encoding="utf-8") as output:  # an unread pipe would fill up
         child = subprocess.Popen(command, cwd=ROOT, stdout=output)
         while child.poll() is None:
             peak.run = max(peak.run, _peak_of(child.pid))
@@ -46,7 +46,7 @@ def run_watched(command: Sequence[str]) -> tuple[str, PeakMemory]:
 
 
 def _peak_of(process: int) -> int:
-    """Return the largest resident memory of a process up to now [bytes], 0 of one that has ended."""
+    """Return the largest resident memory of a process so far [bytes], 0 after its end."""
     with suppress(OSError, ValueError):
         _, _, peak = (PROCESSES / str(process) / "status").read_text().partition("VmHWM:")
         return 1024 * int(peak.split(maxsplit=1)[0]) if peak else 0
@@ -64,7 +64,7 @@ def _children(process: int) -> list[int]:
 
 
 def _command_line(process: int) -> str:
-    """Return how a process was started, nothing of one that has ended."""
+    """Return the command line of a process, empty after its end."""
     with suppress(OSError):
         return (PROCESSES / str(process) / "cmdline").read_text(errors="replace").replace("\0", " ")
     return ""

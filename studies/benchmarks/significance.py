@@ -20,7 +20,7 @@ CORNER = 1.1  # of the hypervolume, in ranges of the union
 
 @dataclass(frozen=True, kw_only=True)
 class Comparison(SampleComparison):
-    """How an indicator of a problem compares with a peer's; ``p_equal`` is that of a difference beyond the margin."""
+    """A comparison of an indicator with a peer's; ``p_equal`` is that of a difference beyond the margin."""
 
     problem: str
     indicator: str
@@ -38,14 +38,14 @@ class Comparison(SampleComparison):
 
 
 def union(fronts: Sequence[Objectives]) -> Objectives:
-    """Return what no point of any front dominates."""
+    """Return the points of all fronts that none dominates."""
     F = np.concatenate(fronts)
     nondominated: Objectives = F[is_nondominated(F, keep_weakly=False)] if len(F) else F
     return nondominated
 
 
 def scores(F: Objectives, union: Objectives) -> dict[str, float]:
-    """Judge one final front against the union; one that is empty as if it were the corner of the hypervolume alone."""
+    """Judge a final front against the union; an empty one counts as the corner of the hypervolume."""
     ideal, width = union.min(axis=0), np.ptp(union, axis=0)
     width = np.where(width > 0, width, 1.0)
     corner = np.full(union.shape[1], CORNER)
@@ -59,7 +59,7 @@ def scores(F: Objectives, union: Objectives) -> dict[str, float]:
 
 
 def compare(problem: str, indicator: str, peer: str, ours: Values, theirs: Values) -> Comparison:
-    """Test one indicator of ours against a peer's, each (seeds,); where all are the same nothing is proved."""
+    """Test one indicator of ours against a peer's, each (seeds,); equal values prove nothing."""
     samples = compare_samples(ours, theirs, maximised=indicator == "hypervolume")
     margin = MARGIN[indicator]
     sides = (
@@ -86,7 +86,7 @@ def decide(rows: Sequence[Comparison]) -> list[Comparison]:
 
 
 def comparison_row(table: str, comparison: Comparison, verdict: str) -> Row:
-    """Return a comparison as a row: our median, the peer's beside it, the verdict and the tests in the note."""
+    """Return a comparison as a row: our median and the peer's, the verdict and the tests in the note."""
     return Row(
         table=table,
         row=comparison.problem,
@@ -100,7 +100,7 @@ def comparison_row(table: str, comparison: Comparison, verdict: str) -> Row:
 
 
 def tally_rows(table: str, decided: Sequence[Comparison], group: Callable[[Comparison], str]) -> list[Row]:
-    """Return how often we won and lost in each group of comparisons, where we lost most first."""
+    """Return the numbers of wins and losses in each group of comparisons, most losses first."""
     counts: dict[str, Counter[str]] = {}
     for one in decided:
         counts.setdefault(group(one), Counter())[one.verdict.split(",")[0]] += 1

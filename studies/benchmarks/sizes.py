@@ -1,8 +1,8 @@
-"""How large the library is: ``python -m studies.benchmarks.sizes [--before DIR] [--json FILE]``.
+"""Size of the library: ``python -m studies.benchmarks.sizes [--before DIR] [--json FILE]``.
 
-Lines and code of every package (code: lines of statements, neither docstrings nor comments nor blank ones), files above
-300 lines, functions above 60 (docstrings not counted), numbers that are constants at the tops of modules, names of the
-public face; beside another checkout's where one is given.
+Counted are lines and code of every package (code: lines of statements, neither docstrings nor comments nor blank ones),
+files above 300 lines, functions above 60 (docstrings not counted), numbers that are constants at the tops of modules,
+and public names; with another checkout also its counts.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Function = ast.FunctionDef | ast.AsyncFunctionDef
 
 @dataclass(kw_only=True)
 class Sizes:
-    """Lines and code of packages, and by name what is long: files, functions; constants and public names."""
+    """Lines and code of packages, and by name: long files, long functions; constants and public names."""
 
     lines: Counter[str] = field(default_factory=Counter)
     code: Counter[str] = field(default_factory=Counter)
@@ -63,7 +63,7 @@ def docstring_lines(node: Function | ast.ClassDef | ast.Module) -> set[int]:
 
 
 def code_lines(tree: ast.Module) -> set[int]:
-    """Return the lines that some statement is on, docstrings left out."""
+    """Return the lines of statements, without docstrings."""
     lines, docstrings = set[int](), set[int]()
     for node in ast.walk(tree):
         if isinstance(node, Function | ast.ClassDef | ast.Module):
@@ -75,9 +75,9 @@ def code_lines(tree: ast.Module) -> set[int]:
 
 
 def numeric_constants(tree: ast.Module) -> Iterator[str]:
-    """Yield the names in capitals that a module gives a number, or several.
+    """Yield the names in capitals that a module assigns a number, or several.
 
-    Names that are given numbers together, as ``A, B = range(2)``, are an enumeration or coefficients, and not counted.
+    Names that are assigned together, as ``A, B = range(2)``, are an enumeration or coefficients, and not counted.
     """
     for node in tree.body:
         if not isinstance(node, ast.Assign | ast.AnnAssign) or isinstance(node.value, ast.Dict | None):
@@ -90,7 +90,7 @@ def numeric_constants(tree: ast.Module) -> Iterator[str]:
 
 
 def tabulate(now: Sizes, before: Sizes | None) -> list[Row]:
-    """Return all rows, those of the checkout before beside them."""
+    """Return all rows, with those of the other checkout."""
 
     def row(table: str, name: str, ours: float, former: float | None, note: str = "") -> Row:
         return Row(
@@ -121,9 +121,9 @@ def tabulate(now: Sizes, before: Sizes | None) -> list[Row]:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Print the tables, and write the rows where ``--json`` says."""
-    parser = study_parser("How large the library is.")
-    parser.add_argument("--before", type=Path, help="another checkout, counted beside this one")
+    """Print the tables, and write the rows if ``--json`` names a file."""
+    parser = study_parser("Size of the library.")
+    parser.add_argument("--before", type=Path, help="another checkout, counted too")
     options = parser.parse_args(arguments)
     before = measure(options.before / "paretoik") if options.before else None
     report(tabulate(measure(ROOT / "paretoik"), before), json_file=options.json)

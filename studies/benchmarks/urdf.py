@@ -6,9 +6,8 @@ file, by its name**, in the base link; gravity torques; inverse dynamics. Errors
 shares of the largest torque (at least 1 N m) of a chain. Refused chains are counted by their reason; a disagreement is
 a chain for which ``check_robot`` lists other faults than those that ``Arm.from_urdf`` refuses.
 
-Inertias that no body has are repaired if nothing else is wrong. The chain is then compared without its inverse
-dynamics, as Pinocchio computes with what is written. Inertias that ours take as 0 off the chain are 0 for Pinocchio,
-too.
+Impossible inertias are repaired if nothing else is wrong. The chain is then compared without its inverse dynamics,
+since Pinocchio computes with the written ones. Inertias that ours take as 0 off the chain are 0 for Pinocchio, too.
 """
 
 from __future__ import annotations
@@ -134,12 +133,12 @@ class Tree:
 
     @property
     def leaves(self) -> list[str]:
-        """Links that carry none."""
+        """Links without a child."""
         carriers = {parent for _, parent in self.parents.values()}
         return [link for link in self.links if link not in carriers]
 
     def above(self, link: str) -> list[str]:
-        """Return the links from the one above a link to the root."""
+        """Return the links from a link's parent to the root."""
         line: list[str] = []
         while link in self.parents and len(line) < len(self.links):
             link = self.parents[link][1]
@@ -147,7 +146,7 @@ class Tree:
         return line
 
     def frozen_value(self, joint: str, fixed: Mapping[str, float]) -> float:
-        """Return where a joint off the chain is: its fixed value, that of its leader times and plus, or 0."""
+        """Return the position of a joint off the chain: its fixed value, its leader's times and plus, or 0."""
         if joint in fixed or joint not in self.mimics:
             return fixed.get(joint, 0.0)
         leader, multiplier, offset = self.mimics[joint]
@@ -205,7 +204,7 @@ def _share(ours: np.ndarray, theirs: np.ndarray) -> float:
 
 
 def _without_inertias(text: str, arm: pk.Arm) -> str:
-    """Return a URDF in which the inertias of links that the arm takes as point masses are 0."""
+    """Return a URDF with zero inertias of links that the arm takes as point masses."""
     points = {notice.split("'")[1] for notice in arm.notices if "taken as a point mass" in notice}
     robot = ElementTree.fromstring(text)
     for link in robot.findall("link"):
@@ -215,7 +214,7 @@ def _without_inertias(text: str, arm: pk.Arm) -> str:
 
 
 def compare_file(file: Path, tally: Tally, rng: np.random.Generator, leaves: int, pairs: int) -> None:
-    """Compare chains of a file, and add what came of it."""
+    """Compare chains of a file, and add the results."""
     tally.files += 1
     data = file.read_bytes()
     try:
@@ -247,7 +246,7 @@ def compare_file(file: Path, tally: Tally, rng: np.random.Generator, leaves: int
 
 
 def _reason(fault: str) -> str:
-    """Return what a fault is about, without its line and names."""
+    """Return the subject of a fault, without its line and names."""
     text = re.sub(r"^(line \d+: )?((link|joint) '[^']*': )?|, got principal.*|;.*", "", fault)
     return re.sub(r"'[^']*'", "...", text)
 
@@ -298,7 +297,7 @@ def tally_rows(name: str, tally: Tally) -> list[Row]:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Compare the files, print the tables, and write the rows where ``--json`` says."""
+    """Compare the files, print the tables, and write the rows if ``--json`` names a file."""
     parser = study_parser(__doc__, quick="every tenth file, two chains each")
     parser.add_argument("--packages", nargs="+", default=list(PACKAGES), metavar="NAME", help="installed packages")
     parser.add_argument("--seed", type=int, default=0, help="of chains, fixed joints and postures")

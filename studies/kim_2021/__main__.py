@@ -38,9 +38,9 @@ from studies.reporting import Row, report, study_parser, tell
 
 @dataclass(frozen=True, kw_only=True)
 class Effort:
-    """How much is tried: degrees between base angles, positions a side, pieces of a path, rounds, steps.
+    """Amount of work: degrees between base angles, positions per side, pieces of a path, rounds, steps.
 
-    Of the assumptions that are changed one by one, one in ``every`` is tried for postures that do not jump.
+    Postures that do not jump are tried for one in ``every`` of the assumptions that are changed one by one.
     """
 
     angle: int = 30
@@ -88,8 +88,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def run_study(effort: Effort, folder: Path, executor: Executor | None = None) -> tuple[list[Row], list[Path]]:
-    """Return all rows, and the pictures drawn into a folder; what is under way is told on stderr."""
-    tell("Figures 5 and 6, and what they hang on")
+    """Return all rows, and the pictures drawn into a folder; progress is printed on stderr."""
+    tell("Figures 5 and 6, and what they depend on")
     corners = polygons()
     rows = polygon_rows(corners) + sensitivity_rows(angles=effort.angles) + floor_rows()
     rows += nearest_rows(angles=effort.angles, masses=effort.masses)
@@ -111,7 +111,7 @@ def run_study(effort: Effort, folder: Path, executor: Executor | None = None) ->
     rows += [row for one in shared for row in one_posture_rows(one)]
     fronts, of_fronts = solve_fronts(effort, executor)
     rows += of_fronts
-    tell("what maxima and steps take")
+    tell("times of maxima and steps")
     rows += polygon_race(rounds=effort.rounds)
     rows += [row for one in trajectories.values() for row in step_race(one, steps=effort.steps)]
     pictures = draw(folder, corners, trajectories, ways)
@@ -119,7 +119,7 @@ def run_study(effort: Effort, folder: Path, executor: Executor | None = None) ->
 
 
 def exactness_rows(effort: Effort, trajectories: dict[str, Trajectory], executor: Executor | None) -> list[Row]:
-    """Return the rows that say how exact maxima and fastest paths are."""
+    """Return the rows on the exactness of maxima and fastest paths."""
     tell("exactness")
     rng = np.random.default_rng(0)
     rows = linear_programs(effort.random, rng) + symmetries(effort.random, rng)
@@ -128,19 +128,19 @@ def exactness_rows(effort: Effort, trajectories: dict[str, Trajectory], executor
 
 
 def solve_fronts(effort: Effort, executor: Executor | None) -> tuple[list[TimeEnergy], list[Row]]:
-    """Return the fronts of time against energy, and their rows, beside IPOPT too."""
+    """Return the fronts of time against energy, and their rows, with IPOPT's."""
     tell("time against energy")
     front = partial(time_energy, points=effort.points, starts=effort.searches, samples=effort.moments)
     fronts = list(run_each(executor, _calls(front, {name: name for name in MECHANISMS})).values())
     rows = [row for one in fronts for row in time_energy_rows(one)]
-    tell("the same beside IPOPT")
+    tell("the same with IPOPT")
     race = partial(race_fronts, starts=effort.searches // 4, samples=effort.moments)
     races = run_each(executor, _calls(race, {one.name: one for one in fronts}))
     return fronts, rows + [row for one in races.values() for row in race_rows(one)]
 
 
 def _calls(function: Callable[[Any], Result], arguments: Mapping[str, Any]) -> dict[tuple[str], Callable[[], Result]]:
-    """Return the calls of a function with each of its arguments, by their name."""
+    """Return one call of a function per argument, by the argument's name."""
     return {(name,): partial(function, argument) for name, argument in arguments.items()}
 
 

@@ -1,7 +1,7 @@
-"""Postures along a path that do not jump and are soonest at its end: dynamic programming, then linear programs.
+"""Postures along a path without jumps that arrive soonest: dynamic programming, then linear programs.
 
-The grid is over whole turns of the last link and both elbows, global but for its steps. From there linear programs move
-all angles at once, which no grid does: where several joints are equally slow, steps of a grid are in the way.
+The grid covers whole turns of the last link and both elbows, global but for its steps. From there linear programs move
+all angles at once, which no grid does: if several joints are equally slow, the steps of a grid are in the way.
 """
 
 from __future__ import annotations
@@ -25,24 +25,24 @@ from studies.kim_2021.profiles import (
 )
 
 ELBOWS = (1.0, -1.0)
-TIE = 1e-3  # s/J: of postures that are as soon, those of less work; otherwise joints wander that nobody waits for
-FURTHEST = np.deg2rad(200.0)  # that the last link may turn on the grid, if all pieces turned it as far as they may
+TIE = 1e-3  # s/J: among equally soon postures prefer less work; otherwise joints that do not count wander
+FURTHEST = np.deg2rad(200.0)  # most turn of the last link on the grid, if all pieces turned as far as they may
 EASY = 1.0  # s/J: another price of work to begin with
 RADIUS, SHORTEST = np.deg2rad(1.0), np.deg2rad(1e-4)  # of a linear program's moves
 NEARBY = 1e-6  # rad, for differences
-LOOKED = 4  # places within the radius, either way, that are asked whether joints can hold there
+LOOKED = 4  # positions within the radius, either way, that are tested for whether joints can hold there
 ITERATIONS, SETTLED = 300, 1e-9
 
 
 def resolved(
     mechanism: Mechanism, path: Float[np.ndarray, "n 2"], *, pieces: int, cell: float, price: float = TIE
 ) -> Profile:
-    """Return the postures of least time + ``price`` [s/J] · work on four times so many pieces of a path.
+    """Return the postures of least time + ``price`` [s/J] · work, with four times as many pieces of the path.
 
-    Raises SolverFailed where none follow the path.
+    Raises SolverFailed if none follow the path.
     """
     fine, profiles = evenly(path, 4 * pieces), []
-    for first in dict.fromkeys((price, EASY)):  # where work counts for little, the grid alone tells too little apart
+    for first in dict.fromkeys((price, EASY)):  # if work counts for little, the grid has too many ties
         coarse = continuous(mechanism, evenly(path, pieces), cell=cell, price=first)
         start = improve_profile(mechanism, refine_profile(mechanism, coarse, fine), first)
         profiles.append(start if first == price else improve_profile(mechanism, start, price))
@@ -54,7 +54,7 @@ def continuous(
 ) -> Profile:
     """Return the postures of least time + ``price`` [s/J] · work, from a grid of ``cell`` [degrees].
 
-    Raises SolverFailed where none follow the path.
+    Raises SolverFailed if none follow the path.
     """
     count = round(360 / cell)
     turns = 2 * np.pi / count * np.arange(count)
@@ -66,7 +66,7 @@ def continuous(
 
 
 def improve_profile(mechanism: Mechanism, profile: Profile, price: float = TIE) -> Profile:
-    """Return a profile from which no linear program gains more."""
+    """Return a profile that no linear program can improve."""
     points, angles, elbows, radius = profile.points, profile.angles, profile.elbows, RADIUS
     now = _whole(profile, price)
     for _ in range(ITERATIONS):
@@ -82,7 +82,7 @@ def improve_profile(mechanism: Mechanism, profile: Profile, price: float = TIE) 
 
 
 def _search_curves(sides: list[Nodes], reach: int, price: float) -> Int[np.ndarray, " samples"]:
-    """Return which choice each sample has, counted through both elbows; neighbours are within reach of each other."""
+    """Return the choice at each sample, counted through both elbows; neighbours are within reach of each other."""
     samples, choices = sides[0].q.shape[:2]
     togo = [np.where(np.isfinite(side.slowness[0, -1]).all(axis=-1), 0.0, np.inf) for side in sides]
     following = np.zeros((samples, 2 * choices), dtype=int)
@@ -99,7 +99,7 @@ def _search_curves(sides: list[Nodes], reach: int, price: float) -> Int[np.ndarr
         togo = best
     whole = np.concatenate(togo)
     if not np.isfinite(whole.min()):
-        raise SolverFailed("profile: postures along the whole path wanted, none can be held that do not jump")
+        raise SolverFailed("profile: postures without jumps must be held along the whole path, got none")
     chosen = [int(np.argmin(whole))]
     for row in following[:-1]:
         chosen.append(int(row[chosen[-1]]))
@@ -107,7 +107,7 @@ def _search_curves(sides: list[Nodes], reach: int, price: float) -> Int[np.ndarr
 
 
 def _costs(before: Nodes, after: Nodes, i: int, rows: np.ndarray, other: np.ndarray, price: float) -> np.ndarray:
-    """Return time + price · work of piece i from some postures to others, inf where one cannot be held."""
+    """Return time + price · work of piece i from some postures to others, inf if one cannot be held."""
     change = wrap_angles(after.q[i + 1, other] - before.q[i, rows])
     time = lasting(change, before.slowness[:, i, rows], after.slowness[:, i + 1, other]).max(axis=-1)
     if price:
@@ -124,9 +124,9 @@ def _whole(profile: Profile, price: float) -> float:
 def _program(
     mechanism: Mechanism, points: np.ndarray, angles: np.ndarray, elbows: np.ndarray, price: float, radius: float
 ) -> tuple[np.ndarray, float]:
-    """Return moves that gain most to first order, and how much.
+    """Return the moves with the largest first-order gain, and the gain.
 
-    Unknowns are moves, the pieces' times, and the joints' works where they have a price.
+    Unknowns are moves, the pieces' times, and the joints' works if they have a price.
     """
     samples, pieces = len(angles), len(angles) - 1
     tables = _tables(mechanism, points, angles, elbows)[: 1 + bool(price)]
@@ -150,9 +150,9 @@ def _program(
 
 
 def _tables(mechanism: Mechanism, points: np.ndarray, angles: np.ndarray, elbows: np.ndarray) -> list[list[np.ndarray]]:
-    """Return times and works (2, pieces, 3), as if joints turned down and up, with slopes by the angles at both ends.
+    """Return times and works (2, pieces, 3) for joints turning down and up, with derivatives by angles at both ends.
 
-    At the end of what a joint can do, slopes are those towards the inside.
+    At the end of a joint's range, derivatives are those towards the inside.
     """
     near = nodes(mechanism, points, angles[:, None] + NEARBY * np.array([-1.0, 0.0, 1.0]), elbows[:, None])
     at = [_signed(near, *pair) for pair in ((1, 1), (0, 1), (2, 1), (1, 0), (1, 2))]
@@ -170,7 +170,7 @@ def _tables(mechanism: Mechanism, points: np.ndarray, angles: np.ndarray, elbows
 def _room(
     mechanism: Mechanism, points: np.ndarray, angles: np.ndarray, elbows: np.ndarray, radius: float
 ) -> list[tuple[float, float]]:
-    """Return how far each angle may move either way, within a radius and what the joints can hold."""
+    """Return how far each angle may move either way, within a radius and the range in which joints can hold."""
     steps = radius * np.linspace(-1.0, 1.0, 2 * LOOKED + 1)
     grid = nodes(mechanism, points, angles[:, None] + steps, elbows[:, None])
     able = np.isfinite(grid.slowness).all(axis=(0, 3))

@@ -1,7 +1,7 @@
-"""Figure 9 and Table 4: what the motors do on the way from p4 to p6, and the energy ∫ |effort · speed| dt of each.
+"""Figure 9 and Table 4: the motors' work on the way from p4 to p6, and the energy ∫ |effort · speed| dt of each.
 
-The paper does not say what its energy is, nor how postures follow the path. Here they are taken twice: those that do
-not jump and are soonest at the end, and, as its models have them, the directional maxima themselves, free to jump.
+The paper defines neither its energy nor how postures follow the path. Two choices are compared: the soonest postures
+that do not jump, and, as in its models, the directional maxima themselves, which may jump.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from studies.reporting import Row
 TABLE, JUMPING, SOONEST = "Table 4", "Table 4, by the maxima themselves", "postures along the trajectory of Figure 8"
 COLUMNS = {"JAM": (("joint 1", "joint 2", "joint 3"),), "DAM": (("s1", "s2", "s3"), ("s1b", "s2b", "s3b"))}
 EXCHANGED = "; the joints' work; a joint's two sliders may be exchanged, and their shares with them"
-LAZY = 1.0  # s/J: the price of work, for postures that are nearly as soon
+LAZY = 1.0  # s/J: the price of work, for postures that arrive nearly as soon
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Driven:
-    """What motors do in the middles of a path's pieces, ``lasting`` (pieces,) [s].
+    """The motors' efforts and speeds in the middles of a path's pieces, ``lasting`` (pieces,) [s].
 
     ``efforts`` [N m, N] and ``speeds`` [rad/s, m/s] are (pieces, motors, 3); ``sliders`` (pieces, 2, 3) [m] front and
     back, None for joint motors.
@@ -55,7 +55,7 @@ class Driven:
 
     @property
     def apart(self) -> Float[np.ndarray, "pieces 2 3"]:
-        """How far each slider is from where its own speed has brought it [m]."""
+        """Distance of each slider from where its own speed has brought it [m]."""
         assert self.sliders is not None
         travel = np.cumsum(self.speeds * self.lasting[:, None, None], axis=0)
         distances: np.ndarray = self.sliders - self.sliders[0] - (travel - travel[0])
@@ -66,8 +66,8 @@ class Driven:
 class Postures:
     """A mechanism's ways along its trajectory: ``soonest`` without a jump, a ``lazy`` one, and ``maxima`` that jump.
 
-    ``checked`` [s] is the time of the soonest with four times the samples, settled again, ``following`` [s] what it
-    would take to pass through the maximising postures in turn, ``straight`` [s] the soonest on the straight line.
+    ``checked`` [s] is the time of the soonest with four times the samples, optimised again, ``following`` [s] the time
+    to pass through all maximising postures, ``straight`` [s] the soonest time on the straight line.
     """
 
     mechanism: str
@@ -81,14 +81,14 @@ class Postures:
 
     @cached_property
     def printed(self) -> dict[str, float]:
-        """What Table 4 has [mJ]."""
+        """The values of Table 4 [mJ]."""
         return {
             column: value for (table, row, column), value in paper().items() if (table, row) == (TABLE, self.mechanism)
         }
 
 
 def postures(one: Trajectory, *, pieces: int, cell: float) -> Postures:
-    """Return the postures of a mechanism along its trajectory, by a grid of so many pieces, made four times finer."""
+    """Return the postures of a mechanism along its trajectory, by a grid of pieces, made four times finer."""
     mechanism = Mechanism(arm=pk.arms.kim_3r(), actuation=actuation_of(one.mechanism))
     straight = np.stack([POSITIONS["p4"], POSITIONS["p6"]])
     soonest, other = (resolved(mechanism, path, pieces=pieces, cell=cell) for path in (one.path, straight))
@@ -108,7 +108,7 @@ def postures(one: Trajectory, *, pieces: int, cell: float) -> Postures:
 
 
 def along_profile(mechanism: Mechanism, profile: Profile) -> Driven:
-    """Return what motors do along a profile, every slider where it serves best at every moment."""
+    """Return the motors' work along a profile, with every slider in its best position at every moment."""
     seconds = np.diff(profile.times)
     q = profile.q[:-1] + profile.turned / 2
     rate, torque = profile.turned / seconds[:, None], gravity_torques(mechanism.arm, q)
@@ -121,13 +121,13 @@ def along_profile(mechanism: Mechanism, profile: Profile) -> Driven:
     ratios = np.stack(gears, axis=1)
     efforts = ratios * torque[:, None]
     highest = np.stack([curve.speeds(efforts[:, m])[1] for m, curve in enumerate((motors.front, motors.back))], axis=1)
-    directions = np.sign(ratios) * highest  # both push the joint up, as fast as they can: the diamond is even
+    directions = np.sign(ratios) * highest  # both push the joint up at full speed: the diamond is even
     speeds = directions * (rate / (ratios * directions).sum(axis=1))[:, None]
     return Driven(lasting=seconds, q=q, efforts=efforts, speeds=speeds, sliders=np.stack([front, back], axis=1))
 
 
 def _steady(motors: pk.capability.DistributedActuation, q: np.ndarray, front: np.ndarray) -> np.ndarray:
-    """Return best front sliders that do not swap with back sliders: with the same bounds, both are as good."""
+    """Return best front sliders that do not swap with back sliders: with equal bounds, both are equally good."""
     assert np.array_equal(motors.front_bounds, motors.back_bounds)
     back, sliders = motors.gears(q, front)[0], front.copy()
     for i in range(1, len(sliders)):
@@ -137,7 +137,7 @@ def _steady(motors: pk.capability.DistributedActuation, q: np.ndarray, front: np
 
 
 def along_maxima(mechanism: Mechanism, points: Float[np.ndarray, "n 2"]) -> tuple[Driven, float]:
-    """Return what motors do in the maximising postures, and how long the arm takes to pass through all of these [s]."""
+    """Return the motors' work in the maximising postures, and the time to pass through all of these [s]."""
     change, middle = np.diff(points, axis=0), (points[1:] + points[:-1]) / 2
     maxima = [
         pk.directional_maxima(mechanism.arm, mechanism.actuation, place, way[None])
@@ -159,12 +159,12 @@ def along_maxima(mechanism: Mechanism, points: Float[np.ndarray, "n 2"]) -> tupl
 
 
 def posture_rows(by_mechanism: dict[str, Postures], trajectories: dict[str, Trajectory]) -> list[Row]:
-    """Return how soon the arm can be at p6 on the trajectory's path if postures do not jump, beside the claim."""
+    """Return the soonest arrival at p6 on the trajectory's path without jumps, and the claimed one."""
     rows = []
     for name, one in by_mechanism.items():
         claimed, possible, soonest = trajectories[name].run.arrival, trajectories[name].possible, one.soonest.times[-1]
         prefix = "LOSS: " if soonest > 1.01 * claimed else ""
-        note = f"{prefix}{100 * (soonest / claimed - 1):+.1f} % beside the arrival by ellipses, {claimed:.4g} s"
+        note = f"{prefix}{100 * (soonest / claimed - 1):+.1f} % relative to the arrival by ellipses, {claimed:.4g} s"
         fast = np.rad2deg(np.abs(np.einsum("ij,i->ij", np.diff(one.maxima.q, axis=0), 1 / one.maxima.lasting[1:])))
         entries = [
             ("soonest, postures do not jump", soonest, note),
@@ -185,7 +185,7 @@ def posture_rows(by_mechanism: dict[str, Postures], trajectories: dict[str, Traj
 
 
 def _gear_rows(one: Postures) -> list[Row]:
-    """Return what instantaneous gears overlook: a slider that thrusts moves, and one that moves thrusts."""
+    """Return what instantaneous gears overlook: a slider that thrusts moves, and a moving one thrusts."""
     driven = one.driven
     assert driven.sliders is not None
     by_gears = np.abs(np.diff(driven.sliders, axis=0)).sum(axis=0).max()
@@ -196,7 +196,7 @@ def _gear_rows(one: Postures) -> list[Row]:
 
 
 def table_4(by_mechanism: dict[str, Postures]) -> list[Row]:
-    """Return the energy of every motor, of both kinds of postures, and how little these are bound by time."""
+    """Return the energy of every motor, for both kinds of postures, and how little least time binds them."""
     rows = []
     for table, what in ((TABLE, "driven"), (JUMPING, "maxima")):
         totals = []

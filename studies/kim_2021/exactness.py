@@ -1,4 +1,4 @@
-"""Whether the maxima and the fastest path are what they are said to be: by other ways to the same, and by search."""
+"""Tests of the maxima and of the fastest path: by other methods, and by search."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def random_postures(
     count: int,
     rng: np.random.Generator,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return Jacobians of positions (count, task, dof), and joints' lowest and highest speeds, where all can hold."""
+    """Return Jacobians at positions (count, task, dof), and joints' lowest and highest speeds, if all can hold."""
     task = 2 if arm.is_planar else 3
     columns, lows, highs = list[np.ndarray](), list[np.ndarray](), list[np.ndarray]()
     while sum(map(len, lows)) < count:
@@ -48,7 +48,7 @@ def random_postures(
 
 
 def linear_programs(count: int, rng: np.random.Generator) -> list[Row]:
-    """Return the largest difference of the closed form from linear programs, as a share: in the plane and in space."""
+    """Return the largest relative difference of the closed form from linear programs: in the plane and in space."""
     robot = panda()
     arms = [(pk.arms.kim_3r(), actuation_of(each), each) for each in MECHANISMS]
     rows = []
@@ -63,7 +63,7 @@ def linear_programs(count: int, rng: np.random.Generator) -> list[Row]:
 
 
 def symmetries(count: int, rng: np.random.Generator) -> list[Row]:
-    """Return how far opposite maxima differ, and how far inside its neighbours' chord a vertex of one posture is."""
+    """Return the difference of opposite maxima, and the deepest dent in the polygon of one posture."""
     rows, ways = [], unit_directions(96, 2)
     for name in MECHANISMS:
         maxima = np.array([speeds(name, position) for position in POSITIONS.values()])
@@ -114,7 +114,7 @@ def many_starts(
 
 
 def solve_all_ways(name: str, where: str, starts: Sequence[np.ndarray]) -> list[list[tuple[float, bool]]]:
-    """Return what IPOPT comes to at a place in every direction, from starts for each: speeds, and whether it ended."""
+    """Return IPOPT's results at a position in every direction, one per start: speeds, and whether it converged."""
     program, ways = full_program(name), unit_directions(DIRECTIONS, 2)
     return [
         [program.solved(start, places()[where], way) for start in each] for way, each in zip(ways, starts, strict=True)
@@ -122,7 +122,7 @@ def solve_all_ways(name: str, where: str, starts: Sequence[np.ndarray]) -> list[
 
 
 def random_paths(trajectories: dict[str, Trajectory], count: int, rng: np.random.Generator) -> list[Row]:
-    """Return how near random paths from p4 to p6, timed finely, come to the fastest: waves about it and a line."""
+    """Return the least delay of random paths from p4 to p6, timed finely: waves about the fastest, and a line."""
     rows = []
     for name, one in trajectories.items():
         model, path = one.surrogates.models["ellipsoids"], one.geodesic.points

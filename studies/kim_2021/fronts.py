@@ -1,7 +1,7 @@
-"""Time against energy from p4 to p6, postures and sliders free but without jumps: fronts, and their certificates.
+"""Time against energy from p4 to p6, postures and sliders free but without jumps: fronts with certificates.
 
-What the paper gives are two points, whose energy it does not define; here energy is the work of all motors, given or
-taken. Sliders have to travel to where they are wanted, which maxima of an instant do not count.
+The paper gives two points, whose energy it does not define; here energy is the work of all motors, given or taken.
+Sliders need time to reach their places, which maxima of an instant do not count.
 """
 
 from __future__ import annotations
@@ -33,22 +33,22 @@ MECHANISMS: dict[str, Callable[[], pk.capability.JointActuation | pk.capability.
 }
 TABLE = "time against energy from p4 to p6, without jumps"
 RACED = "time against energy beside CasADi + IPOPT, one program from the same starts"
-FINER = 4  # than the samples: where tool paths are timed by directional maxima
-AGAIN = 16  # times finer: where motions are timed anew
-LITTLE = 1e-3  # of seconds, where work is least
+FINER = 4  # times the samples: grid on which directional maxima time tool paths
+AGAIN = 16  # times the samples: grid on which motions are timed again
+LITTLE = 1e-3  # weight of seconds at the end of least work
 CRITICAL = 1e-6
-COARSE = 2e-3  # what few samples of a path may be mistaken by
-ENDS = ((1.0, 1e-2), (1e-3, 10.0))  # weights of seconds and joules with which ends are raced for
-SAME = 1e-5  # share by which two optima may differ and be the same: IPOPT gives limits way by 1e-8
+COARSE = 2e-3  # error by few samples of a path
+ENDS = ((1.0, 1e-2), (1e-3, 10.0))  # weights of seconds and joules for the races to the ends
+SAME = 1e-5  # relative difference within which optima are the same: IPOPT relaxes limits by 1e-8
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TimeEnergy:
     """A mechanism's certified front, and the least time of its soonest tool path by maxima of an instant [s].
 
-    ``within`` [J] is the least work found in no more than the paper's time, NaN where none is. Timed on a fine grid,
-    motions take longer by ``again`` (points,), NaN where motors cannot hold the arm somewhere: by ``overload``
-    (points,), negative where they can.
+    ``within`` [J] is the least work found in no more than the paper's time, NaN without any. Timed on a fine grid,
+    motions take longer by ``again`` (points,), NaN if motors cannot hold the arm somewhere; ``overload`` (points,) says
+    by how much, negative if they can.
     """
 
     name: str
@@ -61,9 +61,9 @@ class TimeEnergy:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Race:
-    """What starts lead to at both ends, ours and IPOPT's: weighted sums and seconds (ends, starts).
+    """The results of starts at both ends, ours and IPOPT's: weighted sums and seconds (ends, starts).
 
-    Sums are NaN where a search did not end well; ``gained`` (points,) is what IPOPT gains from the points of our front.
+    Sums are NaN if a search failed; ``gained`` (points,) is IPOPT's gain from the points of our front.
     """
 
     name: str
@@ -100,7 +100,7 @@ def time_energy(name: str, *, points: int, starts: int, samples: int) -> TimeEne
 
 
 def race_fronts(one: TimeEnergy, *, starts: int, samples: int) -> Race:
-    """Return what the same starts lead to by interior points, ours and IPOPT's, and IPOPT's gains from our front."""
+    """Return results of interior points from equal starts, ours and IPOPT's, and IPOPT's gains from our front."""
     problem = problem_of(one.name, samples)
     own_program, program = problem.program(), motion_program(problem)
     genes = problem.sample_starts(4 * starts, np.random.default_rng(1))
@@ -124,7 +124,7 @@ def race_fronts(one: TimeEnergy, *, starts: int, samples: int) -> Race:
 
 
 def race_rows(one: Race) -> list[Row]:
-    """Return what searches of both take and reach."""
+    """Return the costs and results of both searches."""
     rows = []
     for e, what in enumerate(("soonest", "least work")):
         ours, theirs = one.ours[e], one.theirs[e]
@@ -137,7 +137,7 @@ def race_rows(one: Race) -> list[Row]:
         prefix = "LOSS: " if worse > SAME else ""
         rows.append((f"{what}: our best above the best of both", "", worse, None, prefix + note))
         mine, other = 1e3 * np.median(one.seconds[:, e], axis=1)
-        rows.append((f"{what}: one search", "ms", mine, other, f"{mine / other:.2f} times CasADi + IPOPT beside it"))
+        rows.append((f"{what}: one search", "ms", mine, other, f"{mine / other:.2f} times CasADi + IPOPT"))
     largest = float(one.gained.max())
     prefix = "LOSS: " if largest > SAME else ""
     rows.append(
@@ -159,7 +159,7 @@ def race_rows(one: Race) -> list[Row]:
 
 
 def time_energy_rows(one: TimeEnergy) -> list[Row]:
-    """Return a front's ends, its certificates, and the paper's point beside it."""
+    """Return a front's ends, its certificates, and the paper's point."""
     certificates, values = one.front.certificates, one.front.objectives
     assert certificates is not None
     statuses = ", ".join(
@@ -224,7 +224,7 @@ def _instant(problem: pk.PointToPoint, genes: np.ndarray) -> float:
 
 
 def drawn_fronts(folder: Path, fronts: Sequence[TimeEnergy]) -> Path:
-    """Draw all fronts into one picture, the paper's two points beside them, and return the file."""
+    """Draw all fronts and the paper's two points into one picture, and return the file."""
     file = folder / "time_energy.png"
     with drawing(file, (6.4, 4.2)) as figure:
         axes = figure.subplots()

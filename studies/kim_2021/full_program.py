@@ -1,7 +1,7 @@
 """Equation 1 as one nonlinear program, for CasADi and IPOPT: posture, sliders and thrusts at once, one direction.
 
-It is written from the paper's equations (motor curves as diamonds) and shares with the library the numbers, and which
-random postures it starts from: those that can be held.
+It is written from the paper's equations (motor curves as diamonds). It shares with the library only the numbers, and
+which random postures are starts: those that can be held.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from studies.kim_2021.profiles import Mechanism, nodes
 from studies.kim_2021.setting import POSITIONS, actuation_of
 
 LENGTHS, MASS, GRAVITY = (0.114, 0.114, 0.129), 0.5, 9.81
-DRAWN = 2000  # postures at once
-SPEED = 0.1  # m/s: what speeds are counted in
+DRAWN = 2000  # postures drawn at once
+SPEED = 0.1  # m/s: unit of speeds
 QUIET: dict[str, Any] = {
     "ipopt.print_level": 0,
     "ipopt.sb": "yes",
@@ -30,7 +30,7 @@ QUIET: dict[str, Any] = {
 
 
 def solver_options(tolerance: float) -> dict[str, float]:
-    """Return how IPOPT is told within what to solve."""
+    """Return IPOPT's settings for a tolerance."""
     return {"ipopt.tol": tolerance, "ipopt.constr_viol_tol": tolerance}
 
 
@@ -61,7 +61,7 @@ class FullProgram:
         return SPEED * float(solution["x"][-1]), self.solver.stats()["return_status"] == "Solve_Succeeded"
 
     def starts(self, position: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
-        """Return unknowns at rest in random postures that can be held, sliders where they fit."""
+        """Return unknowns at rest in random postures that can be held, with sliders in fitting positions."""
         motors, postures, rows = self.mechanism.actuation, np.zeros((0, len(self.lower))), DRAWN
         while len(postures) < count:
             angles, elbows = rng.uniform(0, 2 * np.pi, (1, rows)), rng.choice([-1.0, 1.0], (1, rows))
@@ -69,7 +69,7 @@ class FullProgram:
             q, able = known.q[0], np.isfinite(known.slowness).all(axis=(0, 1, 3))
             parts = [q]
             if isinstance(motors, pk.capability.DistributedActuation):
-                q[:] = motors.zero + (q - motors.zero) % (2 * np.pi)  # the turn in which rods' angles are in bounds
+                q[:] = motors.zero + (q - motors.zero) % (2 * np.pi)  # the turn with rods' angles in bounds
                 low, high = motors.front_bounds.T
                 front = low + (high - low) * rng.uniform(size=(rows, 3))
                 back = motors.gears(q[able], front[able])[0]
@@ -82,7 +82,7 @@ class FullProgram:
 
 @cache
 def full_program(mechanism: str, tolerance: float = 1e-10) -> FullProgram:
-    """Return the program of "JAM" or "DAM" for IPOPT to solve within a tolerance."""
+    """Return the program of "JAM" or "DAM" for IPOPT, with a tolerance."""
     motors = actuation_of(mechanism)
     given, q, speed = ca.SX.sym("given", 4), ca.SX.sym("q", 3), ca.SX.sym("speed")
     place, columns, torque = linkage(q)
@@ -114,7 +114,7 @@ def full_program(mechanism: str, tolerance: float = 1e-10) -> FullProgram:
 
 
 def linkage(q: Any) -> tuple[list[Any], list[Any], list[Any]]:
-    """Return where the tool is, the columns of its Jacobian, and the torques that hold the arm against gravity."""
+    """Return the tool's position, the columns of its Jacobian, and the torques that hold the arm against gravity."""
     heading, joint = 0.0, [0.0, 0.0]
     joints, middles = [], []
     for j, length in enumerate(LENGTHS):
@@ -131,7 +131,7 @@ def linkage(q: Any) -> tuple[list[Any], list[Any], list[Any]]:
 def _sliding(
     motors: pk.capability.DistributedActuation, q: Any, front: Any, share: Any, torque: list[Any]
 ) -> tuple[list[Any], list[Any]]:
-    """Return joint speeds, and rows for back sliders and motors, none of them negative."""
+    """Return joint speeds, and rows for back sliders and motors that must not be negative."""
     rates, rows = list[Any](), list[Any]()
     for j in range(3):
         angle, s = motors.bend[j] * (q[j] - motors.zero[j]), motors.rod[j] * front[j]
@@ -148,10 +148,10 @@ def _sliding(
 
 
 def diamond(effort: Any, speed: Any, whole: Any = 1.0) -> list[Any]:
-    """Return rows that are not negative where the sizes of both sum to no more than the whole."""
+    """Return rows that are not negative if the sizes of both sum to no more than the whole."""
     return [whole - effort - speed, whole - effort + speed, whole + effort - speed, whole + effort + speed]
 
 
 def places() -> dict[str, np.ndarray]:
-    """Return the positions at which the program is tried: that of Figure 5, and the start and middle of Figure 8."""
+    """Return the positions of the trials: that of Figure 5, and the start and middle of Figure 8."""
     return {name: POSITIONS[name] for name in ("p6", "p4", "p5")}

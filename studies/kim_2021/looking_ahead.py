@@ -1,4 +1,4 @@
-"""A step of time-optimal control as a nonlinear program: Eq. 6 with the interval in common, for IPOPT and FATROP."""
+"""A step of time-optimal control as a nonlinear program: Eq. 6 with a common interval, for IPOPT and FATROP."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from jaxtyping import Float
 from paretoik.capability.speed_models import PolynomialEllipsoids, Polynomials
 from studies.kim_2021.full_program import QUIET, solver_options
 
-LENGTH = 0.1  # m: what points are counted in
+LENGTH = 0.1  # m: unit of points
 WARM: dict[str, Any] = {
     **QUIET,
     **solver_options(1e-8),
@@ -58,7 +58,7 @@ class LookingAhead:
 
 
 def looking_ahead(model: PolynomialEllipsoids, pieces: int, peer: Peer = "IPOPT, warm") -> LookingAhead:
-    """Return the program of so many pieces for a peer, built once."""
+    """Return the program of a number of pieces for a peer, built once."""
     if peer == "FATROP":
         return _staged(model, pieces)
     inner, ends, time = ca.SX.sym("inner", 2, pieces - 1), ca.SX.sym("ends", 4), ca.SX.sym("time")
@@ -100,7 +100,7 @@ def _staged(model: PolynomialEllipsoids, pieces: int) -> LookingAhead:
     }
     settings = {"print_level": 0, "tolerance": 1e-8, "mu_init": 1e-2, "max_iter": 200}
     stage_low, stage_high = np.append(model.lower / LENGTH, 1e-6), np.append(model.upper / LENGTH, np.inf)
-    free, ends_free = np.full(2, np.inf), np.full(3, np.inf)  # given ends stand in rows
+    free, ends_free = np.full(2, np.inf), np.full(3, np.inf)  # given ends are rows
     lower = [np.concatenate([stage_low if 0 < k < pieces else -ends_free, -free]) for k in range(pieces + 1)]
     upper = [np.concatenate([stage_high if 0 < k < pieces else ends_free, free]) for k in range(pieces + 1)]
     return LookingAhead(

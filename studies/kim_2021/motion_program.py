@@ -1,6 +1,6 @@
 """A motion from point to point as one nonlinear program, for CasADi and IPOPT: splines, intervals and work at once.
 
-As ``full_program``, it is written from the paper's equations and shares nothing with the library but the numbers.
+Like ``full_program``, it is written from the paper's equations and shares only the numbers with the library.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from jaxtyping import Float
 import paretoik as pk
 from studies.kim_2021.full_program import LENGTHS, QUIET, diamond, linkage, solver_options
 
-STEP = 0.1  # s: what intervals are counted in
-WORK = 0.1  # J: what the work of a motor in one of them is counted in
+STEP = 0.1  # s: unit of intervals
+WORK = 0.1  # J: unit of a motor's work in an interval
 JOINTS = 3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MotionProgram:
-    """The least ``weights`` · (duration [s], energy [J]) of motions with a duration of at most so much.
+    """The least ``weights`` · (duration [s], energy [J]) of motions with at most a given duration.
 
     Unknowns: coefficients of joints, and of front sliders [rods' lengths], intervals, and the work of every motor.
     """
@@ -54,7 +54,7 @@ class MotionProgram:
 
 
 def motion_program(problem: pk.PointToPoint, tolerance: float = 1e-8) -> MotionProgram:
-    """Return the program of a problem with the paper's arm and diamonds, for IPOPT to solve within a tolerance."""
+    """Return the program of a problem with the paper's arm and diamonds, for IPOPT with a tolerance."""
     motors: Any = problem.actuation
     spline = problem.initial_paths.spline
     samples, coefficients = spline.shape

@@ -1,7 +1,8 @@
-"""What one posture, with its gears, keeps of the polygons: speeds and forces in two directions, as certified fronts.
+"""The share of two polygons' maxima that one posture reaches: speeds and forces, as certified fronts.
 
-The paper's polygons have a posture of its own for every direction. Here the tool stays in one: fast ahead and upwards,
-strong ahead and upwards, fast and strong upwards. Fronts by ``DirectionalMaxima``: MaxiMin, then exact gradients.
+The paper's polygons have another posture for every direction. Here the tool stays in one, with its gears: fast ahead
+and upwards, strong ahead and upwards, fast and strong upwards. Fronts by ``DirectionalMaxima``: MaxiMin, then
+gradients.
 """
 
 from __future__ import annotations
@@ -37,9 +38,9 @@ POPULATION, GENERATIONS = 60, 30
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OnePosture:
-    """The certified front of a mechanism and case, its directional maxima (2,), and what IPOPT gains (points,).
+    """The certified front of a mechanism and case, its directional maxima (2,), and IPOPT's gains (points,).
 
-    ``gained`` is a share of the second objective, with no less of the first, NaN where IPOPT ends at no optimum.
+    ``gained`` is a share of the second objective, with no less of the first, NaN if IPOPT ends at no optimum.
     """
 
     name: str
@@ -49,7 +50,7 @@ class OnePosture:
 
 
 def one_posture(mechanism: str, case: str, *, points: int) -> OnePosture:
-    """Return the front of at most so many points, and IPOPT's gains from them."""
+    """Return the front of a number of points at most, and IPOPT's gains from them."""
     ways, quantities = CASES[case]
     problem = pk.DirectionalMaxima(
         pk.arms.kim_3r(), actuation_of(mechanism), PLACE, ways, quantity=quantities, power=False
@@ -69,7 +70,7 @@ def one_posture(mechanism: str, case: str, *, points: int) -> OnePosture:
 
 
 def one_posture_rows(one: OnePosture) -> list[Row]:
-    """Return what the best posture for both keeps of either maximum, and whether points are optimal by IPOPT too."""
+    """Return the shares of both maxima that the best posture reaches, and whether points are optimal by IPOPT too."""
     shares, certificates = one.front.objectives / one.maxima, one.front.certificates
     assert certificates is not None
     over = "LOSS: above the maxima; " if shares.max() > 1 + SAME else ""

@@ -18,7 +18,7 @@ from studies.reporting import drawing
 
 COLOURS = {"DAM": PAPER.accents[0], "JAM": PAPER.accents[1]}
 JOINTS = (PAPER.ink, PAPER.accents[1], PAPER.accents[0])
-LENGTH = 0.18  # m in the picture a m/s: polygons of neighbours touch at most
+LENGTH = 0.18  # m in the picture per m/s: polygons of neighbours at most touch
 
 
 def draw(

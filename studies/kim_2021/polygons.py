@@ -1,4 +1,4 @@
-"""Figures 5 and 6: how fast the tool can go in 16 directions at nine positions, by sliders and by joint motors."""
+"""Figures 5 and 6: the tool's speed in 16 directions at nine positions, by sliders and by joint motors."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from studies.kim_2021.setting import DIRECTIONS, MECHANISMS, POSITIONS, UNPRINTE
 from studies.reporting import Row
 
 TABLE = "Figures 5 and 6"
-EQUAL = 1e-9  # share of a speed: gains this small are none
+EQUAL = 1e-9  # share of a speed: smaller gains do not count
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -25,7 +25,7 @@ class Polygons:
 
     @property
     def gain(self) -> Float[np.ndarray, " directions"]:
-        """How much faster DAM is in each direction, as a share of JAM."""
+        """The gain in speed of DAM in each direction, as a share of JAM."""
         shares: np.ndarray = self.dam.values / self.jam.values - 1.0
         return shares
 
@@ -61,7 +61,7 @@ def _gains(name: str, gain: np.ndarray, note: str) -> list[Row]:
 
 
 def _failing(one: Polygons) -> str:
-    """Say in which directions DAM is not faster, opposite ones once where both fail alike."""
+    """Return the directions in which DAM is not faster, opposite ones once if both fail alike."""
     failing = np.flatnonzero(one.gain < -EQUAL)
     if not len(failing):
         return "DAM is faster in all"

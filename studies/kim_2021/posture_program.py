@@ -1,7 +1,7 @@
 """One posture, with its gears, for two directions: the nonlinear program of a trade-off, for CasADi and IPOPT.
 
-As ``full_program``, it is written from the paper's equations and shares nothing with the library but the numbers. A
-force f along d asks the joints for Jᵀ f d beside the weight, and a motor at rest bears no more than its stall.
+Like ``full_program``, it is written from the paper's equations and shares only the numbers with the library. A force f
+along d needs joint torques Jᵀ f d in addition to the weight, and a motor at rest bears no more than its stall.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from studies.kim_2021.motion_program import JOINTS
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PostureProgram:
-    """The most of the second objective with no less of the first than so much.
+    """The most of the second objective with no less of the first than a given value.
 
     Unknowns: joint positions, for sliders their front positions [rods' lengths], for every speed the motors' speeds as
     shares of the fastest, and both values [``SPEED``, 10 N].

@@ -1,7 +1,8 @@
-"""Postures along a path and how long they take: every joint turns as fast as it can while it holds the arm.
+"""Postures along a path and their durations: every joint turns as fast as it can while it holds the arm.
 
-A path leaves a planar arm with three joints one freedom: where its last link points. Between neighbouring samples every
-joint turns by the difference, so that a piece takes the time of its slowest joint. ``continuous`` chooses postures.
+A path leaves a planar arm with three joints one freedom: the direction of its last link. Between neighbouring samples
+every joint turns by the difference, so that a piece takes the time of its slowest joint. ``continuous`` chooses
+postures.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from paretoik.robot.dynamics import gravity_torques
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Mechanism:
-    """An arm and what drives it."""
+    """An arm and its actuation."""
 
     arm: pk.Arm
     actuation: pk.capability.JointActuation | pk.capability.DistributedActuation
@@ -26,7 +27,7 @@ class Mechanism:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Profile:
-    """Postures ``q`` (n, 3) along ``points`` (n, 2) [m], at ``times`` (n,) [s]; what holds them, ``torque`` (n, 3).
+    """Postures ``q`` (n, 3) along ``points`` (n, 2) [m], ``times`` (n,) [s]; holding torques ``torque`` (n, 3).
 
     ``angles`` (n,) are the last link's, ``elbows`` (n,) the signs of the second joint's angle.
     """
@@ -40,7 +41,7 @@ class Profile:
 
     @property
     def turned(self) -> Float[np.ndarray, "pieces 3"]:
-        """How far the joints turn in every piece [rad]."""
+        """Turn of the joints in every piece [rad]."""
         return wrap_angles(np.diff(self.q, axis=0))
 
     @property
@@ -53,7 +54,7 @@ class Profile:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Nodes:
-    """Postures that each sample may have, their torques [N m], and 1 / speed [s/rad] down and up: inf where not."""
+    """Possible postures of each sample, their torques [N m], and 1 / speed [s/rad] down and up: inf if impossible."""
 
     q: Float[np.ndarray, "samples choices 3"]
     torque: Float[np.ndarray, "samples choices 3"]
@@ -80,7 +81,7 @@ def nodes(
     speeds = np.stack([-known.low, known.high])
     low, high = np.where(np.isfinite(arm.position_limits), arm.position_limits, [-np.pi, np.pi]).T
     inside = np.abs(wrap_angles(q - (low + high) / 2)) <= (high - low) / 2
-    able = (np.abs(cosine) <= 1.0)[..., None] & inside & (speeds > 0)  # NaN, where it cannot hold, is not above 0
+    able = (np.abs(cosine) <= 1.0)[..., None] & inside & (speeds > 0)  # NaN, if it cannot hold, is not above 0
     slowness = np.divide(1.0, speeds, out=np.full_like(speeds, np.inf), where=able)
     return Nodes(q=q, torque=torque, slowness=slowness)
 
@@ -100,7 +101,7 @@ def minimum_timing(
 
 
 def refine_profile(mechanism: Mechanism, known: Profile, points: Float[np.ndarray, "n 2"]) -> Profile:
-    """Return a profile on more points of its path, evenly between its own, the last link's angle straight between."""
+    """Return a profile on more points of its path, evenly between its own, the last link's angle linear between."""
     count = len(known.angles)
     places = np.linspace(0, count - 1, len(points))
     angles = np.interp(places, np.arange(count), np.unwrap(known.angles))
@@ -108,7 +109,7 @@ def refine_profile(mechanism: Mechanism, known: Profile, points: Float[np.ndarra
 
 
 def evenly(points: Float[np.ndarray, "n 2"], pieces: int) -> Float[np.ndarray, "m 2"]:
-    """Return points of a path in equal distances along it."""
+    """Return points of a path at equal distances along it."""
     along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
     places = np.linspace(0.0, along[-1], pieces + 1)
     return np.stack([np.interp(places, along, column) for column in points.T], axis=1)
@@ -119,7 +120,7 @@ def lasting(
     before: Float[np.ndarray, "2 *batch 3"],
     after: Float[np.ndarray, "2 *batch 3"],
 ) -> Float[np.ndarray, "*batch 3"]:
-    """Return how long each joint takes [s], by the mean slowness of both ends in the way that it turns."""
+    """Return the time of each joint [s], by the mean slowness of both ends in its direction of turning."""
     mean = (before + after) / 2
     with np.errstate(invalid="ignore"):
         slow = np.abs(turned) * np.where(turned < 0, mean[0], mean[1])

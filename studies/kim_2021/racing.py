@@ -1,4 +1,4 @@
-"""How long maxima and steps take, ours and by CasADi with IPOPT and FATROP, in turn in one run."""
+"""Times of maxima and steps, ours and by CasADi with IPOPT and FATROP, alternating in one run."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def polygon_race(*, rounds: int) -> list[Row]:
 
 
 def step_race(one: Trajectory, *, steps: int) -> list[Row]:
-    """Return the milliseconds of a step along the trajectory, ours and peers', all from what the step before left."""
+    """Return the milliseconds of a step along the trajectory, ours and peers', all from the step before."""
     model = one.surrogates.models["ellipsoids"]
     assert isinstance(model, PolynomialEllipsoids)
     planner, target = Planner(model, horizon=HORIZON, formulation="midpoint"), one.path[-1]
@@ -91,14 +91,14 @@ def step_race(one: Trajectory, *, steps: int) -> list[Row]:
 
 @dataclass(kw_only=True)
 class PeerSteps:
-    """What a peer's steps take [s], how far our times to go are above its at most, and how many steps it failed."""
+    """A peer's times of steps [s], the most by which our times to go exceed its, and its number of failures."""
 
     seconds: list[float] = field(default_factory=list)
     above: float = -np.inf
     failed: int = 0
 
     def add(self, seconds: float, above: float | None) -> None:
-        """Count a step; None above one that failed."""
+        """Count a step; None ``above`` is a failure."""
         self.seconds.append(seconds)
         self.failed += above is None
         self.above = self.above if above is None else max(self.above, above)

@@ -1,4 +1,4 @@
-"""How the gain of sliders over joint motors hangs on what the paper does not print."""
+"""How the gain of sliders over joint motors depends on numbers that the paper does not print."""
 
 from __future__ import annotations
 
@@ -20,16 +20,17 @@ TABLE = "what the paper does not print, one change at a time"
 FLOOR = "what the least rod angle of 10° costs sliders: their speed below that with a smaller one"
 NEAREST = "which settings come near the paper's statements at p6"
 LEAST_ANGLES = (5.0, 10.0, 20.0, 30.0)  # degrees
-SMALLER_ANGLES = (5.0, 2.0, 0.1)  # degrees: at 0.1° hardly anything is left out
+SMALLER_ANGLES = (5.0, 2.0, 0.1)  # degrees: at 0.1° almost nothing is left out
 SHOWN = 5
 MASSES = (0.0, 0.1, 0.25, 0.5, 0.8)  # kg a link
 
 
 @dataclass(frozen=True, kw_only=True)
 class Assumptions:
-    """What has to be assumed: kg a link, degrees, the way that joints bend, motor curves, whether JAM has DAM's joints.
+    """The assumptions: kg per link, degrees, the bend of joints, motor curves, whether JAM has DAM's joints.
 
-    ``joint_ranges`` gives JAM the joint ranges that rods and sliders impose on DAM; without, its joints turn freely.
+    ``joint_ranges`` gives JAM the joint ranges that rods and sliders impose on DAM; without them, its joints turn
+    freely.
     """
 
     mass: float = 0.5
@@ -85,7 +86,7 @@ class Assumptions:
 
 
 def gains(assumed: Assumptions, names: Sequence[str], directions: int = DIRECTIONS) -> np.ndarray:
-    """Return how much faster DAM is (positions, directions). Raises Infeasible where either cannot hold the arm."""
+    """Return the gain of DAM (positions, directions). Raises Infeasible if either cannot hold the arm."""
     shares = []
     for name in names:
         speeds = []
@@ -102,7 +103,7 @@ def gains(assumed: Assumptions, names: Sequence[str], directions: int = DIRECTIO
 
 
 def changes(*, angles: Sequence[float]) -> Iterator[Assumptions]:
-    """Yield the assumptions with one of them changed at a time, themselves first."""
+    """Yield the assumptions, first as they are, then with one changed at a time."""
     yield Assumptions()
     usual = Assumptions()
     for name, values in (
@@ -120,7 +121,7 @@ def changes(*, angles: Sequence[float]) -> Iterator[Assumptions]:
 
 
 def sensitivity_rows(*, angles: Sequence[float]) -> list[Row]:
-    """Return the gains at p6 and at all nine positions for every change; NaN and the reason where nothing holds."""
+    """Return the gains at p6 and at all nine positions for every change; NaN and the reason if nothing holds."""
     rows = []
     for assumed in changes(angles=angles):
         for name, places in (("p6", ("p6",)), ("all nine", tuple(POSITIONS))):
@@ -140,7 +141,7 @@ def sensitivity_rows(*, angles: Sequence[float]) -> list[Row]:
 def floor_rows() -> list[Row]:
     """Return by how much the default least rod angle lowers the sliders' speeds at the nine positions.
 
-    At a toggle the rod lies along both links: there sliders turn a joint ever faster, and for an ever shorter way.
+    At a toggle the rod lies along both links: there sliders turn a joint ever faster, over ever shorter ways.
     """
     usual = _slider_speeds(Assumptions())
     rows = []
@@ -158,7 +159,7 @@ def _slider_speeds(assumed: Assumptions) -> np.ndarray:
 
 
 def nearest_rows(*, angles: Sequence[float], masses: Sequence[float] = MASSES) -> list[Row]:
-    """Return of all combinations how many hold the arm and say what the paper does, and those that come nearest."""
+    """Return how many combinations hold the arm and agree with the paper, and the nearest ones."""
     printed = paper()["Figures 5 and 6", "p6", "gain largest"]
     tried, feasible = 0, list[tuple[Assumptions, np.ndarray]]()
     shapes: tuple[Literal["diamond", "strip"], ...] = ("diamond", "strip")

@@ -1,4 +1,4 @@
-"""What the paper gives: nine positions, two ways to drive one arm, and the numbers that it prints."""
+"""The paper's data: nine positions, two ways to drive one arm, and the printed numbers."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def speeds(mechanism: str, position: Float[np.ndarray, " 2"], directions: object
 
 
 def beside_paper(place: tuple[str, str, str], unit: str, ours: float, note: str = "") -> Row:
-    """Return a row at its place (table, row, column), the paper's number beside it where the paper has one."""
+    """Return a row at its place (table, row, column), with the paper's number if it prints one."""
     table, row, column = place
     return Row(
         table=table, row=row, column=column, unit=unit, ours=float(ours), reference=paper().get(place), note=note

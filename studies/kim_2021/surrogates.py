@@ -1,4 +1,4 @@
-"""Equation 5: ellipses fitted to directional maxima, and how far they are from maxima that they were not fitted to."""
+"""Equation 5: ellipses fitted to directional maxima, and their errors at maxima left out of the fit."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from studies.reporting import Row
 
 TABLE = "Equation 5: ellipses beside directional maxima that they were not fitted to"
 AS_PAPER = "(a, b, c), nine positions as in the paper"
-WAYS = 32  # twice the paper's: a safe fit wants many
+WAYS = 32  # twice the paper's: a safe fit needs many
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -30,7 +30,7 @@ class SampledMaxima:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Surrogates:
-    """A mechanism's models by name, and the maxima that they are judged by.
+    """A mechanism's models by name, and the maxima that judge them.
 
     ``seen`` is the grid that "ellipsoids" was fitted to.
     """
@@ -52,7 +52,7 @@ def sample_maxima(
 
 
 def grid(count: int, *, between: bool = False) -> Float[np.ndarray, "positions 2"]:
-    """Return a square grid over the box of the nine positions, so many a side, or the middles of its cells."""
+    """Return a square grid over the box of the nine positions, ``count`` per side, or the middles of its cells."""
     corners = np.array(list(POSITIONS.values()))
     sides = [np.linspace(low, high, count) for low, high in zip(corners.min(axis=0), corners.max(axis=0), strict=True)]
     if between:
@@ -81,7 +81,7 @@ def surrogates(mechanism: str, *, count: int) -> Surrogates:
 
 
 def surrogate_rows(surrogates: Surrogates) -> list[Row]:
-    """Return the held-out errors of every model, and what even an ellipse of its own at every position has."""
+    """Return the held-out errors of every model, and those of a separate ellipse at every position."""
     rows = []
     unseen = surrogates.unseen.positions, surrogates.unseen.directions, surrogates.unseen.values
     for name, model in surrogates.models.items():
@@ -109,7 +109,7 @@ def all_surrogates(*, count: int) -> dict[str, Surrogates]:
 
 
 def _errors_at(samples: SampledMaxima) -> Float[np.ndarray, "positions directions"]:
-    """Return the relative errors of ellipses each fitted to the maxima of one position."""
+    """Return the relative errors of ellipses, each fitted to the maxima of one position."""
     matrices = ellipsoids_at(samples.directions, samples.values)
     slowness = np.sqrt(np.einsum("ki,nij,kj->nk", samples.directions, matrices, samples.directions))
     errors: np.ndarray = 1.0 / (slowness * samples.values) - 1.0

@@ -1,4 +1,4 @@
-"""Figure 8: from p4 to p6 by looking ahead, beside the fastest path, and beside what the arm could do on that path."""
+"""Figure 8: from p4 to p6 by looking ahead, against the fastest path, and against the arm's best on that path."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ UPWARDS = f"LOSS: ours goes up, the paper's comes down; it {UNPRINTED}"
 class Trajectory:
     """A mechanism's trajectory, the fastest path of its model, and Eq. 6 as ``printed``, and plans of both.
 
-    ``possible`` [s] is how long the trajectory takes if the tool is everywhere as fast as its directional maximum;
-    ``paper_model`` is what the paper's own pipeline leads to, (a, b, c) fitted to nine positions, ``paper_possible``
-    [s] the same of that. None, and why in words, where there is no such ellipse on the way.
+    ``possible`` [s] is the trajectory's time if the tool is everywhere as fast as its directional maximum;
+    ``paper_model`` is the result of the paper's own pipeline, (a, b, c) fitted to nine positions, ``paper_possible``
+    [s] the same for that. Without such an ellipse on the way: None, and why in words.
     """
 
     mechanism: str
@@ -84,7 +84,7 @@ def references(run: TimeOptimalRun) -> Float[np.ndarray, "n 2"]:
 def possible_time(mechanism: str, points: Float[np.ndarray, "n 2"], samples: int) -> float:
     """Return ∫ ds / v(d, p) [s] along a path, v the exact directional maxima in the middles of as many pieces.
 
-    Postures are free at every place, so that no motion of the arm is quicker, and none need be as quick.
+    Postures are free at every point, so that no motion of the arm is quicker, and none need be as quick.
     """
     even = evenly(points, samples)
     change, middle = np.diff(even, axis=0), (even[1:] + even[:-1]) / 2
@@ -94,12 +94,12 @@ def possible_time(mechanism: str, points: Float[np.ndarray, "n 2"], samples: int
 
 
 def sag(points: Float[np.ndarray, "n 2"]) -> float:
-    """Return how far [mm] a path is below the straight line where x is that of p5."""
+    """Return how far [mm] a path is below the straight line at the x of p5."""
     return 1e3 * float(START[1] - np.interp(MIDDLE, points[:, 0], points[:, 1]))
 
 
 def figure_8(trajectories: dict[str, Trajectory]) -> list[Row]:
-    """Return arrivals and sags, the oracle's, and what the model's errors are in seconds."""
+    """Return arrivals and sags, the oracle's, and the model's errors in seconds."""
     rows = []
     for one in trajectories.values():
         rows += _one(one)
@@ -114,7 +114,7 @@ def figure_8(trajectories: dict[str, Trajectory]) -> list[Row]:
 
 
 def _paper_pipeline(trajectories: dict[str, Trajectory]) -> list[Row]:
-    """Return what the paper's own model leads to: polynomials (a, b, c) fitted to its nine positions."""
+    """Return the results of the paper's own model: polynomials (a, b, c) fitted to its nine positions."""
     rows, arrivals = list[Row](), list[float]()
     for name, one in trajectories.items():
         printed, run, row = paper()[TABLE, name, "arrival"], one.paper_model, f"{name}, {AS_PAPER}"
@@ -160,7 +160,7 @@ def _one(one: Trajectory) -> list[Row]:
             path_time(model, one.path),
             "by the same model; arrival is of whole periods",
         ),
-        ("straight line", "s", straight, f"{100 * (straight / true - 1):+.2f} % beside the fastest path"),
+        ("straight line", "s", straight, f"{100 * (straight / true - 1):+.2f} % relative to the fastest path"),
         ("trajectory, by exact maxima", "s", one.possible, exact),
         ("straight line, by exact maxima", "s", possible_time(name, np.stack([START, TARGET]), 100), ""),
     ]
@@ -168,7 +168,7 @@ def _one(one: Trajectory) -> list[Row]:
 
 
 def cheating(trajectories: dict[str, Trajectory]) -> list[Row]:
-    """Return what a plan of Eq. 6 claims and what its path takes, as printed and with a common interval."""
+    """Return the claim of a plan of Eq. 6 and the time of its path, as printed and with a common interval."""
     rows = []
     for one in trajectories.values():
         model, least = one.surrogates.models["ellipsoids"], one.geodesic.duration
@@ -182,8 +182,8 @@ def cheating(trajectories: dict[str, Trajectory]) -> list[Row]:
             row = f"{one.mechanism}, {name}"
             rows.append(beside_paper((CHEATING, row, "claimed"), "s", plan.time_to_go, note))
             rows.append(beside_paper((CHEATING, row, "re-timed"), "s", true, longest))
-        note = f"{100 * (one.printed.arrival / one.run.arrival - 1):+.1f} % beside the arrival with a common interval"
-        note += f"; planning anew every period hides most of it; sag {sag(one.printed.references):.1f} mm"
+        note = f"{100 * (one.printed.arrival / one.run.arrival - 1):+.1f} % from the arrival with a common interval"
+        note += f"; a new plan in every period hides most of it; sag {sag(one.printed.references):.1f} mm"
         place = (CHEATING, f"{one.mechanism}, printed", "arrival in closed loop")
         rows.append(beside_paper(place, "s", one.printed.arrival, note))
     return rows

@@ -1,4 +1,4 @@
-"""Who is sooner from p4 straight to p6 if postures do not jump, under other assumptions than the usual ones."""
+"""Which mechanism is sooner from p4 straight to p6 without jumps, under other assumptions than the usual ones."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ TABLE = "soonest from p4 straight to p6, postures not jumping"
 
 
 def straight_time(name: str, assumed: Assumptions, pieces: int, cell: float) -> float:
-    """Return how soon a mechanism can be at p6 [s], NaN where nothing holds on the way."""
+    """Return a mechanism's least time to p6 [s], NaN if nothing holds on the way."""
     arm, motors = (assumed.limited, assumed.motors) if name == "JAM" else (assumed.free, assumed.sliders)
     path = np.stack([POSITIONS["p4"], POSITIONS["p6"]])
     try:
@@ -30,7 +30,7 @@ def straight_time(name: str, assumed: Assumptions, pieces: int, cell: float) -> 
 
 
 def _key(name: str, assumed: Assumptions) -> tuple[str, str]:
-    """Return what the time of a mechanism hangs on: that of joint motors on no rods, unless these limit its joints."""
+    """Return what a mechanism's time depends on; for joint motors rods count only if they limit the joints."""
     if name == "JAM" and not assumed.joint_ranges:
         return name, str(Assumptions(mass=assumed.mass, shape=assumed.shape))
     return name, str(assumed)
@@ -39,7 +39,7 @@ def _key(name: str, assumed: Assumptions) -> tuple[str, str]:
 def straight_rows(
     assumptions: Iterable[Assumptions], *, pieces: int, cell: float, executor: Executor | None = None
 ) -> list[Row]:
-    """Return the ratio of both times for everything assumed; NaN where nothing holds on the way."""
+    """Return the ratio of both times for every assumption; NaN if nothing holds on the way."""
     listed, rows = list(assumptions), []
     times = run_each(
         executor,

@@ -47,7 +47,7 @@ def _follow(executor: Executor, *, quick: bool, seed: int) -> tuple[list[CellLoo
     seconds = time.perf_counter() - started
     rows = [*table_rows(loops), *reproduced_rows(loops), *oracle_rows(loops)]
     if not quick:
-        tell("what the start decides, and seeds")
+        tell("the influence of the start, and seeds")
         rows += [*start_rows(), *spread_rows(postures, executor=executor)]
     tell("warm starts")
     rows += warm_rows(postures, seed=seed, executor=executor)

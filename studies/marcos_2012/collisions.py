@@ -1,4 +1,4 @@
-"""Whether the arm meets an obstacle, at the steps and between them: on a grid, not by the bounds of the search."""
+"""Collisions of the arm at the steps and between them: on a grid, not by the bounds of the search."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ BETWEEN = 20  # times finer than the steps
 
 
 def count_collisions(run: ClosedLoopRun, *, finer: int = BETWEEN) -> tuple[int, float]:
-    """Return at how many points of a finer grid the arm meets an obstacle, and the longest step of a joint [rad]."""
+    """Return the number of points of a finer grid with a collision, and the longest step of a joint [rad]."""
     q, task = run.q, run.task
     share = np.linspace(0, 1, finer, endpoint=False)[:, None, None]
     between = (q[:-1] + share * (q[1:] - q[:-1])).reshape(-1, q.shape[1])
@@ -36,7 +36,7 @@ def collision_rows(
     seed: int,
     executor: Executor | None = None,
 ) -> list[Row]:
-    """Return where arms meet obstacles: as the paper reads, and by default."""
+    """Return the collisions of arms: as the paper reads, and by default."""
     rows = [_row("as printed, steps of any length", name, run) for name, run in printed]
     calls = {
         (f"{links}R, r = {distance}, w = 0.5",): partial(_run_bounded, links, distance, start, steps, seed)

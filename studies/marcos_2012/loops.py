@@ -19,7 +19,7 @@ from problems.marcos_2012 import DISTANCES, STEPS, Links
 from studies.processes import run_each
 
 WEIGHTS = tuple(round(0.1 * k, 1) for k in range(11))
-LINKS: tuple[Links, ...] = (4, 3)  # the longer runs first, so that all cores end together
+LINKS: tuple[Links, ...] = (4, 3)  # longer runs first, so that all cores end together
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,18 +33,18 @@ class Cell:
 
     @property
     def arm(self) -> str:
-        """The arm as the paper's columns call it."""
+        """The arm's name in the paper's columns."""
         return f"{self.links}R"
 
     @property
     def row(self) -> str:
-        """The row as the paper's numbers are kept."""
+        """The row's name among the paper's numbers."""
         return f"r = {self.distance}, w = {self.weight}"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CellLoop:
-    """A cell's closed loop, searched, its seconds of processor time, and the exact motion from the same start."""
+    """A cell's closed loop, searched, its processor seconds, and the exact motion from the same start."""
 
     cell: Cell
     run: ClosedLoopRun
@@ -65,7 +65,7 @@ def cells(
 def find_starts(
     selection: Sequence[Cell], *, seed: int, executor: Executor | None = None
 ) -> dict[tuple[int, float], np.ndarray]:
-    """Return where each arm begins on each circle, by OLGA, clear of the obstacles: the same with and without them."""
+    """Return each arm's start on each circle, by OLGA, clear of the obstacles: the same with and without them."""
     pairs = dict.fromkeys((cell.links, cell.distance) for cell in selection)
     calls = {(f"{links}R", f"r = {distance}"): partial(_start, links, distance, seed) for links, distance in pairs}
     return dict(zip(pairs, run_each(executor if len(calls) > 1 else None, calls).values(), strict=True))
@@ -83,7 +83,7 @@ def follow_all(
     seed: int = 0,
     executor: Executor | None = None,
 ) -> list[CellLoop]:
-    """Follow every cell's loop; how many are done is said."""
+    """Follow every cell's loop and print the progress."""
     calls = {
         (cell.arm, cell.row, "blocked" if cell.blocked else "free"): partial(
             follow, cell, postures[cell.links, cell.distance], steps=steps, seed=seed

@@ -20,7 +20,7 @@ ENDS = (0.0, 1.0)
 
 
 def draw(folder: Path, loops: Sequence[CellLoop]) -> list[Path]:
-    """Draw every figure whose loops are there, of four links, into a folder; return the files."""
+    """Draw every figure of the given loops of four links into a folder; return the files."""
     folder.mkdir(parents=True, exist_ok=True)
     by_cell = {one.cell: one for one in loops}
     drawn: list[Path] = []

@@ -1,7 +1,7 @@
-"""What the start decides, which the paper does not print: exact loops of three links from all over the self-motion.
+"""Influence of the start, which the paper does not print: exact loops of 3R from the whole self-motion.
 
-And whether one start explains the paper's column: one that gives its number at w = 0.5 is sought, and what the loop
-from there gives at all other weights stands beside what is printed.
+One start may explain the paper's column: the study looks for one that gives its number at w = 0.5, and compares the
+loop from there at all other weights with the printed numbers.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from studies.reporting import Row
 
 STARTS = 48  # angles of the first link
 WEIGHT = 0.5
-BENT = 0.05  # m: of a circle's beginning nearer than this to the second joint there is no telling two links apart
+BENT = 0.05  # m: if a circle begins nearer than this to the second joint, two links cannot be told apart
 LEAP = 1.0  # rad: a loop with a longer step has met a singularity
-NARROW = 1e-5  # rad: how well the angle of a start is found
+NARROW = 1e-5  # rad: tolerance of a start's angle
 UNITS = [measure.unit for measure in MEASURES.values()]
 
 
@@ -37,7 +37,7 @@ class ExactMeasures:
 
 
 def exact_measures(distance: float, start: Float[np.ndarray, " dof"], weight: float) -> ExactMeasures | None:
-    """Return what the exact loop of three links from a start gives, None where it meets a singularity."""
+    """Return the results of the exact loop of 3R from a start, None if it meets a singularity."""
     loop = marcos_2012.loop(3, distance, weight=weight, start=start, as_printed=True)
     moved = exact_steps(loop.task, start, weight=weight, longest_step=loop.longest)
     if not np.abs(np.diff(moved, axis=0)).max() < LEAP:
@@ -47,7 +47,7 @@ def exact_measures(distance: float, start: Float[np.ndarray, " dof"], weight: fl
 
 
 def start_rows(starts: int = STARTS) -> list[Row]:
-    """Return the least and the most that either number of a cell can be, and what one start says of a column."""
+    """Return the range of either number of a cell, and how much of a column one start explains."""
     rows = []
     for distance in DISTANCES:
         angles = np.linspace(-np.pi, np.pi, starts, endpoint=False).tolist()
@@ -76,7 +76,7 @@ def _explained_rows(distance: float, measures: dict[tuple[float, int], ExactMeas
     """Return how much of the paper's columns a start explains that gives its error at w = 0.5.
 
     The error crosses the printed one between some of the angles that were tried; the crossing that explains most of the
-    other cells is told.
+    other cells is reported.
     """
     printed = np.array([[_printed(table, distance, w) for w in WEIGHTS] for table in ("Table 1", "Table 2")])
     target = _printed("Table 1", distance, WEIGHT)
@@ -135,7 +135,7 @@ def _printed(table: str, distance: float, weight: float) -> float:
 def posture(distance: float, angle: float, side: int) -> Float[np.ndarray, " dof"] | None:
     """Return the posture of three unit links at a circle's beginning, by the angle of the first and the elbow's side.
 
-    None where there is none, or two links nearly lie on each other or in line.
+    None if it does not exist, or if two links nearly fold onto each other or align.
     """
     displacement = np.array([distance + RADIUS, 0.0]) - np.array([np.cos(angle), np.sin(angle)])
     length = float(np.hypot(*displacement))

@@ -1,4 +1,4 @@
-"""Tables 1 to 4, ours beside the paper's and the oracle's, and what they say."""
+"""Tables 1 to 4, ours compared with the paper and the oracle, with reasons."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from studies.reporting import Row, paper_numbers
 
 Starts: TypeAlias = Mapping[tuple[int, float], np.ndarray]  # by number of links and distance
 MEASURES = {"mean position error": mean_position_error, "drift": joint_drift}  # Eqs. 23 and 25
-GOALS = 0.005, 0.03  # of the oracle's, for w ≥ 0.5 and three links
+GOALS = 0.005, 0.03  # share of the oracle's, for w ≥ 0.5 and three links
 WARM = 20  # generations, a tenth of the paper's
 SAME = 0.05  # of the paper's number
-ALIKE = 0.01  # of the printed number: it agrees
+ALIKE = 0.01  # of the printed number: smaller differences agree
 SEEDS, SHORT = 11, 100  # of four links, and steps that each follows
 paper = partial(paper_numbers, "marcos_2012")
 
@@ -35,7 +35,7 @@ def cell_measures(one: CellLoop) -> list[tuple[str, str, str, float, float]]:
 
 
 def table_rows(loops: Sequence[CellLoop]) -> list[Row]:
-    """Return Tables 1 to 4 (Eqs. 23 and 25), in the note why ours is not the paper's, and the exact loop's number."""
+    """Return Tables 1 to 4 (Eqs. 23 and 25); the note says why ours differs, and the exact loop's number."""
     rows = []
     for one in loops:
         cell = one.cell
@@ -50,28 +50,28 @@ def table_rows(loops: Sequence[CellLoop]) -> list[Row]:
                     ours=ours,
                     reference=paper()[name, cell.row, cell.arm],
                     note=f"{_reason(ours, exact, paper()[name, cell.row, cell.arm])}; "
-                    f"exact {exact:.4g}, ours {100 * (ours / exact - 1):+.2f} % beside it",
+                    f"exact {exact:.4g}, ours {100 * (ours / exact - 1):+.2f} % relative to it",
                 )
             )
     return sorted(rows, key=lambda row: (row.table, row.row, row.column))
 
 
 def _reason(ours: float, exact: float, printed: float) -> str:
-    """Return why a cell is not the paper's, as far as the exact loop from the same start says."""
+    """Return why a cell differs from the paper's, judged by the exact loop from the same start."""
     if abs(ours / printed - 1) <= ALIKE:
         return f"the same within {ALIKE:.0%}"
     searched = "the search has not converged"
     if abs(exact / printed - 1) <= ALIKE:
         return f"{searched}: the exact loop is as printed"
-    start = "the exact loop is off as well: it hangs on the start, which is not printed, or on the time grid"
+    start = "the exact loop is off as well: it depends on the start, which is not printed, or on the time grid"
     return start if abs(ours / exact - 1) <= ALIKE else f"{start}; {searched}"
 
 
 def reproduced_rows(loops: Sequence[CellLoop]) -> list[Row]:
-    """Return how many of each table's cells are within 5 % of what is printed, and of the others why, as far as known.
+    """Return how many cells of each table are within 5 % of print, and why the others are not, if known.
 
-    Where the exact loop is as far off, no search could reproduce the cell: it hangs on the start, which the paper does
-    not print, or on the time grid. Elsewhere the search has not converged, or ours has and the paper's not.
+    If the exact loop is as far off, no search could reproduce the cell: it depends on the start, which the paper does
+    not print, or on the time grid. Otherwise the search has not converged, or ours has and the paper's has not.
     """
     rows = []
     groups: dict[tuple[str, str], list[tuple[str, float, float, float]]] = {}
@@ -109,7 +109,7 @@ def reproduced_rows(loops: Sequence[CellLoop]) -> list[Row]:
 
 
 def oracle_rows(loops: Sequence[CellLoop]) -> list[Row]:
-    """Return how far three links are from the oracle at most, where the displacement weighs half or more."""
+    """Return the largest distance of three links from the oracle, for a displacement weight of half or more."""
     rows = []
     selection = [one for one in loops if one.cell.links == 3 and one.cell.weight >= 0.5]
     for blocked in dict.fromkeys(one.cell.blocked for one in selection):
@@ -139,7 +139,7 @@ def oracle_rows(loops: Sequence[CellLoop]) -> list[Row]:
 def spread_rows(
     starts: Starts, *, seeds: int = SEEDS, steps: int = SHORT, executor: Executor | None = None
 ) -> list[Row]:
-    """Return how four links spread over seeds, beside the oracle."""
+    """Return the spread of four links over seeds, compared with the oracle."""
     cells = {
         Cell(links=4, distance=distance, blocked=False, weight=0.5): start
         for (links, distance), start in starts.items()
@@ -172,7 +172,7 @@ def spread_rows(
 
 
 def warm_rows(starts: Starts, *, seed: int, steps: int = SHORT, executor: Executor | None = None) -> list[Row]:
-    """Return what it does to begin each search with the population of the step before, beside the paper's restarts."""
+    """Return the effect of starting each search with the population of the last step, against random restarts."""
     calls, rows = {}, []
     for (links, distance), start in starts.items():
         cell = Cell(links=4 if links == 4 else 3, distance=distance, blocked=False, weight=0.5)
@@ -199,7 +199,7 @@ def warm_rows(starts: Starts, *, seed: int, steps: int = SHORT, executor: Execut
 
 
 def time_rows(loops: Sequence[CellLoop], seconds: float) -> list[Row]:
-    """Return what the loops took: processor time a generation and in all, and the wait for them and the exact steps."""
+    """Return the times of the loops: processor time per generation and in all, and wall time with the exact steps."""
     rows = []
     for links in sorted({one.cell.links for one in loops}):
         same_arm = [one for one in loops if one.cell.links == links]

@@ -32,11 +32,11 @@ def run_study(
     rehearsed: bool = True,
     executor: Executor | None = None,
 ) -> tuple[list[Row], dict[str, list[Simulation]], list[Decline], list[TradeOff]]:
-    """Return all rows, and what the pictures show: simulations, declines and trade-offs of both arms.
+    """Return all rows, and the data of the pictures: simulations, declines and trade-offs of both arms.
 
-    ``starts`` a plan, ``points`` of the front, so many ``candidates`` of so many ``seeds`` for Figure 1, and a number
-    of samples to which Table 4 is repeated. ``bounded``, all motions are bounded from below, on a fine grid.
-    ``rehearsed``, times are taken with everything compiled. Without an executor this process computes, as times tell.
+    ``starts`` per plan, ``points`` of the front, ``candidates`` and ``seeds`` of Figure 1, and a number of samples for
+    repeating Table 4. ``bounded``: all motions are bounded from below, on a fine grid. ``rehearsed``: times are taken
+    with everything compiled. Without an executor this process computes, as for timing.
     """
     tell("simulations")
     plan = partial(simulate, starts=starts, rehearsed=rehearsed)
@@ -60,7 +60,7 @@ def run_study(
 def plan_simulations(
     plan: Callable[..., Simulation], finer: int | None, executor: Executor | None
 ) -> tuple[dict[str, list[Simulation]], dict[str, Simulation]]:
-    """Return all simulations by masses as ``plan(number, masses)`` has them, and the first with a finer path."""
+    """Return all simulations by masses as ``plan(number, masses)`` makes them, and the first with a finer path."""
     plans = {(masses, f"simulation {k}"): partial(plan, k, masses) for masses in MASSES for k in NUMBERS}
     if finer is not None:
         plans |= {(masses, FINER): partial(plan, 1, masses, samples=finer) for masses in MASSES}
@@ -72,7 +72,7 @@ def plan_simulations(
 def simulation_rows(
     simulations: dict[str, list[Simulation]], refined: dict[str, Simulation], bounded: bool, executor: Executor | None
 ) -> list[Row]:
-    """Return the rows of Table 4, of bounds where these are wanted, and of every simulation's table and motion."""
+    """Return the rows of Table 4, of bounds if asked for, and of every simulation's table and motion."""
     tell("Table 4")
     names = match_optima(simulations["fitted"][0])
     tables_4 = {(m,): partial(table_4, own[0], names, refined.get(m)) for m, own in simulations.items()}

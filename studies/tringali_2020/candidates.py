@@ -1,4 +1,4 @@
-"""What more candidates are worth: Figure 1, the best of so many roll-outs beside the best optimum."""
+"""The value of more candidates: Figure 1, the best of a number of roll-outs against the best optimum."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from studies.tringali_2020.reported import LOW, beside, paper
 from studies.tringali_2020.simulations import MASSES, as_printed, with_arm
 
 SAMPLES = 13
-FITTED_FROM = SAMPLES * 3  # candidates: as many as there are parameters, where the paper's line begins
+FITTED_FROM = SAMPLES * 3  # candidates: the number of parameters, at which the paper's line begins
 POINTS = 60
 RATE = "-1/3 where six parameters, one of the start and five of the weights, come near a minimum"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Decline:
-    """Best candidates' cost above the best optimum (seeds, points) [J s], of so many candidates (points,), one arm."""
+    """One arm's best candidates' cost above the best optimum (seeds, points) [J s], by candidates (points,)."""
 
     masses: str
     counts: Int[np.ndarray, " points"]
@@ -40,7 +40,7 @@ class Decline:
 
 
 def declines(*, count: int, seeds: int, executor: Executor | None = None) -> list[Decline]:
-    """Return the decline with up to so many candidates for each arm; both weigh the same roll-outs."""
+    """Return the decline for each arm, up to ``count`` candidates; both weigh the same roll-outs."""
     best = {masses: pk.plan(_problem(masses)).best.objective for masses in MASSES}
     by_seed = run_each(executor, {(f"seed {seed}",): partial(lowest_costs, count, seed) for seed in range(seeds)})
     lowest = {masses: [costs[masses] for costs in by_seed.values()] for masses in MASSES}
@@ -68,7 +68,7 @@ def _problem(masses: str) -> pk.Tracking:
 
 
 def figure_1(decline: Decline) -> list[Row]:
-    """Return the power law of one arm, mean and deviation over seeds, beside the paper's."""
+    """Return the power law of one arm, mean and deviation over seeds, and the paper's."""
     (exponent, factor), spread = decline.lines.mean(axis=0), decline.lines.std(axis=0, ddof=1)
     seeds, count = len(decline.above), int(decline.counts[-1])
     smallest, largest = decline.lines[:, 0].min(), decline.lines[:, 0].max()

@@ -31,7 +31,7 @@ from paretoik.task.validation import START_TOLERANCE
 class Extremal:
     """Motions of stationary kinetic energy, and their velocities, which ``motion.dq`` only approximates.
 
-    ``minimum`` says which satisfy Jacobi's condition, and are therefore local minima; None where it was not tested.
+    ``minimum`` says which satisfy Jacobi's condition, and are therefore local minima; None if it was not tested.
     """
 
     motion: Motion
@@ -63,9 +63,9 @@ def integrate_extremal(
     start
         Postures (*batch, dof) at sample 0; by default the task's own start.
     rates
-        Joint velocities (*batch, dof) there; by default those of least kinetic energy, as free starts want them.
+        Joint velocities (*batch, dof) there; by default those of least kinetic energy, as for free starts.
     tolerance
-        Of every integration step, by Dormand & Prince's fifth-order pair; each motion has its own steps.
+        Tolerance of every integration step, by Dormand & Prince's fifth-order pair; each motion has its own steps.
     as_printed
         Whether to take the sign of Eq. 20 as printed, to see what it does.
 
@@ -74,7 +74,7 @@ def integrate_extremal(
     InvalidInput
         For a cyclic task, a massless arm, starts off the path, or rates that don't follow it.
     Infeasible
-        Where a motion ends in a singularity, with sample and time.
+        If a motion ends in a singularity, with sample and time.
     """
     check_tolerance(tolerance)
     equation = equation_of_motion(task)
@@ -88,7 +88,7 @@ def integrate_extremal(
 def follow_equation(
     equation: EquationOfMotion, q: np.ndarray, dq: np.ndarray, tolerance: float, shape: tuple[int, ...]
 ) -> Extremal:
-    """Return the motions from postures and velocities (motions, dof); raise Infeasible where one is incomplete."""
+    """Return the motions from postures and velocities (motions, dof); raise Infeasible if one is incomplete."""
     task = equation.task
     paths, rates = integrate_paths(equation, q, dq, tolerance)
     _check_complete(task, paths)
@@ -111,10 +111,10 @@ def _check_complete(task: MotionTask, q: Float[np.ndarray, "motions time dof"]) 
 def _rates_along_path(
     equation: EquationOfMotion, q: np.ndarray, shape: tuple[int, ...], rates: np.ndarray
 ) -> np.ndarray:
-    """Return velocities (motions, dof) that follow the path; raise InvalidInput where they don't."""
+    """Return velocities (motions, dof) that follow the path; raise InvalidInput if they do not."""
     dq = np.asarray(rates, dtype=float)
     if dq.shape != shape or not np.isfinite(dq).all():
-        raise InvalidInput(f"variational: rates want finite numbers of the starts' shape {shape}, got {dq.shape}")
+        raise InvalidInput(f"variational: rates must be finite numbers of the starts' shape {shape}, got {dq.shape}")
     flat = dq.reshape(q.shape)
     terms = equation.terms(np.zeros(len(q)), q, flat)
     residual = np.abs((terms.jacobian @ flat[..., None])[..., 0] - terms.velocity).max(initial=0.0)

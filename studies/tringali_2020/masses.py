@@ -1,9 +1,9 @@
 """Masses that reproduce the paper's energies and torques: ``python -m studies.tringali_2020.masses [--json FILE]``.
 
 With the masses of Table 1 energies come out 27 % low, while lengths and speeds agree. The three masses are fitted, in
-least squares of relative errors, to the numbers whose motion is determined: what is minimised, and what the motion of
-least energy has. ``pk.arms.tringali_3r("fitted")`` has masses of an earlier fit to fewer numbers: the errors that
-either leave stand next to each other. Both are inferences, not in the paper.
+least squares of relative errors, to the numbers whose motion is determined: minimised ones, and those of the motion of
+least energy. ``pk.arms.tringali_3r("fitted")`` has masses of an earlier fit to fewer numbers; the errors of both are
+next to each other. Both are inferences, not in the paper.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from studies.tringali_2020.reported import paper
 from studies.tringali_2020.simulations import as_printed, with_arm
 from studies.tringali_2020.validation import PAPERS_OPTIMA
 
-FITTED = (1, 2, 3, 5)  # simulations; some masses leave simulation 4 no motion within its torque limits
-STEP = 0.01  # of a mass, of the differences that derivatives are taken by
-NEAR = 0.5  # rad: greatest distance of a joint from the motion that an optimum is followed from
+FITTED = (1, 2, 3, 5)  # simulations; with some masses simulation 4 has no motion within its torque limits
+STEP = 0.01  # of a mass, for finite differences
+NEAR = 0.5  # rad: greatest distance of a joint from the last motion when an optimum is followed
 STORED = "tringali_3r(masses='fitted')"
 PLACES = [
     *(("Table 4", name, "planner") for name in PAPERS_OPTIMA),
@@ -39,7 +39,7 @@ PLACES = [
 
 @dataclass(eq=False)
 class Prototype:
-    """The paper's arm with any masses; its optima are followed from those of the masses before."""
+    """The paper's arm with any masses; its optima are followed from those of the last masses."""
 
     starts: int
     former: dict[str, pk.Motion] = field(default_factory=dict)
@@ -59,7 +59,7 @@ class Prototype:
         return np.array([values[place] for place in PLACES])
 
     def _optima(self, arm: pk.Arm) -> dict[str, pk.Motion]:
-        """Return the motions of the simulations, and of the three optima of Table 4, near those of the call before."""
+        """Return the motions of the simulations, and of the three optima of Table 4, near those of the last call."""
         motions = {}
         for k in FITTED:
             problem, row = with_arm(as_printed(f"simulation_{k}"), arm), f"simulation {k}"
@@ -81,7 +81,7 @@ class Prototype:
 
 
 def _match(plan: pk.Plan) -> list[tuple[str, int]]:
-    """Return the paper's three optima with the places of ours: the best, and those nearest in energy beside it."""
+    """Return the paper's three optima with the indices of ours: the best, and the next nearest in energy."""
     energies = np.array([one.objective for one in plan.optima]) / plan.best.objective
     printed = np.array([paper()["Table 4", name, "planner"] for name in PAPERS_OPTIMA])
     return [
@@ -102,7 +102,7 @@ def arm_with(masses: np.ndarray) -> pk.Arm:
 
 
 def fit_masses(*, starts: int = 24) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the masses (3,) [kg] that fit best, the relative errors that they leave, and those of the library's."""
+    """Return the masses (3,) [kg] that fit best, their relative errors, and those of the library's."""
     printed = np.array([paper()[place] for place in PLACES])
     prototype = Prototype(starts=starts)
     table = np.array(TRINGALI_MASSES["printed"])
@@ -116,7 +116,7 @@ def fit_masses(*, starts: int = 24) -> tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def mass_rows(masses: np.ndarray, errors: np.ndarray, stored_errors: np.ndarray) -> list[Row]:
-    """Return the fitted masses with those of the library, and the errors that either leave of every number."""
+    """Return the fitted masses with those of the library, and the errors of both for every number."""
     rows = [
         Row(
             table="masses that fit the paper's numbers best",

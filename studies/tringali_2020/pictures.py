@@ -19,7 +19,7 @@ from studies.tringali_2020.reported import paper
 from studies.tringali_2020.simulations import Simulation
 from studies.tringali_2020.trade_off import TradeOff, hull
 
-JOINTS = ("#0072bd", "#c92a2a", "#e0a100")  # blue, red and yellow, as the paper has them
+JOINTS = ("#0072bd", "#c92a2a", "#e0a100")  # blue, red and yellow, as in the paper
 PANELS = (  # of Figures 4, 6, 8, 10 and 12: kind of limit, attribute of a motion, label
     ("position", "q", "joint position [rad]"),
     ("velocity", "dq", "joint velocity [rad/s]"),
@@ -124,7 +124,7 @@ def _series(axes: Axes, time: np.ndarray, values: np.ndarray, label: str) -> Non
 
 
 def _limits(axes: Axes, bounds: np.ndarray, *, unlike: bool) -> None:
-    """Draw limits (dof, 2) dashed; where they differ between joints, say whose they are, in degrees."""
+    """Draw limits (dof, 2) dashed; if they differ between joints, label them, in degrees."""
     for number, value in enumerate(np.unique(bounds)):
         dashed = axes.axhline(value, color=PAPER.ink, linestyle=(0, (5, 3)), linewidth=0.9)
         if number == 0:

@@ -1,9 +1,9 @@
-"""The search as the paper has it: 66 first postures, n² candidates of each, ranked, the best led from level to level.
+"""The paper's search: 66 first postures, n² candidates of each, ranked, the best refined from level to level.
 
-The library's own starts are fewer and others: ``paretoik/trajectory/plan_starts.py``. The paper leaves open from which
-posture the 66 are made, and by velocities of what size; ``SearchOptions`` has what is taken here. Candidates are
-retracted onto the path, on the circle their drift is taken out evenly. What minimises is the library's interior point,
-with exact derivatives, in place of Matlab's SQP with differences: what is compared is which starts are taken.
+The library's own starts are fewer and others: ``paretoik/trajectory/plan_starts.py``. The paper does not say from which
+posture the 66 are made, nor the size of the random velocities; ``SearchOptions`` has our choice. Candidates are
+retracted onto the path; on the circle their drift is removed evenly. The minimiser is the library's interior point,
+with exact derivatives, instead of Matlab's SQP with differences: the study compares which starts are taken.
 
 Source: Tringali & Cocuzza 2020, sections 3.1.2 to 3.2.
 """
@@ -43,13 +43,13 @@ class SearchOptions:
     """Numbers of the published search. Two of them are not in the paper.
 
     ``posture`` [rad], from which the others are made, is that of the authors' next paper, whose tool begins at the same
-    place; with a ``deviation`` of 3 rad/s the postures go all around the self-motion, as the set "should be
+    place. With a ``deviation`` of 3 rad/s the postures cover the whole self-motion, as the set "should be
     representative of the whole".
     """
 
     configurations: int = 66
     runs: int = 48  # section 3.2; section 3.1.2 has 24
-    penalties: tuple[float, ...] = (0.01, 0.1)  # k_JL of Eq. 14, and ten times as much
+    penalties: tuple[float, ...] = (0.01, 0.1)  # k_JL of Eq. 14, and ten times that
     samples: tuple[int, ...] = (13, 26, 51)  # of the coarse levels; 0.08 s does not divide 1 s: these are 1/12 s
     posture: tuple[float, ...] = tringali_2021.START
     deviation: float = 3.0
@@ -60,7 +60,7 @@ OPTIONS = SearchOptions()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PublishedSearch:
-    """What the best ``bends`` of so many ``candidates`` lead to with a ``penalty``, and the seconds that this took."""
+    """The optima from the best ``bends`` of ``candidates`` with a ``penalty``, and the seconds."""
 
     penalty: float
     candidates: int
@@ -73,7 +73,7 @@ class PublishedSearch:
 def initial_postures(
     task: MotionTask, rng: np.random.Generator, options: SearchOptions = OPTIONS
 ) -> Float[np.ndarray, "configurations dof"]:
-    """Return postures at the path's beginning that random velocities lead to along the self-motion (Eq. 17)."""
+    """Return postures at the path's beginning after random velocities along the self-motion (Eq. 17)."""
     q, interval = np.tile(options.posture, (options.configurations, 1)), float(task.times[1])
     for _ in task.times:  # as many velocities as path points
         rows = row_space_basis(relative_errors(task.arm, task.tasks, q, task.targets[0])[1])
@@ -93,13 +93,13 @@ def candidates(
     count = (len(task.times) * task.arm.dof) ** 2
     motions = list[np.ndarray]()
     for posture in postures:
-        with suppress(pk.Infeasible):  # none of a posture's gets to the end
+        with suppress(pk.Infeasible):  # no candidate of a posture reaches the end
             motions.append(rollout_starts(replace(task, start=posture), count, np.random.default_rng(seed)))
     return np.concatenate(motions)
 
 
 def rank(task: MotionTask, q: Float[np.ndarray, "motions time dof"], penalty: float) -> Float[np.ndarray, " motions"]:
-    """Return the objective, and where positions are limited the distance from the middle of the limits (Eq. 14)."""
+    """Return the objective, plus the distance from the middle of position limits, if any (Eq. 14)."""
     (objective,) = task.objectives
     cost = np.asarray(objective.sign * objective(task.motion(q)))
     if "position" in task.bounds:
@@ -112,7 +112,7 @@ def rank(task: MotionTask, q: Float[np.ndarray, "motions time dof"], penalty: fl
 def search_as_published(
     problem: pk.Tracking, q: Float[np.ndarray, "candidates time dof"], penalty: float, options: SearchOptions = OPTIONS
 ) -> PublishedSearch:
-    """Return what the best candidates lead to, by cubic splines from each level to the next (section 3.1.4)."""
+    """Return the optima of the best candidates, by cubic splines from each level to the next (section 3.1.4)."""
     begin, task = time.perf_counter(), problem.task
     levels = [*(task.resample(samples) for samples in options.samples), task]
     best = q[np.argsort(rank(levels[0], q, penalty))[: options.runs]]
@@ -137,9 +137,9 @@ def published_rows(
     options: SearchOptions = OPTIONS,
     executor: Executor | None = None,
 ) -> list[Row]:
-    """Return what the published search finds of the optima of each simulation's plan, and its seconds.
+    """Return the optima of each simulation's plan that the published search finds, and its seconds.
 
-    On an executor every simulation makes its candidates anew: to send them takes as long.
+    On an executor every simulation makes its own candidates: sending them takes as long.
     """
     groups = [simulations] if executor is None else [[one] for one in simulations]
     calls = {
@@ -153,7 +153,7 @@ def _published_rows(simulations: Sequence[Simulation], *, seed: int, options: Se
     rows, drawn = [], dict[bool, tuple[np.ndarray, float]]()
     for simulation in simulations:
         task = simulation.problem.task
-        if task.cyclic not in drawn:  # all along the line have the same candidates
+        if task.cyclic not in drawn:  # all simulations along the line have the same candidates
             tell(f"candidates along the {'circle' if task.cyclic else 'line'}")
             begin, level = time.perf_counter(), task.resample(options.samples[0])
             postures = initial_postures(level, np.random.default_rng(seed), options)
@@ -182,7 +182,7 @@ def _reached(simulation: Simulation, search: PublishedSearch) -> Row:
     best = simulation.plan.best.objective
     bends = ", ".join(f"{name} ({count})" for name, count in search.bends.most_common())
     if len(search.values):
-        end = f"best {search.values[0]:.5f}, {100 * (search.values[0] / best - 1):+.3f} % beside the plan's"
+        end = f"best {search.values[0]:.5f}, {100 * (search.values[0] / best - 1):+.3f} % relative to the plan's"
     else:
         end = (
             "none: where the best candidates lead limits cannot all hold, by "

@@ -1,4 +1,4 @@
-"""The paper's numbers, beside which ours are put."""
+"""The paper's numbers, and rows that compare them with ours."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from studies.reporting import Row, paper_numbers
 Place = tuple[str, str, str]
 paper = partial(paper_numbers, "tringali_2020")
 
-AGREES = 0.01  # of a number: less is what fitted masses, printed digits and time steps leave
+AGREES = 0.01  # of a number: smaller errors are due to fitted masses, printed digits and time steps
 LOW = "with the masses as printed, which the paper cannot have used"
 
 
 def beside(table: str, masses: str, row: str, column: str, unit: str, ours: float, note: str = "") -> Row:
-    """Return one number of the arm with these masses beside the paper's; the note starts with how far they differ."""
+    """Return one number of the arm with these masses and the paper's; the note starts with the difference."""
     theirs, notes = paper().get((table, row, column)), [note]
     if theirs is not None and unit in ("J s", "N²m²s", "N m", "W", "rad/s", "m"):
         difference = ours / theirs - 1

@@ -33,9 +33,9 @@ class ShootingOptions:
     difference: float = 1e-4  # rad or m: of the finite differences
     rank_tolerance: float = 1e-4  # share of the largest singular value: smaller ones are below the differences' error
     longest_step: float = 0.2  # rad or m along the self-motion
-    shortest_step: float = 1e-3  # rad or m: a search whose steps became shorter goes nowhere
+    shortest_step: float = 1e-3  # rad or m: a search with shorter steps is stopped
     residual: float = 1e3  # times the step tolerance: rad/s or m/s of self-motion left at a free end
-    distinct: float = 1e-4  # rad or m: motions whose starts are nearer are one
+    distinct: float = 1e-4  # rad or m: motions with nearer starts are the same
 
 
 OPTIONS = ShootingOptions()
@@ -45,16 +45,14 @@ def shoot_extremals(task: MotionTask, starts: Float[np.ndarray, "*batch dof"], *
     """Return the distinct motions of stationary kinetic energy with both ends free, by Newton's method from postures.
 
     It looks for the posture at sample 0 from which no momentum is left in the self-motion at the end. The motions
-    (motions, time, dof) come least energy first; ``minimum`` says which are local minima, the others being saddles.
-    Starts whose motions meet a singularity, or from which Newton's method does not converge, are left out.
+    (motions, time, dof) are sorted by energy, least first; ``minimum`` says which are local minima; the others are
+    saddles. Starts whose motions meet a singularity, or from which Newton's method does not converge, are left out.
 
-    Raises InvalidInput as ``integrate_extremal`` does and for a task with a start of its own, Infeasible where there is
-    no such motion.
+    Raises InvalidInput as ``integrate_extremal`` does and for a task with a start of its own, Infeasible if there is no
+    such motion.
     """
     if task.start is not None:
-        raise InvalidInput(
-            "shooting: wants a free start, but the task has a start of its own; integrate_extremal takes it"
-        )
+        raise InvalidInput("shooting: start must be free, got a task with its own start; integrate_extremal takes it")
     check_tolerance(tolerance)
     equation = equation_of_motion(task)
     q = _transversal_postures(equation, starts_on_path(task, starts).reshape(-1, task.arm.dof), tolerance)
@@ -81,7 +79,7 @@ def _transversal_postures(equation: EquationOfMotion, q: np.ndarray, tolerance: 
         converged.append(trial[size <= accuracy])
         better = (size < best) & np.isfinite(residual).all(axis=(1, 2))
         jacobian = np.swapaxes(residual[better, 1:] - residual[better, :1], 1, 2) / OPTIONS.difference
-        step /= 4  # where the last one made nothing better
+        step /= 4  # where the last one did not improve
         inverse = np.linalg.pinv(jacobian, rcond=OPTIONS.rank_tolerance)
         step[better] = -(normal[better] @ inverse @ residual[better, 0, :, None])[..., 0]
         step /= np.maximum(1.0, np.linalg.norm(step, axis=1, keepdims=True) / OPTIONS.longest_step)
@@ -101,7 +99,7 @@ def _end_residual(equation: EquationOfMotion, q: np.ndarray, tolerance: float) -
 
 
 def _self_motion_velocity(equation: EquationOfMotion, last: np.ndarray) -> np.ndarray:
-    """Return the velocity of final states (motions, 2 dof) beyond the least that the path takes."""
+    """Return the velocity of final states (motions, 2 dof) in excess of the least for the path."""
     q, dq = np.split(last, 2, axis=1)
     with np.errstate(invalid="ignore"):
         path_velocity = equation.project(np.full(len(q), equation.task.times[-1]), q, np.zeros_like(dq))

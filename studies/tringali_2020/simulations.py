@@ -1,4 +1,4 @@
-"""The five simulations with either arm, planned: Tables 5 and 6, and what section 4.2 says of the motions."""
+"""The five simulations with either arm, planned: Tables 5 and 6, and the statements of section 4.2."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from studies.tringali_2020.reported import beside
 
 MASSES = ("fitted", "printed")
 NUMBERS = (1, 2, 3, 4, 5)
-AT_LIMIT = 1e-4  # share of a limit: what comes nearer is at it
+AT_LIMIT = 1e-4  # share of a limit: a nearer value is at it
 FREE = "not what is minimised: near that optimum it changes much for little, see Figure 14"
 LENGTH = 0.40  # m, of the line in the text
 THEIRS = "theirs: Intel i7 of the ninth generation, 6 cores, Matlab 2019b"
@@ -27,7 +27,7 @@ THEIRS = "theirs: Intel i7 of the ninth generation, 6 cores, Matlab 2019b"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Simulation:
-    """A simulation of Table 3 with the arm of these masses, its plan, and the seconds that took."""
+    """A simulation of Table 3 with the arm of these masses, its plan, and its seconds."""
 
     number: int
     masses: str
@@ -37,7 +37,7 @@ class Simulation:
 
     @property
     def name(self) -> str:
-        """As the rows call it."""
+        """Name in the rows."""
         return f"simulation {self.number}"
 
     @property
@@ -75,7 +75,7 @@ def with_arm(
 
 @cache
 def as_printed(name: str) -> pk.Tracking:
-    """Return a problem of ``problems/tringali_2020.py``, whose arm is that of Table 1, by its name."""
+    """Return a problem of ``problems/tringali_2020.py`` by its name; its arm is that of Table 1."""
     problem: pk.Tracking = getattr(tringali_2020, name)()
     return problem
 
@@ -83,10 +83,10 @@ def as_printed(name: str) -> pk.Tracking:
 def simulate(
     number: int, masses: str, *, starts: int, samples: int | None = None, rehearsed: bool = True
 ) -> Simulation:
-    """Return one simulation, planned; ``rehearsed``, a plan that compiles comes first, untimed."""
+    """Return one simulation, planned; ``rehearsed``: a plan that compiles comes first, untimed."""
     problem = with_arm(as_printed(f"simulation_{number}"), masses, samples)
     if rehearsed:
-        with suppress(pk.ParetoikError):  # so few starts may find nothing
+        with suppress(pk.ParetoikError):  # a few starts may find nothing
             pk.plan(problem, starts=2)
     started = time.perf_counter()
     plan = pk.plan(problem, starts=starts)
@@ -95,7 +95,7 @@ def simulate(
 
 
 def machine() -> str:
-    """Return in words what computes here."""
+    """Return the computing machine in words."""
     name = platform.machine()
     with suppress(OSError):
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
@@ -104,7 +104,7 @@ def machine() -> str:
 
 
 def limit_use(simulation: Simulation) -> tuple[float, str]:
-    """Return the greatest use of a limit by the best motion, 1 being all of it, and the limits used so; all are ±."""
+    """Return the best motion's greatest use of a limit, 1 being all of it, and the limits used; all are ±."""
     task = simulation.problem.task
     uses = 1 + 2 * task.violations(simulation.motion)
     largest = float(uses.max())
@@ -139,7 +139,7 @@ def tables(simulation: Simulation) -> list[Row]:
 
 
 def line_rows(simulations: list[Simulation], *, starts: int) -> list[Row]:
-    """Return how long the line is between its printed ends, and simulations 1 to 4 along exactly 0.40 m."""
+    """Return the length of the line between its printed ends, and simulations 1 to 4 along exactly 0.40 m."""
     path = tringali_2020.straight(length=LENGTH)
     masses, printed = simulations[0].masses, float(np.linalg.norm(np.subtract(tringali_2020.END, tringali_2020.START)))
     rows = [beside("Section 3.2", masses, "line", "length", "m", printed, "between the printed ends, taken elsewhere")]
@@ -147,7 +147,7 @@ def line_rows(simulations: list[Simulation], *, starts: int) -> list[Row]:
         plan = pk.plan(with_arm(simulation.problem, masses, path=path), starts=starts)
         name = simulation.problem.task.objectives[0].name.replace("_", " ")
         longer = 100 * (plan.best.objective / simulation.plan.best.objective - 1)
-        note = f"{longer:+.2f} % beside the line between the printed ends"
+        note = f"{longer:+.2f} % relative to the line between the printed ends"
         unit = simulation.problem.task.objectives[0].unit
         row = beside("Table 5", masses, simulation.name, name, unit, plan.best.objective, note)
         rows.append(replace(row, row=f"{simulation.name}, {LENGTH:.2f} m"))
@@ -155,7 +155,7 @@ def line_rows(simulations: list[Simulation], *, starts: int) -> list[Row]:
 
 
 def motion_rows(simulations: list[Simulation]) -> list[Row]:
-    """Return what section 4.2 tells of the motions of the five simulations of one arm, in their order."""
+    """Return section 4.2's statements on the motions of the five simulations of one arm, in their order."""
     first, second, third, fourth, fifth = simulations
     masses, table = first.masses, "Section 4.2"
     speeds, torque = np.abs(first.motion.dq).max(axis=0), float(np.abs(first.motion.torque[:, 0]).max())

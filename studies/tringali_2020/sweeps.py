@@ -1,7 +1,7 @@
-"""The front as the paper sweeps it: evenly spaced ε between the ends, each objective minimised in turn (Eqs. 21, 22).
+"""The front as the paper sweeps it: evenly spaced ε between the ends, for either objective (Eqs. 21, 22).
 
-There ε is held as an equality; here that is an option beside the inequality, and what it costs a row. Every ε starts
-from all optima of both objectives alone.
+The paper has ε as an equality; here that is an option next to the inequality, and a row shows its cost. Every ε starts
+from all optima of both single objectives.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from studies.reporting import Row
 from studies.tringali_2020.simulations import Simulation, as_printed, with_arm
 from studies.tringali_2020.trade_off import TABLE, TradeOff
 
-BEYOND = 0.1  # of the ranges, beyond the worse end: where hypervolume is measured from
-LEFT_OPEN = 1e-6  # of the ranges: what solvers leave open
+BEYOND = 0.1  # of the ranges, beyond the worse end: the reference point of the hypervolume
+LEFT_OPEN = 1e-6  # of the ranges: tolerance of solvers
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sweep:
-    """The points of a sweep of so many ``levels`` of each objective, as far as there are, and its seconds."""
+    """The points of a sweep of ``levels`` for each objective, those that exist, and its seconds."""
 
     objectives: Float[np.ndarray, "points 2"]
     levels: int
@@ -42,9 +42,9 @@ def sweep(
     levels: int,
     equality: bool,
 ) -> Sweep:
-    """Return the best of each objective where the other is below, or equal to, each of ``levels`` ε between its ends.
+    """Return the best of each objective with the other below, or equal to, each of ``levels`` ε between its ends.
 
-    ``ends`` are the objectives (row by row) of each one's own optimum.
+    ``ends`` are the objectives (one row each) of each one's own optimum.
     """
     begin, ranges = time.perf_counter(), np.ptp(ends, axis=0)
     program, points = motion_program(task, ranges), list[np.ndarray]()
@@ -65,7 +65,7 @@ def sweep(
 
 
 def sweep_rows(simulations: list[Simulation], trade_off: TradeOff, *, points: int) -> list[Row]:
-    """Return the hypervolume of sweeps with ε below and equal, beside our front's, of one arm."""
+    """Return the hypervolume of one arm's sweeps with ε as bound and as equality, and our front's."""
     alone = simulations[1:3]  # the optima of either objective within the same limits
     task = with_arm(as_printed("energy_torque"), trade_off.masses).task
     ends = np.array([[float(each(one.motion)) for each in task.objectives] for one in alone])
@@ -89,7 +89,7 @@ def sweep_rows(simulations: list[Simulation], trade_off: TradeOff, *, points: in
                 ours=share(F),
                 reference=ours,
                 source="ours",
-                note=f"{100 * (share(F) / ours - 1):+.2f} % beside our {len(trade_off.front)} points; "
+                note=f"{100 * (share(F) / ours - 1):+.2f} % relative to our {len(trade_off.front)} points; "
                 f"{len(F)} of {count} solved, {dominated} of them dominated or repeated; {swept.seconds:.2f} s"
                 + ("; Eqs. 21 and 22 as printed" if equality else ""),
             )

@@ -16,7 +16,7 @@ from studies.tringali_2020.reported import beside, paper
 from studies.tringali_2020.simulations import as_printed, machine, with_arm
 
 TABLE = "Figure 14"
-OFF = 1e-3  # of the front's range: points farther above the hull are found by no weights
+OFF = 1e-3  # of the front's range: no weights find points farther above the hull
 DRAWN = "the paper draws its front, without numbers"
 
 
@@ -30,10 +30,10 @@ class TradeOff:
 
 
 def solve_trade_off(masses: str, *, points: int, starts: int, rehearsed: bool = True) -> TradeOff:
-    """Return the front of one arm; ``rehearsed``, a short one that compiles comes first, untimed."""
+    """Return the front of one arm; ``rehearsed``: a short one that compiles comes first, untimed."""
     problem = with_arm(as_printed("energy_torque"), masses)
     if rehearsed:
-        with suppress(pk.ParetoikError):  # so few starts may find nothing
+        with suppress(pk.ParetoikError):  # a few starts may find nothing
             pk.epsilon_front(problem, points=2, starts=4)
     started = time.perf_counter()
     front = pk.epsilon_front(problem, points=points, starts=starts)
@@ -41,7 +41,7 @@ def solve_trade_off(masses: str, *, points: int, starts: int, rehearsed: bool = 
 
 
 def figure_14(trade_off: TradeOff) -> list[Row]:
-    """Return the rows of one arm: the ends, beside the simulations that minimise the same, and what certifies it."""
+    """Return the rows of one arm: the ends, the simulations with the same objectives, and certificates."""
     front, masses, (energy, torque) = trade_off.front, trade_off.masses, trade_off.front.objectives.T
     certificates = front.certificates
     assert certificates is not None
@@ -50,11 +50,11 @@ def figure_14(trade_off: TradeOff) -> list[Row]:
     for name, end, simulation in (("energy end", 0, 2), ("torque end", -1, 3)):
         for column, unit, values in (("kinetic energy", "J s", energy), ("torque norm", "N²m²s", torque)):
             theirs = paper()["Table 5", f"simulation {simulation}", column]
-            note = f"{100 * (values[end] / theirs - 1):+.2f} %; beside it: simulation {simulation}; {DRAWN}"
+            note = f"{100 * (values[end] / theirs - 1):+.2f} %; theirs: simulation {simulation}; {DRAWN}"
             rows.append(_row(masses, name, column, unit, float(values[end]), note, theirs))
     minima, bends = int(np.sum(certificates.status == "minimum")), sorted(set(branch_labels(front.motions)))
     off = int(off_hull(front).sum())
-    weights = "the paper: ε-constraints find what weights cannot, where the front is not convex"
+    weights = "the paper: if the front is not convex, ε-constraints find what weights cannot"
     worst, between = float(certificates.violation.max()), float(certificates.violation_between.max())
     inequality = "ε as an inequality; what the printed equality costs: below"
     rows += [

@@ -1,4 +1,4 @@
-"""The calculus of variations beside the planner: Table 4, from the optima of simulation 1."""
+"""The calculus of variations against the planner: Table 4, from the optima of simulation 1."""
 
 from __future__ import annotations
 
@@ -50,10 +50,10 @@ def name_optima(optima: Sequence[Optimum], names: Mapping[str, str]) -> dict[str
 
 
 def table_4(simulation: Simulation, names: Mapping[str, str], finer: Simulation | None = None) -> list[Row]:
-    """Return the rows of one arm: the optima that the paper has (``names`` by their bends), then those it has not.
+    """Return the rows of one arm: the paper's optima (``names`` by their bends), then others.
 
-    With ``finer``, the same simulation at more samples, also what becomes of the difference there, and the motions of
-    Eq. 20 whose start is sought too.
+    ``finer``, the same simulation at more samples, adds the difference there, and the motions of Eq. 20 with a free
+    start.
     """
     optima = name_optima(simulation.plan.optima, names)
     starts = _starts(list(optima.values()))
@@ -70,7 +70,7 @@ def table_4(simulation: Simulation, names: Mapping[str, str], finer: Simulation 
 
 
 def bound_row(simulation: Simulation, *, resolution: float | None) -> Row:
-    """Return what no motion at all can be better than, by the grid oracle, beside the best that was planned."""
+    """Return a bound on all motions, by the grid oracle, and the best planned value."""
     oracle, best = grid_oracle(simulation.problem.task, resolution=resolution), simulation.plan.best.objective
     return Row(
         table=f"{TABLE}, {simulation.masses} masses",
@@ -90,7 +90,7 @@ def _starts(optima: Sequence[Optimum]) -> np.ndarray:
 def _optimum_rows(
     simulation: Simulation, name: str, optimum: Optimum, right: Extremal, wrong: Extremal, k: int
 ) -> list[Row]:
-    """Return what an optimum has beside the motions ``k`` of Eq. 20 corrected and as printed, from the same start."""
+    """Return an optimum's values and those of the motions ``k`` of Eq. 20, corrected and as printed, from its start."""
     energy, other = (float(pk.kinetic_energy(extremal.motion[k])) for extremal in (right, wrong))
     difference = np.abs(optimum.motion.q - right.motion.q[k])
     bends = f"bends {optimum.label}"
@@ -100,8 +100,8 @@ def _optimum_rows(
         bends += "; the paper's that is nearest in energy"
     if "~" in optimum.label:
         bends += "; ~ where links align on the way, as the paper shows of its second"
-    sampled = f"summed as the planner's, {100 * (energy / optimum.objective - 1):+.2f} % beside it; in continuous time "
-    sampled += f"{right.energy[k]:.5f}; it hangs on the start"
+    sampled = f"summed as the planner's, {100 * (energy / optimum.objective - 1):+.2f} % from it; in continuous time "
+    sampled += f"{right.energy[k]:.5f}; it depends on the start"
     sign = f"{other / energy:.2f} times that of the corrected sign"
 
     def row(column: str, unit: str, ours: float, note: str) -> Row:
@@ -114,14 +114,14 @@ def _optimum_rows(
             "mean |Δq|",
             "rad",
             float(difference.mean()),
-            f"largest {difference.max():.2g} rad; it hangs on the start",
+            f"largest {difference.max():.2g} rad; it depends on the start",
         ),
         row("Nedungadi, sign as printed", "J s", other, sign),
     ]
 
 
 def _moved_start_rows(simulation: Simulation, name: str, optimum: Optimum) -> list[Row]:
-    """Return how far a start is to be moved along the self-motion for the mean difference to be the paper's."""
+    """Return how far a start must be moved along the self-motion for the paper's mean difference."""
     printed = paper().get((TABLE, name, "mean |Δq|"))
     if printed is None:
         return []
@@ -169,6 +169,6 @@ def _free_start_rows(simulation: Simulation, optima: Mapping[str, Optimum], star
             k = bends.index(optimum.label)
             energy = float(pk.kinetic_energy(extremals.motion[k]))
             kind = "a minimum" if extremals.minimum[k] else "no minimum"
-            note = f"{100 * (energy / optimum.objective - 1):+.3f} % beside the planner; {kind} by Jacobi's condition"
+            note = f"{100 * (energy / optimum.objective - 1):+.3f} % from the planner; {kind} by Jacobi's condition"
             rows.append(beside(TABLE, simulation.masses, name, column, "J s", energy, note))
     return rows

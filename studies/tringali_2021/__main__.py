@@ -62,7 +62,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             for number in ((3,) if quick else NUMBERS)
         }
         rows += [row for several in run_each(executor, schedules).values() for row in several]
-    tell("updates beside SLSQP's")
+    tell("updates and SLSQP's")
     rows += real_time_rows(rounds=rounds) + _window_rows(rounds)
     report(rows, json_file=options.json)
     pictures = draw(options.out, trajectories)
@@ -76,11 +76,11 @@ def _resolve(number: int, masses: str, starts: int) -> Trajectory:
 
 def _window_rows(rounds: int) -> list[Row]:
     if find_spec("casadi") is None:
-        tell("windows beside CasADi's solvers: left out, as CasADi is not installed (it comes with [bench])")
+        tell("windows by CasADi's solvers: left out, since CasADi is not installed (it comes with [bench])")
         return []
     from studies.tringali_2021.peers import window_rows
 
-    tell("windows beside CasADi's solvers")
+    tell("windows by CasADi's solvers")
     return window_rows("fitted", rounds=rounds)
 
 

@@ -1,4 +1,4 @@
-"""Trajectory 2 along other circles: which of them has the speeds and the energy of least squares that are printed."""
+"""Trajectory 2 along other circles: which of them has the printed speeds and energy of least squares."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from problems.tringali_2021 import DURATION, RADIUS, SAMPLES, START, begin
 from studies.reporting import Row
 from studies.tringali_2021.trajectories import arm_of, paper
 
-CENTERS = tuple(range(120, 241, 5))  # degrees, from the start; 180 is toward the base, beyond these it is out of reach
+CENTERS = tuple(range(120, 241, 5))  # degrees, from the start; 180 is toward the base, others are out of reach
 PLACES = (("Section 3.2", "joint 1 LSV"), ("Section 3.2", "joint 3 LSV"), ("Table 5", "LSV"))
 
 
 def circle_differences(masses: str, center: float, turns: int, *, samples: int = SAMPLES) -> np.ndarray:
-    """Return how far the numbers at ``PLACES`` are off print (2, places), as shares of it, along another circle.
+    """Return the relative errors of the numbers at ``PLACES`` (2, places) along another circle.
 
-    ``center`` [degrees] is where the circle's centre lies, seen from the start. The first row has the greatest forward
+    ``center`` [degrees] is the direction of the circle's centre from the start. The first row has the greatest forward
     speeds, the second those either way.
     """
     direction = np.radians(center)
@@ -31,7 +31,7 @@ def circle_differences(masses: str, center: float, turns: int, *, samples: int =
 
 
 def circle_row(masses: str, *, centers: tuple[int, ...] = CENTERS, samples: int = SAMPLES) -> Row:
-    """Return the circle that is nearest to print, its farthest number deciding."""
+    """Return the circle nearest to print by its largest error."""
     tried = {
         (center, turns): 100 * circle_differences(masses, center, turns, samples=samples)
         for center, turns in product(centers, (1, -1))

@@ -1,8 +1,8 @@
-"""One window, two samples ahead, beside CasADi: its SQP with qrqp, and FATROP, each with exact second derivatives.
+"""One window, two samples ahead, by CasADi: its SQP with qrqp, and FATROP, each with exact second derivatives.
 
-They get optimal control in lean closed form, the positions for a state and the velocity ahead for a control, which
-suits FATROP and is quicker for the SQP than positions alone. All begin where ours does, at every update along the four
-trajectories; what is timed is the solver's call.
+They get optimal control in lean closed form: positions are the state, the velocity ahead is the control, which suits
+FATROP and is quicker for the SQP than positions only. All begin where ours does, at every update along the four
+trajectories; only the solver's call is timed.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ FATROP = {**QUIET, "structure_detection": "auto", "fatrop": {"print_level": 0, "
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Window:
-    """What an update asks: positions to begin with (horizon, dof), posture, velocity, targets; and what ours finds."""
+    """The data of an update: first positions (horizon, dof), posture, velocity, targets; and our result."""
 
     q: np.ndarray
     posture: np.ndarray
@@ -54,7 +54,7 @@ class Window:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Recorder:
-    """Solves as a program does, and keeps what it was asked."""
+    """Solves like a program, and keeps its windows."""
 
     program: HorizonProgram
     windows: list[Window]
@@ -96,13 +96,13 @@ def kinetic_energy(arm: pk.Arm, q: Any, dq: Any) -> Any:
 
 
 def tool(q: Any) -> Any:
-    """Return where the tool is."""
+    """Return the tool's position."""
     angle = cumsum(q)
     return vertcat(dot(np.array(LENGTHS), cos(angle)), dot(np.array(LENGTHS), sin(angle)))
 
 
 def optimal_control(arm: pk.Arm, horizon: int, interval: float) -> dict[str, Any]:
-    """Return the window's program: of each stage the positions, but the first, and the velocity ahead."""
+    """Return the window's program: of each stage the positions, except the first, and the velocity ahead."""
     posture, q = SX.sym("posture", 3), [SX.sym(f"q{k}", 3) for k in range(horizon)]
     targets, dq = [SX.sym(f"x{k}", 2) for k in range(horizon)], [SX.sym(f"dq{k}", 3) for k in range(horizon)]
     energy, rows, unknowns = SX(0), list[Any](), list[Any]()
@@ -116,13 +116,13 @@ def optimal_control(arm: pk.Arm, horizon: int, interval: float) -> dict[str, Any
 
 
 def start_of(window: Window, interval: float) -> np.ndarray:
-    """Return the unknowns of ``optimal_control`` where ours begins."""
+    """Return the unknowns of ``optimal_control`` at our start."""
     rates = np.diff(window.q, axis=0, prepend=window.posture[None]) / interval
     return np.stack([rates, window.q], axis=1).ravel()
 
 
 def window_rows(masses: str, *, rounds: int, numbers: tuple[int, ...] = NUMBERS) -> list[Row]:
-    """Return the milliseconds of a window by ours and the peers, in turn, and where they find the same minimum."""
+    """Return the milliseconds of a window by ours and the peers, alternating, and the number of equal minima."""
     program, windows = recorded_windows(masses, numbers=numbers)
     interval = program.interval
     problem = optimal_control(arm_of(masses), program.horizon, interval)

@@ -13,7 +13,7 @@ from paretoik.review.pictures.fronts import stroboscopic
 from studies.reporting import drawing
 from studies.tringali_2021.trajectories import FAST, METHODS, Trajectory, spectral_radius
 
-JOINTS = ("#0072bd", "#c92a2a", "#e0a100")  # blue, red and yellow, as the paper has them
+JOINTS = ("#0072bd", "#c92a2a", "#e0a100")  # blue, red and yellow, as in the paper
 LINES = {"PMKE": (PAPER.ink, "--"), "LSV": (PAPER.ink, "-"), "global": ("#c92a2a", "-")}
 
 
@@ -67,7 +67,7 @@ def _beside(figure: Figure, one: Trajectory, other: str, *, speeds: bool) -> Non
             if row and not speeds:
                 continue
             axes = panels[1 + row, column]
-            shown = np.where(np.abs(values) > FAST, np.nan, values) if row else values  # as the paper: no singularity
+            shown = np.where(np.abs(values) > FAST, np.nan, values) if row else values  # no singularity, as in paper
             for joint, colour in enumerate(JOINTS):
                 axes.plot(motion.time, shown[:, joint], color=colour, linewidth=1.3, label=f"joint {joint + 1}")
             axes.set_xlabel("time [s]")

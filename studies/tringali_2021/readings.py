@@ -1,8 +1,8 @@
-"""What the paper may have done otherwise: looking ahead by other readings of it, each beside Table 5.
+"""Other possible readings of the paper: looking ahead by each, compared with Table 5.
 
 The greatest joint speeds of the text agree, and so do the energies along trajectories 1 and 4. The energies along
 trajectories 2 and 3 do not. Each reading changes one thing, and is judged by all four energies and all speeds. (A mean
-in place of the sum of Eq. 4 changes nothing: its minima are the same.)
+instead of the sum of Eq. 4 changes nothing: its minima are the same.)
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ STEP = 1.0  # s: the paper's ΔT
 
 @dataclass(frozen=True, kw_only=True)
 class Reading:
-    """One thing that is done otherwise than the paper is read: the method's numbers, its solver, spline or samples."""
+    """One other reading of the paper: the method's numbers, its solver, spline or samples."""
 
     name: str
     method: pk.methods.PredictiveKineticEnergy = field(default_factory=pk.methods.PredictiveKineticEnergy)
@@ -52,32 +52,32 @@ class Reading:
 
 @dataclass(kw_only=True)
 class FirstUpdates:
-    """Solves so many windows and no more: the motion ends with the last prediction."""
+    """Solves the first windows only: the motion ends with the last prediction."""
 
     solver: HorizonSolver
     updates: int
 
     def solve(self, q: np.ndarray, posture: np.ndarray, velocity: np.ndarray, targets: np.ndarray) -> HorizonSolution:
-        """Return the minimum from positions ahead, at first."""
+        """Return the minimum from positions ahead, for the first windows."""
         self.updates -= 1
         solution = self.solver.solve(q, posture, velocity, targets)
         return solution if self.updates >= 0 else replace(solution, converged=False)
 
 
 def first_updates(updates: int) -> MakeSolver:
-    """Return what makes a solver of so many windows."""
+    """Return a function that makes a solver of the first windows."""
     return lambda *arguments: FirstUpdates(solver=horizon_program(*arguments), updates=updates)
 
 
 def slsqp(*, held: bool = False, precision: float = 1e-12, bound: float = np.inf) -> MakeSolver:
-    """Return what makes SLSQP on the energy [J s] itself, as fmincon has it, instead of on one scaled to 1."""
+    """Return a function that makes SLSQP on the energy [J s] itself, like fmincon, instead of on a scaled one."""
     return lambda *arguments: Slsqp(
         program=horizon_program(*arguments), exact=True, scaled=False, held=held, precision=precision, bound=bound
     )
 
 
 def other_masses(masses: str) -> MakeSolver:
-    """Return what makes windows of the arm with other masses."""
+    """Return a function that makes windows of the arm with other masses."""
 
     def make(task: MotionTask, objective: Objective, horizon: int, interval: float, terminal: float) -> HorizonSolver:
         return horizon_program(replace(task, arm=arm_of(masses)), objective, horizon, interval, terminal)
@@ -86,7 +86,7 @@ def other_masses(masses: str) -> MakeSolver:
 
 
 def last_sample(weight: float) -> MakeSolver:
-    """Return what makes windows whose last sample counts as much as that."""
+    """Return a function that makes windows with a weight of the last sample."""
 
     def make(task: MotionTask, objective: Objective, horizon: int, interval: float, _: float) -> HorizonSolver:
         return horizon_program(task, objective, horizon, interval, weight - 1.0)
@@ -95,7 +95,7 @@ def last_sample(weight: float) -> MakeSolver:
 
 
 def inertia_earlier(share: float) -> pk.methods.PredictiveKineticEnergy:
-    """Return the method with the inertia matrix of a posture earlier by such a share of ΔT."""
+    """Return the method with the inertia matrix of an earlier posture, by a share of ΔT."""
 
     @pk.objective(unit="J s", form="integral")
     def kinetic_energy(motion: pk.Motion) -> np.ndarray:
@@ -105,7 +105,7 @@ def inertia_earlier(share: float) -> pk.methods.PredictiveKineticEnergy:
 
 
 def straight_pieces(points: np.ndarray, rate: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Return straight pieces through points, as ``quartic_spline`` returns its."""
+    """Return straight pieces through points, in the form of ``quartic_spline``."""
     coefficients = np.zeros((len(points) - 1, DEGREE + 1, points.shape[1]))
     coefficients[:, 0], coefficients[:, 1] = points[:-1], np.diff(points, axis=0)
     return coefficients
@@ -123,7 +123,7 @@ def without_acceleration(points: np.ndarray, rate: np.ndarray, second: np.ndarra
 
 
 predictive = pk.methods.PredictiveKineticEnergy
-READINGS = (  # the first few are the quick study's: those that come near
+READINGS = (  # the first few, which come near, are the quick study's
     Reading(name="as read"),
     Reading(name="SLSQP on the energy itself, from the posture held", make_solver=slsqp(held=True)),
     Reading(name="tracking error fed back, 10 1/s", method=predictive(feedback=10.0)),
@@ -149,12 +149,12 @@ READINGS = (  # the first few are the quick study's: those that come near
 
 
 def named_reading_row(name: str, masses: str) -> Row:
-    """Return the row of a reading: by name so that it can be in another process."""
+    """Return the row of a reading: by name so that it can run in another process."""
     return reading_row(next(each for each in READINGS if each.name == name), masses)
 
 
 def reading_row(reading: Reading, masses: str, *, numbers: tuple[int, ...] = NUMBERS) -> Row:
-    """Return how far the energy farthest from Table 5 is off by a reading, and in words all energies and speeds."""
+    """Return the largest energy error of a reading against Table 5, and in words all energies and speeds."""
     motions = {f"trajectory {number}": reading.resolve(number, masses) for number in numbers}
     energies = {name: float(pk.kinetic_energy(motion)) for name, motion in motions.items()}
     off = {name: 100 * (energy / paper()["Table 5", name, "PMKE"] - 1) for name, energy in energies.items()}

@@ -1,4 +1,4 @@
-"""What an update takes: ours, and the same look ahead by SciPy's SLSQP, in turn in one run."""
+"""Time of an update: ours, and the same window by SciPy's SLSQP, alternating in one run."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ SAME = 1e-6  # relative: energies of the same motion
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Slsqp:
-    """The same program handed to SciPy's SLSQP, with derivatives by differences or with ours.
+    """The same program for SciPy's SLSQP, with derivatives by differences or with ours.
 
-    ``scaled`` divides the energy by that at the start, else it is in J s; ``held`` starts from the posture at all
-    samples; ``precision`` of the energy, as SLSQP takes it, and ``bound`` [rad] of joint positions either way.
+    ``scaled`` divides the energy by that at the start, else it is in J s; ``held`` starts from the current posture at
+    all samples; ``precision`` of the energy is SLSQP's, and ``bound`` [rad] limits joint positions either way.
     """
 
     program: HorizonProgram
@@ -38,7 +38,7 @@ class Slsqp:
     bound: float = np.inf
 
     def solve(self, q: np.ndarray, posture: np.ndarray, velocity: np.ndarray, targets: np.ndarray) -> HorizonSolution:
-        """Return what SLSQP finds from positions ahead."""
+        """Return SLSQP's result from positions ahead."""
         size, count, program = q.size, self.program.horizon * self.program.rows, self.program
         start = np.clip(np.broadcast_to(posture, q.shape) if self.held else q, -self.bound, self.bound).ravel()
         fixed = program.inputs(q, posture, velocity, targets)[size:, 0]
@@ -72,7 +72,7 @@ class Slsqp:
 
 
 def make_solver(solver: str) -> Callable[..., HorizonProgram | Slsqp]:
-    """Return what makes the solver of a prediction."""
+    """Return a function that makes the solver of a prediction."""
     if solver == "ours":
         return horizon_program
     return lambda *arguments: Slsqp(program=horizon_program(*arguments), exact="exact" in solver)

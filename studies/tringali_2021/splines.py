@@ -1,8 +1,9 @@
-"""Looking three samples ahead or more: which quartic spline to lay through them.
+"""Looking three or more samples ahead: the choice of a quartic spline through them.
 
 With two pieces, the paper's, positions, velocities and accelerations at both ends and C² at the knot determine it.
-Every further piece leaves one number open for each joint: the library takes the least jerk. Splines of degree four are
-usually C³, which all knots but one can be here: all but the first ("later knots"), or all but the last ("earlier").
+Every further piece leaves one free number per joint: the library takes the least jerk. Splines of degree four are
+usually C³, which is possible here at all knots but one: all but the first ("later knots"), or all but the last
+("earlier").
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from studies.reporting import Row
 from studies.tringali_2021.trajectories import NUMBERS, arm_of
 
 AHEAD = (3, 4, 5, 6)
-STEPS = (1.0, 0.4)  # s: the paper's ΔT, and one with which as many samples are nearer to its 2 s
+STEPS = (1.0, 0.4)  # s: the paper's ΔT, and one with which these samples are nearer to its 2 s
 
 
 def thrice_continuous(
@@ -38,10 +39,10 @@ def thrice_continuous(
     *,
     twice: int,
 ) -> Float[np.ndarray, "pieces 5 dof"]:
-    """Return coefficients as ``quartic_spline`` does, C³ at all inner points but that of index ``twice``: C² there."""
+    """Return coefficients as ``quartic_spline`` does, C³ at all inner points except index ``twice``, C² there."""
     pieces, still = len(points) - 1, np.zeros_like(rate)
     times = np.arange(pieces + 1.0)
-    inner = np.sort(np.append(times[1:-1], times[1:-1][twice]))  # a knot less smooth is there twice
+    inner = np.sort(np.append(times[1:-1], times[1:-1][twice]))  # a less smooth knot is repeated
     knots = np.concatenate([np.zeros(DEGREE + 1), inner, np.full(DEGREE + 1, float(pieces))])
     ends = [(1, rate), (2, second)], [(1, still), (2, still)]
     spline = make_interp_spline(times, points, k=DEGREE, t=knots, bc_type=ends)
@@ -58,7 +59,7 @@ SPLINES: dict[str, Callable[..., np.ndarray]] = {
 def spline_energies(
     number: int, masses: str, *, ahead: tuple[int, ...], samples: int = tringali_2021.SAMPLES
 ) -> Float[np.ndarray, "settings splines"]:
-    """Return kinetic energies [J s] along a trajectory, so many samples ahead at all ``STEPS``, by every spline."""
+    """Return kinetic energies [J s] along a trajectory, for all samples ``ahead`` and ``STEPS``, by every spline."""
     task = tringali_2021.problem(number, arm_of(masses), samples).task
 
     def energy(horizon: int, step: float, spline: Callable[..., np.ndarray]) -> float:

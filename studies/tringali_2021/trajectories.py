@@ -42,7 +42,7 @@ class Trajectory:
 
     @property
     def name(self) -> str:
-        """As the rows call it."""
+        """Name in the rows."""
         return f"trajectory {self.number}"
 
 
@@ -67,7 +67,7 @@ def resolve_trajectory(number: int, masses: str, *, starts: int, samples: int = 
 
 
 def table_5(trajectory: Trajectory) -> list[Row]:
-    """Return the kinetic energy integrals, how far from the paper's, and from that of looking ahead, and its time."""
+    """Return kinetic energy integrals with relative differences from the paper and looking ahead, and its time."""
     energies = {name: float(pk.kinetic_energy(motion)) for name, motion in trajectory.motions.items()}
     rows = []
     for name in METHODS:
@@ -77,7 +77,7 @@ def table_5(trajectory: Trajectory) -> list[Row]:
         if name != "PMKE":
             theirs = printed / paper()["Table 5", trajectory.name, "PMKE"]
             notes.append(
-                f"beside PMKE {100 * (energy / energies['PMKE'] - 1):+.1f} %, the paper {100 * (theirs - 1):+.1f} %"
+                f"against PMKE {100 * (energy / energies['PMKE'] - 1):+.1f} %, the paper {100 * (theirs - 1):+.1f} %"
             )
         nearest = min(trajectory.optima, key=lambda other: abs(other - printed))
         if name == "global" and nearest > trajectory.optima[0] and abs(nearest / printed - 1) < NEAR:
@@ -114,7 +114,7 @@ def table_5(trajectory: Trajectory) -> list[Row]:
 
 
 def other_way_rows(masses: str) -> list[Row]:
-    """Return the energies of trajectory 2 the other way round, which the paper does not tell."""
+    """Return the energies of trajectory 2 the other way round; the paper does not give its sense."""
     methods = {"PMKE": pk.methods.PredictiveKineticEnergy(), "LSV": pk.methods.LeastSquaresVelocity()}
     rows = []
     for name, method in methods.items():
@@ -137,7 +137,7 @@ def other_way_rows(masses: str) -> list[Row]:
 
 
 def lower_bound_row(number: int, masses: str, *, samples: int = 201) -> Row:
-    """Return what no motion at all can be better than, by the grid oracle, beside the best that is planned."""
+    """Return a bound on all motions, by the grid oracle, and the best planned value."""
     problem = tringali_2021.problem(number, arm_of(masses), samples)
     oracle, best = grid_oracle(problem.task), pk.plan(problem).best.objective
     return Row(
@@ -152,7 +152,7 @@ def lower_bound_row(number: int, masses: str, *, samples: int = 201) -> Row:
 
 
 def text_rows(trajectory: Trajectory) -> list[Row]:
-    """Return the greatest joint speeds and the least spectral radii that the text has."""
+    """Return the greatest joint speeds and the least spectral radii of the text."""
     rows = []
     for (table, row, column), printed in paper().items():
         if row != trajectory.name or table == "Table 5":
@@ -176,7 +176,7 @@ def text_rows(trajectory: Trajectory) -> list[Row]:
 
 
 def _always_lower_row(trajectory: Trajectory) -> Row:
-    """Return at how many samples PMKE has no smaller spectral radius than LSV; the paper's is "always lower"."""
+    """Return the number of samples at which PMKE has no smaller spectral radius than LSV; the paper: "always lower"."""
     ahead, local = (spectral_radius(trajectory.motions[name]) for name in ("PMKE", "LSV"))
     above = ahead[1:] >= local[1:]  # both start from the same posture
     times = trajectory.motions["PMKE"].time[1:][above]
@@ -192,10 +192,10 @@ def _always_lower_row(trajectory: Trajectory) -> Row:
 
 
 def text_number(motion: pk.Motion, table: str, row: str, column: str) -> float:
-    """Return what the text says of a motion: the greatest speed of a joint [rad/s], or of Figure 8 a minimum, its time.
+    """Return the text's number of a motion: a joint's greatest speed [rad/s], or a minimum of Figure 8 or its time.
 
-    Speeds are read as those before a singularity, along ``FORWARD`` trajectories as the forward ones: only so is that
-    of joint 2 along trajectory 3 the paper's, which runs backward at many times the printed speed.
+    Speeds are read as those before a singularity, along ``FORWARD`` trajectories as the forward ones. Only with this
+    reading does joint 2 along trajectory 3 agree, which runs backward at many times the printed speed.
     """
     if table == "Figure 8":
         radii = spectral_radius(motion)
@@ -211,7 +211,7 @@ def spectral_radius(motion: pk.Motion) -> np.ndarray:
 
 
 def schedule_rows(number: int, masses: str, *, starts: int, generations: int, samples: int = 201) -> list[Row]:
-    """Return what a search for the schedule of predictions finds, the paper's beside it, and the global optimum."""
+    """Return the result of a search for the schedule of predictions, the paper's schedule, and the global optimum."""
     arm, path = arm_of(masses), tringali_2021.trajectory(number, samples)
     optimum = pk.plan(tringali_2021.problem(number, arm, samples), starts=starts).best.motion
     problem = tringali_2021.schedule_along(number, optimum=optimum, arm=arm, samples=samples)
@@ -233,7 +233,7 @@ def schedule_rows(number: int, masses: str, *, starts: int, generations: int, sa
             ours=float(front.objectives[0, 0]),
             reference=paper_schedule,
             source="the paper's schedule, ours",
-            note=f"beside the paper's schedule; {100 * (front.objectives[0, 0] / lowest - 1):+.1f} % and "
+            note=f"reference: the paper's schedule; {100 * (front.objectives[0, 0] / lowest - 1):+.1f} % and "
             f"{100 * (paper_schedule / lowest - 1):+.1f} % from the global optimum; "
             f"h = {np.atleast_1d(best.horizon)[0]}, ΔT = {step:.2g} s, every {again:.2g} s, "
             f"terminal {np.atleast_1d(best.terminal)[0]:.2g}; "

@@ -15,7 +15,7 @@ from studies.wan_2018.tables import euler_rows, running_time_rows, speed_row, ta
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Report the paper's tables and events beside ours, and draw its figures."""
+    """Report the paper's tables and events and ours, and draw its figures."""
     options = study_parser(
         "Wan et al. 2018.",
         quick="from 60 random postures instead of 1000, 3 seeds instead of 31",

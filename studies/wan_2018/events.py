@@ -1,4 +1,4 @@
-"""What the text tells of Figures 6, 7, 10 and 11: when the arm is singular, errs most, comes to a limit, and jumps."""
+"""The text's events of Figures 6, 7, 10 and 11: singularity, largest error, limits, and jumps."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ BUFFERS = "no start is printed; from most of ours a joint is in its buffer, whic
 
 
 def first_damped(motion: ResolvedMotion) -> np.ndarray:
-    """Return the time (motions,) of the first damped step [s]; NaN where there is none."""
+    """Return the time (motions,) of the first damped step [s]; NaN without one."""
     damped = motion.traces.damping > 0
     return np.where(damped.any(axis=1), motion.time[..., 0, :][damped.argmax(axis=1)], np.nan)
 
 
 def last_damped(motion: ResolvedMotion) -> np.ndarray:
-    """Return the time (motions,) of the last damped step [s]; NaN where there is none."""
+    """Return the time (motions,) of the last damped step [s]; NaN without one."""
     damped = motion.traces.damping[:, ::-1] > 0
     return np.where(damped.any(axis=1), motion.time[..., 0, :][:-1][::-1][damped.argmax(axis=1)], np.nan)
 
@@ -45,7 +45,7 @@ def nearest_limit(motion: ResolvedMotion) -> np.ndarray:
 
 
 def greatest_jump(motion: ResolvedMotion) -> np.ndarray:
-    """Return the time (motions,) at which the velocity of a joint changes most, as a share of its limit [s]."""
+    """Return the time (motions,) of the largest velocity change of a joint, relative to its limit [s]."""
     jumps = np.abs(np.diff(motion.traces.velocities, axis=1)) / motion.arm.velocity_limits
     return np.asarray(motion.time[0][1 + jumps.max(axis=2).argmax(axis=1)])
 
@@ -56,7 +56,7 @@ def least_weight(motion: ResolvedMotion) -> np.ndarray:
 
 
 class Event(NamedTuple):
-    """An event of a figure, what measures it, and why ours is another."""
+    """An event of a figure, its measure, and why ours differs."""
 
     figure: str
     column: str
@@ -83,7 +83,7 @@ EVENTS = {
 
 
 def event_rows(tables: Sequence[Resolved]) -> list[Row]:
-    """Return medians over starts, and the numbers from the start nearest to the paper's, beside those printed."""
+    """Return medians over starts, the numbers from the start nearest to the paper's, and the printed ones."""
     rows = []
     for resolved in tables:
         for name, motion in resolved.motions.items():
@@ -113,7 +113,7 @@ def _row(event: Event, name: str, method: str, values: np.ndarray, nearest: int)
 
 
 def _depth_of_weight(weight: float) -> str:
-    """Return in words where in its buffer a joint has a clamping weight."""
+    """Return in words the depth in its buffer at which a joint has a clamping weight."""
     depth = float(brentq(lambda d: clamping_weight(d) - weight, 0.01, 0.99))
     return (
         f"{weight} is that of a joint {depth:.0%} deep in its buffer, {BUFFER * (1 - depth):.0%} of its range from the "

@@ -1,7 +1,7 @@
-"""Who really wins: the fronts that searching the numbers of either method gives, from the same places.
+"""A fair comparison: the fronts from searching the parameters of either method, from the same starts.
 
-Both families are searched with equal evaluations, seeds in turn; their fronts are compared in logarithms of error,
-speed and roughness, over the ranges of the best of all, by the rules that peers are compared by elsewhere.
+Both families are searched with equal evaluations, seeds alternating. Their fronts are compared in logarithms of error,
+speed and roughness, over the ranges of the best of all, by the same tests as peers elsewhere.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from studies.significance import SIGNIFICANCE, SampleComparison, compare_samples
 
 Fronts = Mapping[str, Sequence[np.ndarray]]  # of each seed, by family
 FAMILIES = {"weighted": wan_2018.weighted_gains, "plain": wan_2018.plain_gains}
-LEAST = np.array([1e-9, -np.inf, 1e-9, 1e-9])  # of what logarithms are taken
+LEAST = np.array([1e-9, -np.inf, 1e-9, 1e-9])  # lower bounds before logarithms
 CORNER = 1.1  # of the ranges: the reference point of the hypervolume
-LOW, HIGH = 0.01, 0.02  # quantiles that the ranges leave out at either end: what no one would use
+LOW, HIGH = 0.01, 0.02  # quantiles left out of the ranges at either end: useless values
 
 
 def search_front(family: str, seed: int, *, population: int, generations: int, judged_starts: int) -> np.ndarray:
-    """Return the front (points, 4), minimised, that a search of a family's numbers gives."""
+    """Return the front (points, 4), minimised, from a search of a family's parameters."""
     problem = FAMILIES[family](judged_starts)
     front = pk.solve(problem, population=population, generations=generations, seed=seed)
     signs = np.where(problem.maximised, -1.0, 1.0)
@@ -69,7 +69,7 @@ def comparison_rows(
 
 
 def _verdict(comparison: SampleComparison, p: float) -> str:
-    """Return who wins where `p` is that of the difference among all that are tested."""
+    """Return the winner; `p` is that of the difference, corrected for all tests."""
     winner = "undecided" if p > SIGNIFICANCE.level else "WGPM wins" if comparison.a12 > 0.5 else "LOSS, GPM wins"
     ratio = f"ratio of medians {comparison.ratio_low:.3f} to {comparison.ratio_high:.3f}"
     return f"{winner}, p {p:.1e} (Holm), A12 {comparison.a12:.2f}, {ratio}"
@@ -94,12 +94,12 @@ def _indicators(fronts: Fronts) -> dict[str, Callable[[np.ndarray], float]]:
 
 
 def _compare(name: str, measure: Callable[[np.ndarray], float], fronts: Fronts) -> SampleComparison:
-    """Return how an indicator of both families' fronts compares."""
+    """Return the comparison of an indicator of both families' fronts."""
     ours, theirs = (np.array([float(measure(front)) for front in fronts[family]]) for family in FAMILIES)
     return compare_samples(ours, theirs, maximised=name == "hypervolume")
 
 
 def _log_scale(front: np.ndarray) -> np.ndarray:
-    """Return error, speed and roughness as powers of ten; the margin as it is."""
+    """Return error, speed and roughness as powers of ten; the margin unchanged."""
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.where(np.isfinite(LEAST), np.log10(np.maximum(front, LEAST)), front)

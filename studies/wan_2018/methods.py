@@ -1,4 +1,4 @@
-"""The methods of sections 3.1 and 3.2, and one that keeps limits, from one population of starts."""
+"""The methods of sections 3.1 and 3.2, and one within limits, from one population of starts."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Resolved:
         return next(iter(self.motions))
 
     def nearest_start(self) -> int:
-        """Return the start from which the baseline's errors are nearest to those printed, in logarithms.
+        """Return the start with the baseline's errors nearest to print, in logarithms.
 
         Motions whose steps were cut short do not count; the paper prints no start.
         """
@@ -63,7 +63,7 @@ def paper_name(name: str) -> str:
 
 
 def paper_methods(table: str) -> dict[str, pk.methods.DampedLeastSquares]:
-    """Return the methods of Table 2 (limits on positions alone) or Table 3 (and on velocities)."""
+    """Return the methods of Table 2 (limits on positions only) or Table 3 (and on velocities)."""
     positions = pk.methods.Criterion(objective=pk.joint_limit_nearness, gain=GAIN_POSITIONS, reference=7.0)
     velocities = pk.methods.Criterion(objective=pk.velocity_limit_nearness, gain=GAIN_VELOCITIES, reference=7.0)
     methods: dict[str, pk.methods.DampedLeastSquares] = (
@@ -90,7 +90,7 @@ def paper_methods(table: str) -> dict[str, pk.methods.DampedLeastSquares]:
 
 
 def all_methods(table: str) -> dict[str, tuple[pk.methods.Method, pk.Limits]]:
-    """Return the paper's methods and the quadratic program, with the limits that each is told of."""
+    """Return the paper's methods and the quadratic program, with the limits of each."""
     methods: dict[str, tuple[pk.methods.Method, pk.Limits]] = {
         name: (method, pk.Limits()) for name, method in paper_methods(table).items()
     }
@@ -99,12 +99,12 @@ def all_methods(table: str) -> dict[str, tuple[pk.methods.Method, pk.Limits]]:
 
 
 def path_of(table: str, euler: str = wan_2018.EULER) -> pk.Path:
-    """Return the path of a table's motions, its angles read about the axes ``euler``."""
+    """Return the path of a table's motions; ``euler`` names the axes of its angles."""
     return wan_2018.simulation(euler=euler) if table == "Table 2" else wan_2018.experiment(euler=euler)
 
 
 def start_postures(path: pk.Path, count: int, *, seed: int = 0) -> np.ndarray:
-    """Return postures (postures, 7) of the first pose, within the limits, from so many random ones."""
+    """Return postures (postures, 7) of the first pose, within the limits, from a number of random ones."""
     arm = pk.arms.wan_7r()
     task = motion_task(
         arm,
@@ -118,9 +118,9 @@ def start_postures(path: pk.Path, count: int, *, seed: int = 0) -> np.ndarray:
 
 
 def resolve_table(table: str, *, population: int, executor: Executor | None = None, chunk: int = 20) -> Resolved:
-    """Return the motions of the paper's methods and of the quadratic program, its task's numbers the same.
+    """Return the motions of the paper's methods and of the quadratic program, with equal task parameters.
 
-    The program takes a hundred times as long as the others: a ``chunk`` of starts is a task.
+    The program is a hundred times slower than the others: one task is a ``chunk`` of starts.
     """
     starts = start_postures(path_of(table), population)
     tell(f"{table}: {', '.join(paper_methods(table))} from {len(starts)} starts")
@@ -138,7 +138,7 @@ def resolve_table(table: str, *, population: int, executor: Executor | None = No
 
 
 def resolve_from(table: str, name: str, starts: np.ndarray, euler: str = wan_2018.EULER) -> ResolvedMotion:
-    """Return the motions of a method from starts; by names so that it can be in another process."""
+    """Return the motions of a method from starts; by names so that it can run in another process."""
     method, limits = all_methods(table)[name]
     path = path_of(table, euler)
     return pk.resolve(pk.arms.wan_7r(), path, method, start=starts, limits=limits, unreachable="track")
@@ -160,7 +160,7 @@ def worst_errors(motion: ResolvedMotion) -> np.ndarray:
 
 
 def error_distances(table: str, method: str, motion: ResolvedMotion) -> np.ndarray:
-    """Return how far errors (motions,) are from those printed, in logarithms; inf if steps were cut short."""
+    """Return the distance of errors (motions,) from print, in logarithms; inf if steps were cut short."""
     printed = [paper()[table, axis, method] for axis in AXES]
     distance = np.linalg.norm(np.log(worst_errors(motion) / printed), axis=1)
     return np.where(cut_short(motion), np.inf, distance)
@@ -175,5 +175,5 @@ def axis_errors(motion: ResolvedMotion) -> np.ndarray:
 
 
 def cut_short(motion: ResolvedMotion) -> np.ndarray:
-    """Return of which motions (motions,) some step was shortened, or the task given up."""
+    """Return the motions (motions,) with some step shortened, or the task given up."""
     return np.asarray(np.isin(motion.traces.status, ["shortened", "held"]).any(axis=-1))

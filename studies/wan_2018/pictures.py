@@ -1,4 +1,4 @@
-"""Figures 6, 7, 10 and 11 as pictures, and the same of the quadratic program that keeps limits."""
+"""Figures 6, 7, 10 and 11 as pictures, and the same of the quadratic program within limits."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ JOINTS = [f"joint {j + 1}" for j in range(7)]
 
 
 class Panel(NamedTuple):
-    """One panel: what stands at its axis, the values (time, lines), and what the lines are."""
+    """One panel: the label of its axis, the values (time, lines), and the lines' names."""
 
     label: str
     values: Callable[[ResolvedMotion], np.ndarray]

@@ -1,4 +1,4 @@
-"""Tables 2 and 3: errors, what becomes of limits and steps, which method errs less, and the time they take."""
+"""Tables 2 and 3: errors, limits and steps, which method errs less, and times."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from studies.wan_2018.methods import (
 FOURTH = 3  # joint 4, counted from 0
 AT_LIMIT = 0.02  # share of its range: a joint nearer to a limit than this is at it
 FOLLOWED = 1e-3  # m, rad: errors of a motion that follows its path
-READINGS = ("ZYZ", "ZXZ", "ZYX", "XYZ", "zyx", "xyz")  # axes of Euler angles; capitals turn with the body
+READINGS = ("ZYZ", "ZXZ", "ZYX", "XYZ", "zyx", "xyz")  # axes of Euler angles; capitals are intrinsic
 SETS, GOAL = 200, 0.3  # parameter sets, and seconds for all of them
 REASONS = {
     "Table 2": "the paper prints no start: these are all over the first pose's self-motion",
@@ -44,7 +44,7 @@ WORK = {
 
 
 def table_rows(resolved: Resolved) -> list[Row]:
-    """Return medians over starts of the greatest errors, what becomes of limits, and which method errs less."""
+    """Return medians over starts of the greatest errors, results on limits, and which method errs less."""
     rows = [row for name in resolved.motions for row in _error_rows(resolved, name)]
     rows += [row for name in resolved.motions for row in _nearest_start_rows(resolved, name)]
     rows += [row for name, motion in resolved.motions.items() for row in _limit_rows(resolved.table, name, motion)]
@@ -72,7 +72,7 @@ def _error_rows(resolved: Resolved, name: str) -> list[Row]:
 
 
 def _nearest_start_rows(resolved: Resolved, name: str) -> list[Row]:
-    """Return the greatest errors from the start from which the baseline's are nearest to those printed."""
+    """Return the greatest errors from the start with the baseline's nearest to print."""
     errors = worst_errors(resolved.motions[name])[resolved.nearest_start()]
     return [
         Row(
@@ -89,7 +89,7 @@ def _nearest_start_rows(resolved: Resolved, name: str) -> list[Row]:
 
 
 def euler_rows(table: str, *, population: int) -> list[Row]:
-    """Return how near the baseline's errors come to those printed, by the axes that Euler angles are read about.
+    """Return how near the baseline's errors come to print, by the axes of the Euler angles.
 
     Also the share of its motions that a singular posture damps: the paper's is damped.
     """
@@ -167,7 +167,7 @@ def _comparison_rows(resolved: Resolved) -> list[Row]:
 
 
 def running_time_rows(resolved: Resolved, *, rounds: int) -> list[Row]:
-    """Return the seconds that one motion takes by every method, from the start nearest to the paper's."""
+    """Return the seconds of one motion by every method, from the start nearest to the paper's."""
     table, path, arm = resolved.table, path_of(resolved.table), pk.arms.wan_7r()
     start = resolved.motions[resolved.baseline].q[resolved.nearest_start(), 0]
     calls = {
@@ -201,7 +201,7 @@ def running_time_rows(resolved: Resolved, *, rounds: int) -> list[Row]:
 
 
 def speed_row(*, rounds: int) -> Row:
-    """Return the seconds that so many parameter sets take along the path of section 3.2."""
+    """Return the seconds of many parameter sets along the path of section 3.2."""
     arm, path, rng = pk.arms.wan_7r(), wan_2018.experiment(), np.random.default_rng(0)
     start = start_postures(path, 40)[0]
     method = pk.methods.WeightedGradientProjection(
@@ -233,7 +233,7 @@ def speed_row(*, rounds: int) -> Row:
 
 
 def _seconds(calls: Mapping[str, Callable[[], object]], rounds: int) -> dict[str, list[float]]:
-    """Return the seconds of every call in so many rounds, taken in turns, after a round that is not counted."""
+    """Return the seconds of every call in several rounds, alternating, after a round that is not counted."""
     elapsed: dict[str, list[float]] = {name: [] for name in calls}
     for turn in range(rounds + 1):
         tell(f"times of {len(calls)} calls, round {turn} of {rounds}")

@@ -1,4 +1,4 @@
-"""Runs of every verb that can go on, small ones, and how one is killed after so many entries of its journal.
+"""Small runs of every verb that can be resumed, and how to kill one after some entries of its journal.
 
 python -m tests.api.resumed_runs VERB FOLDER ENTRIES
 """
@@ -26,7 +26,7 @@ def loop() -> pk.ClosedLoop:
 
 
 class Slow(ElementwiseProblem):
-    """A problem whose rows take their time one by one, and are counted in a file."""
+    """A problem whose rows are evaluated slowly, one by one, and counted in a file."""
 
     def __init__(self, counted: Path, seconds: float = 0.06) -> None:
         super().__init__(n_var=3, n_obj=2, xl=0.0, xu=1.0)
@@ -40,7 +40,7 @@ class Slow(ElementwiseProblem):
 
 
 class Hanging(ElementwiseProblem):
-    """A problem one of whose first rows, that of the largest gene, does not end."""
+    """A problem in which the first row with the largest gene does not end."""
 
     def __init__(self) -> None:
         super().__init__(n_var=2, n_obj=2, xl=0.0, xu=1.0)
@@ -57,7 +57,7 @@ class Hanging(ElementwiseProblem):
 
 
 class Deadly(Hanging):
-    """A problem one of whose first rows ends the process."""
+    """A problem in which one of the first rows ends the process."""
 
     def fail(self) -> None:
         os.kill(os.getpid(), signal.SIGSEGV)
@@ -104,7 +104,7 @@ def run(verb: str, out: Path) -> pk.Front | pk.Plan:
 
 
 def kill_after(entries: int) -> None:
-    """Let this process kill itself as soon as a journal has so many entries."""
+    """Make this process kill itself when a journal has this number of entries."""
     append = Journal.append
 
     def counted(journal: Journal, *arguments: object) -> None:

@@ -12,7 +12,7 @@ from problems import panda, tringali_2020
 
 @dataclass(frozen=True, kw_only=True)
 class Units:
-    """How often as large numbers of seconds, metres and kilograms are, and those of an objective besides."""
+    """Factors of the numbers of seconds, metres and kilograms, and of an objective's numbers."""
 
     time: float = 1.0
     length: float = 1.0
@@ -20,7 +20,7 @@ class Units:
     objective: float = 1.0
 
     def of(self, kind, arm):
-        """What a limit on joints is multiplied by, (dof,)."""
+        """Factors of a limit on joints, (dof,)."""
         joint = np.where(arm.periodic, 1.0, self.length)
         energy = self.mass * self.length**2 / self.time**2
         return {
@@ -32,11 +32,11 @@ class Units:
         }[kind]
 
     def of_objective(self, name):
-        """What an objective is multiplied by."""
+        """Factor of an objective."""
         energy = self.mass * self.length**2 / self.time**2
         return {
             "kinetic_energy": energy * self.time,
-            "torque_norm": energy**2 * self.time,  # of joints that turn
+            "torque_norm": energy**2 * self.time,  # of revolute joints
             "mechanical_energy": energy,
             "peak_torque": energy,
             "joint_travel": 1.0,
@@ -112,7 +112,7 @@ def around(units, objectives, samples=51, **settings):
 
 
 def past_an_obstacle(units, objectives, clearance=0.005, **settings):
-    """The arm along the line, a disc beside it."""
+    """The arm along the line, with a disc next to it."""
     disc = pk.obstacles.Circle(units.length * np.array([0.3, -0.12]), units.length * 0.05)
     radius = units.length * 0.01
     return straight(units, objectives, obstacles=[disc], link_radius=radius, clearance=clearance, **settings)

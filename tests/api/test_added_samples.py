@@ -1,4 +1,4 @@
-"""Refinement adds samples until values are those of the curves, and what it finds stays the user's problem's."""
+"""Refinement adds samples until values are those of the curves; the result still belongs to the user's problem."""
 
 from __future__ import annotations
 

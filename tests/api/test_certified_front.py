@@ -1,4 +1,4 @@
-"""The certified front of optimal points: saddles give way to the minima beside them."""
+"""The certified front of optimal points: saddles are replaced by the minima next to them."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ ANGLE, NEAR, FAR = 0.9, 0.2, 0.4  # rad
 
 
 def well(motion, width):
-    """Least where the first joint rests at one of two angles; between them is a maximum, where it rests as well."""
+    """Least if the first joint rests at one of two angles; the maximum between them is critical too."""
     return ((motion.q[..., 0] - ANGLE) ** 2 - width**2) ** 2 + 0.1 * motion.dq[..., 0] ** 2
 
 
 @pk.objective(unit="rad⁴s", form="integral")
 def near_wells(motion):
-    """Return how far the first joint is from two angles, one on either side of ANGLE."""
+    """Return the distance of the first joint from two angles, one on each side of ANGLE."""
     return well(motion, NEAR)
 
 
 @pk.objective(unit="rad⁴s", form="integral")
 def far_wells(motion):
-    """Return the same for two angles that are farther away."""
+    """Return the same for two angles that are farther apart."""
     return well(motion, FAR)
 
 
 @pk.objective(unit="rad²s", form="integral")
 def offset(motion):
-    """Return how far the first joint is from ANGLE, squared."""
+    """Return the squared distance of the first joint from ANGLE."""
     return (motion.q[..., 0] - ANGLE) ** 2
 
 
@@ -71,14 +71,14 @@ def test_a_saddle_gives_way_to_a_minimum_that_is_better_in_every_objective(probl
     assert np.sqrt(front.objectives[0]).sum() == pytest.approx(FAR**2 - NEAR**2, rel=1e-6)  # in closed form
 
 
-def test_without_rounds_it_stays_and_is_called_a_saddle(problem, saddle, monkeypatch):
+def test_without_rounds_a_saddle_stays_and_is_called_one(problem, saddle, monkeypatch):
     monkeypatch.setattr(module, "OPTIONS", module.CertifiedFrontOptions(rounds=0))
     front = certified(problem, saddle)
     assert front.certificates.status.tolist() == ["saddle"]
     np.testing.assert_allclose(front.objectives[0], [NEAR**4, FAR**4], rtol=1e-6)
 
 
-def test_a_minimum_stays_beside_it_unless_it_is_dominated_now(problem, saddle):
+def test_a_minimum_next_to_a_saddle_stays_unless_it_is_dominated(problem, saddle):
     minimum = certified(problem, saddle).motions.q
     front = certified(problem, np.concatenate([saddle, minimum]))
     assert set(front.ids.tolist()) <= {7, 8}
@@ -88,7 +88,7 @@ def test_a_minimum_stays_beside_it_unless_it_is_dominated_now(problem, saddle):
 
 
 def check_weights_are_over_the_ranges(front):
-    """Exchange rates, in natural units, are the ratios of the weights over the ranges that the front has."""
+    """Exchange rates, in natural units, are the ratios of the weights over the ranges of the front."""
     certificates, low, high = front.certificates, *front.ranges.T
     natural = certificates.weights / (high - low) * np.where(front.maximised, -1.0, 1.0)
     expected = -natural[:, :, None] / natural[:, None, :]

@@ -39,7 +39,7 @@ def test_folders_of_one_name_get_longer_labels(run, tmp_path):
     assert pk.compare(*folders, labels=["x", "x"]).groups == {"x": [0, 1]}
 
 
-def test_labels_are_as_long_as_it_takes_to_tell_folders_apart(run, tmp_path):
+def test_labels_are_long_enough_to_tell_folders_apart(run, tmp_path):
     _, front = run
     names = ("x/energy/seed", "y/energy/seed", "y/other/seed", "front 1", "alone")
     folders = [tmp_path / name for name in names]
@@ -52,19 +52,19 @@ def test_labels_are_as_long_as_it_takes_to_tell_folders_apart(run, tmp_path):
 
 
 @pytest.mark.usefixtures("unchecked")
-def test_what_is_no_front_or_label_is_refused(run, tmp_path):
+def test_invalid_fronts_and_labels_are_refused(run, tmp_path):
     folder, front = run
-    with pytest.raises(InvalidRun, match="wanted a plain file, got no such file"):
+    with pytest.raises(InvalidRun, match="must be a plain file, got no such file"):
         pk.compare(folder, tmp_path)
-    with pytest.raises(InvalidInput, match="labels: a list of them wanted, got 'ab'"):
+    with pytest.raises(InvalidInput, match="labels must be a list of them, got 'ab'"):
         pk.compare(front, front, labels="ab")
-    with pytest.raises(InvalidInput, match="labels: a list of them wanted, got 3"):
+    with pytest.raises(InvalidInput, match="labels must be a list of them, got 3"):
         pk.compare(front, front, labels=[3, 4])
-    with pytest.raises(InvalidInput, match="wanted at least two fronts, got 0"):
+    with pytest.raises(InvalidInput, match="there must be at least two fronts, got 0"):
         pk.compare()
 
 
-def test_who_computed_runs_is_told_where_it_differs(run, tmp_path):
+def test_a_comparison_tells_who_computed_runs_if_it_differs(run, tmp_path):
     _, front = run
     cluster = {"by": [{"by": "a Dask cluster", "machines": [{"machines": 2, "workers": 4, "processor": "x"}]}]}
     other = replace(front, problem=None, provenance={**front.provenance, "computed": cluster})

@@ -28,18 +28,18 @@ def test_points_are_shown_as_they_come_and_all_are_certified(problem):
     }
 
 
-def test_one_objective_is_left_to_plan():
-    with pytest.raises(pk.InvalidInput, match="epsilon_front: two objectives or more wanted, got one"):
+def test_an_epsilon_front_refuses_one_objective():
+    with pytest.raises(pk.InvalidInput, match="problem must have two objectives or more for epsilon_front, got one"):
         pk.epsilon_front(tracking(pk.kinetic_energy))
 
 
-@pytest.mark.parametrize(("settings", "words"), [({"points": 1}, "points: an integer of at least 2 wanted, got 1")])
+@pytest.mark.parametrize(("settings", "words"), [({"points": 1}, "points must be an integer of at least 2, got 1")])
 def test_settings_that_make_no_sense_are_refused(problem, settings, words):
     with pytest.raises(pk.InvalidInput, match=words):
         pk.epsilon_front(problem, **settings)
 
 
-def test_an_end_that_is_held_between_samples_does_not_slide_along_the_front():
+def test_an_end_point_tightened_between_samples_does_not_slide_along_the_front():
     path = pk.line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=31)
     limits = pk.Limits(position=np.deg2rad([90, 120, 120]), clearance=0.005)
     cell = {"obstacles": [pk.obstacles.Circle([0.28, -0.11], 0.02)], "link_radius": 0.015, "limits": limits}

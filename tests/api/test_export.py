@@ -1,4 +1,4 @@
-"""A choice on its way to a robot: what is written, what it says of itself, and what is refused before any work."""
+"""A choice is exported to a robot: what is written, its metadata, and what is refused before any work."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_without_a_rate_or_a_controller_the_samples_are_the_motions_own(tmp_path
     np.testing.assert_allclose(trajectory.q, SWING.q, atol=1e-12)
 
 
-def test_what_export_says_itself_is_said_by_no_one_else(front, tmp_path):
+def test_metadata_cannot_use_names_that_export_writes(front, tmp_path):
     choice = front.select(pk.Weights(kinetic_energy=1))
     for name in ("point", "reason", "made by", "use of limits"):
         with pytest.raises(InvalidInput, match=f"got '{name}'"):
@@ -63,7 +63,7 @@ def test_a_controller_gives_its_rate_and_the_use_of_its_limits(tmp_path):
     assert max(uses.values()) < 1
 
 
-def test_a_controller_of_ones_own_holds_too(tmp_path):
+def test_the_limits_of_a_users_own_controller_must_hold(tmp_path):
     own = Controller(name="bench", joint_names=PANDA.joint_names, rate=125, velocity=0.3)
     with pytest.raises(
         Infeasible, match=r"controller bench: velocity of panda_joint7 is .* rad/s at 1 s, its limit 0\.3"
@@ -91,10 +91,10 @@ def test_limits_are_those_of_the_joints_by_name_in_whatever_order_they_are_writt
         pk.export(SWING, tmp_path / "a.csv", controller=own, joint_names=PANDA.joint_names[::-1])
 
 
-def test_a_file_that_is_there_is_replaced_only_where_told(tmp_path):
+def test_an_existing_file_is_replaced_only_if_told(tmp_path):
     place = tmp_path / "mine.csv"
     place.write_text("mine")
-    with pytest.raises(InvalidInput, match=r"mine\.csv: a new file or permission to overwrite \(--overwrite\) wanted"):
+    with pytest.raises(InvalidInput, match=r"mine\.csv must be a new file, got one that exists; use --overwrite"):
         pk.export(SWING, place, rate=50)
     assert place.read_text() == "mine"
     pk.export(SWING, place, rate=50, overwrite=True)
@@ -107,29 +107,29 @@ def test_a_file_that_is_there_is_replaced_only_where_told(tmp_path):
         ({"rate": 0}, "rate: must be positive, got 0 Hz"),
         ({"rate": "1 kHz"}, "rate: must hold real numbers, got text"),
         ({"controller": "abb"}, "controller: one of franka, ur, kinova, panda"),
-        ({"controller": "kinova"}, "controller gen3: wants the joints joint_1"),
-        ({"joint_names": ["elbow"]}, "got 'elbow', which is none of them"),
-        ({"time_scale": 0.9}, "time_scale: 1 or more, to slow down, wanted, got 0.9"),
-        ({"ramp": 9.0}, "ramp: 0, or from one period to the motion's 2 s wanted, got 9 s"),
-        ({"slow_down": "yes"}, "slow_down: True or False wanted, got 'yes'"),
-        ({"slow_down": True}, "slow_down: a controller, whose limits say how much, wanted, got none"),
-        ({"overwrite": 1}, "overwrite: True or False wanted, got 1"),
+        ({"controller": "kinova"}, "controller gen3: joints must be joint_1"),
+        ({"joint_names": ["elbow"]}, "got 'elbow', which is not among them"),
+        ({"time_scale": 0.9}, "time_scale must be 1 or more, to slow down, got 0.9"),
+        ({"ramp": 9.0}, "ramp must be 0, or from one period to the motion's 2 s, got 9 s"),
+        ({"slow_down": "yes"}, "slow_down must be True or False, got 'yes'"),
+        ({"slow_down": True}, "slow_down must come with a controller, whose limits say how much, got none"),
+        ({"overwrite": 1}, "overwrite must be True or False, got 1"),
         ({"format": "xml"}, "format must be one of csv, parquet, npz, joint-trajectory, ros2-bag, got 'xml'"),
-        ({"file": None}, "file: a path wanted, got None"),
-        ({"file": "swing"}, "swing: a format of csv"),
-        ({"file": "a\0b.csv"}, r"file: a path wanted, got 'a\x00b.csv'"),
-        ({"file": ".", "format": "csv"}, "export: wanted a file to write into, got the folder ."),
+        ({"file": None}, "file must be a path, got None"),
+        ({"file": "swing"}, "swing must have a format of csv"),
+        ({"file": "a\0b.csv"}, r"file must be a path, got 'a\x00b.csv'"),
+        ({"file": ".", "format": "csv"}, "export must be a file to write into, got the folder ."),
         (
             {"file": "/", "format": "ros2-bag", "overwrite": True},
-            "bag: wanted a folder of its own to write into, got the folder /",
+            "bag must be a folder of its own to write into, got the folder /",
         ),
-        ({"file": "x" * 300 + ".csv"}, "file: a path wanted, got 'xxx"),
-        ({"motion": None}, "motion: a Motion or the Choice of one wanted, got None"),
+        ({"file": "x" * 300 + ".csv"}, "file must be a path, got 'xxx"),
+        ({"motion": None}, "motion must be a Motion or the Choice of one, got None"),
         (
             {"metadata": {"rate": 7}},
-            "metadata: wanted other names than those of what export says itself, got 'rate'",
+            "metadata must not use the names of entries that export writes, got 'rate'",
         ),
-        ({"metadata": {"by": object()}}, "metadata.by: wanted what JSON can hold, got object"),
+        ({"metadata": {"by": object()}}, "metadata.by must be what JSON can hold, got object"),
     ],
 )
 def test_what_cannot_be_exported_is_refused_in_one_line_and_nothing_written(changed, message, tmp_path, unchecked):
@@ -142,11 +142,11 @@ def test_what_cannot_be_exported_is_refused_in_one_line_and_nothing_written(chan
 
 def test_a_batch_and_a_motion_without_its_arm_are_refused(front, run, tmp_path):
     with pytest.raises(
-        InvalidInput, match=r"motion: one motion wanted, got a batch of \(\d+,\); pick one: motions\[0\]"
+        InvalidInput, match=r"motion must be one motion, got a batch of \(\d+,\); pick one: motions\[0\]"
     ):
         pk.export(front.motions, tmp_path / "a.csv", rate=100)
     stored = pk.Front.load(run[0])
-    with pytest.raises(InvalidInput, match="motion: a choice whose front knows its arm wanted, got one without; open"):
+    with pytest.raises(InvalidInput, match="motion must be a choice whose front has its arm, got one without; load"):
         pk.export(stored.choice(0, "mine"), tmp_path / "a.csv", rate=100)
 
 
@@ -168,7 +168,7 @@ GOALS = [pk.kinetic_energy, pk.torque_norm]
 
 
 def active_problem(arm, path, kind, seed, goals):
-    """Return a problem with limits of a kind that its best motion without them exceeds, of one joint at random."""
+    """Return a problem with a limit of one random joint that the best motion without limits violates."""
     rng = np.random.default_rng(seed)
     boundless = pk.Limits(velocity=np.inf, torque=np.inf)
     best = pk.plan(pk.Tracking(arm, path, objectives=goals[:1], limits=boundless), starts=3).best.motion
@@ -185,7 +185,7 @@ def active_problem(arm, path, kind, seed, goals):
 
 
 def assert_exportable(task, motion, file):
-    """Assert that a controller with the limits of a task takes a motion, and that its own samples keep them."""
+    """Assert that a controller with a task's limits accepts a motion, and that its own samples satisfy them."""
     bounds = {kind: np.broadcast_to(each, (len(task.times), task.arm.dof, 2)) for kind, each in task.bounds.items()}
     widest = {kind: np.abs(each).max(axis=(0, 2)) for kind, each in bounds.items()}
     if "position" in bounds:
@@ -210,7 +210,7 @@ def test_an_optimum_passes_the_controller_with_the_limits_that_it_was_planned_wi
     assert best.status == "converged"
     assert best.violation_between == 0.0
     shares = [problem.task.violations(each).max() for each in (best.motion, finer_motion(best.motion, 20))]
-    assert max(shares) > -1e-3  # the bound of a velocity, or what is limited itself, is at its limit
+    assert max(shares) > -1e-3  # the bound of a velocity, or the limited value itself, is at its limit
     assert_exportable(problem.task, best.motion, tmp_path / "motion.npz")
 
 

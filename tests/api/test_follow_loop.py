@@ -1,4 +1,4 @@
-"""Closed loops through the public face: followed, kept, chosen from anew, ended early."""
+"""Closed loops by the public verbs: followed, kept, chosen from again, ended early."""
 
 from __future__ import annotations
 
@@ -103,16 +103,16 @@ def test_the_recording_shows_every_generation_of_a_recorded_step_and_the_arm_of_
 
 @pytest.mark.parametrize(
     ("steps", "words"),
-    [([0], "record_steps"), ([13], "record_steps: steps from 1 to 12 wanted, got 13"), (["a"], "record_steps")],
+    [([0], "record_steps"), ([13], "record_steps must be from 1 to 12, got 13"), (["a"], "record_steps")],
 )
 @pytest.mark.usefixtures("unchecked")
-def test_steps_that_there_are_not_are_refused_before_any_work(steps, words, tmp_path):
+def test_missing_steps_are_refused_before_any_work(steps, words, tmp_path):
     with pytest.raises(pk.InvalidInput, match=words):
         pk.solve(short(), out=tmp_path / "run", record_steps=steps)
     assert not (tmp_path / "run").exists()
 
 
-def test_other_weights_follow_the_loop_anew_from_where_it_began(finished):
+def test_other_weights_follow_the_loop_again_from_its_start(finished):
     front, out = finished
     loaded = pk.load_front(out, short())
     for either_front in (front, loaded):
@@ -124,7 +124,7 @@ def test_other_weights_follow_the_loop_anew_from_where_it_began(finished):
     own = front.select(pk.Weights(joint_displacement=2.0, position_error=2.0))
     np.testing.assert_array_equal(own.motion.q, front.motions.q[0])
     assert reweigh(loaded.problem, loaded, pk.Weights(joint_displacement=1.0, position_error=1.0)) is None
-    with pytest.raises(pk.InvalidInput, match="wanted names among joint_displacement, position_error"):
+    with pytest.raises(pk.InvalidInput, match="must have names among joint_displacement, position_error"):
         front.select(pk.Weights(energy=1.0))
 
 
@@ -137,8 +137,8 @@ def test_a_time_limit_keeps_the_steps_that_were_taken(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["evaluations", "target", "anchors", "refine", "solver"])
-def test_what_means_nothing_for_a_loop_is_refused(name):
-    with pytest.raises(pk.InvalidInput, match=f"{name}: wants a search for a front, got a closed loop"):
+def test_settings_of_a_search_are_refused_for_a_loop(name):
+    with pytest.raises(pk.InvalidInput, match=f"{name} must be used with a search for a front, got a closed loop"):
         pk.solve(short(), **{name: {"target": [1.0, 1.0], "refine": True, "solver": "sqp"}.get(name, 1)})
 
 
@@ -152,19 +152,19 @@ def test_a_loop_that_is_blocked_says_so_in_its_run(tmp_path):
         population=8,
         generations=3,
     )
-    with pytest.raises(pk.Infeasible, match=r"step \d+ .*: a free configuration wanted, none found; the arm is"):
+    with pytest.raises(pk.Infeasible, match=r"step \d+ .*: there must be a free configuration, none found; the arm is"):
         pk.solve(loop, out=tmp_path / "run")
     assert "obstacle 1 of 1" in json.loads((tmp_path / "run" / "run.json").read_text())["reason"]
 
 
-def test_a_singular_arm_is_told_as_such():
+def test_the_error_says_that_an_arm_is_singular():
     path = pk.line([3.0, 0.0], [2.9, 0.1], duration=0.1, samples=5, timing="uniform")
-    with pytest.raises(pk.Infeasible, match=r"step 1 .*: a Jacobian of full rank wanted.* condition number is"):
+    with pytest.raises(pk.Infeasible, match=r"step 1 .*: the Jacobian must have full rank.* condition number is"):
         pk.ClosedLoop(pk.arms.marcos_nr(3), path, start=np.zeros(3), population=8, generations=2).run()
 
 
 @pytest.mark.parametrize("count", [1, 3])
-def test_one_objective_or_three_and_a_spatial_arm(count):
+def test_loops_with_one_or_three_objectives_and_a_spatial_arm_are_followed(count):
     arm, q = pk.arms.wan_7r(), np.array([0.2, 0.6, -0.4, -0.8, 0.3, 0.5, 0.1])
     where = pk.Motion(arm=arm, time=np.arange(3.0), q=np.tile(q, (3, 1))).tool[0]
     path = pk.line(where, where + np.array([0.0, 0.002, 0.001]), duration=0.01, samples=4, timing="uniform")
@@ -203,9 +203,9 @@ def test_position_and_velocity_limits_hold_at_every_step():
     assert front.violation[0] < 1e-8
 
 
-def test_warm_starts_begin_with_the_population_before():
+def test_warm_starts_begin_with_the_former_population():
     moved = []
-    for seed in range(16):  # of one seed alone, chance decides
+    for seed in range(16):  # with one seed only, the result is random
         cold, warm = short(generations=2, seed=seed), short(generations=2, seed=seed)
         warm.warm_start = True
         first, second = cold.run(), warm.run()
@@ -217,5 +217,5 @@ def test_warm_starts_begin_with_the_population_before():
 
 @pytest.mark.parametrize("verb", [pk.plan, pk.epsilon_front, lambda loop: pk.refine(pk.solve(loop))])
 def test_verbs_that_take_gradients_refuse_a_loop(verb):
-    with pytest.raises(pk.InvalidInput, match="a problem with gradients wanted, such as Tracking, got ClosedLoop"):
+    with pytest.raises(pk.InvalidInput, match="the problem must have gradients, such as Tracking, got ClosedLoop"):
         verb(short())

@@ -1,4 +1,4 @@
-"""A folder that says that its run found nothing feasible is read, or refused in a line, whatever it holds."""
+"""The folder of a run that found nothing feasible is read, or refused in one line, whatever it contains."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ MOTION = {
 
 @pytest.fixture
 def write(tmp_path):
-    """Return a function that writes a run with an entry of its least-violating motion, and that motion's arrays."""
+    """Return a function that writes a run with an entry and arrays of its least-violating motion."""
 
     def write(entry: Any, **arrays: np.ndarray) -> Any:
         if arrays:
@@ -38,7 +38,7 @@ def write(tmp_path):
     return write
 
 
-def test_what_is_written_is_read(write):
+def test_an_infeasible_run_is_read_as_it_was_written(write):
     folder = write({"broken": ["velocity by 3 % of its range"], "objectives": [ENERGY]}, **MOTION)
     assert is_infeasible(folder)
     run = read_infeasible(folder)

@@ -34,10 +34,10 @@ def test_motions_are_encoded_as_starts_and_those_that_the_genes_miss_are_warned_
 
 def test_a_front_of_another_problem_without_motions_cannot_be_a_start(problem):
     foreign = solve(ZDT1(n_var=5), population=8, generations=2)
-    with pytest.raises(InvalidInput, match="initial: the front is of another problem and has no motions"):
+    with pytest.raises(InvalidInput, match="initial must be a front with motions or of this problem, got neither"):
         solve(problem, **QUICK, initial=foreign)
 
 
 def test_motions_cannot_start_a_problem_that_knows_none(front):
-    with pytest.raises(InvalidInput, match="initial: wants genes, as this problem cannot encode motions"):
+    with pytest.raises(InvalidInput, match="initial must be genes, got motions, which this problem cannot encode"):
         solve(ZDT1(n_var=5), **QUICK, initial=front.motions)

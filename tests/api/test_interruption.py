@@ -1,4 +1,4 @@
-"""Signals end every verb soon, and what is done by then is returned."""
+"""Signals end every verb soon, and the results so far are returned."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def tracking(*objectives):
 
 
 def interrupt_at(stage, done=1, number=signal.SIGINT):
-    """Return an observer that sends this process a signal once a stage has come so far."""
+    """Return an observer that sends this process a signal when a stage has come so far."""
 
     def observe(progress):
         if progress.stage == stage and progress.done >= done and not STOP[0]:
@@ -51,7 +51,7 @@ def test_a_plan_returns_the_optima_of_coarser_samples_at_its_own():
 
 
 def interrupt_restarts(monkeypatch):
-    """Send this process a signal when the first portion of the starts of a plan is done."""
+    """Send this process a signal when the first part of a plan's starts is done."""
     add = RestartPolicy.__call__
 
     def interrupted(policy, solutions):
@@ -61,7 +61,7 @@ def interrupt_restarts(monkeypatch):
     monkeypatch.setattr(RestartPolicy, "__call__", interrupted)
 
 
-def test_a_plan_says_from_how_many_starts_its_optima_are_that_of_a_level_cut_short_too(monkeypatch, tmp_path):
+def test_a_plan_counts_its_starts_even_on_an_interrupted_level(monkeypatch, tmp_path):
     problem = tracking(pk.kinetic_energy)
     whole = pk.plan(problem, starts=8)
     assert whole.starts >= 8
@@ -86,7 +86,7 @@ def test_an_epsilon_front_returns_the_points_so_far_and_says_which_are_certified
     assert np.isnan(front.certificates.criticality[late]).all()
 
 
-def test_a_refinement_keeps_the_points_that_it_came_to():
+def test_an_interrupted_refinement_keeps_its_refined_points():
     front = pk.solve(tracking(*BOTH), population=30, generations=6, seed=1, points=12)
     refined = pk.refine(front, observe=interrupt_at("refinement"))
     assert refined.provenance["status"] == "SIGINT"
@@ -96,7 +96,7 @@ def test_a_refinement_keeps_the_points_that_it_came_to():
 
 
 @pytest.mark.parametrize(("number", "error"), [(signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, SystemExit)])
-def test_where_there_is_nothing_yet_a_signal_ends_python_as_it_would_have(number, error, monkeypatch):
+def test_a_signal_before_any_result_ends_python_as_usual(number, error, monkeypatch):
     module = import_module("paretoik.formulations.tracking")
     find_optima = module.find_optima
 
@@ -156,6 +156,6 @@ def test_a_verb_on_a_seven_joint_arm_answers_within_a_second_of_its_processors_t
 
 
 def processor_seconds(process: int) -> float:
-    """Return the seconds that a process has had of all processors."""
+    """Return the processor time of a process [s]."""
     fields = Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")

@@ -1,4 +1,4 @@
-"""What fails late loses nothing that was found before it, with a folder and without one."""
+"""A late failure loses nothing that was found before it, with a folder and without one."""
 
 import signal
 
@@ -16,7 +16,7 @@ SIZES = {"population": 12, "generations": 9, "seed": 1}
 
 
 class Ageing(Parabolas):
-    """A problem whose evaluations change after so many ``calls``."""
+    """A problem whose evaluations change after a number of ``calls``."""
 
     def __init__(self, change, calls=5):
         super().__init__()
@@ -166,12 +166,14 @@ def test_an_evaluation_that_calls_sys_exit_fails_and_the_search_goes_on():
     assert counts["generations"] == SIZES["generations"]
     assert counts["failed"] == 12 * (SIZES["generations"] - 4)
     assert counts["first_cause"] == "the problem raised SystemExit: 0"
-    with pytest.raises(EvaluationFailed, match="all 12 failed, the first with: the problem raised SystemExit: 0"):
+    with pytest.raises(
+        EvaluationFailed, match="got 12 failed evaluations, the first with: the problem raised SystemExit: 0"
+    ):
         pk.solve(Ageing(leave, calls=0), **SIZES)
 
 
 def test_views_that_fail_are_a_warning_and_the_result_is_there(problem, tmp_path):
-    """A constraint that raises once the search is over is asked again for what the picture says."""
+    """A constraint that raises after the search is evaluated again for the text of the picture."""
     over = False
 
     @pk.constraint(unit="rad", upper=100.0, form="terminal")

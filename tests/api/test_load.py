@@ -38,7 +38,7 @@ def test_a_run_that_names_no_problem_still_has_its_joint_positions(run):
 
 
 def test_another_problem_is_refused_by_its_fingerprint(run):
-    with pytest.raises(InvalidInput, match="the problem that the run solved, got one whose fingerprint is another"):
+    with pytest.raises(InvalidInput, match=r"the run in .* solved, got one whose fingerprint is another"):
         load_front(run[0], tracking(velocity=6.5))
 
 
@@ -49,12 +49,12 @@ def test_a_run_whose_problem_is_not_given_comes_without_its_arm_and_a_warning(pr
     assert len(front.motions) == len(front)
 
 
-# Run folders may come from anybody: what one names is loaded only if the user names it, or says yes on a terminal.
+# Run folders may come from anybody: a named problem is loaded only if the user names it, or says yes on a terminal.
 
 
 ROOT = Path(__file__).parents[2]
 EVIL = "import pathlib\npathlib.Path({mark!r}).write_text('run')\ndef problem():\n    return None\nvalue = 3\n"
-HOSTILE = {  # what runs name, by the runs' names
+HOSTILE = {  # problems that runs name, by the names of the runs
     "current": "evil.py:problem",
     "python": "os:abort",
     "within": "runs/within/evil.py:problem",
@@ -100,7 +100,7 @@ def motions() -> pk.Tracking:
 
 
 def naming(run: Path, folder: Path, reference: object) -> Path:
-    """Return a copy of a run that names another problem, with digests as a stranger would make them."""
+    """Return a copy of a run that names another problem, with digests that a stranger could make."""
     front = pk.Front.load(run)
     provenance = {**front.provenance, "problem": reference}
     pk.Front(**{**{name: getattr(front, name) for name in COLUMNS}, "provenance": provenance}).save(folder)
@@ -124,7 +124,7 @@ def project(run, tmp_path, monkeypatch):
 
 @pytest.fixture
 def strangers(project, run, tmp_path, tmp_path_factory):
-    """A project with runs that name what is not the user's, all of which writes a mark where it is run."""
+    """A project with runs that name foreign code; this writes a mark when it is run."""
     outside = tmp_path_factory.mktemp("outside")
     evil = EVIL.format(mark=str(outside / "mark"))
     for name, reference in HOSTILE.items():
@@ -141,7 +141,7 @@ def strangers(project, run, tmp_path, tmp_path_factory):
 
 
 def trace(commands: list[list[str]], outside: Path) -> tuple[list[str], list[int]]:
-    """Run commands in one process; return which of the strangers' code it imported or ran, and the exit codes."""
+    """Run commands in one process; return the strangers' code that it imported or ran, and the exit codes."""
     environment = {name: value for name, value in os.environ.items() if "DISPLAY" not in name}
     path = os.pathsep.join([str(ROOT), str(outside)])
     child = subprocess.run(
@@ -204,7 +204,7 @@ def test_a_stranger_is_named_in_one_line_that_steers_no_terminal(strangers):
 
 
 def on_a_terminal(words: list[str], answer: str) -> tuple[int, str]:
-    """Run a command on a terminal where somebody answers what it asks; return its exit code and what it printed."""
+    """Run a command on a terminal and answer its question; return its exit code and its output."""
     pid, terminal = pty.fork()
     if pid == 0:
         os.execve(sys.executable, [sys.executable, "-m", "paretoik", *words], os.environ | {"PYTHONPATH": str(ROOT)})

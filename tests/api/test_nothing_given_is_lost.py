@@ -1,4 +1,4 @@
-"""What is handed to a verb as ``initial`` is never lost: nothing that comes back is worse than the best of it."""
+"""Solutions given to a verb as ``initial`` are never lost: no result is worse than the best of them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ ROUNDING = 1e-12
 
 
 def planar(joints, seed):
-    """A planar arm of drawn links."""
+    """A planar arm with random links."""
     rng = np.random.default_rng(seed)
     lengths, masses = rng.uniform(0.2, 0.5, joints), rng.uniform(0.3, 2.0, joints)
     return pk.Arm.planar(
@@ -23,7 +23,7 @@ def planar(joints, seed):
 
 
 def spatial(seed):
-    """A 5R arm of drawn links in space."""
+    """A spatial 5R arm with random links."""
     rng = np.random.default_rng(seed)
     a, masses = rng.uniform(0.15, 0.3, 5), np.linspace(2.0, 0.5, 5)
     return pk.Arm.from_dh(
@@ -39,7 +39,7 @@ def spatial(seed):
 
 
 def drawn(seed, *, joints=3, cyclic=False, objectives=(pk.kinetic_energy,), samples=51):
-    """A problem of an arm, its path about the place of a posture, and limits on velocity."""
+    """A problem with an arm and a path near the tool position of a random posture."""
     arm, rng = (planar(joints, seed) if joints else spatial(seed)), np.random.default_rng(seed + 99)
     for _ in range(50):
         place = tool_of(arm, rng)
@@ -55,7 +55,7 @@ def drawn(seed, *, joints=3, cyclic=False, objectives=(pk.kinetic_energy,), samp
 
 
 def tool_of(arm, rng):
-    """Where a random posture has the tool."""
+    """The tool position of a random posture."""
     from paretoik.robot.kinematics import forward_kinematics
 
     position = forward_kinematics(arm, rng.uniform(-1.5, 1.5, arm.dof))[1]
@@ -71,7 +71,7 @@ def known_motions(problem, seed, count=3):
 
 
 def feasible_values(problem, motions):
-    """Minimised objectives of the motions that keep all limits."""
+    """Minimised objectives of the motions that satisfy all limits."""
     motions = motions if motions.q.ndim == 3 else motions[None]
     keeps = problem.task.violations(motions).max(axis=1, initial=0.0) <= FEASIBLE
     values = np.stack([o(motions) * o.sign for o in problem.task.objectives], axis=1)
@@ -79,7 +79,7 @@ def feasible_values(problem, motions):
 
 
 def assert_not_dominated(front, values):
-    """No feasible point that was handed in dominates one that came back, up to 1e-9 of a range."""
+    """No feasible given point dominates a returned one, up to 1e-9 of a range."""
     slack = 1e-9 * np.maximum(np.ptp(front.minimised, axis=0), np.abs(values).max(axis=0))
     for point in front.minimised:
         better = (values <= point).all(axis=1) & (values < point - slack).any(axis=1)
@@ -150,7 +150,7 @@ def test_no_given_point_dominates_a_front_that_was_searched_for(joints, objectiv
 
 
 @pytest.mark.parametrize("joints", [3, pytest.param(0, marks=pytest.mark.slow)])
-def test_no_point_dominates_what_became_of_it_in_refinement(joints):
+def test_no_point_dominates_its_refined_point(joints):
     problem = drawn(4, joints=joints, objectives=[pk.kinetic_energy, pk.torque_norm], samples=26)
     front = pk.solve(problem, population=12, generations=3)
     refined = pk.refine(front)

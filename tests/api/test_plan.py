@@ -10,7 +10,7 @@ from tests.api.problems import PATH, tracking
 def test_levels_are_shown_coarse_to_fine_with_starts_and_optima():
     seen = []
     plan = pk.plan(tracking(pk.kinetic_energy), starts=6, observe=seen.append)
-    seen = [progress for progress in seen if progress.stage != "compilation"]  # where nothing was compiled before
+    seen = [progress for progress in seen if progress.stage != "compilation"]  # if nothing was compiled before
     samples = len(PATH.times)
     assert {(progress.stage, progress.total) for progress in seen} == {("sample", samples)}
     assert [progress.done for progress in seen] == sorted(progress.done for progress in seen)
@@ -19,7 +19,7 @@ def test_levels_are_shown_coarse_to_fine_with_starts_and_optima():
 
 
 @pytest.mark.parametrize("find", [pk.plan, pk.epsilon_front])
-def test_before_the_last_start_has_failed_it_is_shown_which_limit_fails(find):
+def test_the_limit_that_fails_is_shown_before_the_last_start_fails(find):
     seen = []
     objectives = [pk.kinetic_energy] if find is pk.plan else [pk.kinetic_energy, pk.torque_norm]
     with pytest.raises(pk.Infeasible) as failure:
@@ -33,8 +33,8 @@ def test_before_the_last_start_has_failed_it_is_shown_which_limit_fails(find):
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
-        ({"starts": 0}, "starts: an integer of at least 1 wanted, got 0"),
-        ({"seed": -1}, "seed: an integer of at least 0 wanted, got -1"),
+        ({"starts": 0}, "starts must be an integer of at least 1, got 0"),
+        ({"seed": -1}, "seed must be an integer of at least 0, got -1"),
     ],
 )
 def test_settings_that_make_no_sense_are_refused(settings, words):
@@ -43,25 +43,25 @@ def test_settings_that_make_no_sense_are_refused(settings, words):
 
 
 def test_several_objectives_are_refused_by_name(problem):
-    with pytest.raises(pk.InvalidInput, match="plan: one objective wanted, got 2: kinetic_energy, torque_norm"):
+    with pytest.raises(pk.InvalidInput, match="problem must have one objective, got 2: kinetic_energy, torque_norm"):
         pk.plan(problem)
 
 
 def test_motions_of_another_length_or_off_the_path_cannot_be_started_from(problem):
     one = tracking(pk.kinetic_energy)
     motions = one.decode(np.array([[0.5, *np.zeros(one.n_var - 1)]]))
-    with pytest.raises(pk.InvalidInput, match=r"initial: motions of .* with 21 samples wanted, got .* with 20"):
+    with pytest.raises(pk.InvalidInput, match=r"initial must be motions of .* with 21 samples, got .* with 20"):
         pk.plan(one, initial=one.task.truncate(20).motion(motions.q[:, :20]))
-    with pytest.raises(pk.InvalidInput, match="initial: motions on the path wanted, got some that are"):
+    with pytest.raises(pk.InvalidInput, match="initial must be motions on the path, got some that are"):
         pk.plan(one, initial=one.task.motion(motions.q + 0.1))
 
 
 def test_what_cannot_be_planned_is_refused_before_any_work():
     arm, motors = pk.arms.kim_3r(), pk.capability.kim_joint_motors()
     way = pk.PointToPoint(arm, motors, (0.1, -0.15), (0.2, -0.15), samples=9, coefficients=5, bases=4)
-    with pytest.raises(pk.InvalidInput, match="plan: a Tracking wanted, got PointToPoint; epsilon_front or solve"):
+    with pytest.raises(pk.InvalidInput, match="problem must be a Tracking, got PointToPoint; epsilon_front or solve"):
         pk.plan(way)
-    with pytest.raises(pk.InvalidInput, match="plan: a problem with gradients wanted, such as Tracking, got Tuning"):
+    with pytest.raises(pk.InvalidInput, match="plan: the problem must have gradients, such as Tracking, got Tuning"):
         pk.plan(pk.Tuning(pk.arms.tringali_3r(), PATH, pk.methods.DampedLeastSquares(), judged_starts=1))
 
 

@@ -1,6 +1,6 @@
-"""Links that somebody plants in a run's folder, at all names that a run writes, while it runs or before it goes on.
+"""Links that somebody plants at all file names of a run, while it runs or before it is resumed.
 
-Nothing that they lead to changes: neither a file, nor what is in a folder, nor is anything made where nothing is.
+Nothing changes at their targets: no file, no content of a folder; and nothing new is made there.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ while True:
 
 @pytest.fixture
 def elsewhere(tmp_path):
-    """A folder with a file, a folder that has files of all names that a run writes, and a name where nothing is."""
+    """A folder with a file, a folder with files of all names that a run writes, and an unused name."""
     place = tmp_path / "elsewhere"
     (place / "folder" / "source").mkdir(parents=True)
     for name in {*NAMES, JOURNAL, "reserve"}:
@@ -62,7 +62,7 @@ def contents(place: Path) -> dict[str, bytes | None]:
 
 
 def plant(folder: Path, name: str, target: Path) -> None:
-    """Put a link in the place of what has a name, as whoever may write there can."""
+    """Put a link in the place of a name, as anybody with write access can."""
     place = folder / name
     if place.is_dir() and not place.is_symlink():
         place.rename(folder.parent / f"away-{name}")
@@ -115,7 +115,7 @@ def chosen(tmp_path_factory):
 def test_a_link_planted_before_a_choice_is_shown_changes_nothing_that_it_leads_to(
     tmp_path, elsewhere, chosen, name, kind
 ):
-    """The lock of a run's folder is looked at before its recording is replaced."""
+    """The lock of a run's folder is read before its recording is replaced."""
     folder = shutil.copytree(chosen, tmp_path / "run")
     recording = (folder / RECORDING).read_bytes()
     front, before = pk.load_front(folder, tracking()), contents(elsewhere)
@@ -127,7 +127,7 @@ def test_a_link_planted_before_a_choice_is_shown_changes_nothing_that_it_leads_t
         except InvalidInput as refusal:
             assert "\n" not in str(refusal)  # noqa: PT017
     assert contents(elsewhere) == before
-    if name == LOCK:  # whether somebody is at work there is not known
+    if name == LOCK:  # it is unknown whether another process works there
         assert any("the recording stays as it was" in str(each.message) for each in warned)
         assert (folder / RECORDING).read_bytes() == recording
 

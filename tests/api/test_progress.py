@@ -55,7 +55,7 @@ def test_without_an_observer_nothing_is_shown():
     assert count_observer(None, "point") is None
 
 
-# Where each verb works, its problem, how it is called, and the stages that it goes through.
+# By verb: the folder that it works in, its problem, its call, and its stages.
 VERBS = {
     "plan": ("formulations.tracking", "find_optima", [pk.kinetic_energy], {"starts": 4}, {"sample"}),
     "epsilon_front": (
@@ -150,7 +150,7 @@ def test_progress_is_a_line_with_the_time_left(shown, limit, text):
     assert progress_text(shown, limit) == text
 
 
-def test_where_there_is_no_terminal_a_line_comes_now_and_then(capsys):
+def test_without_a_terminal_a_line_comes_now_and_then(capsys):
     with open_observer(True) as observe:
         observe(progress(1))
         observe(progress(2))

@@ -46,7 +46,7 @@ def test_iterations_take_no_more_than_their_share_of_the_evaluations(front):
     assert counts["iterations"] <= improving.IMPROVER_OPTIONS.share * counts["evaluations"] + one_round
 
 
-def test_what_is_suggested_is_better_than_where_it_came_from():
+def test_suggested_genes_are_better_than_their_origins():
     problem = problem_of()
     search = pk.Search(problem, population=30, seed=1)
     improver = SearchImprover(search)
@@ -66,7 +66,7 @@ def test_what_is_suggested_is_better_than_where_it_came_from():
 def test_only_a_tracking_problem_is_refined():
     from pymoo.problems import get_problem
 
-    with pytest.raises(pk.InvalidInput, match="refine: a problem with gradients wanted"):
+    with pytest.raises(pk.InvalidInput, match="refine: the problem must have gradients"):
         pk.solve(get_problem("zdt1"), population=20, generations=2, refine=True)
 
 
@@ -93,9 +93,9 @@ def relating():
 @pytest.mark.parametrize(
     ("made", "settings", "words"),
     [
-        (tuned, {"refine": True, "solver": "sqp"}, "refine: a problem with gradients wanted, .* got Tuning"),
-        (tuned, {"solver": "sqp"}, "solver: wants refine=True, got 'sqp' without it"),
-        (relating, {"refine": True, "solver": "interior-point"}, "spread relates samples: take 'sqp'"),
+        (tuned, {"refine": True, "solver": "sqp"}, "refine: the problem must have gradients, .* got Tuning"),
+        (tuned, {"solver": "sqp"}, "solver must come with refine=True, got 'sqp' without it"),
+        (relating, {"refine": True, "solver": "interior-point"}, r"functions that relate samples \(spread\)"),
     ],
 )
 def test_a_solver_that_cannot_serve_is_refused_before_any_work(made, settings, words, monkeypatch, tmp_path):
@@ -120,7 +120,7 @@ def walk():
 
 
 @pytest.mark.parametrize("made", [problem_of, walk])
-def test_a_signal_ends_the_polishing_and_nothing_is_lost(made, tmp_path):
+def test_a_signal_ends_refinement_and_nothing_is_lost(made, tmp_path):
     counts = []
 
     def interrupt(progress):
@@ -128,7 +128,7 @@ def test_a_signal_ends_the_polishing_and_nothing_is_lost(made, tmp_path):
             return
         done, total = progress.done, progress.total
         counts.append((done, total))
-        assert pk.load_front(tmp_path / "run").objectives.shape == (total, 2)  # kept before it is polished
+        assert pk.load_front(tmp_path / "run").objectives.shape == (total, 2)  # kept before it is refined
         os.kill(os.getpid(), signal.SIGINT)
 
     settings = {**SMALL, "generations": 6, "points": 40}
@@ -173,11 +173,11 @@ def test_a_front_is_refined_with_its_own_problem_only():
     other = pk.PointToPoint(
         pk.arms.kim_3r(), pk.capability.kim_joint_motors(), (0.1, -0.15), (0.21, -0.15), samples=9, coefficients=5
     )
-    with pytest.raises(pk.InvalidInput, match="refine: the problem that the front solves wanted"):
+    with pytest.raises(pk.InvalidInput, match="problem must be the one that the front solves"):
         pk.refine(front, other)
 
 
-def test_polishing_that_fails_leaves_the_run_as_it_was_found(tmp_path):
+def test_failed_refinement_leaves_the_run_as_it_was_found(tmp_path):
     def fail(progress):
         if progress.stage == "refinement":
             raise RuntimeError("somebody looked away")
@@ -191,13 +191,13 @@ def test_polishing_that_fails_leaves_the_run_as_it_was_found(tmp_path):
 
 @pk.objective(unit="rad", form="peak")
 def angle(motion):
-    """Return how far the first joint is from an angle."""
+    """Return the distance of the first joint from an angle."""
     return np.abs(motion.q[..., 0] - 0.2)
 
 
 @pk.objective(unit="rad²s", form="integral")
 def way(motion):
-    """Return how far the first joint is from another one, and how much all joints move."""
+    """Return the distance of the first joint from another angle, plus how much all joints move."""
     return np.abs(motion.dq).sum(axis=-1) * 1e-3 + (motion.q[..., 0] - 0.3) ** 2
 
 
@@ -232,18 +232,18 @@ def test_points_are_critical_over_the_ranges_of_the_front_that_they_become():
 
 @pk.objective(unit="rad²s", form="integral")
 def beyond(motion):
-    """Return how far the first joint is beyond an angle: nothing, and without a gradient, before it."""
+    """Return how far the first joint is beyond an angle; before it 0, without a gradient."""
     return np.maximum(motion.q[..., 0] - 1.0, 0.0) ** 2
 
 
-def test_what_costs_an_objective_nothing_is_gained():
+def test_gains_that_cost_no_objective_are_made():
     path = pk.line((0.4, 0.1), (0.2, 0.3), duration=1.0, samples=7)
     arm = pk.arms.tringali_3r()
     best = pk.plan(pk.Tracking(arm, path, objectives=[pk.kinetic_energy]), starts=6).best
     assert best.motion.q[:, 0].max() < 1.0
     problem = pk.Tracking(arm, path, objectives=[beyond, pk.kinetic_energy])
     front = pk.solve(problem, population=12, generations=3, seed=0)
-    assert front.objectives[0, 1] > 1.001 * best.objective  # as critical as it can be: the other is at its least
+    assert front.objectives[0, 1] > 1.001 * best.objective  # fully critical: the other objective is at its minimum
     refined = pk.refine(front)
     assert refined.objectives[0] == pytest.approx([0.0, best.objective], rel=1e-6, abs=1e-9)
 

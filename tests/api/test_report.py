@@ -1,4 +1,4 @@
-"""The verb: a run or a front becomes a page, and what cannot is refused."""
+"""The verb ``report``: a run or a front becomes a page; everything else is refused."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def test_a_run_without_a_feasible_motion_says_why_and_shows_the_least_violating_
     assert page.texts("h1") == ["No feasible motion"]
     reason = str(refused.value)
     assert reason[0].upper() + reason[1:] in page.texts("p")
-    assert any(text.startswith("Of the least-violating one, velocity of joint") for text in page.texts("p"))
+    assert any(text.startswith("In the least-violating motion, velocity of joint") for text in page.texts("p"))
     assert page.data["marks"] == {"0": "least-violating, not feasible"}
     assert "velocity" in page.data["motions"]["limits"]
     channels = unpacked(page.data["motions"], page.data["blocks"]["0"])
@@ -91,13 +91,13 @@ def test_a_new_run_in_the_folder_takes_the_old_report_away(front, tmp_path):
 
 @pytest.mark.usefixtures("unchecked")
 def test_what_cannot_be_written_or_read_is_refused_in_one_line(front, tmp_path):
-    with pytest.raises(InvalidInput, match="report: wanted a file to write into, got none"):
+    with pytest.raises(InvalidInput, match="file must be given for a front without a folder, got none"):
         pk.report(front)
-    with pytest.raises(InvalidInput, match="report: wanted a file to write into, got the folder"):
+    with pytest.raises(InvalidInput, match="report must be a file to write into, got the folder"):
         pk.report(front, tmp_path)
-    with pytest.raises(InvalidInput, match="front: a path wanted"):
+    with pytest.raises(InvalidInput, match="front must be a path"):
         pk.report(7)
-    with pytest.raises(InvalidRun, match=r"wanted a plain file, got no folder .*nowhere"):
+    with pytest.raises(InvalidRun, match=r"must be a plain file, got no folder .*nowhere"):
         pk.report(tmp_path / "nowhere")
 
 
@@ -105,5 +105,5 @@ def test_damaged_steps_of_a_loop_are_refused(front, tmp_path):
     looped = {**front.provenance, "timeline": "step", "counts": {"steps": 1, "of": 1, "seconds": 0.0}}
     replace(front, problem=None, provenance=looped).save(tmp_path)
     (tmp_path / "steps.parquet").write_bytes(b"PAR1 no table")
-    with pytest.raises(InvalidRun, match=r"steps\.parquet: wanted the steps of a closed loop"):
+    with pytest.raises(InvalidRun, match=r"steps\.parquet must contain the steps of a closed loop"):
         pk.report(tmp_path)

@@ -1,4 +1,4 @@
-"""A run that was stopped or killed goes on, and comes to what it would have come to."""
+"""A stopped or killed run resumes, and has the result that it would have had."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ SEARCHES = ("search", "solve", "solve from motions", "islands")
 
 
 def killed(verb: str, folder: Path, entries: int) -> None:
-    """Run a verb into a folder in a process that is killed on the way."""
+    """Run a verb into a folder in a process that is killed before its end."""
     command = [sys.executable, "-m", "tests.api.resumed_runs", verb, str(folder), str(entries)]
     process = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert process.returncode == -signal.SIGKILL, process.stderr
@@ -72,7 +72,7 @@ def check_same(resumed: pk.Front | pk.Plan, whole: pk.Front | pk.Plan) -> None:
 
 
 def flip_a_bit(folder: Path, frame: int) -> None:
-    """Flip a bit in the journal of a run, in the middle of a frame; the last frames are counted from the end."""
+    """Flip a bit in the middle of a frame of a run's journal; the last frames are counted from the end."""
     journal, places = folder / CHECKPOINT / JOURNAL, [0]
     content = bytearray(journal.read_bytes())
     while places[-1] < len(content):
@@ -89,12 +89,12 @@ def test_a_killed_run_whose_journal_is_damaged_resumes_bit_for_bit(verb, tmp_pat
     assert json.loads((tmp_path / "killed" / RUN).read_text())["status"] in ("running", "refining")
     assert not (tmp_path / "whole" / CHECKPOINT / JOURNAL).exists()
     flip_a_bit(tmp_path / "killed", ENTRIES[verb] // 2)
-    with pytest.warns(RuntimeWarning, match=r"\d+ of \d+ bytes are damaged; what they held is computed again"):
+    with pytest.warns(RuntimeWarning, match=r"\d+ of \d+ bytes are damaged; their content is computed again"):
         resumed = pk.resume(tmp_path / "killed", PROBLEMS[verb]())
     check_same(resumed, whole)
     assert not (tmp_path / "killed" / CHECKPOINT / JOURNAL).exists()
-    how = "--generations, continues it" if verb in SEARCHES else "with nothing to go on from"
-    with pytest.raises(InvalidInput, match=f"wanted a run of solve, .* that was stopped, got one of status .*{how}"):
+    how = "--generations, continues it" if verb in SEARCHES else "that cannot be resumed"
+    with pytest.raises(InvalidInput, match=f"must be a stopped run of solve, .*, got one of status .*{how}"):
         pk.resume(tmp_path / "killed", PROBLEMS[verb]())
 
 
@@ -114,13 +114,13 @@ def stopped(tmp_path_factory):
 
 @pytest.fixture
 def copy(stopped, tmp_path):
-    """A copy of it."""
+    """A copy of the stopped run."""
     import shutil
 
     return Path(shutil.copytree(stopped, tmp_path / "copy"))
 
 
-def test_a_run_that_a_signal_stopped_has_its_result_and_goes_on(copy):
+def test_a_run_that_a_signal_stopped_has_its_result_and_resumes(copy):
     assert len(pk.load_front(copy, tracking())) > 0
     seen = []
     resumed = pk.resume(copy, tracking(), observe=lambda progress: seen.append(progress.done))
@@ -128,7 +128,7 @@ def test_a_run_that_a_signal_stopped_has_its_result_and_goes_on(copy):
     check_same_front(resumed, pk.solve(tracking(), population=12, generations=12, seed=2))
 
 
-def test_a_run_goes_on_as_often_as_it_is_stopped(copy):
+def test_a_run_resumes_as_often_as_it_is_stopped(copy):
     for last in (7, 9):
 
         def interrupt(progress, last=last):
@@ -184,7 +184,7 @@ def test_only_a_finished_search_has_more_generations(copy, tmp_path):
     pk.plan(tracking(pk.kinetic_energy), starts=4, out=tmp_path / "plan")
     for folder in (copy, tmp_path / "plan"):
         with pytest.raises(
-            InvalidInput, match="generations: must be None but for a finished search by solve, got a run"
+            InvalidInput, match="generations must be None except for a finished search of solve, got a run"
         ):
             pk.resume(folder, tracking(), generations=2)
     with pytest.raises(InvalidInput, match="generations: "):
@@ -192,16 +192,16 @@ def test_only_a_finished_search_has_more_generations(copy, tmp_path):
 
 
 def test_another_problem_is_refused_and_the_run_stays(copy):
-    with pytest.raises(InvalidInput, match="the problem that the run solves, got one whose fingerprint is another"):
+    with pytest.raises(InvalidInput, match=r"the run in .* solves, got one whose fingerprint is another"):
         pk.resume(copy, tracking(velocity=1.0))
-    with pytest.raises(InvalidInput, match="the problem wanted that the run solves"):
+    with pytest.raises(InvalidInput, match=r"problem must be the one that the run in .* solves, got none"):
         pk.resume(copy)
     assert (copy / CHECKPOINT / JOURNAL).exists()
 
 
 def test_other_versions_of_libraries_are_refused_by_name(copy, monkeypatch):
     monkeypatch.setattr("paretoik.runs.machine.version", lambda name: "0.0.1")
-    with pytest.raises(InvalidInput, match=r"wanted paretoik \S+, as the run has it, got 0\.0\.1"):
+    with pytest.raises(InvalidInput, match=r"paretoik must be \S+, as in the run .*, got 0\.0\.1"):
         pk.resume(copy, tracking())
 
 
@@ -210,13 +210,13 @@ def test_other_versions_of_libraries_are_refused_by_name(copy, monkeypatch):
 def test_a_journal_without_what_the_run_started_from_is_refused(verb, tmp_path):
     killed(verb, tmp_path / "run", 2)
     flip_a_bit(tmp_path / "run", 0)
-    with pytest.raises(InvalidRun, match="wanted what the run started from in its journal, got none"):
+    with pytest.raises(InvalidRun, match="must have the initial solutions in its journal, got none"):
         pk.resume(tmp_path / "run", PROBLEMS[verb]())
 
 
 def test_another_file_in_place_of_the_journal_is_refused_and_the_result_stays(copy):
     (copy / CHECKPOINT / JOURNAL).write_bytes(b"something else altogether")
-    with pytest.raises(InvalidRun, match="wanted the journal of a run, got something else"):
+    with pytest.raises(InvalidRun, match="must be the journal of a run, got something else"):
         pk.resume(copy, tracking())
     assert len(pk.load_front(copy, tracking())) > 0
 
@@ -231,24 +231,24 @@ def test_genes_that_the_search_does_not_ask_for_again_are_refused(copy):
     causes = {"failed": np.zeros(0, int), "causes": np.zeros(0, "U1")}
     journal.append(key_of("generation", names, 2, 0), foreign | causes)
     journal.close()
-    with pytest.raises(InvalidRun, match="generation 1: wanted the genes that the journal of the run has, got others"):
+    with pytest.raises(InvalidRun, match="generation 1 must have the genes in the run's journal, got others"):
         pk.resume(copy, tracking())
     assert len(pk.load_front(copy, tracking())) > 0
 
 
 def test_a_second_writer_is_refused(copy):
-    with lock_folder(copy), pytest.raises(InvalidInput, match="wanted to be its only writer"):
+    with lock_folder(copy), pytest.raises(InvalidInput, match="must have no other writer"):
         pk.resume(copy, tracking())
 
 
 def test_a_folder_that_is_no_run_is_refused_and_left_alone(tmp_path):
     (tmp_path / "notes").write_text("mine")
-    with pytest.raises(InvalidRun, match="wanted a plain file, got no such file"):
+    with pytest.raises(InvalidRun, match="must be a plain file, got no such file"):
         pk.resume(tmp_path)
     assert [file.name for file in tmp_path.iterdir()] == ["notes"]
 
 
-def test_a_killed_run_that_was_to_replace_another_goes_on_and_replaces_it(stopped, tmp_path):
+def test_a_killed_run_that_was_to_replace_another_resumes_and_replaces_it(stopped, tmp_path):
     folder = tmp_path / "run"
     first = pk.solve(tracking(), population=12, generations=2, seed=5, out=folder)
     script = (
@@ -272,13 +272,13 @@ def test_an_algorithm_of_the_users_own_is_asked_for_again(tmp_path):
 
     problem = tracking()
     pk.solve(problem, algorithm=NSGA2(pop_size=12), generations=6, seed=2, out=tmp_path, observe=interrupt)
-    with pytest.raises(InvalidInput, match="algorithm: NSGA2 wanted, as the run has it, got none"):
+    with pytest.raises(InvalidInput, match="algorithm must be NSGA2, as in the run, got none"):
         pk.resume(tmp_path, problem)
     resumed = pk.resume(tmp_path, problem, algorithm=NSGA2(pop_size=12))
     check_same_front(resumed, pk.solve(problem, algorithm=NSGA2(pop_size=12), generations=6, seed=2))
 
 
-def test_what_rows_that_are_evaluated_one_by_one_took_is_not_lost_within_a_generation(tmp_path):
+def test_rows_evaluated_one_by_one_are_not_lost_within_a_generation(tmp_path):
     counted, folder = tmp_path / "counted", tmp_path / "run"
     script = (
         "import sys; from pathlib import Path; import paretoik as pk; "
@@ -312,6 +312,6 @@ def test_a_run_file_that_someone_made_up_is_refused_in_a_line(copy, change):
     check_digest(copy / RUN, run)
     del run["format"]
     (copy / RUN).write_bytes(run_bytes(run | change))
-    with pytest.raises(InvalidRun, match=r"wanted .+, got .+") as refused:
+    with pytest.raises(InvalidRun, match=r"must .+, got .+") as refused:
         pk.resume(copy, tracking())
     assert "\n" not in str(refused.value)

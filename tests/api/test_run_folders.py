@@ -1,4 +1,4 @@
-"""Every verb that takes out= keeps a folder that says what was asked, what came of it, and can be opened again."""
+"""Every verb with out= keeps a folder with its settings and its result, which can be opened again."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ def test_a_plan_is_opened_as_it_was_and_is_no_front(tmp_path):
         pk.load_front(tmp_path)
     with pytest.raises(pk.InvalidInput, match="got one whose fingerprint is another"):
         pk.load_plan(tmp_path, tracking(pk.kinetic_energy, velocity=9.0))
-    with pytest.raises(pk.InvalidInput, match="the problem wanted that was planned"):
+    with pytest.raises(pk.InvalidInput, match=r"problem must be the one that was planned in .*, got none"):
         pk.load_plan(tmp_path)
-    with pytest.raises(pk.InvalidInput, match="permission to overwrite"):
+    with pytest.raises(pk.InvalidInput, match="use --overwrite"):
         pk.plan(problem, starts=6, out=tmp_path)
 
 
@@ -44,7 +44,7 @@ def test_a_damaged_plan_is_refused(tmp_path):
     pk.plan(problem, starts=4, out=tmp_path)
     table = tmp_path / "optima.parquet"
     table.write_bytes(table.read_bytes()[:-1])
-    with pytest.raises(pk.InvalidInput, match=r"wanted the file that run\.json belongs to"):
+    with pytest.raises(pk.InvalidInput, match=r"must be the file that run\.json belongs to"):
         pk.load_plan(tmp_path, problem)
 
 
@@ -76,7 +76,7 @@ def test_an_epsilon_front_and_its_refinement_are_runs_with_recordings(problem, t
     assert np.array_equal(stored.objectives, front.objectives)
     refined = pk.refine(stored, out=tmp_path / "refined")
     said = entries(tmp_path / "refined")
-    with pytest.raises(pk.InvalidInput, match="out: wants another folder than that of the run"):
+    with pytest.raises(pk.InvalidInput, match="out must be another folder than that of the run"):
         pk.refine(stored, out=tmp_path / "front", overwrite=True)
     assert (said["verb"], said["status"], said["parent"]["verb"]) == ("refine", "refined", "epsilon_front")
     assert said["parent"]["run"] == str(tmp_path / "front")
@@ -134,7 +134,7 @@ def test_tool_paths_are_kept_and_verified_and_are_the_same_without_a_folder(tmp_
     assert all((tmp_path / name).stat().st_size > 1000 for name in (RECORDING, DRAWING))
     checks = {each.subject: each.verdict for each in pk.verify(tmp_path).rows}
     assert {checks[name] for name in ("start", "target", "box of the model", "times")} == {"passed"}
-    with pytest.raises(pk.InvalidInput, match="permission to overwrite"):
+    with pytest.raises(pk.InvalidInput, match="use --overwrite"):
         find(SPEEDS[axes], *ends, **settings, out=tmp_path)
     again = find(SPEEDS[axes], *ends, **settings, out=tmp_path, overwrite=True)
     assert np.array_equal(again.times, path.times)

@@ -1,4 +1,4 @@
-"""Nothing depends on units: the same problem in others has the same motions, as many optima, and the same front."""
+"""Results do not depend on units: the same motions, the same number of optima, and the same front."""
 
 from __future__ import annotations
 
@@ -26,7 +26,9 @@ OTHERS = {
 }
 SI = Units()
 ALL = OTHERS["all of them"]
-POWERS_OF_TWO = Units(time=2.0**5, length=2.0**-6, mass=2.0**8, objective=2.0**-13)  # that round nothing
+POWERS_OF_TWO = Units(
+    time=2.0**5, length=2.0**-6, mass=2.0**8, objective=2.0**-13
+)  # powers of two, which round nothing
 
 PROBLEMS = {
     "torques and powers": partial(
@@ -60,7 +62,7 @@ def planned(name, units):
 
 
 def assert_same(values, motions, other_values, other_motions, units, names):
-    """The same values and motions but for their units."""
+    """The same values and motions except for their units."""
     factors = np.array([units.of_objective(name) for name in names])
     np.testing.assert_allclose(np.asarray(other_values) / factors, values, rtol=1e-6)
     lengths = np.where(motions.arm.periodic, 1.0, units.length)
@@ -96,7 +98,7 @@ def test_every_plan_is_the_same_in_every_unit(name, unit):
 
 @pytest.mark.parametrize("unit", OTHERS)
 def test_violations_are_shares_of_what_the_problem_itself_is_like(unit):
-    """Limits at 0 alone have no size of their own, nor has a clearance of 0."""
+    """Limits that are all 0 have no size of their own, and neither has a clearance of 0."""
     above, below = (0.0, np.inf), (-np.inf, 0.0)
     limits = {"velocity": above, "acceleration": below, "torque": above, "power": below}
     shares = []
@@ -124,5 +126,5 @@ def test_a_certified_front_is_the_same_in_other_units(name):
     "name", [pytest.param(name, marks=[pytest.mark.slow] * (name == "a panda")) for name in FRONTS]
 )
 def test_a_search_is_the_same_in_other_units(name):
-    """Evolution ends elsewhere after the smallest rounding: in these units there is none."""
+    """Evolution ends elsewhere after the smallest rounding, and these units cause no rounding."""
     assert_same_front(partial(pk.solve, population=16, generations=5, seed=1), name, POWERS_OF_TWO)

@@ -1,4 +1,4 @@
-"""What completes the front of a search: the planner's ends, and points in gaps; nothing that was refined is lost."""
+"""The completed front of a search has the planner's end points and points in gaps; no refined point is lost."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tests.api.problems import tracking
 
 SEARCH = {"population": 24, "generations": 10, "seed": 1, "points": 8, "observe": False}
 FIRST_ID = 10_000
-TOLERANCE = 2e-6  # of a range: ends give way by 1e-6 of it for the other objectives
+TOLERANCE = 2e-6  # of a range: end points may lose 1e-6 of it in favour of other objectives
 
 
 def three():
@@ -26,7 +26,7 @@ def three():
 
 
 def walk():
-    """A program in which one objective alone leaves the other without bound."""
+    """A program in which one objective leaves the other unbounded."""
     arm, motors = pk.arms.kim_3r(), pk.capability.kim_joint_motors()
     return pk.PointToPoint(arm, motors, (0.1, -0.15), (0.2, -0.15), samples=9, coefficients=5, bases=4)
 
@@ -59,13 +59,13 @@ def complete(front, points, observe=None):
 
 
 def lost(before, after):
-    """Return the ids of the points before that are not after, and that none after is at least as good as."""
+    """Return the ids of former points that are missing and that no new point is at least as good as."""
     shares = (after.minimised[None] - before.minimised[:, None]) / ranges_of(before.minimised)
     return before.ids[~(shares <= TOLERANCE).all(axis=2).any(axis=1)].tolist()
 
 
 def assert_ids(before, after):
-    """Points that stay keep an id of the search, others have new ones, each its own; of two that met one is left."""
+    """Points that stay keep their id, others have new ones, all distinct; of two equal points one is left."""
     assert len(set(after.ids.tolist())) == len(after)
     tolerance = TOLERANCE * ranges_of(before.minimised)
     stays = (np.abs(after.minimised[:, None] - before.minimised) <= tolerance).all(axis=2).any(axis=1)
@@ -85,7 +85,7 @@ def test_the_best_of_every_objective_is_no_worse_than_the_planners(made):
 
 
 @pytest.mark.parametrize("made", [walk, directions])
-def test_the_ends_are_those_of_an_epsilon_front(made):
+def test_the_end_points_are_those_of_an_epsilon_front(made):
     ends = pk.epsilon_front(made(), points=2, starts=24, observe=False).minimised
     front = completed(made, 8).minimised
     assert ((front.min(axis=0) - ends.min(axis=0)) / np.ptp(ends, axis=0) <= TOLERANCE).all()
@@ -93,7 +93,7 @@ def test_the_ends_are_those_of_an_epsilon_front(made):
 
 
 @pytest.mark.parametrize("made", MADE)
-def test_a_refined_point_is_lost_only_where_there_are_more_than_wanted(made):
+def test_a_refined_point_is_lost_only_if_there_are_more_than_asked_for(made):
     front = completed(made, 40)
     assert lost(refined(made), front) == [] or len(front) == 40
     assert_ids(refined(made), front)
@@ -102,7 +102,7 @@ def test_a_refined_point_is_lost_only_where_there_are_more_than_wanted(made):
 
 
 @pytest.mark.parametrize("made", MADE)
-def test_there_are_no_more_points_than_wanted_and_all_are_certified(made):
+def test_there_are_no_more_points_than_asked_for_and_all_are_certified(made):
     front = completed(made, 8)
     assert len(front) == 8
     assert_ids(refined(made), front)
@@ -142,7 +142,7 @@ def test_a_signal_keeps_all_that_was_refined(made, stage):
 
 
 @pytest.mark.parametrize("fault", [Infeasible("none"), SolverFailed("none")])
-def test_where_the_planner_finds_nothing_the_refined_points_do(fault, monkeypatch):
+def test_the_refined_points_stay_if_the_planner_finds_nothing(fault, monkeypatch):
     problem = tracking()
     front = pk.solve(problem, **SEARCH)
 
@@ -188,7 +188,7 @@ def test_the_planner_comes_after_refining():
 
 
 def test_a_time_limit_is_that_of_search_and_refinement_together():
-    """A search of no end leaves half of its time; what refinement finds by the end is returned, as after a signal."""
+    """An endless search leaves half of its time; refinement returns its results so far, as after a signal."""
     endless = {**SEARCH, "generations": 10**6, "stagnation": False, "points": None}
     front = pk.solve(tracking(), **endless, refine=True, time_limit=4.0)
     assert front.provenance["status"] == "time limit"
@@ -196,7 +196,7 @@ def test_a_time_limit_is_that_of_search_and_refinement_together():
     assert front.provenance["counts"]["seconds"] < 60.0  # far more than the limit, and than a loaded machine adds
 
 
-def test_of_a_time_limit_some_is_left_for_certificates():
+def test_part_of_a_time_limit_is_left_for_certificates():
     pk.epsilon_front(tracking(), points=2, observe=False)  # compiles, which takes longer than the limit
     front = pk.epsilon_front(tracking(), points=10**4, time_limit=5.0, observe=False)
     assert front.provenance["status"] == "time limit"

@@ -9,23 +9,23 @@ from problems import marcos_2012
 from tests.closed_loop.postures import posture
 
 
-def test_a_front_answers_itself(front):
+def test_a_front_selects_from_itself(front):
     weights = pk.Weights(torque_norm=1.0)
     selected, choice = select(front, weights)
     assert selected is front
     assert (choice.id, choice.reason) == (front.select(weights).id, front.select(weights).reason)
 
 
-def test_without_a_new_run_there_is_nothing_to_keep(front, tmp_path):
-    with pytest.raises(pk.InvalidInput, match="out: wants a closed loop and other weights than its own"):
+def test_out_without_a_new_run_is_refused(front, tmp_path):
+    with pytest.raises(pk.InvalidInput, match="out must come with a closed loop and other weights than its own"):
         select(front, pk.Weights(torque_norm=1.0), out=tmp_path / "run")
     assert not (tmp_path / "run").exists()
 
 
-def test_a_loop_is_not_followed_anew_into_the_run_that_it_comes_from(tmp_path):
+def test_a_loop_is_not_followed_again_into_its_own_run(tmp_path):
     loop = marcos_2012.loop(3, 0.7, start=posture(3), steps=4, population=12, generations=3)
     front = solve(loop, out=tmp_path)
     before = (tmp_path / "run.json").read_bytes()
-    with pytest.raises(pk.InvalidInput, match="out: wants another folder than that of the run that it comes from"):
+    with pytest.raises(pk.InvalidInput, match="out must be another folder than that of the run that it comes from"):
         select(front, pk.Weights({front.names[0]: 1.0}), out=tmp_path, overwrite=True)
     assert (tmp_path / "run.json").read_bytes() == before

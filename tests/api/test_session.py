@@ -1,4 +1,4 @@
-"""One run: its folder says what became of it, whatever becomes of it."""
+"""The folder of a run says what became of it, whatever happens."""
 
 from __future__ import annotations
 

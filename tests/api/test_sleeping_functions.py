@@ -1,4 +1,4 @@
-"""A user's function that does not return is ended by the time limit and the evaluation timeout."""
+"""A user's function that does not return is ended by the time limit or the evaluation timeout."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Sleeper:
         if self.calls >= self.first:
             try:
                 time.sleep(SLEEP)
-            except Exception:  # a user's code may catch what it likes
+            except Exception:  # a user's code may catch any error
                 time.sleep(SLEEP)
         return np.sum(motion.q[..., 1:-1, :] ** 2, axis=(-1, -2))
 
@@ -45,7 +45,7 @@ def sleeping_problem(count: int = 2) -> tuple[pk.Tracking, Sleeper]:
 
 @pytest.fixture(autouse=True)
 def in_time():
-    """No test of this file waits until a function has slept, or leaves a limit or a flag."""
+    """No test of this file waits for a sleeping function, or leaves a limit or a flag set."""
     began = time.monotonic()
     yield
     assert time.monotonic() - began < SLEEP

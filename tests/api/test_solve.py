@@ -20,7 +20,7 @@ from tests.search.problems import Constant
 
 
 class Walled(Problem):
-    """One gene, one objective, and a wall that leaves nothing."""
+    """A problem with one gene, one objective, and a constraint that nothing satisfies."""
 
     def __init__(self):
         super().__init__(n_var=1, n_obj=1, n_ieq_constr=2, xl=0.0, xu=1.0)
@@ -102,7 +102,7 @@ def test_observe_sees_every_generation_as_the_user_knows_it(problem):
 
     seen = []
     front = solve(tracking(pk.kinetic_energy, height), **QUICK, observe=seen.append)
-    seen = [progress for progress in seen if progress.stage != "compilation"]  # of what no test before this one used
+    seen = [progress for progress in seen if progress.stage != "compilation"]  # code that no earlier test compiled
     assert [(progress.stage, progress.done, progress.total) for progress in seen] == [
         ("generation", number, 6) for number in range(1, 7)
     ]
@@ -133,8 +133,8 @@ def test_a_run_says_what_ended_it_and_keeps_its_front(problem, ending, status):
     assert len(front)
 
 
-@pytest.mark.filterwarnings("ignore:objective .* different values wanted:RuntimeWarning")
-def test_standing_still_ends_a_run_unless_told_otherwise():
+@pytest.mark.filterwarnings("ignore:objective .* must vary:RuntimeWarning")
+def test_stagnation_ends_a_run_unless_told_otherwise():
     ended = solve(Constant(2), population=12, generations=30)
     assert ended.provenance["status"] == "stagnation"
     assert solve(Constant(2), population=12, generations=30, stagnation=False).provenance["status"] == "generations"
@@ -143,11 +143,11 @@ def test_standing_still_ends_a_run_unless_told_otherwise():
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
-        ({"target": (1.0,)}, r"target: wants 2 numbers, one an objective, got \(1.0,\)"),
-        ({"population": 3}, "population: an integer of at least 4 wanted, got 3"),
-        ({"generations": 0}, "generations: an integer of at least 1 wanted, got 0"),
-        ({"points": 0}, "points: an integer of at least 1 wanted, got 0"),
-        ({"time_limit": 0.0}, "time limit: more than 0 seconds wanted, got 0"),
+        ({"target": (1.0,)}, r"target must be 2 numbers, one per objective, got \(1.0,\)"),
+        ({"population": 3}, "population must be an integer of at least 4, got 3"),
+        ({"generations": 0}, "generations must be an integer of at least 1, got 0"),
+        ({"points": 0}, "points must be an integer of at least 1, got 0"),
+        ({"time_limit": 0.0}, "time limit must be more than 0 seconds, got 0"),
     ],
 )
 def test_settings_that_make_no_sense_are_refused_before_a_folder_is_made(problem, tmp_path, settings, words):
@@ -177,7 +177,7 @@ def test_a_signal_ends_the_run_in_order_and_the_handlers_are_put_back(problem):
 
 
 def test_steps_are_recorded_of_closed_loops_alone():
-    with pytest.raises(pk.InvalidInput, match="record_steps: a ClosedLoop wanted, whose steps are searches, got Trac"):
+    with pytest.raises(pk.InvalidInput, match="record_steps must come with a ClosedLoop, whose steps are sea"):
         pk.solve(tracking(), record_steps=[1])
 
 

@@ -1,4 +1,4 @@
-"""Verbs that compute in workers come to what they come to without, bit for bit."""
+"""Verbs that compute in workers return the same results, bit for bit."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def executor():
         ),
     ],
 )
-def test_workers_come_to_the_same_bit_for_bit(verb, executor, tmp_path):
+def test_workers_give_the_same_result_bit_for_bit(verb, executor, tmp_path):
     alone = run(verb, tmp_path / "alone")
     with distributing(executor):
         distributed = run(verb, tmp_path / "workers")
@@ -62,7 +62,7 @@ def test_workers_come_to_the_same_bit_for_bit(verb, executor, tmp_path):
 
 
 def told(folder: Path) -> list[str]:
-    """Return who computed a run, each of which comes to the same bits on this machine."""
+    """Return who computed a run; all of them give the same bits on this machine."""
     computed = json.loads((folder / RUN).read_text())["computed"]
     assert computed["reproducible"] == "bit for bit"
     return [each["by"] for each in computed["by"]]
@@ -80,7 +80,7 @@ def cluster(tmp_path_factory):
     "verb",
     ["solve", *(pytest.param(verb, marks=pytest.mark.slow) for verb in ("plan", "epsilon_front", "refine", "islands"))],
 )
-def test_a_cluster_comes_to_the_same_bit_for_bit(verb, cluster, tmp_path):
+def test_a_cluster_gives_the_same_result_bit_for_bit(verb, cluster, tmp_path):
     alone = run(verb, tmp_path / "alone")
     with open_executor(None, cluster.address):
         distributed = run(verb, tmp_path / "cluster")
@@ -100,7 +100,7 @@ def test_a_row_that_takes_too_long_on_a_cluster_has_failed_and_no_worker_ends(cl
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:(workers. they do not pay|cluster. no worker at)")
-def test_a_search_whose_workers_are_killed_comes_to_the_same(cluster, tmp_path):
+def test_a_search_whose_workers_are_killed_gives_the_same_front(cluster, tmp_path):
     alone = pk.solve(Slow(tmp_path / "alone"), population=24, generations=3, seed=2)
     with closing(Cluster(cluster.address)) as remote, distributing(remote):
         before = set(remote.client.run(os.getpid).values())
@@ -124,7 +124,7 @@ def test_a_search_of_a_problem_that_looks_at_one_row_at_a_time_is_the_same_in_wo
 
 @pytest.mark.filterwarnings("ignore:workers. they do not pay")
 @pytest.mark.parametrize("verb", ["refine", pytest.param("solve", marks=pytest.mark.slow)])
-def test_a_killed_run_goes_on_with_another_number_of_workers(verb, executor, tmp_path):
+def test_a_killed_run_resumes_with_another_number_of_workers(verb, executor, tmp_path):
     whole = run(verb, tmp_path / "whole")
     killed(verb, tmp_path / "killed", ENTRIES[verb])
     with distributing(executor):
@@ -132,7 +132,7 @@ def test_a_killed_run_goes_on_with_another_number_of_workers(verb, executor, tmp
     assert told(tmp_path / "killed") == ["this process", "worker processes"]
 
 
-def test_what_workers_have_evaluated_of_a_generation_is_there_for_a_run_that_goes_on_alone(tmp_path):
+def test_rows_that_workers_evaluated_are_there_for_a_run_resumed_without_workers(tmp_path):
     counted, folder = tmp_path / "rows", tmp_path / "killed"
     script = (
         "import sys; from pathlib import Path; import paretoik as pk; "
@@ -148,7 +148,7 @@ def test_what_workers_have_evaluated_of_a_generation_is_there_for_a_run_that_goe
     whole = pk.solve(Slow(tmp_path / "whole"), population=12, generations=2)
     assert np.array_equal(resumed.objectives, whole.objectives)
     anew = len(counted.read_text()) - before
-    assert anew < 2 * 12 + 1  # the first row is looked at once more; what was known of the others is not
+    assert anew < 2 * 12 + 1  # the first row is evaluated once more, known ones of the others are not
 
 
 def test_a_row_that_takes_too_long_has_failed_and_the_search_goes_on():
@@ -191,13 +191,13 @@ def test_ctrl_c_ends_a_search_in_workers_within_a_second_and_leaves_no_process(t
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ({"workers": 0}, "workers: an integer of at least 1 wanted, got 0"),
-        ({"workers": 2, "cluster": "tcp://localhost:8786"}, "workers: wants none beside cluster"),
-        ({"cluster": "localhost"}, "cluster: the address of a Dask scheduler wanted, as tcp://HOST:PORT, got"),
+        ({"workers": 0}, "workers must be an integer of at least 1, got 0"),
+        ({"workers": 2, "cluster": "tcp://localhost:8786"}, "workers must be None with a cluster"),
+        ({"cluster": "localhost"}, "cluster must be the address of a Dask scheduler, as tcp://HOST:PORT, got"),
         ({"evaluation_timeout": 0.0}, "evaluation_timeout: "),
     ],
 )
-def test_what_is_no_number_of_workers_address_or_time_is_refused(arguments, words, tmp_path):
+def test_invalid_workers_addresses_and_times_are_refused(arguments, words, tmp_path):
     with pytest.raises(InvalidInput, match=words):
         pk.solve(tracking(), **QUICK, **arguments, out=tmp_path / "run")
     assert not (tmp_path / "run").exists()
@@ -205,11 +205,11 @@ def test_what_is_no_number_of_workers_address_or_time_is_refused(arguments, word
 
 @pytest.mark.parametrize("name", ["workers", "islands"])
 def test_a_closed_loop_is_followed_without_workers_and_islands(name):
-    with pytest.raises(InvalidInput, match=f"{name}: wants a search for a front, got a closed loop"):
+    with pytest.raises(InvalidInput, match=f"{name} must be used with a search for a front, got a closed loop"):
         pk.solve(PROBLEMS["loop"](), **{name: 2})
 
 
-def test_quick_evaluations_are_told_not_to_pay(monkeypatch, tmp_path):
+def test_a_warning_says_that_workers_do_not_pay_for_quick_evaluations(monkeypatch, tmp_path):
     monkeypatch.setattr("paretoik.runs.distribution.OPTIONS", DistributionOptions(trial=0.2))
     with pytest.warns(RuntimeWarning, match="workers: they do not pay here, a task takes"):
         pk.solve(Slow(tmp_path / "rows", seconds=0.0), population=12, generations=90, stagnation=False, workers=2)

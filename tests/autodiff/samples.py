@@ -1,4 +1,4 @@
-"""Arrays of samples, traced ones that stand for them, and the numbers that those have."""
+"""Arrays of samples, their traced arrays, and the numbers of traced arrays."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ TURNS = RNG.normal(size=(SAMPLES, 3, 3))
 
 
 def traced(*arrays, samples=SAMPLES):
-    """Return a trace and a traced array for each of the given ones, (time, ...)."""
+    """Return a trace and a traced array for each given array (time, ...)."""
     trace = Trace(samples)
     return trace, [trace.inputs(*(array.shape[1:] if samples else array.shape)) for array in arrays]
 
 
 def numbers(trace, array, *sources):
-    """Return the numbers that a traced array stands for, where those that were traced are the given ones."""
+    """Return the numbers of a traced array for given numbers of the traced inputs."""
     lanes = SAMPLES if trace.samples else 1
     rows = np.zeros((len(trace.tape.inputs), lanes))
     begun = 0

@@ -1,4 +1,4 @@
-"""Derivatives: exact where functions are smooth, those of the piece that is taken where they are not."""
+"""Derivatives: exact for smooth functions; at a kink those of the active piece."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def test_the_gradient_is_that_of_central_differences(tree, seed):
     at = points(seed)
     slopes = evaluated(tape, gradient(tape, value, variables), at)
     curved = evaluated(tape, hessian(tape, value, variables).values(), at)
-    assume(np.abs(curved).max(initial=0.0) < 1e4)  # a kink nearly met, of sqrt(a² + b²) with both small
+    assume(np.abs(curved).max(initial=0.0) < 1e4)  # a point near a kink: sqrt(a² + b²) with both small
     scale = max(1.0, np.abs(slopes).max(), np.abs(evaluated(tape, [value], at)).max())
     for i, slope in enumerate(slopes):
         agree(slope, differences(tape, [value], at, i)[0], scale, 1e-6)
@@ -59,7 +59,7 @@ def test_second_derivatives_are_differences_of_the_gradient_and_symmetric(tree, 
 
 
 def differences(tape, outputs, at, i):
-    """Return central differences; not a number where those of two steps differ: a kink is in between."""
+    """Return central differences; NaN if those of two steps differ: then a kink is in between."""
 
     def with_step(step):
         ahead, behind = at.copy(), at.copy()
@@ -103,7 +103,7 @@ C, S = np.cos(1.0), np.sin(1.0)
 
 
 def at_points(function, *at):
-    """Return value, first and second derivative of a function of one number, at numbers."""
+    """Return value, first and second derivative of a function of one number at numbers."""
     tape = Tape()
     x = tape.input()
     y = function(x)
@@ -158,7 +158,7 @@ def test_the_length_of_nothing_grows_nowhere(at):
     np.testing.assert_array_equal(derivatives, [0.0, 0.0, 1.0, *[0.0] * 9])
 
 
-def test_what_does_not_depend_has_no_derivative_at_all():
+def test_independent_output_has_no_derivative():
     tape = Tape()
     x, y = tape.input(), tape.input()
     nothing = tape.constant(0.0)

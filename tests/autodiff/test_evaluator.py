@@ -1,4 +1,4 @@
-"""Evaluators compute tapes, for any number of points, in few registers."""
+"""Evaluators compute tapes for any number of points with few registers."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def test_a_product_that_one_sum_or_difference_uses_is_fused_with_it():
     ]
     evaluator = compile_evaluator(tape, [e.index for e in (x * y + z, x * y - z, x * z, x * z + y, x * x - z * z)])
     np.testing.assert_array_equal(evaluator(at), [a * b + c, a * b - c, a * c, a * c + b, a * a - c * c])
-    assert [op for op, *_ in evaluator.code.tolist()].count(Op.MULTIPLY) == 3  # two are wanted twice, one is z²
+    assert [op for op, *_ in evaluator.code.tolist()].count(Op.MULTIPLY) == 3  # two are used twice, one is z²
 
 
 def test_only_the_inputs_that_matter_are_loaded():

@@ -1,4 +1,4 @@
-"""Every operation of the interpreter beside NumPy's function, at zeros, infinities and what is no number as well."""
+"""Operations of the interpreter compared with NumPy's functions, also at zeros, infinities and NaN."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def test_places_where_reduced_angles_change_sign_or_vanish(function, known):
 
 
 @pytest.mark.parametrize("function", [sines, cosines])
-def test_what_is_no_angle_is_no_number(function):
+def test_sine_and_cosine_of_no_angle_are_nan(function):
     assert np.isnan(written(function, np.array([np.nan, np.inf, -np.inf]))).all()
     assert np.isfinite(written(function, np.array([0.0, np.nan, 1.0]))).tolist() == [True, False, True]
 

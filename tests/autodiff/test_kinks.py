@@ -1,4 +1,4 @@
-"""Epigraph reformulation: the same values and derivatives, smooth, with constraints that hold with equality."""
+"""Epigraph reformulation: same values and derivatives, smooth, with active constraints."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def reformulation(function, sense=1, excluded=()):
 
 
 def inputs_with_nodes(tape, result, points):
-    """Return inputs at which every epigraph variable has the value of its node."""
+    """Return inputs at which every epigraph variable equals its node."""
     inputs = np.concatenate([points, np.zeros((len(tape.inputs) - 3, points.shape[1]))])
     for _ in result.nodes:  # a node may contain the variable of another
         for variable, values in zip(
@@ -92,7 +92,7 @@ def test_constraints_hold_and_one_of_each_pair_with_equality(function):
 
 @pytest.mark.parametrize("function", CONVEX.values(), ids=CONVEX.keys())
 def test_multipliers_of_active_constraints_give_the_gradient(function):
-    """∂f/∂x + Σ λ ∂c/∂x with ∂f/∂v = Σ λ ∂c/∂v: at an optimum in the variables, the gradient of the function itself."""
+    """∂f/∂x + Σ λ ∂c/∂x with ∂f/∂v = Σ λ ∂c/∂v is the function's gradient at an optimum in the variables v."""
     tape, entry, result = reformulation(function)
     inputs = inputs_with_nodes(tape, result, PROBES[:, :20])
     variables = [*tape.inputs[:3], *result.epigraph_variables]
@@ -184,7 +184,9 @@ def test_a_choice_that_no_probe_changes_stays():
 
 
 def test_a_jump_is_refused_by_name():
-    with pytest.raises(InvalidInput, match=r"^effort: jumps where the condition of np\.where changes"):
+    with pytest.raises(
+        InvalidInput, match=r"^effort must have pieces that meet where the condition of np\.where changes"
+    ):
         choice(lambda x: where(np.less(0.3, x), x + 1.0, x))
 
 
@@ -209,7 +211,7 @@ def test_a_kink_inside_a_constraint_remains_for_the_function_of_its_variable():
     assert {owner for owner, *_ in remaining_kinks(tape, result)} == {0}
 
 
-# What is rewritten has the values of what it was: substitutions, pieces of maxima, summands and norms.
+# Rewritten expressions keep their values: substitutions, pieces of maxima, summands and norms.
 
 
 LINEAR = {name: SMOOTH[name] for name in ("add", "subtract", "negative")} | {
@@ -245,7 +247,7 @@ def test_a_copy_on_another_tape_has_the_value_where_its_inputs_are(tree, seed):
     )
 
 
-def test_what_does_not_contain_the_entry_stays_the_same_entry():
+def test_expression_without_the_replaced_entry_stays_the_same():
     tape, value, variables = taped(lambda x, y, z: np.sin(y) + z)
     assert substitute(tape, [value], {variables[0]: variables[1]}) == [value]
 
@@ -303,6 +305,6 @@ def test_a_norm_is_its_factor_times_the_root_of_its_terms_squares(seed):
         lambda x, y, z: np.sqrt(x * x + y * y) + z,
     ],
 )
-def test_what_is_no_norm_has_no_terms(function):
+def test_expression_that_is_no_norm_has_no_terms(function):
     tape, value, _ = taped(function)
     assert norm_terms(tape, value) is None

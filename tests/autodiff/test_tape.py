@@ -1,4 +1,4 @@
-"""Expressions: the tape computes what NumPy computes, each value once, and refuses what it cannot."""
+"""Expressions: the tape computes NumPy's values, each once, and refuses unsupported code."""
 
 from __future__ import annotations
 
@@ -108,16 +108,16 @@ def test_plain_arrays_meet_expressions_element_by_element():
 @pytest.mark.parametrize(
     ("asked", "words"),
     [
-        (lambda x: 1 if x else 0, "np.where is wanted"),
+        (lambda x: 1 if x else 0, "use np.where"),
         (lambda x: float(x), "NumPy functions only"),
         (lambda x: math.sin(x), "NumPy functions only"),
         (lambda x: np.floor(x), "np.floor has no derivative here; those that have: absolute, add"),
         (lambda x: x % 1.0 if hasattr(x, "__mod__") else np.remainder(x, 1.0), "np.remainder has no derivative"),
-        (lambda x: np.add(x, 1.0, dtype=float), "np.add.__call__: a plain call is wanted"),
-        (lambda x: np.add.outer(x, x), "np.add.outer: a plain call is wanted"),
-        (lambda x: x * 1j, "real numbers are wanted where derivatives are taken, got 1j"),
-        (lambda x: x + None, "real numbers are wanted where derivatives are taken, got None"),
-        (lambda x: x + "1", "real numbers are wanted where derivatives are taken, got '1'"),
+        (lambda x: np.add(x, 1.0, dtype=float), "np.add.__call__ must be a plain call"),
+        (lambda x: np.add.outer(x, x), "np.add.outer must be a plain call"),
+        (lambda x: x * 1j, "values must be real numbers where derivatives are taken, got 1j"),
+        (lambda x: x + None, "values must be real numbers where derivatives are taken, got None"),
+        (lambda x: x + "1", "values must be real numbers where derivatives are taken, got '1'"),
     ],
 )
 def test_what_a_tape_cannot_hold_is_refused_in_one_line(asked, words):
@@ -126,7 +126,7 @@ def test_what_a_tape_cannot_hold_is_refused_in_one_line(asked, words):
     assert "\n" not in str(refused.value)
 
 
-# NumPy's functions of numbers on a tape: their values are NumPy's, for every number, inf and NaN.
+# NumPy's functions of numbers on a tape have NumPy's values for every number, inf and NaN.
 
 
 NAN, INF = math.nan, math.inf

@@ -1,4 +1,4 @@
-"""Traced arrays: NumPy code that looks at every sample by itself gets NumPy's numbers, other code is found out."""
+"""Traced arrays: code without coupling of samples gets NumPy's numbers; other code is detected."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tests.autodiff.samples import RNG, ROW, SAMPLES, TABLE, TIME, TURNS, Q, R, 
 
 
 def agrees(function, *arrays, samples=SAMPLES):
-    """Hold a function of traced arrays against NumPy."""
+    """Compare a function of traced arrays with NumPy."""
     trace, inputs = traced(*arrays, samples=samples)
     traced_value, expected = function(*inputs), function(*arrays)
     assert isinstance(traced_value, TracedArray)
@@ -151,12 +151,12 @@ LOCAL = {
 
 
 @pytest.mark.parametrize("function", LOCAL.values(), ids=LOCAL.keys())
-def test_what_looks_at_samples_one_by_one_is_numpys(function):
+def test_functions_of_single_samples_are_numpys(function):
     agrees(function, Q, V, R)
 
 
 @pytest.mark.parametrize("function", LOCAL.values(), ids=LOCAL.keys())
-def test_it_is_numpys_with_every_sample_in_sight_too(function):
+def test_functions_with_visible_time_are_numpys(function):
     agrees(function, Q, V, R, samples=None)
 
 
@@ -207,7 +207,7 @@ ACROSS = {
 
 
 @pytest.mark.parametrize("function", ACROSS.values(), ids=ACROSS.keys())
-def test_what_looks_along_time_is_found_out(function):
+def test_functions_along_time_are_detected(function):
     _, inputs = traced(Q, V, R)
     with pytest.raises(NotLocal):
         function(*inputs)
@@ -255,7 +255,7 @@ def test_plain_arrays_meet_traced_ones_where_numpy_lets_them(shape, wide):
         with pytest.raises(InvalidInput, match="do not go together"):
             array * plain
         return
-    if expected.shape[0] != SAMPLES or expected.ndim > source.ndim:  # a batch, which a traced motion is none of
+    if expected.shape[0] != SAMPLES or expected.ndim > source.ndim:  # a batch: a traced motion is not a batch
         with pytest.raises(InvalidInput, match="do not go together"):
             array * plain
         return

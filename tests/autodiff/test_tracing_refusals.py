@@ -1,4 +1,4 @@
-"""What traced arrays cannot do is refused in one line that says what it was."""
+"""Traced arrays refuse unsupported code in one line that names it."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ REFUSED = {
     "item": (lambda q, v, r: q.item(), ".item of an array has no derivative here"),
     "tolist": (lambda q, v, r: q.tolist(), ".tolist of an array has no derivative here"),
     "no such thing": (lambda q, v, r: q.speed, ".speed of an array has no derivative here"),
-    "if": (lambda q, v, r: 1 if (q > 0) else 0, "np.where is wanted"),
-    "and": (lambda q, v, r: q[..., 0] > 0 and v[..., 0] > 0, "np.where is wanted"),
-    "Python's max": (lambda q, v, r: max(q[..., 0], v[..., 0]), "np.where is wanted"),
+    "if": (lambda q, v, r: 1 if (q > 0) else 0, "use np.where"),
+    "and": (lambda q, v, r: q[..., 0] > 0 and v[..., 0] > 0, "use np.where"),
+    "Python's max": (lambda q, v, r: max(q[..., 0], v[..., 0]), "use np.where"),
     "boolean indexing": (lambda q, v, r: q[q > 0], "an index cannot depend on the motion"),
     "an index": (lambda q, v, r: q[..., v[..., 0]], "an index cannot depend on the motion"),
     "an index of numbers": (lambda q, v, r: ROW[q[..., 0]], "plain number"),
@@ -49,10 +49,10 @@ REFUSED = {
     "asarray": (lambda q, v, r: np.asarray(q), "plain numbers were asked"),
     "array": (lambda q, v, r: np.array([q[..., 0], q[..., 1]]), "np.stack for np.array"),
     "column_stack": (lambda q, v, r: np.column_stack([q, v]), "np.column_stack has no derivative here"),
-    "complex": (lambda q, v, r: q * 1j, "real numbers are wanted where derivatives are taken, got 1j"),
+    "complex": (lambda q, v, r: q * 1j, "values must be real numbers where derivatives are taken, got 1j"),
     "complex by the sample": (lambda q, v, r: q * TABLE.astype(complex), "real numbers .* got complex128"),
-    "nothing": (lambda q, v, r: np.where(q > 0, q, None), "real numbers are wanted .* got None"),
-    "text": (lambda q, v, r: q + "1", "real numbers are wanted"),
+    "nothing": (lambda q, v, r: np.where(q > 0, q, None), "values must be real numbers .* got None"),
+    "text": (lambda q, v, r: q + "1", "values must be real numbers"),
     "whole numbers": (lambda q, v, r: q.astype(int), r"astype\(int64\) has no derivative here"),
     "other joints": (lambda q, v, r: q[..., 3], "index 3 is out of bounds"),
     "other axes": (lambda q, v, r: q.sum(axis=-3), "axis -3"),
@@ -68,8 +68,8 @@ REFUSED = {
     "settings of clip": (lambda q, v, r: np.clip(q, 0, 1, casting="unsafe"), "np.clip: .*casting"),
     "another norm": (lambda q, v, r: np.linalg.norm(q, ord=3, axis=-1), r"np.linalg.norm\(ord=3\)"),
     "norm of a matrix": (lambda q, v, r: np.linalg.norm(r, ord=2, axis=(-2, -1)), r"np.linalg.norm\(ord=2\)"),
-    "det of no square": (lambda q, v, r: np.linalg.det(r[..., :2]), "np.linalg.det wants square matrices"),
-    "cross of pairs": (lambda q, v, r: np.cross(q[..., :2], v[..., :2]), "np.cross wants vectors of 3 numbers"),
+    "det of no square": (lambda q, v, r: np.linalg.det(r[..., :2]), "np.linalg.det must get square matrices"),
+    "cross of pairs": (lambda q, v, r: np.cross(q[..., :2], v[..., :2]), "np.cross must get vectors of 3 numbers"),
     "einsum twice": (lambda q, v, r: np.einsum("...ii->...", r), r"np.einsum\('...ii->...'\) has no derivative"),
     "einsum of less": (lambda q, v, r: np.einsum("...i,...i->...", q), "np.einsum"),
     "einsum of more axes": (lambda q, v, r: np.einsum("tijk->t", r), "np.einsum: 'tijk' does not name the axes"),
@@ -107,6 +107,6 @@ def test_an_array_changed_in_place_is_changed_under_all_its_names():
     np.testing.assert_allclose(numbers(trace, same, Q), 2 * Q + 1)
     total = q * 2
     part = total[..., 0]
-    with pytest.raises(InvalidInput, match="x = x \\+ y is wanted"):
+    with pytest.raises(InvalidInput, match="use x = x \\+ y"):
         total += 1.0
     np.testing.assert_allclose(numbers(trace, part, Q), 2 * Q[..., 0])

@@ -1,4 +1,4 @@
-"""Random expressions: functions of three numbers that run on NumPy arrays as well as on a tape."""
+"""Random expressions: functions of three numbers that run on NumPy arrays and on a tape."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ KINKED = {
 
 
 def trees(functions):
-    """Draw functions of (x, y, z) made of these functions, the variables and a few numbers."""
+    """Draw functions of (x, y, z), composed of these functions, the variables and a few numbers."""
     variables = [lambda *coordinates, i=i: coordinates[i] for i in range(VARIABLES)]
     numbers = [lambda *coordinates, c=c: c for c in (0.0, 1.0, -1.0, 0.5, 3.0)]
     leaves = st.sampled_from([*variables, *variables, *numbers])
@@ -70,7 +70,7 @@ def evaluated(tape, outputs, inputs):
 
 
 def points(seed, lanes=7):
-    """Return (variables, lanes): places where nothing is at a kink by design."""
+    """Return (variables, lanes): places that avoid systematic kinks."""
     return np.random.default_rng(seed).uniform(-2, 2, size=(VARIABLES, lanes))
 
 

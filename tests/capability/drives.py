@@ -1,4 +1,4 @@
-"""Planar arms under gravity, and motors and rods to drive them."""
+"""Planar arms under gravity, with motors and rods that drive them."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def rods(dof, zero):
 
 
 def sliders(shape="diamond", bend=1.0, **changed):
-    """Two joints, each with a rod and two sliders."""
+    """Return the actuation of two joints, each with a rod and two sliders."""
     motors = pk.capability.MotorCurve(stall=[60.0, 40.0], fastest=[0.01, 0.02], shape=shape)
     geometry = {"rod": [0.08, 0.09], "front_bounds": (0.03, 0.075), "back_bounds": (0.02, 0.085), "zero": [0.3, -0.2]}
     return pk.capability.DistributedActuation(front=motors, bend=bend, **{**geometry, **changed})

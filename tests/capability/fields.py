@@ -1,4 +1,4 @@
-"""Fields of ellipses and directional maxima that the tests of speed models and of their fits share."""
+"""Fields of ellipses and directional maxima for the tests of speed models and of their fits."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ TASKS = [2, 3]
 
 
 def units(size, *, task=2, seed=0):
-    """Unit vectors: of half the circle, evenly, or of the sphere."""
+    """Return unit vectors, evenly of half the circle, or of the sphere."""
     if task == 2:
         angles = np.pi * np.arange(size) / size
         return np.stack([np.cos(angles), np.sin(angles)], axis=1)
@@ -21,7 +21,7 @@ def units(size, *, task=2, seed=0):
 
 
 def field(task, *, degree=2, seed=0):
-    """A model of random ellipsoids about the middle of a box of 0.2 m, their speeds about 2 m/s."""
+    """Return a model of random ellipsoids about the middle of a box of 0.2 m, with speeds about 2 m/s."""
     rng = np.random.default_rng(seed)
     terms = len(monomials(task, degree))
     entries = 0.05 * rng.normal(size=(terms, task, task))
@@ -36,14 +36,14 @@ def field(task, *, degree=2, seed=0):
 
 
 def constant_shape(model):
-    """The same sizes of ellipsoids, all of one shape."""
+    """Return ellipsoids of the same sizes, all of one shape."""
     columns = model.polynomials.coefficients.copy()
     columns[1:, 1:] = 0.0
     return replace(model, polynomials=replace(model.polynomials, coefficients=columns))
 
 
 def axes_field(*, turn):
-    """Radii and an angle that are polynomials themselves; the angle passes ±90°, where eigenvectors jump."""
+    """Return radii and an angle that are polynomials; the angle passes ±90°, at which eigenvectors jump."""
     numbers = np.array([[2.0, 1.0, 1.5], [0.3, -0.1, turn], [0.2, 0.2, 0.4], [0.1, 0, 0.1], [0, 0.1, 0], [0, 0, 0.2]])
     center = np.array([0.15, -0.15])
     axes = Polynomials(degree=2, center=center, scale=0.05, coefficients=numbers)
@@ -55,7 +55,7 @@ def within(model, size, *, seed=1):
 
 
 def arm_maxima(positions, directions):
-    """Directional maxima of a planar arm of three joints: outlines of zonotopes, the best of 240 postures."""
+    """Return maxima of a planar arm of three joints: outlines of zonotopes, the best of 240 postures."""
     lengths, rates = np.array([0.114, 0.114, 0.129]), np.array([3.3, 13.2, 13.2])
     first = np.linspace(-np.pi, np.pi, 120, endpoint=False)
     wrist = positions[:, None] - lengths[0] * np.stack([np.cos(first), np.sin(first)], axis=1)
@@ -65,7 +65,7 @@ def arm_maxima(positions, directions):
     second = second - np.arctan2(lengths[2] * np.sin(elbow), lengths[1] + lengths[2] * np.cos(elbow))
     angles = np.stack([np.broadcast_to(first, second.shape), second, second + elbow], axis=-1)
     links = lengths[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-    normals = np.cumsum(links[..., ::-1, :], axis=-2)[..., ::-1, :]  # from each joint to the tool: at right angles to
+    normals = np.cumsum(links[..., ::-1, :], axis=-2)[..., ::-1, :]  # from each joint to the tool, orthogonal to
     turned = np.stack([-normals[..., 1], normals[..., 0]], axis=-1)  # the velocity that it gives
     reach = np.abs(np.einsum("...id,...jd->...ij", normals, turned)) @ rates
     speeds = np.min(reach[..., None] / np.maximum(np.abs(normals @ directions.T), 1e-9), axis=-2)

@@ -1,4 +1,4 @@
-"""Motors and sliders: curves, gears, and how fast and how strongly joints turn with the best of them."""
+"""Motors and sliders: curves, gears, and the highest speeds and torques of joints."""
 
 from __future__ import annotations
 
@@ -48,35 +48,35 @@ def test_motors_of_an_arm_are_its_own_limits():
     assert np.array_equal(motors.fastest, arm.velocity_limits)
     assert np.isinf(motors.stall).all()
     assert np.array_equal(motors.speeds(np.full(7, 1e6))[1], arm.velocity_limits)
-    with pytest.raises(InvalidInput, match="joint1 wants a velocity limit"):
+    with pytest.raises(InvalidInput, match="joint1 must have a velocity limit"):
         JointActuation.of(marcos_nr(3))
 
 
 @pytest.mark.parametrize(
     ("make", "said"),
     [
-        (lambda: MotorCurve(stall=[1.0, 0.0], fastest=[1.0, 1.0]), "stall wants positive numbers"),
-        (lambda: MotorCurve(stall=[1.0], fastest=[np.inf]), "fastest wants finite speeds"),
-        (lambda: MotorCurve(stall=[1.0], fastest=[np.nan]), "fastest wants positive numbers"),
-        (lambda: MotorCurve(stall=[1.0, 1.0], fastest=[1.0]), "2 fastest wanted, one for each stall, got 1"),
-        (lambda: MotorCurve(stall="abc", fastest=[1.0]), "stall wants positive numbers"),
-        (lambda: MotorCurve(stall=[[1.0], [2.0, 3.0]], fastest=[1.0]), "stall wants positive numbers"),
-        (lambda: JointActuation(motors=[1.0]), "motors wants a MotorCurve"),
-        (lambda: JointActuation.of(None), "an Arm wanted"),
-        (lambda: sliders(back_bounds=(1.0, 2.0)), "sliders that reach a rod's angle"),
+        (lambda: MotorCurve(stall=[1.0, 0.0], fastest=[1.0, 1.0]), "stall must be positive numbers"),
+        (lambda: MotorCurve(stall=[1.0], fastest=[np.inf]), "fastest must be finite speeds"),
+        (lambda: MotorCurve(stall=[1.0], fastest=[np.nan]), "fastest must be positive numbers"),
+        (lambda: MotorCurve(stall=[1.0, 1.0], fastest=[1.0]), "fastest must be 2, one for each stall, got 1"),
+        (lambda: MotorCurve(stall="abc", fastest=[1.0]), "stall must be positive numbers"),
+        (lambda: MotorCurve(stall=[[1.0], [2.0, 3.0]], fastest=[1.0]), "stall must be positive numbers"),
+        (lambda: JointActuation(motors=[1.0]), "motors must be a MotorCurve"),
+        (lambda: JointActuation.of(None), "must be an Arm"),
+        (lambda: sliders(back_bounds=(1.0, 2.0)), "sliders must reach a rod's angle"),
         (lambda: MotorCurve(stall=1.0, fastest=1.0, shape="round"), "shape must be one of diamond"),
-        (lambda: sliders(rod=[0.08, -0.1]), "joint 2: a rod longer than 0"),
-        (lambda: sliders(rod=[0.07, 0.09]), "joint 1: front sliders no farther"),
-        (lambda: sliders(bend=0.5), "joint 1: bend 1 or −1 wanted, got 0.5"),
+        (lambda: sliders(rod=[0.08, -0.1]), "joint 2: rod must be longer than 0"),
+        (lambda: sliders(rod=[0.07, 0.09]), "joint 1: front bounds must be at most the rod's length"),
+        (lambda: sliders(bend=0.5), "joint 1: bend must be 1 or −1, got 0.5"),
         (lambda: sliders(zero=[0.0, np.nan]), "zero: must be finite"),
-        (lambda: sliders(front_bounds=(0.07, 0.03)), "front bounds 0 < lower ≤ upper wanted"),
-        (lambda: sliders(back_bounds=(0.0, 0.03)), "back bounds 0 < lower ≤ upper wanted"),
-        (lambda: sliders(rod=[0.08, 0.08, 0.08]), "rod wants shape"),
-        (lambda: sliders(back=MotorCurve(stall=1.0, fastest=1.0)), "back wants 2 motors"),
-        (lambda: sliders(least_angle=0.0), "a least angle between 0 and π"),
-        (lambda: check_actuation(kim_sliders(), marcos_nr(4)), "4 joints of Marcos 4R wanted, got 3"),
-        (lambda: check_actuation("motors", marcos_nr(4)), "a JointActuation or DistributedActuation wanted"),
-        (lambda: joint_speeds(kim_sliders(), np.zeros(2), np.zeros(2)), r"arrays \(..., 3\) wanted"),
+        (lambda: sliders(front_bounds=(0.07, 0.03)), "front bounds must be 0 < lower ≤ upper"),
+        (lambda: sliders(back_bounds=(0.0, 0.03)), "back bounds must be 0 < lower ≤ upper"),
+        (lambda: sliders(rod=[0.08, 0.08, 0.08]), "rod must have shape"),
+        (lambda: sliders(back=MotorCurve(stall=1.0, fastest=1.0)), "back must be 2 motors"),
+        (lambda: sliders(least_angle=0.0), "least_angle must be between 0 and π"),
+        (lambda: check_actuation(kim_sliders(), marcos_nr(4)), "4 joints of Marcos 4R, got 3"),
+        (lambda: check_actuation("motors", marcos_nr(4)), "actuation must be a JointActuation or DistributedActuation"),
+        (lambda: joint_speeds(kim_sliders(), np.zeros(2), np.zeros(2)), r"must have shape \(..., 3\)"),
     ],
 )
 @pytest.mark.usefixtures("unchecked")
@@ -88,18 +88,18 @@ def test_what_cannot_be_is_refused_by_name(make, said):
 def test_rods_turn_joints_and_slide_none():
     table = {"a": [0.1, 0.1], "alpha": [0.0, 0.0], "d": [0.0, 0.0], "theta": [0.0, 0.0]}
     arm = Arm.from_dh(**table, convention="standard", types=["revolute", "prismatic"])
-    with pytest.raises(InvalidInput, match="joint2 of DH arm slides"):
+    with pytest.raises(InvalidInput, match="got joint2 of DH arm, which slides"):
         check_actuation(sliders(), arm)
 
 
-# What motors allow: speeds under a load, by the shape of their curve.
+# Speeds of motors under a load, by the shape of their curve.
 
 
 shapes = st.sampled_from(SHAPES)
 
 
 @given(seed=seeds, shape=shapes)
-def test_what_a_curve_allows_is_where_its_room_is_not_negative(seed, shape):
+def test_a_curve_allows_exactly_the_speeds_with_slacks_not_negative(seed, shape):
     rng = np.random.default_rng(seed)
     curve = MotorCurve(stall=[2.0, 0.5], fastest=[3.0, 7.0], shape=shape)
     effort, speed = curve.stall * rng.uniform(-1.2, 1.2, (50, 2)), curve.fastest * rng.uniform(-1.2, 1.2, (50, 2))
@@ -118,7 +118,7 @@ def test_a_diamond_is_the_papers_curve_a_strip_lets_a_load_drive_the_motor():
     assert np.ravel(speeds["box"][0]).tolist() == [-4.0, -4.0, -4.0]
 
 
-# Angles that rods reach beside all pairs of their sliders, and geometry that cannot be.
+# Angles of rods compared with all pairs of their sliders, and impossible geometry.
 
 
 def test_a_rods_angles_are_those_of_all_pairs_of_sliders():
@@ -136,7 +136,7 @@ def test_a_rods_angles_are_those_of_all_pairs_of_sliders():
         inside = angles[(angles >= margin) & (angles <= np.pi - margin)]
         if not len(inside):
             refused += 1
-            with pytest.raises(InvalidInput, match="sliders that reach a rod's angle"):
+            with pytest.raises(InvalidInput, match="sliders must reach a rod's angle"):
                 angle_range(rod, *bounds, margin)
             continue
         reached += 1
@@ -153,7 +153,7 @@ def test_a_number_is_every_joints_and_may_not_be_written():
     bounds = broadcast("front_bounds", (0.1, 0.2), (3, 2))
     np.testing.assert_array_equal(bounds, [[0.1, 0.2]] * 3)
     assert not bounds.flags.writeable
-    with pytest.raises(InvalidInput, match=r"distributed actuation: rod wants shape \(3,\), got \(2,\)"):
+    with pytest.raises(InvalidInput, match=r"distributed actuation: rod must have shape \(3,\), got \(2,\)"):
         broadcast("rod", [0.1, 0.2], (3,))
 
 
@@ -170,17 +170,17 @@ GEOMETRY = {
 @pytest.mark.parametrize(
     ("name", "value", "wish"),
     [
-        ("rod", 0.0, r"a rod longer than 0 and of at most \S+ m"),
-        ("bend", 0.5, "bend 1 or −1"),
-        ("least_angle", np.pi, "a least angle between 0 and π"),
-        ("front_bounds", [0.05, 0.04], "front bounds 0 < lower ≤ upper"),
-        ("front_bounds", [0.05, 0.0901], "front sliders no farther than the rod is long"),
-        ("back_bounds", [0.0, 0.04], "back bounds 0 < lower ≤ upper"),
+        ("rod", 0.0, r"rod must be longer than 0 and at most \S+ m"),
+        ("bend", 0.5, "bend must be 1 or −1"),
+        ("least_angle", np.pi, "least_angle must be between 0 and π"),
+        ("front_bounds", [0.05, 0.04], "front bounds must be 0 < lower ≤ upper"),
+        ("front_bounds", [0.05, 0.0901], "front bounds must be at most the rod's length"),
+        ("back_bounds", [0.0, 0.04], "back bounds must be 0 < lower ≤ upper"),
     ],
 )
 def test_geometry_that_cannot_be_is_refused_with_its_joint(name, value, wish):
     check_geometry(**GEOMETRY)
     wrong = GEOMETRY[name].copy()
     wrong[1] = value
-    with pytest.raises(InvalidInput, match=f"joint 2: {wish} wanted"):
+    with pytest.raises(InvalidInput, match=f"joint 2: {wish}, got"):
         check_geometry(**{**GEOMETRY, name: wrong})

@@ -1,4 +1,4 @@
-"""Sliders of random rods, at loads up to nearly the most that can be held, beside a look at every place they can be."""
+"""Sliders of random rods, at loads up to nearly their capacity, compared with a scan of all their places."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SHARES = (0.3, 0.7, 0.9, 0.99, 0.999, 0.9999)
 
 
 def rods(rng, shape="diamond", stalls=(10.0, 100.0)):
-    """Geometry of a rod that may or may not reach an angle, and its motors."""
+    """Return the geometry of a rod that may or may not reach an angle, and its motors."""
     rod = rng.uniform(0.05, 0.2)
     low, other = rod * rng.uniform(0.1, 0.8), rod * rng.uniform(0.1, 1.5)
     high = min(rod, low * rng.uniform(1.02, 3.0))
@@ -36,7 +36,7 @@ def rods(rng, shape="diamond", stalls=(10.0, 100.0)):
 
 
 def reaching(rng, shape="diamond", **changed):
-    """Sliders of the next random rod that reaches an angle."""
+    """Return the sliders of the next random rod that reaches an angle."""
     while True:
         try:
             return DistributedActuation(**rods(rng, shape) | changed)
@@ -45,7 +45,7 @@ def reaching(rng, shape="diamond", **changed):
 
 
 def gears_at(actuation, angle, front):
-    """Back sliders and both gears, from the rod's length alone; NaN where the back slider is past its bounds."""
+    """Return back sliders and both gears from the rod's length; NaN if the back slider exceeds its bounds."""
     cosine, sine = np.cos(angle), np.sin(angle)
     back = -front * cosine + np.sqrt(actuation.rod**2 - (front * sine) ** 2)
     low, high = actuation.back_bounds[0]
@@ -55,7 +55,7 @@ def gears_at(actuation, angle, front):
 
 
 def fastest_at(actuation, gears, torque):
-    """The highest joint speed with given gears, each motor at its limit; NaN where one cannot bear its effort."""
+    """Return the highest joint speed with given gears, motors at their limits; NaN if one cannot bear its effort."""
     speed = 0.0
     for gear, curve in zip(gears, (actuation.front, actuation.back), strict=True):
         share = gear * torque / curve.stall * np.sign(gear)
@@ -86,7 +86,7 @@ def test_no_place_of_thousands_turns_a_joint_faster_however_little_it_can_hold_b
         assert (brute <= np.nan_to_num(ours[:, 0]) * (1 + 1e-9)).all()
         held = ~np.isnan(ours[:, 0])
         own = fastest_at(actuation, gears_at(actuation, angle[held], place[held, 0]), turned[held, 0] * (1 - 1e-9))
-        fits = ~np.isnan(own)  # at its very bound a slider may be a rounding past it
+        fits = ~np.isnan(own)  # at its bound a slider may exceed it by rounding
         assert fits.mean() > 0.5
         assert own[fits] == pytest.approx(ours[held, 0][fits], rel=1e-4)
 
@@ -158,7 +158,7 @@ def last_above(center, inside, outside, calls):
 
 
 @pytest.mark.parametrize("center", [-0.3, 0.0, 1.7])
-def test_the_least_is_found_with_one_call_an_iteration(center):
+def test_the_least_is_found_with_one_call_per_iteration(center):
     calls = np.zeros(1)
     value, place = least(center, -1.0, 2.0, calls)
     assert value == pytest.approx(-1.0)
@@ -167,7 +167,7 @@ def test_the_least_is_found_with_one_call_an_iteration(center):
 
 
 @pytest.mark.parametrize("center", [-5.0, 5.0])
-def test_where_there_is_none_inside_the_nearer_end_is_the_least(center):
+def test_without_a_minimum_inside_the_nearer_end_is_the_least(center):
     place = least(center, -1.0, 2.0, np.zeros(1))[1]
     assert place == pytest.approx(np.clip(center, -1.0, 2.0), abs=1e-9)
 
@@ -179,7 +179,7 @@ def test_the_search_ends_at_the_target():
     assert calls[0] < 20
 
 
-def test_ties_lead_to_where_they_are_told():
+def test_the_search_follows_ties_to_the_given_side():
     assert least_free(0.5, -4.0, 5.0, 0.5, np.zeros(1))[0] == pytest.approx(0.3, abs=1e-6)
     assert least_free(0.5, -4.0, 5.0, np.inf, np.zeros(1))[0] == np.inf
 

@@ -1,4 +1,4 @@
-"""Directional maxima: laws, brute force over postures, and the program in which everything is free at once."""
+"""Directional maxima: laws, brute force over postures, and the program with all unknowns free."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def driven(shape="diamond"):
 
 @pytest.mark.parametrize("drive", DRIVES)
 @pytest.mark.parametrize("quantity", ["velocity", "force"])
-def test_no_posture_of_many_does_more(drive, quantity):
+def test_no_posture_of_many_exceeds_the_maxima(drive, quantity):
     polygon = pk.directional_maxima(ARM, DRIVES[drive], PLACE, quantity=quantity)
     q = sample_postures_at(ARM, PLACE, 4000, np.random.default_rng(1))
     values = values_at(ARM, DRIVES[drive], polygon.directions, quantity, q)
@@ -59,7 +59,7 @@ def test_the_full_program_from_many_starts_never_beats_the_search_over_postures(
 
 
 @pytest.mark.parametrize("drive", DRIVES)
-def test_climbing_as_other_arms_do_finds_the_same(drive):
+def test_the_ascent_of_other_arms_finds_the_same_maxima(drive):
     polygon = pk.directional_maxima(ARM, DRIVES[drive], PLACE, 6)
     for quantity in ("velocity", "force"):
         polygon = pk.directional_maxima(ARM, DRIVES[drive], PLACE, 6, quantity=quantity)
@@ -70,7 +70,7 @@ def test_climbing_as_other_arms_do_finds_the_same(drive):
 
 
 @pytest.mark.parametrize("drive", DRIVES)
-def test_postures_speeds_and_efforts_are_those_that_are_said(drive):
+def test_stated_postures_speeds_and_efforts_are_consistent(drive):
     actuation = DRIVES[drive]
     polygon = pk.directional_maxima(ARM, actuation, PLACE)
     columns = kinematics.jacobian(ARM, polygon.q)[:, :2]
@@ -91,7 +91,7 @@ def test_postures_speeds_and_efforts_are_those_that_are_said(drive):
 
 
 @pytest.mark.parametrize("drive", DRIVES)
-def test_under_the_diamond_there_and_back_are_as_fast(drive):
+def test_under_the_diamond_both_ways_are_equally_fast(drive):
     values = pk.directional_maxima(ARM, DRIVES[drive], PLACE).values
     assert values == pytest.approx(np.roll(values, 8), rel=1e-12)
 
@@ -118,7 +118,7 @@ def test_in_one_posture_the_polygon_is_convex(seed):
 
 
 def test_without_gravity_forces_bound_what_any_power_can_do():
-    """Virtual work: a force that joints can hold does with a velocity that they can reach what their motors give."""
+    """Check virtual work: a force and a velocity that joints can reach give no more power than motors."""
     arm = ARM.mounted(gravity=[0.0, 0.0, 0.0])
     actuation = driven("box")
     q = np.array([-0.4, 0.9, 0.8])
@@ -145,7 +145,7 @@ def test_turning_arm_gravity_position_and_directions_changes_nothing(seed):
         assert other.values == pytest.approx(one.values, rel=1e-9)
 
 
-def test_joint_limits_are_kept_and_can_only_slow():
+def test_joint_limits_are_satisfied_and_can_only_slow():
     limited = pk.Arm.planar(
         lengths=[0.114, 0.114, 0.129],
         masses=[0.5] * 3,
@@ -189,8 +189,8 @@ def test_masses_off_the_links_and_a_bent_tool_are_the_same_arm_to_both_ways_of_l
     ("position", "payload", "error", "said"),
     [
         ([0.4, -0.15], 0.0, OutOfReach, "0.4272001873 m from the first joint, the arm reaches from 0 m to 0.357 m"),
-        ([0.2, -0.15], 20.0, Infeasible, "joint2: a torque of at most 3.5 N m wanted"),
-        ([0.356, 0.0], 1.2, Infeasible, "joint2: a torque of at most 3.5 N m wanted"),
+        ([0.2, -0.15], 20.0, Infeasible, "joint2 must bear a torque of at most 3.5 N m"),
+        ([0.356, 0.0], 1.2, Infeasible, "joint2 must bear a torque of at most 3.5 N m"),
         ([0.2], 0.0, InvalidInput, "position"),
         ([0.2, np.nan], 0.0, InvalidInput, "position: must be finite"),
     ],
@@ -207,13 +207,13 @@ def test_other_bad_input_is_refused_by_name():
     for directions, said in (
         (0, "at least 1"),
         ([[0.0, 0.0]], "longer than 0"),
-        ([[1.0, 0.0, 0.0]], "at least one, wanted"),
+        ([[1.0, 0.0, 0.0]], "at least one, got"),
     ):
         with pytest.raises(InvalidInput, match=said):
             pk.directional_maxima(ARM, motors, PLACE, directions)
     with pytest.raises(InvalidInput, match="quantity must be one of velocity, force"):
         pk.directional_maxima(ARM, motors, PLACE, quantity="power")
-    with pytest.raises(InvalidInput, match="3 joints of Kim 3R wanted, got 7"):
+    with pytest.raises(InvalidInput, match="3 joints of Kim 3R, got 7"):
         pk.directional_maxima(ARM, pk.capability.JointActuation.of(pk.arms.wan_7r()), PLACE)
     with pytest.raises(OutOfReach, match="position out of reach"):
         pk.directional_maxima(pk.arms.wan_7r(), pk.capability.JointActuation.of(pk.arms.wan_7r()), [3.0, 0.0, 0.0])
@@ -221,12 +221,12 @@ def test_other_bad_input_is_refused_by_name():
 
 def test_sliders_that_reach_no_posture_are_named_with_the_angle():
     with pytest.raises(
-        Infeasible, match=r"joint\d: a rod's angle that its sliders can reach wanted, 10° to 117.4° .* toggles"
+        Infeasible, match=r"joint\d must have a rod's angle that its sliders can reach, 10° to 117.4° .* toggles"
     ):
         pk.directional_maxima(ARM, pk.capability.kim_sliders(base_angle=np.deg2rad(60.0)), PLACE)
 
 
-# The best that postures do: the same in any turn of joints and rods, from any seed, and in closed form.
+# Maxima over postures: the same in any turn of joints and rods, from any seed, and in closed form.
 
 
 WAYS = np.array([[1.0, 0.2], [-0.3, 1.0], [-1.0, -0.7], [0.6, -1.0]])

@@ -28,7 +28,7 @@ from tests.capability.fields import TASKS, field
 
 @dataclass(frozen=True)
 class Even:
-    """The same speeds everywhere."""
+    """A model with the same speeds everywhere."""
 
     root: np.ndarray
     lower: np.ndarray
@@ -41,7 +41,7 @@ class Even:
 
 @dataclass(frozen=True)
 class HalfPlane:
-    """R = I / height: its fastest paths are those of the hyperbolic plane, circles around points at height 0."""
+    """A model with R = I / height: its fastest paths are those of the hyperbolic plane, circles around height 0."""
 
     task: int = 2
     top: float = 20.0
@@ -66,7 +66,7 @@ class HalfPlane:
 
 
 class Waves:
-    """A smooth model in the unit box by chance: R = I + Σ symmetric matrices · sin, which take ``strength`` at most."""
+    """A smooth random model in the unit box: R = I + Σ symmetric matrices · sin, at most ``strength``."""
 
     def __init__(self, seed, task=2, strength=0.8):
         rng = np.random.default_rng(seed)
@@ -84,7 +84,7 @@ class Waves:
 
 @dataclass(frozen=True)
 class Hill:
-    """Five times slower on top of a hill in the unit square."""
+    """A model that is five times slower on top of a hill in the unit square."""
 
     center: tuple[float, float]
     lower = np.zeros(2)
@@ -98,7 +98,7 @@ class Hill:
 
 @dataclass(frozen=True)
 class Ridge:
-    """Slower along the straight way in the middle and far slower beside it: the fastest way is in a valley between."""
+    """A model with a valley between the straight way and far slower places: the fastest way is in the valley."""
 
     lowest: float = -0.5
 
@@ -120,7 +120,7 @@ class Ridge:
 
 
 class Turned:
-    """A model whose tool has a multiple of the speed of another's."""
+    """A model with a multiple of the slowness of another."""
 
     def __init__(self, model, slowness):
         self.model, self.slowness, self.lower, self.upper = model, slowness, model.lower, model.upper
@@ -158,8 +158,8 @@ def test_the_fastest_path_is_the_half_planes_circle():
     assert path.times == pytest.approx(np.linspace(0, path.duration, 101), rel=1e-4)
 
 
-def test_a_wall_is_followed_and_left_as_is_fastest():
-    """Below a ceiling: a circle that touches it, along it, and a circle down."""
+def test_the_fastest_path_follows_and_leaves_a_wall():
+    """Below a ceiling: a circle up to it, the ceiling, and a circle down."""
     top = 1.2
     model, across = HalfPlane(top=top), -1 + np.sqrt(top**2 - 1)
     start, target, touch = np.array([-1.0, 1.0]), np.array([1.0, 1.0]), np.array([across, top])
@@ -169,7 +169,7 @@ def test_a_wall_is_followed_and_left_as_is_fastest():
 
 
 @pytest.mark.parametrize("beside", [0.0, 0.02])
-def test_a_hill_in_the_way_is_gone_around_on_the_better_side(beside):
+def test_the_fastest_path_goes_around_a_hill_on_the_better_side(beside):
     start, target = [0.1, 0.5], [0.9, 0.5]
     low, high = (fastest_path(Hill((0.5, 0.5 + side)), start, target) for side in (-beside, beside))
     assert low.duration == pytest.approx(high.duration, rel=1e-9)
@@ -217,7 +217,7 @@ def test_no_path_nearby_is_faster(seed, task):
 
 
 def lattice_time(model, start, target, rows, columns):
-    """Return the least time along a lattice in the model's box, in steps of up to three; an end is (row, column)."""
+    """Return the least time along a lattice in the model's box, with steps of up to three; ends are (row, column)."""
     places = [np.linspace(model.lower[i], model.upper[i], count) for i, count in enumerate((rows, columns))]
     grid = np.stack(np.meshgrid(*places, indexing="ij"), axis=-1).reshape(-1, 2)
     row, column = np.divmod(np.arange(len(grid)), columns)
@@ -244,8 +244,8 @@ def test_no_path_along_a_lattice_is_faster(seed):
 
 
 @pytest.mark.parametrize(("lowest", "level"), [(-0.5, 100), (0.0, 0)])
-def test_a_ridge_along_the_straight_way_is_left_for_the_valley_beside_it(lowest, level):
-    """On the ridge, which may be a wall too, the straight way is stationary, and slower than those close beside it."""
+def test_the_fastest_path_leaves_a_ridge_for_the_valley_next_to_it(lowest, level):
+    """On the ridge, which may be a wall too, the straight way is stationary, and slower than its neighbours."""
     model, ends = Ridge(lowest), ([0.1, 0.0], [0.9, 0.0])
     shortest_time = lattice_time(model, (4, level), (36, level), 41, 101 + level)
     path = fastest_path(model, *ends)
@@ -260,7 +260,7 @@ def test_a_ridge_along_the_straight_way_is_left_for_the_valley_beside_it(lowest,
 
 @settings(max_examples=30)
 @given(st.integers(0, 50), st.floats(0.1, 10.0))
-def test_slower_by_a_factor_takes_longer_by_that_factor_and_back_takes_as_long(seed, slowness):
+def test_times_scale_with_slowness_and_are_the_same_backwards(seed, slowness):
     model, (start, target) = Waves(seed), ends(seed)
     there, back = (fastest_path(model, *pair, intervals=30) for pair in ((start, target), (target, start)))
     slower = fastest_path(Turned(model, slowness), start, target, intervals=30)
@@ -292,19 +292,19 @@ def test_a_path_that_cannot_be_timed_is_refused_by_name(points, message):
 @pytest.mark.usefixtures("unchecked")
 @pytest.mark.parametrize("intervals", [0, -1, 2.5, True])
 def test_a_path_has_one_interval_at_least(intervals):
-    with pytest.raises(InvalidInput, match="intervals: an integer of at least 1"):
+    with pytest.raises(InvalidInput, match="intervals must be an integer of at least 1"):
         fastest_path(HalfPlane(), [0.0, 1.0], [1.0, 1.0], intervals=intervals)
 
 
 @pytest.mark.parametrize(("model", "ends"), [(HalfPlane(), ([-1.0, 1.0], [1.0, 1.0])), (Ridge(), ([0.1, 0], [0.9, 0]))])
 def test_what_does_not_converge_says_so(monkeypatch, model, ends):
     monkeypatch.setattr(module, "OPTIONS", module.GeodesicOptions(iterations=1))
-    with pytest.raises(SolverFailed, match="fastest_path: an optimum within 1 iterations wanted, no start has one"):
+    with pytest.raises(SolverFailed, match="fastest_path must reach an optimum within 1 iterations, no start does"):
         fastest_path(model, *ends)
 
 
 class Jumping(HalfPlane):
-    """Three times slower beyond a line, at once."""
+    """A model that is suddenly three times slower beyond a line."""
 
     def roots(self, positions):
         roots, slopes = super().roots(positions)
@@ -312,11 +312,11 @@ class Jumping(HalfPlane):
 
 
 def test_a_time_that_does_not_settle_says_so():
-    with pytest.raises(SolverFailed, match="path_time: a time settled to 1e-10 wanted"):
+    with pytest.raises(SolverFailed, match="path_time must settle to 1e-10"):
         path_time(Jumping(), [[0.0, 1.0], [1.0, 1.0]])
 
 
-# Models of speeds along paths: times of pieces to first order, boxes, and what is no model.
+# Models of speeds along paths: times of pieces to first order, boxes, and refusals.
 
 
 def path_in(model, count, seed=0):
@@ -363,11 +363,11 @@ def test_a_box_is_left_by_more_than_rounding_alone():
 
 
 def test_what_is_no_model_or_has_no_number_is_refused():
-    with pytest.raises(InvalidInput, match="model: a model of speeds wanted"):
+    with pytest.raises(InvalidInput, match="model must be a model of speeds"):
         check_model(7)
     points = np.zeros((3, 2))
     roots = np.ones((3, 2, 2))
     roots[1] = np.inf
     broken = SimpleNamespace(lower=np.zeros(2), upper=np.ones(2), roots=lambda at: (roots, np.zeros((3, 2, 2, 2))))
-    with pytest.raises(InvalidInput, match=r"finite R and ∂R/∂p wanted, got others at \[0 0\] m"):
+    with pytest.raises(InvalidInput, match=r"model must give finite R and ∂R/∂p, got others at \[0 0\] m"):
         evaluate_roots(broken, points)

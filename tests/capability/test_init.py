@@ -1,4 +1,4 @@
-"""The namespace ``pk.capability``: its names are known, load on demand and say what they are."""
+"""The namespace ``pk.capability``: its names are known, load on demand and are documented."""
 
 import inspect
 import subprocess

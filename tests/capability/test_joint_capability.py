@@ -1,4 +1,4 @@
-"""How fast and how strongly joints turn with their sliders at the best places."""
+"""Highest speeds and torques of joints with their sliders at the best places."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_no_slider_turns_a_joint_faster_than_the_best(seed, shape):
 
 @given(seed=seeds, shape=shapes)
 @settings(max_examples=25)
-def test_the_best_slider_gives_the_speed_that_is_said_of_it(seed, shape):
+def test_the_best_slider_gives_its_stated_speed(seed, shape):
     rng = np.random.default_rng(seed)
     actuation = sliders(shape, bend=-1.0)
     q = actuation.zero - rng.uniform(0.2, 2.0, (8, 2))
@@ -89,12 +89,12 @@ def test_a_joint_beyond_what_its_rod_reaches_cannot_hold():
 def test_an_overload_names_joint_torque_and_limit():
     arm = kim_3r()
     refusal = overload_error(kim_joint_motors(), arm, np.zeros(3), np.array([1.0, 4.0, 0.1]))
-    assert "joint2: a torque of at most 3.5 N m wanted" in str(refusal)
+    assert "joint2 must bear a torque of at most 3.5 N m" in str(refusal)
     assert refusal.violation == pytest.approx(4.0 / 3.5 - 1)
-    assert "joint1: a rod's angle" in str(overload_error(kim_sliders(), arm, np.full(3, 3.0), np.zeros(3)))
+    assert "joint1 must have a rod's angle" in str(overload_error(kim_sliders(), arm, np.full(3, 3.0), np.zeros(3)))
 
 
-# The nearest facet of a zonotope against linear programs over the same joints.
+# The nearest facet of a zonotope compared with linear programs over the same joints.
 
 
 def cases(task, dof, count=12):
@@ -125,7 +125,7 @@ def test_the_greatest_force_just_reaches_the_torque_of_some_joint(task, dof):
         assert np.minimum(torque - low, high - torque).min() == pytest.approx(0.0, abs=1e-9)
 
 
-def test_columns_that_are_parallel_move_the_tool_along_a_line_alone():
+def test_parallel_columns_move_the_tool_along_a_line_only():
     columns = np.array([[1.0, 2.0], [1.0, 2.0]])
     along, across = np.array([[1.0, 1.0], [1.0, -1.0]]) / np.sqrt(2)
     low, high = -np.ones(2), np.ones(2)

@@ -1,4 +1,4 @@
-"""Planar arms with three joints, limits and weak motors, beside a dense look at all their postures."""
+"""Planar arms with three joints, limits and weak motors, compared with a dense scan of their postures."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class Drawn:
         return np.triu(pulls).sum(axis=2)
 
     def postures(self):
-        """All around, both ways that the elbow bends, within limits."""
+        """Return postures all around, with both bends of the elbow, within limits."""
         first = np.linspace(-np.pi, np.pi, AROUND, endpoint=False)
         left = self.position - self.lengths[0] * np.stack([np.cos(first), np.sin(first)], axis=1)
         one, two = self.lengths[1:]
@@ -76,7 +76,7 @@ class Drawn:
         return q[(q <= self.high).all(axis=1)]
 
     def values(self, q, quantity):
-        """The most along each direction; NaN where some joint cannot hold."""
+        """Return the maxima along each direction; NaN if some joint cannot hold."""
         tips, load = self.tips(q), self.gravity_torques(q)
         starts = np.concatenate([np.zeros((len(q), 1, 2)), tips[:, :2]], axis=1)
         arms = tips[:, 2:] - starts
@@ -95,7 +95,7 @@ class Drawn:
 
     @staticmethod
     def fastest_along(columns, low, high, way):
-        """A linear program with one equality has its most where all joints but one are at an end."""
+        """Solve a linear program with one equality: at its maximum all joints but one are at an end."""
         along, across = columns @ way, columns @ [-way[1], way[0]]
         best = np.zeros(len(columns))
         for free in range(3):
@@ -111,7 +111,7 @@ class Drawn:
 
 @pytest.fixture(scope="module", params=["velocity", "force"])
 def compared(request):
-    """Of many arms: the arm, what was found (None for nothing), and the most of all postures looked at."""
+    """Return for many arms: the arm, its maxima (None without any), and the maxima of all scanned postures."""
     cases = []
     for seed in range(ARMS):
         drawn = Drawn(seed)
@@ -125,20 +125,20 @@ def compared(request):
     return request.param, cases
 
 
-def test_where_some_posture_holds_one_is_found(compared):
+def test_a_posture_is_found_if_one_holds(compared):
     held = [np.isfinite(swept).all() for *_, swept in compared[1]]
     assert sum(held) >= 0.9 * ARMS
     assert all(polygon is not None for (_, polygon, _), is_held in zip(compared[1], held, strict=True) if is_held)
 
 
-def test_no_posture_of_thousands_does_more(compared):
+def test_no_posture_of_thousands_exceeds_the_maxima(compared):
     shares = np.concatenate([swept / polygon.values for _, polygon, swept in compared[1] if np.isfinite(swept).all()])
     assert shares.max() <= 1 + 2e-3
     assert (shares <= 1 + 1e-6).mean() >= 0.95
     assert (shares >= 0.98).mean() >= 0.8  # and they come near
 
 
-def test_what_is_found_can_be_done_by_other_formulae(compared):
+def test_found_maxima_are_possible_by_other_formulae(compared):
     quantity, cases = compared
     for drawn, polygon, _ in cases:
         if polygon is None:
@@ -154,14 +154,14 @@ def test_what_is_found_can_be_done_by_other_formulae(compared):
         assert np.diagonal(drawn.values(q, quantity)) == pytest.approx(polygon.values, rel=1e-6, abs=1e-9)
 
 
-def test_where_none_holds_the_joint_is_named_with_the_least_that_would_do():
+def test_a_refusal_names_the_joint_and_its_excess():
     drawn = Drawn(0)
     needed_torque = np.abs(drawn.gravity_torques(drawn.postures())).max(axis=1).min()
     drawn.actuation = pk.capability.JointActuation(
         motors=pk.capability.MotorCurve(stall=[0.5 * needed_torque] * 3, fastest=drawn.fastest)
     )
     with pytest.raises(
-        Infeasible, match=rf"joint\d: a torque of at most {0.5 * needed_torque:.4g} N m wanted"
+        Infeasible, match=rf"joint\d must bear a torque of at most {0.5 * needed_torque:.4g} N m"
     ) as refusal:
         drawn.maxima("velocity")
     assert refusal.value.violation == pytest.approx(1.0, abs=0.05)

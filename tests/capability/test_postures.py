@@ -1,4 +1,4 @@
-"""Postures to begin with: within limits in any turn, at the position, and such as motors can hold."""
+"""Initial postures: within limits in any turn, at the position, and held by the motors."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def test_joints_come_into_limits_in_whatever_turn_they_are(limits):
     assert tool == pytest.approx(np.tile([0.5, 0.2], (len(postures), 1)), abs=1e-9)
 
 
-def test_postures_that_can_be_held_are_found_where_none_of_few_can_be():
+def test_postures_that_can_be_held_are_found_if_no_sample_can_be_held():
     arm, place = planar(6, mass=1.0), np.array([0.6, 0.3])
     actuation = motors([8.0] * 6)
     drawn = sample_postures_at(arm, place, 400, np.random.default_rng(1))
@@ -41,10 +41,10 @@ def test_postures_that_can_be_held_are_found_where_none_of_few_can_be():
         assert tool == pytest.approx(np.tile(place, (len(postures), 1)), abs=1e-7)
 
 
-def test_where_no_posture_can_be_held_the_joint_of_the_best_is_named():
-    """With 40 kg at 0.6 m the first joint bears at least 129 N m, wherever the links are."""
+def test_a_refusal_names_the_joint_of_the_best_posture():
+    """With 40 kg at 0.6 m the first joint bears at least 129 N m in every posture."""
     arm = planar(6, mass=1.0).with_payload(40.0)
-    said = r"joint\d: a torque of at most 8 N m wanted, .*; that is the best of \d+ postures looked at"
+    said = r"joint\d must bear a torque of at most 8 N m, .*; that is the best of \d+ postures tried"
     with pytest.raises(Infeasible, match=said) as refusal:
         sample_holdable_postures(arm, motors([8.0] * 6), np.array([0.6, 0.3]), 10, np.random.default_rng(0))
     assert refusal.value.violation >= 129.0 / 8.0 - 1.0
@@ -63,5 +63,5 @@ def test_limits_and_rods_are_compared_in_the_turn_of_the_limits(turn, bend):
     restricted = restrict_to_rods(planar(3, limits=tuple(ranges.T)), actuation).position_limits
     assert restricted == pytest.approx(np.array([reached + inner, reached, [reached[0] + 0.2, reached[1]]]))
     ranges[1] = reached[1] + np.array([0.1, 0.4])
-    with pytest.raises(InvalidInput, match="joint2: limits that overlap with what its rod reaches wanted"):
+    with pytest.raises(InvalidInput, match="joint2: limits must overlap with what its rod reaches"):
         restrict_to_rods(planar(3, limits=tuple(ranges.T)), actuation)

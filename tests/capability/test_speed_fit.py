@@ -1,4 +1,4 @@
-"""Fits of ellipsoids: models come back, units and axes do not matter, safe fits are below every sample; angles fail."""
+"""Fits of ellipsoids: models are recovered, units and axes do not matter, safe fits are below every sample."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ from tests.capability.fields import (
 
 @pytest.fixture(scope="module")
 def arm():
-    """Positions, directions and directional maxima that no ellipse is near to: the paper's nine positions and more."""
+    """Return positions (the paper's nine and more), directions, and maxima that no ellipse fits well."""
     return grid(4), units(16), arm_maxima(grid(4), units(16))
 
 
 def symmetric_errors(model, positions, directions, speeds):
-    """What a fit minimises."""
+    """Return the errors whose sum of squares a fit minimises."""
     return np.sum(np.sinh(log_errors(model, positions, directions, speeds)) ** 2)
 
 
 def nudged(model, rng, *, size):
-    """The model with other polynomials for the entries of Q."""
+    """Return the model with other polynomials for the entries of Q."""
     moved = size * rng.normal(size=model.polynomials.coefficients.shape)
     moved[:, 0] = 0.0  # the scale is fitted before
     return replace(model, polynomials=replace(model.polynomials, coefficients=model.polynomials.coefficients + moved))
@@ -55,7 +55,7 @@ def test_ellipsoids_of_one_shape_and_any_size_come_back(task, degree):
 
 
 @pytest.mark.parametrize("task", TASKS)
-def test_ellipsoids_of_any_shape_come_back_the_better_the_higher_the_degree(task):
+def test_ellipsoids_of_any_shape_come_back_better_with_a_higher_degree(task):
     truth = field(task, degree=1)
     positions, directions = within(truth, 80), units(12, task=task)
     samples = positions, directions, truth.speeds(positions, directions)
@@ -154,8 +154,8 @@ def test_between_directions_a_safe_fit_is_safer_the_more_there_are():
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"degree": -1}, "degree: an integer of at least 0 wanted, got -1"),
-        ({"margin": -0.1, "safe": True}, "margin: a finite number from 0 on wanted"),
+        ({"degree": -1}, "degree must be an integer of at least 0, got -1"),
+        ({"margin": -0.1, "safe": True}, "margin must be a finite number of at least 0"),
         ({"margin": np.nan, "safe": True}, "margin: must be finite"),
         ({"margin": 0.1}, "and 0 unless safe, got 0.1"),
     ],
@@ -165,9 +165,9 @@ def test_settings_that_mean_nothing_are_refused(settings, message):
         fit_ellipsoids(grid(3), units(8), np.ones((9, 8)), **settings)
 
 
-def test_speeds_that_only_an_endless_needle_is_near_to_are_refused():
+def test_speeds_that_only_an_endless_needle_fits_are_refused():
     speeds = np.ones((9, 3))
-    speeds[:, :2] = 10.0  # three directions, in one of which no ellipse through the others is that slow
+    speeds[:, :2] = 10.0  # of three directions, one is slower than any ellipse through the others
     with pytest.raises(SolverFailed, match=r"at position \d one grew to \S+: give more directions"):
         fit_ellipsoids(grid(3), units(3), speeds)
 
@@ -193,7 +193,7 @@ def test_where_ellipses_turn_around_a_position_an_angle_cannot_follow():
     assert fit_errors(fit_axes(*samples), *held_out).rms > 0.1
 
 
-# Errors of fits, and samples that cannot be used.
+# Errors of fits, and samples that are refused.
 
 
 def test_errors_are_shares_of_the_true_speed_and_say_where():
@@ -213,17 +213,17 @@ def test_errors_are_shares_of_the_true_speed_and_say_where():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda p, d, v: (p, d, v[:, :3]), "speeds: shape (9, 8) wanted, got (9, 3)"),
-        (lambda p, d, v: (p, d, v.T), "speeds: shape (9, 8) wanted, got (8, 9)"),
-        (lambda p, d, v: (p[:, 0], d, v), "positions: a table of rows and columns wanted, got shape (9,)"),
-        (lambda p, d, v: (p[:, :1], d[:, :1], v), "positions: two or three coordinates wanted, got 1"),
-        (lambda p, d, v: (p, np.pad(d, ((0, 0), (0, 1))), v), "directions: 2 coordinates wanted, as positions have"),
-        (lambda p, d, v: (p, 2 * d, v), "directions: unit vectors wanted, got length 2 at direction 0"),
+        (lambda p, d, v: (p, d, v[:, :3]), "speeds must have shape (9, 8), got (9, 3)"),
+        (lambda p, d, v: (p, d, v.T), "speeds must have shape (9, 8), got (8, 9)"),
+        (lambda p, d, v: (p[:, 0], d, v), "positions must be a table of rows and columns, got shape (9,)"),
+        (lambda p, d, v: (p[:, :1], d[:, :1], v), "positions must have two or three coordinates, got 1"),
+        (lambda p, d, v: (p, np.pad(d, ((0, 0), (0, 1))), v), "directions must have 2 coordinates, as positions have"),
+        (lambda p, d, v: (p, 2 * d, v), "directions must be unit vectors, got length 2 at direction 0"),
         (lambda p, d, v: ("here", d, v), "positions: must hold real numbers, got text"),
-        (lambda p, d, v: (p * np.nan, d, v), "positions: finite numbers wanted, got nan in row 0, column 0"),
+        (lambda p, d, v: (p * np.nan, d, v), "positions must be finite numbers, got nan in row 0, column 0"),
         (lambda p, d, v: (p, d[[0, 0, 4]], v[:, :3]), "got 3 that determine 2 of its 3 numbers"),
-        (lambda p, d, v: (p, d[[0, 3]], v[:, :2]), "directions: at least 3 wanted that determine an ellipsoid"),
-        (lambda p, d, v: (p[:5], d, v[:5]), "positions: at least 6 wanted for polynomials of degree 2 in 2"),
+        (lambda p, d, v: (p, d[[0, 3]], v[:, :2]), "directions must be at least 3 that determine an ellipsoid"),
+        (lambda p, d, v: (p[:5], d, v[:5]), "positions must be at least 6 for polynomials of degree 2 in 2"),
         (lambda p, d, v: (p * [1, 0], d, v), "in general position, got 9 that determine only 3 of 6 terms"),
         (lambda p, d, v: (p[[0] * 9], d, v), "in general position, got 9 that determine only 1 of 6 terms"),
     ],
@@ -240,13 +240,13 @@ def test_a_wrong_speed_is_named_with_its_position_and_direction(wrong):
     speeds = np.ones((9, 8))
     speeds[4, 6] = wrong
     for use in (fit_ellipsoids, fit_axes, lambda *samples: fit_errors(field(2), *samples)):
-        with pytest.raises(InvalidInput, match=f"positive numbers wanted, got {wrong} at position 4, direction 6"):
+        with pytest.raises(InvalidInput, match=f"must be positive numbers, got {wrong} at position 4, direction 6"):
             use(grid(3), units(8), speeds)
 
 
 def test_spatial_positions_have_no_axes_and_no_planar_errors():
     positions, ways = np.random.default_rng(0).normal(size=(12, 3)), units(8, task=3)
-    with pytest.raises(InvalidInput, match="positions: two coordinates wanted for ellipses, got 3"):
+    with pytest.raises(InvalidInput, match="positions must have two coordinates for ellipses, got 3"):
         fit_axes(positions, ways, np.ones((12, 8)))
-    with pytest.raises(InvalidInput, match="positions: 2 coordinates wanted, got 3"):
+    with pytest.raises(InvalidInput, match="positions must have 2 coordinates, got 3"):
         fit_errors(field(2), positions, ways, np.ones((12, 8)))

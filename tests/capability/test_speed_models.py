@@ -99,7 +99,7 @@ def test_a_position_has_the_same_root_alone_and_in_any_batch(task):
         assert gradients[index // 3, index % 3] == pytest.approx(its_gradients, rel=1e-12, abs=1e-12)
 
 
-def test_scaled_models_are_so_much_faster():
+def test_scaled_models_are_faster_by_their_factor():
     model = field(3)
     positions, directions = within(model, 4), units(7, task=3)
     assert model.scaled(1.3).speeds(positions, directions) == pytest.approx(1.3 * model.speeds(positions, directions))

@@ -1,4 +1,4 @@
-"""Plans that claim little more than is true, and control that arrives when the fastest path does."""
+"""Plans whose claims are nearly true, and control that arrives when the fastest path does."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def test_at_even_speed_a_plan_is_exact(task):
     assert plan.velocity == pytest.approx((target - start) / exact, rel=1e-6)
 
 
-def test_plans_scale_and_turn_back_too():
+def test_plans_scale_and_are_the_same_backwards():
     model, (start, target) = Waves(3), ends(3)
     there, back = fastest_plan(model, start, target), fastest_plan(model, target, start)
     slower = fastest_plan(Turned(model, 3.0), start, target)
@@ -46,7 +46,7 @@ def test_a_plan_of_ten_pieces_claims_nearly_what_its_path_takes(seed):
     ("model", "start", "target", "columns"), [(Waves(1), (4, 6), (35, 30), 41), (Ridge(), (4, 100), (36, 100), 201)]
 )
 def test_plans_and_control_take_as_long_as_the_best_way_along_a_lattice(model, start, target, columns):
-    """Plans begin at a fastest path, so that they cannot tell whether it is one; a lattice knows nothing of it."""
+    """Plans start from the fastest path, so they cannot test it; a lattice is independent of it."""
     duration = lattice_time(model, start, target, 41, columns)
     ends = [model.lower + np.divide(end, (40, columns - 1)) * (model.upper - model.lower) for end in (start, target)]
     plan, run = fastest_plan(model, *ends), time_optimal_control(model, *ends, period=5e-3)
@@ -115,7 +115,7 @@ def test_the_tool_keeps_its_limits_and_makes_up_for_a_wrong_start(task):
 
 
 @pytest.mark.parametrize("task", [2, 3])
-def test_a_tool_beside_the_way_comes_onto_it_while_the_reference_goes_on(task):
+def test_a_tool_off_the_way_reaches_it_while_the_reference_continues(task):
     model, (start, target) = Waves(1, task), ends(1, task)
     run = time_optimal_control(model, start, target, period=5e-3, initial=start + 0.02)
     apart = np.linalg.norm(run.positions[:, None] - run.references, axis=2).min(axis=1)
@@ -124,7 +124,7 @@ def test_a_tool_beside_the_way_comes_onto_it_while_the_reference_goes_on(task):
 
 
 @pytest.mark.parametrize("formulation", ["midpoint", "printed"])
-def test_from_the_target_there_is_nowhere_to_go(formulation):
+def test_plans_and_control_from_the_target_take_no_time(formulation):
     here = np.array([0.3, 1.0])
     plan = fastest_plan(HalfPlane(), here, here, formulation=formulation)
     run = time_optimal_control(HalfPlane(), here, here, formulation=formulation)
@@ -139,7 +139,7 @@ def test_a_target_within_a_period_is_reached_in_one():
     assert len(run.seconds) == 0
 
 
-def test_with_one_piece_the_way_is_straight():
+def test_a_plan_of_one_piece_is_straight():
     plan = fastest_plan(HalfPlane(), [-1.0, 1.0], [1.0, 1.0], horizon=1)
     assert plan.time_to_go == pytest.approx(2.0)
     run = time_optimal_control(HalfPlane(), [-1.0, 1.0], [1.0, 1.0], horizon=1, period=0.1, gain=10.0)
@@ -161,11 +161,11 @@ WRONG = {
     "target: coordinate 0 must be in the model's box": {"target": [11.0, 1.0]},
     "initial: coordinate 1 must be in the model's box": {"initial": [0.0, 30.0]},
     "initial: must have shape": {"initial": [0.0]},
-    "horizon: an integer of at least 1": {"horizon": 0},
-    "period: a finite number above 0": {"period": 0.0},
-    "tolerance: a finite number above 0": {"tolerance": -1e-3},
+    "horizon must be an integer of at least 1": {"horizon": 0},
+    "period must be a finite number above 0": {"period": 0.0},
+    "tolerance must be a finite number above 0": {"tolerance": -1e-3},
     "gain: must be finite": {"gain": np.nan},
-    "gain: at most 1 / period": {"gain": 2000.0},
+    "gain must be at most 1 / period": {"gain": 2000.0},
     "formulation must be one of midpoint, printed": {"formulation": "printd"},
 }
 
@@ -178,7 +178,7 @@ def test_what_cannot_be_used_is_refused_by_name(message):
 
 
 class Broken(HalfPlane):
-    """Not a number beyond a line."""
+    """A model that is not a number beyond a line."""
 
     def roots(self, positions):
         roots, slopes = super().roots(positions)
@@ -186,16 +186,16 @@ class Broken(HalfPlane):
 
 
 def test_a_model_that_is_not_finite_is_refused_with_the_place():
-    with pytest.raises(InvalidInput, match=r"model: finite R and ∂R/∂p wanted, got others at \[0\.5"):
+    with pytest.raises(InvalidInput, match=r"model must give finite R and ∂R/∂p, got others at \[0\.5"):
         time_optimal_control(Broken(), HERE, THERE)
 
 
 def test_what_does_not_converge_says_so(monkeypatch):
     monkeypatch.setattr(planner, "OPTIONS", planner.PlannerOptions(iterations=1))
-    with pytest.raises(SolverFailed, match=r"plan from \[1 3\] m: settled within 1 iterations"):
+    with pytest.raises(SolverFailed, match=r"plan from \[1 3\] m: must settle within 1 iterations"):
         fastest_plan(HalfPlane(), [1.0, 3.0], [-1.0, 0.2], formulation="printed")
 
 
 def test_a_tolerance_below_rounding_is_not_waited_for():
-    with pytest.raises(SolverFailed, match="tool: within 1e-30 m of the target wanted, it stands still at"):
+    with pytest.raises(SolverFailed, match="tool must come within 1e-30 m of the target, it stands still at"):
         time_optimal_control(HalfPlane(), HERE, [0.1, 1.1], initial=[0.05, 1.3], gain=3.0, tolerance=1e-30)

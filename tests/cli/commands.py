@@ -1,4 +1,4 @@
-"""How tests run the command line, and the problems that they run it on."""
+"""Functions that run the command line, and the problems of its tests."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class Ended:
 
 
 def load_front(run: Path) -> pk.Front:
-    """Return the front of a run with the problem that it names."""
+    """Return the front of a run with the problem that the run names."""
     return pk.load_front(run, read_run(run / RUN)["problem"])
 
 
@@ -82,7 +82,7 @@ def strict(text: str) -> object:
 
 
 def started(mine: str, out: Path) -> subprocess.Popen[str]:
-    """Return a run in a process of its own that has finished its first generation and would go on for long."""
+    """Return a run in its own process that has finished one generation and would take long."""
     endless = "--population", "40", "--generations", "100000"
     process = start_process("solve", f"{mine}:good", "--out", out, *endless)
     assert process.stderr is not None
@@ -91,7 +91,7 @@ def started(mine: str, out: Path) -> subprocess.Popen[str]:
 
 
 def start_process(*words: str | Path) -> subprocess.Popen[str]:
-    """Return the command line at work in a process of its own."""
+    """Return a process that runs the command line."""
     return subprocess.Popen(
         [sys.executable, "-m", "paretoik", *map(str, words)],
         cwd=ROOT,
@@ -103,5 +103,5 @@ def start_process(*words: str | Path) -> subprocess.Popen[str]:
 
 
 def first_progress(stderr: Iterable[str]) -> str:
-    """Return the first line of what is counted: no notice of a compilation, nor of the beginning."""
+    """Return the first line with counts: no notice of compilation, nor of the beginning."""
     return next(line for line in stderr if not line.startswith(("compiling ", "beginning")))

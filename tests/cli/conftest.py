@@ -38,7 +38,7 @@ def mine(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def finished(tmp_path_factory, mine):
-    """A finished run, to be read only."""
+    """A finished run, only to be read."""
     out = tmp_path_factory.mktemp("runs") / "finished"
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys, "argv", ["paretoik", "solve", f"{mine}:good", "--out", str(out), *SMALL, "--quiet"])

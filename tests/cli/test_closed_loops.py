@@ -1,4 +1,4 @@
-"""Closed loops on the command line: listed, followed, chosen from anew, ended early."""
+"""Closed loops on the command line: listed, followed, chosen from again, ended early."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def loops(tmp_path_factory):
     return str(file)
 
 
-def test_loops_are_listed_followed_and_chosen_from_anew(paretoik, loops, tmp_path):
+def test_loops_are_listed_followed_and_chosen_from_again(paretoik, loops, tmp_path):
     listing = paretoik("list", loops).out
     assert f"{loops}:short" in listing
     assert "A few steps for tests." in listing
@@ -52,7 +52,7 @@ def test_loops_are_listed_followed_and_chosen_from_anew(paretoik, loops, tmp_pat
     assert other.provenance["settings"]["weights"] == {"joint_displacement": 0.0, "position_error": 1.0}
     assert other.provenance["settings"]["seed"] == 2
     refused = paretoik("select", tmp_path / "run", "--weights", "speed=1").err
-    assert refused.startswith("error: weights: wanted names among joint_displacement, position_error, got 'speed'")
+    assert refused.startswith("error: weights must have names among joint_displacement, position_error, got 'speed'")
 
 
 def test_an_interrupted_loop_keeps_its_steps(loops, tmp_path):

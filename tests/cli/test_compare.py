@@ -21,7 +21,7 @@ def test_the_merged_front_replaces_none_of_those_that_are_compared(paretoik, fin
     before = {file.name: file.read_bytes() for file in finished.iterdir() if file.is_file()}
     ended = paretoik("compare", finished, finished, "--merge", finished, "--overwrite")
     assert (ended.code, ended.out) == (2, "")
-    assert "merge: wants another folder than that of the run that it comes from" in ended.err
+    assert "merge must be another folder than that of the run that it comes from" in ended.err
     assert {file.name: file.read_bytes() for file in finished.iterdir() if file.is_file()} == before
 
 

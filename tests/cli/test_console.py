@@ -45,7 +45,7 @@ def one() -> Tracking:
 
 
 def listed(tmp_path, redirection=""):
-    """Return the name of a noisy file, and how a process of its own ended that lists it."""
+    """Return the name of a file that prints, and how a process that lists it ended."""
     file = tmp_path / "noisy.py"
     file.write_text(NOISY)
     command = f"{shlex.join([sys.executable, '-m', 'paretoik', 'list', str(file), '--json'])} {redirection}"
@@ -74,12 +74,12 @@ def test_names_of_folders_and_files_steer_no_terminal(paretoik, finished, tmp_pa
         assert all(line.isprintable() for line in (ended.out + ended.err).splitlines()), words
 
 
-# Every verb on every kind of stdout, stderr and terminal: the result is there, and nothing of Python's is printed.
+# Every verb on every kind of stdout, stderr and terminal: it has its result, and Python prints nothing of its own.
 
 
 FULL, NOWHERE = "/dev/full", "/dev/null"
 SMALL = "--population 8 --generations 3 --seed 1"
-CODES = {  # by verb; what is not here is 0
+CODES = {  # by verb; 0 for other verbs
     "show": 2,  # there is no screen
     "slow solve": 5,
 }
@@ -175,12 +175,12 @@ def surroundings(**environment: str) -> dict[str, str]:
 
 
 def verbs(*, slow: tuple[str, ...] = tuple(set(VERBS) - set(QUICK))) -> list[object]:
-    """Return all verbs, of which the long ones are run by ``-m slow`` alone."""
+    """Return all verbs; ``-m slow`` is required for the long ones."""
     return [pytest.param(verb, marks=pytest.mark.slow if verb in slow else ()) for verb in VERBS]
 
 
 def check_kept(verb: str, new: Path) -> None:
-    """Hold the result of a verb against what it keeps."""
+    """Compare the result of a verb with the files that it keeps."""
     if verb in ("export", "report"):
         assert new.with_suffix(".csv" if verb == "export" else ".html").stat().st_size > 0
     elif verb in KEEPING:
@@ -213,7 +213,7 @@ def test_a_full_stdout_is_said_in_a_line_and_the_result_kept(place, tmp_path, ve
     assert ran.returncode == 2
     if verb != "show":
         line = ran.stderr.splitlines()[-1]
-        assert line == "error: stdout: wanted to print all that there is to say, got No space left on device"
+        assert line == "error: stdout must take the whole output, got No space left on device"
     check_kept(verb, tmp_path / "new")
 
 
@@ -238,7 +238,7 @@ def test_a_reader_who_goes_changes_no_exit_code(place, tmp_path, verb):
 
 
 def written_to_terminal(line: str, folder: Path, columns: int, **environment: str) -> tuple[int, str]:
-    """Return how a line of a shell ended on a terminal of so many columns, and what it wrote there."""
+    """Return how a line of a shell ended on a terminal of ``columns`` columns, and its output."""
     ours, theirs = pty.openpty()
     fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 24, columns, 0, 0))
     with os.fdopen(theirs, "rb") as terminal:
@@ -259,7 +259,7 @@ def pieces(descriptor: int) -> Iterator[bytes]:
     while True:
         try:
             piece = os.read(descriptor, 65536)
-        except OSError:  # so ends a terminal
+        except OSError:  # this is how a terminal ends
             return
         if not piece:
             return

@@ -1,4 +1,4 @@
-"""The command that hands a motion to a robot, on real runs: what it writes, refuses and advises."""
+"""The command ``export`` on real runs: what it writes, refuses and advises."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def across() -> Tracking:
 
 @pytest.fixture(scope="module")
 def panda_run(tmp_path_factory):
-    """A run of a real arm in a hurry."""
+    """A run of a real arm with a short duration."""
     from paretoik.api.solve import solve
     from paretoik.loading import load_problem
 
@@ -73,7 +73,7 @@ def test_without_a_rate_the_motions_own_samples_are_written(paretoik, finished, 
     np.testing.assert_allclose(values[:, 1:4], front.motions[0].at(values[:, 0]), atol=1e-12)
 
 
-def test_the_present_choice_is_written_where_no_point_is_named(paretoik, finished, tmp_path):
+def test_the_present_choice_is_written_if_no_point_is_named(paretoik, finished, tmp_path):
     run = shutil.copytree(finished, tmp_path / "run")
     chosen = load_front(run).select("compromise")
     ended = paretoik("export", run, "--rate", "50")
@@ -84,10 +84,10 @@ def test_the_present_choice_is_written_where_no_point_is_named(paretoik, finishe
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ((), "error: --point: wants the id of a point, or a choice that is kept (paretoik select RUN"),
-        (("--point", "99999"), "error: --point: wanted ids of its points ("),
-        (("--point", "FIRST", "--controller", "franka"), "error: controller panda: wants the joints panda_joint1"),
-        (("--point", "FIRST", "--rate", "50", "--joints", "a,b"), "got 'a', which is none of them"),
+        ((), "error: --point: must be the id of a point unless a choice is kept (paretoik select RUN"),
+        (("--point", "99999"), "error: --point: ids must be those of the front's points ("),
+        (("--point", "FIRST", "--controller", "franka"), "error: controller panda: joints must be panda_joint1"),
+        (("--point", "FIRST", "--rate", "50", "--joints", "a,b"), "got 'a', which is not among them"),
     ],
 )
 def test_bad_input_is_one_line_and_exit_code_2(paretoik, finished, tmp_path, words, said):
@@ -133,7 +133,7 @@ def test_a_hasty_motion_is_refused_and_the_advice_leads_to_one_that_a_franka_tak
     assert not (tmp_path / "franka.csv").exists()
     ended = paretoik(*words, "--ramp", ramp, *slow)
     assert ended.code == 0
-    assert "within the limits of panda, of which it uses: " in ended.out
+    assert "within the limits of panda; the motion uses: " in ended.out
     _, values = rows(tmp_path / "franka.csv")
     np.testing.assert_allclose(np.diff(values[:, 0]), 1e-3, atol=1e-9)
     acceleration = np.diff(values[:, 1:8], n=2, axis=0) / 1e-6

@@ -1,4 +1,4 @@
-"""plan, front and refine on the command line."""
+"""The commands plan, front and refine."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def test_plan_lists_the_optima(paretoik, tmp_path, monkeypatch):
 
 
 def export_reads(paretoik, run, optima) -> bool:
-    """Export the best optimum of a plan and its last, and return whether the files hold their motions."""
+    """Export the best and the last optimum of a plan; return whether the files have their motions."""
     last = optima[-1]
     best = strict(paretoik("export", run, "--rate", "20", "--json").out)
     assert (best["point"], best["out"], best["samples"]) == (0, str(run / "point-0.csv"), 21)
@@ -67,9 +67,7 @@ def test_an_interrupted_plan_names_the_starts_that_it_had_and_no_picture_that_it
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_what_is_interrupted_before_there_is_anything_is_a_line_and_a_code_of_its_own(
-    paretoik, tmp_path, monkeypatch, number
-):
+def test_an_interruption_before_any_result_has_its_own_line_and_exit_code(paretoik, tmp_path, monkeypatch, number):
     module = import_module("paretoik.formulations.tracking")
     file, out = tmp_path / f"plan_ended_by_{number.name}.py", tmp_path / "it's here"
     file.write_text(ONE)
@@ -85,7 +83,7 @@ def test_what_is_interrupted_before_there_is_anything_is_a_line_and_a_code_of_it
     first, second = ended.err.splitlines()
     assert first == "error: interrupted before there was a whole result"
     monkeypatch.setattr(module, "find_optima", find_optima)
-    command = re.fullmatch(r"note: (paretoik resume .*) goes on with it", second)
+    command = re.fullmatch(r"note: (paretoik resume .*) resumes it", second)
     assert command is not None
     assert paretoik(*shlex.split(command[1])[1:], "--quiet").code == 0
     assert len(pk.load_plan(out, f"{file}:one").optima)
@@ -93,10 +91,10 @@ def test_what_is_interrupted_before_there_is_anything_is_a_line_and_a_code_of_it
 
 def test_wrong_combinations_are_one_line_and_2(paretoik, mine, finished, tmp_path):
     for words, said in (
-        (("plan", f"{mine}:good", "--out", tmp_path / "p"), "plan: one objective wanted, got 2"),
-        (("refine", finished, "--out", finished), "out: wants another folder"),
-        (("front", f"{mine}:good", "--out", finished), "permission to overwrite"),
-        (("refine", tmp_path, "--out", tmp_path / "r"), "wanted a plain file, got no such file"),
+        (("plan", f"{mine}:good", "--out", tmp_path / "p"), "plan: problem must have one objective, got 2"),
+        (("refine", finished, "--out", finished), "out must be another folder"),
+        (("front", f"{mine}:good", "--out", finished), "use --overwrite"),
+        (("refine", tmp_path, "--out", tmp_path / "r"), "must be a plain file, got no such file"),
     ):
         ended = paretoik(*words, "--quiet")
         assert (ended.code, ended.out, ended.err.count("\n")) == (2, "", 1)

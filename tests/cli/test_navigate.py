@@ -17,7 +17,7 @@ from tests.review.reading import blank_views, read, views
 
 @pytest.fixture(scope="module")
 def certified(tmp_path_factory, mine):
-    """A run with a certified front, to be read only."""
+    """A run with a certified front, only to be read."""
     out, reference = tmp_path_factory.mktemp("runs") / "certified", f"{mine}:good"
     front = pk.epsilon_front(load_problem(reference), points=6, starts=6, observe=False)
     pk.Front(**{**vars_of(front), "provenance": {**front.provenance, "problem": reference}}).save(out)
@@ -87,7 +87,7 @@ def test_the_run_itself_is_no_other_folder(paretoik, run):
     words = ("--point", start, "--improve", "kinetic_energy", "--out", run / ".." / "run", "--overwrite")
     ended = paretoik("navigate", run, *words)
     assert ended.code == 2
-    assert "out: wants another folder than that of the run" in ended.err
+    assert "out must be another folder than that of the run" in ended.err
     assert (run / "run.json").read_bytes() == before
 
 
@@ -106,12 +106,12 @@ def test_without_a_point_it_moves_from_the_present_choice_and_says_which(paretoi
 def test_without_a_point_and_a_choice_it_says_what_to_do(paretoik, run):
     ended = paretoik("navigate", run, "--improve", "kinetic_energy")
     assert ended.code == 2
-    assert "wants the id of a point, or a choice that is kept (paretoik select RUN" in ended.err
+    assert "must be the id of a point unless a choice is kept (paretoik select RUN" in ended.err
 
 
 def test_in_python_moves_begin_at_the_present_choice_too(run):
     front = load_front(run)
-    with pytest.raises(InvalidInput, match="navigate: wants the id of a point, or a choice that is kept"):
+    with pytest.raises(InvalidInput, match="navigate: must be the id of a point unless a choice is kept"):
         front.navigate(improve="kinetic_energy")
     choice = front.select(middle(run))
     by_default, by_name = (front.navigate(*point, improve="kinetic_energy") for point in ((), (choice,)))
@@ -124,7 +124,7 @@ def test_in_python_moves_begin_at_the_present_choice_too(run):
 def test_a_run_without_certificates_says_what_it_needs(paretoik, finished):
     ended = paretoik("navigate", finished, "--point", middle(finished), "--improve", "kinetic_energy")
     assert ended.code == 2
-    assert "wants a front with certificates" in ended.err
+    assert "the front must have certificates" in ended.err
 
 
 def test_a_point_of_a_stopped_run_outlives_its_resumption(paretoik, mine, tmp_path):
@@ -146,7 +146,7 @@ def test_a_point_of_a_stopped_run_outlives_its_resumption(paretoik, mine, tmp_pa
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory, mine):
-    """A run with a certified front and its recording, to be read only."""
+    """A run with a certified front and its recording, only to be read."""
     out, reference = tmp_path_factory.mktemp("runs") / "recorded", f"{mine}:good"
     pk.epsilon_front(load_problem(reference), points=6, starts=6, reference=reference, out=out, observe=False)
     return out
@@ -156,7 +156,7 @@ def search_entities(file):
     return {path for path in read(file) if path.split("/")[1] not in ROOTS}
 
 
-def test_the_recording_shows_the_new_point_alone_where_nothing_was_chosen(paretoik, recorded, tmp_path):
+def test_the_recording_shows_only_the_new_point_if_nothing_was_chosen(paretoik, recorded, tmp_path):
     run = shutil.copytree(recorded, tmp_path / "run")
     assert paretoik("navigate", run, "--point", middle(run), "--improve", "kinetic_energy").code == 0
     front = load_front(run)
@@ -166,7 +166,7 @@ def test_the_recording_shows_the_new_point_alone_where_nothing_was_chosen(pareto
     assert blank_views(run / RECORDING, {"motion": (0,)}) == []
 
 
-def test_the_recording_shows_the_new_point_beside_the_present_choice(paretoik, recorded, tmp_path):
+def test_the_recording_shows_the_new_point_next_to_the_present_choice(paretoik, recorded, tmp_path):
     run = shutil.copytree(recorded, tmp_path / "run")
     start = load_front(run).select(middle(run)).id
     assert paretoik("navigate", run, "--improve", "kinetic_energy").code == 0

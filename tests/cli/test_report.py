@@ -4,7 +4,7 @@ from tests.cli.commands import strict
 from tests.review.page_reading import Page
 
 
-def test_report_writes_a_page_into_the_run_or_where_told(paretoik, finished, tmp_path):
+def test_report_writes_a_page_into_the_run_or_another_file(paretoik, finished, tmp_path):
     ended = paretoik("report", finished)
     assert (ended.code, ended.out) == (0, f"{finished / 'report.html'}\n")
     assert paretoik("report", finished, "--out", tmp_path / "mine.html").out == f"{tmp_path / 'mine.html'}\n"
@@ -31,4 +31,4 @@ def test_a_page_replaces_a_page_and_nothing_else_unless_told(paretoik, finished,
 def test_a_folder_that_is_no_run_is_refused(paretoik, tmp_path):
     ended = paretoik("report", tmp_path)
     assert ended.code == 2
-    assert "wanted a plain file, got no such file" in ended.err
+    assert "must be a plain file, got no such file" in ended.err

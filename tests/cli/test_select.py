@@ -16,10 +16,10 @@ def test_select_as_json_gives_id_objectives_and_reason(paretoik, finished):
     said = strict(paretoik("select", finished, "--weights", "kinetic_energy=1", "--json").out)
     assert said["id"] == front.ids[0]
     assert said["objectives"] == dict(zip(front.names, front.objectives[0].tolist(), strict=True))
-    assert said["reason"].startswith(f"Of {len(front)} points point {front.ids[0]} has the least weighted sum")
+    assert said["reason"].startswith(f"Point {front.ids[0]} of {len(front)} has the least weighted sum")
 
 
-def test_select_draws_a_picture_where_told(paretoik, finished, tmp_path):
+def test_select_draws_a_picture_if_told(paretoik, finished, tmp_path):
     assert paretoik("select", finished, "--weights", "torque_norm=1", "--picture", tmp_path / "choice.png").code == 0
     assert (tmp_path / "choice.png").read_bytes().startswith(b"\x89PNG")
 
@@ -42,16 +42,16 @@ def test_every_preference_can_be_asked_for_and_is_kept_and_taken_back(paretoik, 
     assert strict(paretoik("select", run, "--undo", "--json").out)["current"] == 5
 
 
-def test_one_preference_is_wanted(paretoik, finished):
+def test_exactly_one_preference_is_accepted(paretoik, finished):
     for words in ((), ("--knee", "--compromise")):
         ended = paretoik("select", finished, *words)
         assert ended.code == 2
-        assert "wanted one of --weights, --knee" in ended.err
+        assert "preference must be one of --weights, --knee" in ended.err
 
 
 @pytest.fixture
 def counted(tmp_path):
-    """A run whose ids count from 0, as those of an epsilon front or a merged one."""
+    """A run whose ids count from 0, as for an epsilon front or a merged one."""
     front = pk.Front(
         ids=np.arange(3),
         objectives=np.array([[0.0, 1.0], [0.4, 0.4], [1.0, 0.0]]),
@@ -80,7 +80,7 @@ def test_an_option_of_another_preference_is_refused(paretoik, counted, option, o
         assert ended.code == 2
         assert len(ended.err.strip().splitlines()) == 1
     ended = paretoik("select", counted, "--knee", f"--{option}", 0)
-    assert f"{option}: wanted it beside --{owner} alone, got no --{owner}" in ended.err
+    assert f"{option} must come with --{owner}, got no --{owner}" in ended.err
 
 
 def test_the_recording_opens_on_what_was_chosen_and_goes_back_with_it(paretoik, finished, tmp_path):

@@ -36,7 +36,7 @@ def test_a_solver_is_named_for_refining(paretoik, mine, tmp_path):
     assert (refused.code, out.exists()) == (2, False)
     refused = paretoik("solve", f"{mine}:good", "--out", out, "--solver", "sqp")
     assert (refused.code, out.exists()) == (2, False)
-    assert "solver: wants refine=True, got 'sqp' without it" in refused.err
+    assert "solver must come with refine=True, got 'sqp' without it" in refused.err
     ended = paretoik(
         "solve", f"{mine}:good", "--out", out, *SMALL, "--refine", "--solver", "sqp", "--points", "2", "--quiet"
     )
@@ -104,7 +104,7 @@ def test_an_objective_that_sleeps_is_ended_by_name_within_its_time(paretoik, min
     assert ended.err.count("\n") == 1
 
 
-def test_a_run_that_came_to_its_end_names_no_command_that_goes_on(paretoik, mine, tmp_path):
+def test_a_finished_run_names_no_command_to_resume_it(paretoik, mine, tmp_path):
     words = "solve", f"{mine}:good", "--out", tmp_path / "run", *SMALL, "--quiet"
     assert "resume" not in paretoik(*words).out
     assert strict(paretoik(*words, "--overwrite", "--json").out)["resume"] is None

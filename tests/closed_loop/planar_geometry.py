@@ -1,4 +1,4 @@
-"""Whether a planar arm meets an obstacle, by geometry of its own: an oracle for ``task/distances`` and the engine."""
+"""Collisions of a planar arm by independent geometry: a reference for ``task/distances`` and the engine."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Steps of a planar arm for tests, and the same in plain NumPy."""
+"""Steps of a planar arm for tests, and the same steps in plain NumPy."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def tool(q):
 
 
 def linearised_steps(links, *, away=(0.02, -0.01), longest=np.inf):
-    """Return the steps from HOME to a target so far from the tool, linearised, and the target."""
+    """Return the linearised steps from HOME to a target at a distance from the tool, and the target."""
     q = HOME[links]
     path = line(tool(q), tool(q) + away, duration=1.0, samples=3, timing="uniform")
     task = ClosedLoop(Arm.planar(lengths=np.ones(links)), path, start=q).task

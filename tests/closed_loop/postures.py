@@ -1,4 +1,4 @@
-"""Postures on the paper's circles, near given ones, and a loop beside an obstacle."""
+"""Postures on the paper's circles, near given ones, and a loop near an obstacle."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ GUESS = {3: [0.3, 0.65, 1.0], 4: [0.3, 0.5, 0.8, 1.0]}
 
 
 def posture(links, distance=0.7):
-    """Return joint positions with the tool where the circle begins."""
+    """Return joint positions with the tool at the beginning of the circle."""
     q = np.array(GUESS[links])
     task = marcos_2012.loop(links, distance, start=q, steps=3).task
     for _ in range(50):

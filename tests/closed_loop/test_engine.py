@@ -1,4 +1,4 @@
-"""The compiled selection against ``search.maximin``, and the compiled search against the problem in plain NumPy."""
+"""The compiled selection compared with ``search.maximin``, and the compiled search with plain NumPy."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from tests.closed_loop.postures import posture
 
 
 def selected(F, parents):
-    """Return which points (of two populations in turn) survive one selection after another."""
+    """Return which points (of two alternating populations) survive one selection after another."""
     N = len(parents)
     made = allocate(3, 1, N, F.shape[1], 1)
     number = 0
@@ -66,7 +66,7 @@ def test_the_compiled_selection_is_that_of_maximin(kind, N):
         single_rank = inside(children, single_rank)
         parents = made.genes[made.order, 0].astype(int)
         np.testing.assert_array_equal(made.F[:, :N].T, F[parents])
-        if kind == "ties":  # of equals either may stay: as many of every rank are kept
+        if kind == "ties":  # of equal points either may stay: every rank keeps the same number
             ranks = pareto_rank(F[both])
             expected = np.sort(ranks)[:N]
             np.testing.assert_array_equal(np.sort(ranks[np.isin(both, parents)]), expected)
@@ -88,7 +88,7 @@ def test_three_objectives_are_selected_as_maximin_does():
         assert sorted(parents) == sorted(survivor_points.tolist())
 
 
-def test_failed_points_survive_only_where_no_others_are_left():
+def test_failed_points_survive_only_if_no_others_are_left():
     N = 6
     F = np.concatenate([np.full((N, 2), np.inf), [[0, 1], [1, 0], [0.5, 0.5], [2, 2], [np.inf, np.inf], [3, 3]]])
     made, inside = selected(F, np.arange(N))
@@ -162,7 +162,7 @@ def test_a_spatial_arm_and_three_objectives_run_through_the_same_engine():
     np.testing.assert_allclose(F, population.F, rtol=1e-6, atol=1e-10)
 
 
-# Genes to joint positions beside the extended Jacobian's dense solution (Marcos 2012, Eqs. 7, 12 and 13).
+# Genes to joint positions, compared with a dense solution of the extended Jacobian (Marcos 2012, Eqs. 7, 12, 13).
 
 
 @pytest.mark.parametrize(("dof", "rows"), [(3, 2), (4, 2), (5, 2), (7, 3), (7, 6)])

@@ -1,4 +1,4 @@
-"""The exact step against grids and random steps of its own, without and with obstacles."""
+"""The exact step compared with grids and random steps, with and without obstacles."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ def first_step(links, *, blocked=False):
 
 
 def brute_force(loop, weight, *, fine=200001):
-    """Return the best first step of three links, of all on a line."""
+    """Return the best first step of three links, out of all steps on a line."""
     step = loop.step_state(1)
     error, jacobian = step.linearise()
     null = np.linalg.svd(jacobian)[2][2]
@@ -88,18 +88,18 @@ def test_exact_loops_keep_clear_of_obstacles_and_within_their_longest_step(links
     assert np.abs(np.diff(q, axis=0)).max() <= longest + 1e-9
 
 
-def test_a_loop_takes_the_steps_that_are_best_one_by_one_and_says_which_is_not_there():
+def test_a_loop_takes_the_best_steps_one_by_one_and_names_a_missing_one():
     loop = marcos_2012.loop(3, 0.7, start=posture(3), steps=25, as_printed=False)
     q = exact_steps(loop.task.truncate(4), loop.start, weight=0.4, longest_step=loop.longest)
     history = np.tile(loop.start, (HISTORY, 1))
     for k in range(1, 4):
         np.testing.assert_allclose(exact_step(loop.step_state(k, history), weight=0.4), q[k], atol=1e-12)
         history = np.concatenate([history[1:], q[k][None]])
-    with pytest.raises(Infeasible, match="step 1: an admissible configuration wanted, there is none"):
+    with pytest.raises(Infeasible, match="step 1: there must be an admissible configuration, got none"):
         exact_steps(loop.task, loop.start, weight=0.4, longest_step=1e-3)
 
 
-def test_joints_keep_their_limits():
+def test_joints_satisfy_their_limits():
     start = posture(3)
     limits = Limits(position=(start - 0.05, start + 0.4), velocity=3.0)
     loop = ClosedLoop(marcos_nr(3), marcos_2012.round_trip(0.7, 60), start=start, limits=limits, longest_step=np.inf)
@@ -118,10 +118,10 @@ def test_a_stretched_arm_has_no_step():
 @pytest.mark.parametrize("weight", [-0.1, 1.1, np.nan])
 def test_weights_are_from_0_to_1(weight):
     loop = first_step(3)
-    with pytest.raises(InvalidInput, match="weight: between 0 and 1 wanted"):
+    with pytest.raises(InvalidInput, match="weight must be between 0 and 1"):
         exact_steps(loop.task, loop.start, weight=weight)
 
 
-def test_other_arms_are_refused():
-    with pytest.raises(InvalidInput, match="exact steps: a planar arm of 3 or 4 links"):
+def test_arms_that_are_not_planar_are_refused():
+    with pytest.raises(InvalidInput, match="exact steps: arm must be planar with 3 or 4 links"):
         link_lengths(wan_7r())

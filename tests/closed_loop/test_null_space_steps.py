@@ -1,4 +1,4 @@
-"""Steps of planar arms beside NumPy: the shortest, those around it, the tool's error after them, and their bounds."""
+"""Steps of planar arms compared with NumPy: the shortest, its neighbours, the tool's error, and bounds."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ def test_maximised_and_library_objectives_are_steps_objectives():
 
 @pytest.mark.usefixtures("unchecked")
 @pytest.mark.parametrize(
-    ("given", "said"), [(whole, "objective whole looks at a whole motion"), (abs, "objectives: wants")]
+    ("given", "said"), [(whole, "whole must be of form integral or peak"), (abs, "objectives must be functions")]
 )
 def test_objectives_of_whole_motions_and_plain_functions_are_refused(given, said):
     with pytest.raises(InvalidInput, match=said):

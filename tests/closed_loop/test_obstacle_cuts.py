@@ -1,4 +1,4 @@
-"""Cells cut by obstacles: no clear step is cut away, bounds come near with the square of the size."""
+"""Cells cut by obstacles: no clear step is cut away, bounds converge with the square of the size."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ every_obstacle = pytest.mark.parametrize("obstacles", OBSTACLES.values(), ids=OB
 
 
 def steps_beside(obstacles, *, swept):
-    """Return the steps of four links beside obstacles, linearised."""
+    """Return the linearised steps of four links near obstacles."""
     q = HOME[4]
     target = tool(q) + np.array([0.02, -0.01])
     path = line(tool(q), target, duration=1.0, samples=3, timing="uniform")
@@ -44,9 +44,9 @@ def steps_beside(obstacles, *, swept):
 
 
 def cut(cell, s):
-    """Return the corners of what may be clear of a cell, from its middle, its model, and by how many cuts it is made.
+    """Return the corners, from the middle, of the part of a cell that may be clear, its model, and the number of cuts.
 
-    None are left where nothing may be clear.
+    There are no corners if nothing may be clear.
     """
     m = model(cell, s)
     possible, interval = may_be_clear(cell, m, OPTIONS, s)
@@ -57,7 +57,7 @@ def cut(cell, s):
 
 
 def is_within(polygon, u, v, *, tolerance):
-    """Return whether a convex polygon has a point."""
+    """Return whether a convex polygon contains a point."""
     along = np.roll(polygon[:, :2], -1, axis=0) - polygon[:, :2]
     turns = along[:, 0] * (v - polygon[:, 1]) - along[:, 1] * (u - polygon[:, 0])
     return len(polygon) > 0 and ((turns >= -tolerance).all() or (turns <= tolerance).all())
@@ -82,7 +82,7 @@ def test_no_clear_step_of_a_cell_is_cut_away(obstacles, swept):
 
 
 @pytest.mark.parametrize("obstacles", [OBSTACLES["circle"], OBSTACLES["box"]], ids=["circle", "box"])
-def test_bounds_beside_obstacles_come_near_with_the_square_of_the_size(obstacles):
+def test_bounds_near_obstacles_converge_with_the_square_of_the_size(obstacles):
     s, weights = steps_beside(obstacles, swept=False), (1.0, 0.3)
     angle = np.linspace(0, 2 * np.pi, 400)
     way = np.stack([np.cos(angle), np.sin(angle)], axis=1)
@@ -109,7 +109,7 @@ def test_bounds_beside_obstacles_come_near_with_the_square_of_the_size(obstacles
 @pytest.mark.parametrize(
     ("longest", "seed", "index"), [(np.inf, 5, 3), (np.inf, 12, 3), (np.inf, 16, 1), (0.1, 9, 0), (0.1, 6, 1)]
 )
-def test_no_step_beside_obstacles_is_better_than_the_exact_one(longest, seed, index):
+def test_no_step_near_obstacles_is_better_than_the_exact_one(longest, seed, index):
     step = list(random_steps(4, seed, index + 1, longest, blocked=True))[index]
     F = objectives(step, np.stack([exact_step(step, weight=weight) for weight in WEIGHTS]))
     weights = np.array([[weight, 1.0 - weight] for weight in WEIGHTS]) / np.abs(F[0] - F[-1])

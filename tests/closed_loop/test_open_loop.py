@@ -1,4 +1,4 @@
-"""The compiled search for a posture against the same search in pymoo."""
+"""The compiled search for a posture, compared with the same search in pymoo."""
 
 import numpy as np
 import pytest
@@ -54,7 +54,7 @@ def test_errors_are_distributed_as_those_of_the_search_in_pymoo():
     ours = np.log([error(search_start(task, seed=seed, options=options)) for seed in seeds])
     algorithm = problem.algorithm(population)
     theirs = np.log([minimize(problem, algorithm, ("n_gen", generations), seed=seed).F[0] for seed in seeds])
-    margin = np.log(3.0)  # equal within a factor of three, by two one-sided tests; a tenth of the generations is not
+    margin = np.log(3.0)  # equal within a factor of three by two one-sided tests, not with a tenth of the generations
     assert mannwhitneyu(ours - margin, theirs, alternative="less").pvalue < 0.05
     assert mannwhitneyu(ours + margin, theirs, alternative="greater").pvalue < 0.05
     few = OpenLoopOptions(population=population, generations=3)
@@ -62,9 +62,9 @@ def test_errors_are_distributed_as_those_of_the_search_in_pymoo():
     assert mannwhitneyu(short - margin, theirs, alternative="less").pvalue > 0.05
 
 
-def test_no_posture_clear_of_the_obstacles_is_said():
+def test_a_search_without_a_clear_posture_says_so():
     sides = [((0.5, 0.0), (0.1, 0.6)), ((-0.5, 0.0), (0.1, 0.6)), ((0.0, 0.5), (0.6, 0.1)), ((0.0, -0.5), (0.6, 0.1))]
-    walls = [Box(center, sizes) for center, sizes in sides]  # all around the base, nearer than the first link is long
+    walls = [Box(center, sizes) for center, sizes in sides]  # all around the base, nearer than a link's length
     loop = ClosedLoop(marcos_nr(3), marcos_2012.round_trip(0.7, 4), obstacles=walls)
-    with pytest.raises(Infeasible, match="start: a posture clear of the obstacles wanted, none of 12000"):
+    with pytest.raises(Infeasible, match="start must be a posture clear of the obstacles, none of 12000"):
         search_start(loop.task, options=SMALL)

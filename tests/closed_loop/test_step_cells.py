@@ -1,4 +1,4 @@
-"""Cells of steps: what their bounds promise holds everywhere within them, and halves are all of a cell."""
+"""Cells of steps: their bounds are valid everywhere within them, and halves cover the cell."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def test_no_step_of_a_cell_is_below_its_bound(links, weights):
 
 
 @every_arm
-def test_bounds_come_near_with_the_square_of_the_size(links):
+def test_bounds_converge_with_the_square_of_the_size(links):
     s, _ = linearised_steps(links)
     gaps = []
     for size in (0.1, 0.01, 0.001):
@@ -53,7 +53,7 @@ def test_bounds_come_near_with_the_square_of_the_size(links):
 
 
 @every_arm
-def test_what_a_model_says_of_its_cell_holds_for_all_of_it(links):
+def test_a_model_is_valid_in_all_of_its_cell(links):
     s, made = cells(links)
     told = 0
     for cell in made:

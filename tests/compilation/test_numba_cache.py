@@ -100,7 +100,7 @@ def test_a_c_function_is_called_by_its_address():
 def test_the_fingerprint_of_a_function_has_the_code_and_the_constants_of_what_it_calls():
     def fingerprint(source):
         names: dict[str, object] = {"__name__": __name__}
-        path = ROOT / "tests" / "test_compilation.py"  # numba wants a file
+        path = ROOT / "tests" / "test_compilation.py"  # numba needs a file
         exec(compile(source, str(path), "exec"), names)
         return compilation._fingerprint(names["outer"].py_func)
 
@@ -112,7 +112,7 @@ def test_the_fingerprint_of_a_function_has_the_code_and_the_constants_of_what_it
 
 
 def in_a_new_process(folder, code, *, prefix=(), write=True, **variables):
-    """Run code beside KERNELS in a new Python process; return (stdout, stderr)."""
+    """Run code next to KERNELS in a new Python process; return (stdout, stderr)."""
     if write:
         (folder / "kernels.py").write_text(KERNELS)
     done = subprocess.run(
@@ -180,7 +180,7 @@ def test_observers_end_with_their_block(capsys):
     assert capsys.readouterr().err == "compiling c, once for this copy of paretoik: about 12 s\n"
 
 
-WITHOUT_PRIVILEGES = ["setpriv", "--bounding-set=-all", "--inh-caps=-all"]  # root may write everywhere with them
+WITHOUT_PRIVILEGES = ["setpriv", "--bounding-set=-all", "--inh-caps=-all"]  # with privileges root may write everywhere
 
 
 @pytest.mark.skipif(os.name != "posix", reason="permissions of folders are POSIX's")

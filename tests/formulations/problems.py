@@ -1,4 +1,4 @@
-"""The problems that the laws of the self-motion encoding are tested on, small enough to be quick."""
+"""Small, quick problems for the tests of the self-motion encoding."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def panda() -> Arm:
 
 
 def random_arm(seed: int, dof: int) -> Arm:
-    """Return an arm with random Denavit–Hartenberg parameters, links about as long as they are offset."""
+    """Return an arm with random Denavit–Hartenberg parameters, with links about equal in length and offset."""
     rng = np.random.default_rng(seed)
     a, d = rng.uniform(0.1, 0.4, dof), rng.uniform(-0.2, 0.2, dof)
     alpha, theta = rng.uniform(-np.pi, np.pi, dof), rng.uniform(-np.pi, np.pi, dof)
@@ -32,7 +32,7 @@ def random_arm(seed: int, dof: int) -> Arm:
 
 
 def within_reach(arm: Arm, seed: int, *, poses: bool, samples: int) -> Path:
-    """Return a line of 0.1 m through the place where the tool is at a random posture."""
+    """Return a line of 0.1 m through the tool's place in a random posture."""
     rng = np.random.default_rng(seed)
     rotation, place = forward_kinematics(arm, rng.uniform(-2, 2, arm.dof))
     step = rng.normal(size=3)

@@ -1,4 +1,4 @@
-"""Closed loops: where they go, that they repeat, what they keep clear of, what they refuse."""
+"""Closed loops: their paths, repeatability, clearance and refusals."""
 
 from concurrent.futures import ThreadPoolExecutor
 
@@ -40,7 +40,7 @@ def test_searched_loops_go_where_exact_ones_go(weight):
     assert run.drift == pytest.approx(np.linalg.norm(run.q[-1] - run.q[0]) / 3)
 
 
-def test_weights_alone_change_what_is_chosen():
+def test_weights_change_only_the_choice():
     loop = small(4)
     near, far = loop.changed(weights=[1, 0]).run(), loop.changed(weights=[0, 1]).run()
     np.testing.assert_array_equal(near.q[0], far.q[0])
@@ -55,7 +55,7 @@ def frequent_digests(monkeypatch):
 
 
 @pytest.mark.usefixtures("frequent_digests")
-def test_states_are_the_same_again_and_tell_seeds_apart():
+def test_states_repeat_and_differ_between_seeds():
     first, again, other = small(3).run(), small(3).run(), small(3, seed=1).run()
     assert len(first.digests) == STEPS // 5
     assert first.digests == again.digests
@@ -64,14 +64,14 @@ def test_states_are_the_same_again_and_tell_seeds_apart():
 
 @pytest.mark.parametrize("threads", [2, 4])
 @pytest.mark.usefixtures("frequent_digests")
-def test_states_are_the_same_whatever_runs_beside(threads):
+def test_states_do_not_depend_on_other_threads(threads):
     loops = [small(links, weight) for links in (3, 4) for weight in (0.2, 0.8)]
     alone = [loop.run().digests for loop in loops]
     with ThreadPoolExecutor(threads) as pool:
         assert list(pool.map(lambda loop: loop.run().digests, loops)) == alone
 
 
-def test_every_step_is_shown_as_it_is_taken():
+def test_every_step_is_observed_when_it_is_taken():
     seen = []
     small(3).run(observe=lambda record: seen.append((record.sample, len(record.front.F))))
     assert [sample for sample, _ in seen] == list(range(1, STEPS + 1))
@@ -92,7 +92,7 @@ def test_an_obstacle_that_encloses_the_path_is_named_with_the_step():
     wall = Circle((0.7 + 0.5 * np.cos(0.3), 0.5 * np.sin(0.3)), 0.05)
     loop = ClosedLoop(marcos_nr(3), marcos_2012.round_trip(0.7, 60), start=start, obstacles=[wall], population=8)
     loop.generations = 3
-    with pytest.raises(Infeasible, match=r"step \d+ .*: a free configuration wanted.*from obstacle 1 of 1"):
+    with pytest.raises(Infeasible, match=r"step \d+ .*: there must be a free configuration.*from obstacle 1 of 1"):
         loop.run()
 
 
@@ -110,20 +110,20 @@ def whole(motion):
     ("settings", "said"),
     [
         ({"weights": [1.0, 2.0, 3.0]}, "weights"),
-        ({"weights": [-1.0, 2.0]}, "weights: none below 0"),
-        ({"longest_step": 0.0}, "longest_step: a positive number wanted"),
-        ({"population": 2}, "population: an integer of at least 4"),
+        ({"weights": [-1.0, 2.0]}, "weights must be at least 0"),
+        ({"longest_step": 0.0}, "longest_step must be a positive number"),
+        ({"population": 2}, "population must be an integer of at least 4"),
         ({"start": [0.0, 1.0]}, "start"),
-        ({"objectives": []}, "objectives: wants at least one"),
+        ({"objectives": []}, "objectives must be at least one"),
         ({"start": [4.0, 0.0, 0.0], "limits": pk.Limits(position=3.0)}, "start: .* must lie within -3 to 3, got 4"),
         (
             {"obstacles": [pk.obstacles.Circle([1.2, 0.5], 1.0)]},
             "start: must be clear of obstacles, got -.* from obstacle 1 of 1",
         ),
-        ({"limits": pk.Limits(torque=3.0)}, "limits: of position, velocity and clearance wanted .*, got torque"),
-        ({"weights": pk.Weights(elbow=1.0)}, "weights: wanted names among joint_displacement, position_error"),
+        ({"limits": pk.Limits(torque=3.0)}, "limits in a closed loop must be on position, .*, got torque"),
+        ({"weights": pk.Weights(elbow=1.0)}, "weights must have names among joint_displacement, position_error"),
         ({"objectives": [elbow, elbow]}, "names must differ"),
-        ({"objectives": [elbow, whole]}, "objective whole looks at a whole motion"),
+        ({"objectives": [elbow, whole]}, "objective whole must be of form integral or peak, .* whole motion"),
     ],
 )
 def test_what_cannot_be_used_is_named(settings, said):
@@ -136,11 +136,11 @@ def test_what_cannot_be_used_is_named(settings, said):
 @pytest.mark.parametrize("longest_step", [[0.1, 0.1], [0.1], float("nan")])
 def test_the_longest_step_is_one_number(longest_step):
     path = marcos_2012.round_trip(0.7, 4)
-    with pytest.raises(InvalidInput, match="longest_step: a positive number wanted"):
+    with pytest.raises(InvalidInput, match="longest_step must be a positive number"):
         ClosedLoop(pk.arms.marcos_nr(3), path, start=posture(3), longest_step=longest_step)
 
 
-def test_a_loop_is_not_one_search_and_a_line_says_what_is():
+def test_a_loop_is_not_one_search_and_the_error_names_what_is():
     loop = small(3)
     words = r"got a ClosedLoop: pk.solve\(loop\) follows it, loop.control_step\(k\) is the pymoo problem of step k"
     for search in (

@@ -1,4 +1,4 @@
-"""One control step: the compiled engine's, step for step; Pinocchio's in space; any pymoo algorithm solves it."""
+"""One control step: equal to the compiled engine's and Pinocchio's in space; any pymoo algorithm solves it."""
 
 import numpy as np
 import pinocchio
@@ -56,7 +56,7 @@ LOOPS = {
 
 
 @pytest.mark.parametrize("name", LOOPS)
-def test_the_same_genes_are_the_same_steps_as_in_the_compiled_engine(name):
+def test_genes_give_the_same_steps_as_the_compiled_engine(name):
     loop = LOOPS[name]()
     rng = np.random.default_rng(0)
     history = loop.start + 1e-3 * rng.normal(size=(3, len(loop.start)))
@@ -70,7 +70,7 @@ def test_the_same_genes_are_the_same_steps_as_in_the_compiled_engine(name):
     w.children[:] = genes.T
     _configure(w.children, w.inputs, COUNT, start, constraints, w)
     q = w.inputs[: len(loop.start)].T.copy()
-    size = 1.0 + np.abs(q - loop.start).max(axis=1, keepdims=True)  # a step is as exact as it is long
+    size = 1.0 + np.abs(q - loop.start).max(axis=1, keepdims=True)  # the error of a step grows with its length
     _evaluate_objectives(start, search._objectives, COUNT, w)
     expected = w.F[: loop.n_obj, len(w.order) :].T
     F, G = step.evaluate(genes, return_values_of=["F", "G"])
@@ -125,7 +125,7 @@ def test_steps_of_a_spatial_arm_are_those_of_pinocchio(seed):
     np.testing.assert_allclose(F[:, 1], error, rtol=1e-10, atol=1e-12)
 
 
-def test_shortened_steps_lie_on_the_way_and_reach_a_bound():
+def test_shortened_steps_are_on_the_way_and_reach_a_bound():
     step = paper_loop(4).control_step(1)
     genes = np.random.default_rng(0).uniform(-1, 1, size=(COUNT, step.n_var))
     wished, q = step.state.decode(genes), step.positions(genes)
@@ -138,7 +138,7 @@ def test_shortened_steps_lie_on_the_way_and_reach_a_bound():
     np.testing.assert_allclose(q - shortest, share[:, None] * (wished - shortest), atol=1e-12)
 
 
-def test_a_singular_system_fails():
+def test_a_step_with_a_singular_system_fails():
     step = paper_loop(3, as_printed=True).control_step(1)
     genes = np.zeros((1, step.n_var))
     assert np.isnan(step.positions(genes)).all()
@@ -170,7 +170,7 @@ def test_solve_finds_the_front_that_the_compiled_search_finds():
     assert choice.motion.q.shape == (4, 3)
 
 
-def test_a_step_of_its_own_is_that_of_its_loop():
+def test_a_control_step_is_that_of_its_loop():
     loop, rng = own_objectives(), np.random.default_rng(3)
     arm, path = loop.task.arm, marcos_2012.round_trip(0.7, 6)
     alone = pk.ControlStep(arm, path, loop.start, objectives=[pk.joint_displacement, sway, height, reach])
@@ -188,18 +188,18 @@ def total(step):
 ELBOW = [np.cos(posture(3)[0]), np.sin(posture(3)[0])]  # m, the end of the first link
 NOT_OF_A_STEP = {
     "sample must be at most 6, the path's last, got 7": {"sample": 7},
-    "sample: an integer of at least 1": {"sample": 0},
+    "sample must be an integer of at least 1": {"sample": 0},
     r"q must have shape \(3,\) or \(rows, 3\), got \(2,\)": {"q": [0.0, 1.0]},
     "q: joint1 must lie within -3 to 3, got 4": {"q": [4.0, 0.3, 0.3], "limits": pk.Limits(position=3.0)},
     "q: must be clear of obstacles, got -": {"obstacles": [pk.obstacles.Circle(ELBOW, 0.1)]},
     "home": {"home": [0.0]},
-    "home: at most 1e.* rad or m wanted, got 1e": {"home": [1e308, 0.0, 0.0]},
-    "q: at most 1e.* rad or m wanted, got 1e": {"q": [[1e308, 0.0, 0.0], posture(3)]},
-    "limits: of position, velocity and clearance wanted in a control step, got torque": {
+    "home must be at most 1e.* rad or m, got 1e": {"home": [1e308, 0.0, 0.0]},
+    "q must be at most 1e.* rad or m, got 1e": {"q": [[1e308, 0.0, 0.0], posture(3)]},
+    "limits in a control step must be on position, velocity and clearance, got torque": {
         "limits": pk.Limits(torque=1.0)
     },
-    "longest_step: a positive number wanted": {"longest_step": 0.0},
-    "objectives: wants at least one": {"objectives": []},
+    "longest_step must be a positive number": {"longest_step": 0.0},
+    "objectives must be at least one": {"objectives": []},
     r"objective total must return one value per step and sample, shape \(1, 4\), got \(\)": {"objectives": [total]},
 }
 

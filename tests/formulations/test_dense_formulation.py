@@ -1,4 +1,4 @@
-"""A user's own objectives and constraints where programs are small: one definition is searched, refined and shown."""
+"""A user's own objectives and constraints in small programs: one definition is searched, refined and shown."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def points_near(problem, count):
     return genes[rows], z[rows]
 
 
-def test_search_and_smooth_program_say_the_same_and_it_is_what_the_definition_says(problem):
+def test_search_and_smooth_program_agree_with_the_definition(problem):
     genes, z = points_near(problem, 6)
     F = problem.evaluate(genes, return_values_of=["F"])
     own = own_values(problem, problem.decode(genes))
@@ -169,7 +169,7 @@ def test_a_front_with_a_users_objective_is_refined_certified_and_recomputed(make
         assert each.violation(refined.motions).max() <= 1e-8
 
 
-def test_a_motion_may_be_slower_than_motors_allow_where_that_costs_less():
+def test_a_motion_may_be_slower_than_motors_allow_if_that_costs_less():
     front = pk.epsilon_front(way([effort]), points=3, starts=4)
     times, work = front.objectives.T
     assert times[-1] > 3 * times[0]
@@ -188,7 +188,7 @@ def test_the_motions_of_directional_maxima_stand_in_their_postures(tmp_path):
     assert np.array_equal(again.motions.q, front.motions.q)
 
 
-def test_a_function_that_fails_in_places_costs_those_individuals_alone():
+def test_a_function_that_fails_in_places_fails_only_those_individuals():
     @pk.objective(unit="", form="general")
     def fragile(motion):
         if np.any(motion.links[..., 2, 1] > 0):
@@ -221,17 +221,17 @@ def middling(motion):
     [
         (lambda: way([lambda motion: 0.0]), "a list of functions decorated with @objective"),
         (lambda: way([], [effort]), "a list of functions decorated with @constraint"),
-        (lambda: way(effort), "objectives: a list of functions decorated with @objective wanted"),
+        (lambda: way(effort), "objectives must be a list of functions decorated with @objective"),
         (lambda: way([effort, effort]), "objectives: names must differ, got effort, effort"),
-        (lambda: way([pk.measures.duration]), "duration: a name other than duration, ends, joint limits, motors"),
+        (lambda: way([pk.measures.duration]), "must have names other than duration, ends, joint limits, motors"),
         (
             lambda: way([misshapen]),
             r"objective misshapen \(integral\) must return shape .*, here \(4, 9\), got \(4, 9, 3\)",
         ),
-        (lambda: way([pk.obstacle_clearance]), "obstacle_clearance wants obstacles"),
+        (lambda: way([pk.obstacle_clearance]), "obstacle_clearance must have obstacles"),
         (lambda: way([middling]).program(), "objective middling: .*median"),
-        (lambda: way([], energy=1.0), "energy: True or False wanted, got 1.0"),
-        (lambda: posture([pk.kinetic_energy]), "kinetic_energy: a function of the posture wanted"),
+        (lambda: way([], energy=1.0), "energy must be True or False, got 1.0"),
+        (lambda: posture([pk.kinetic_energy]), "kinetic_energy must be a function of the posture"),
         (lambda: posture([misshapen]), "objective misshapen"),
         (lambda: posture([lambda motion: 0.0]), "a list of functions decorated with @objective"),
     ],
@@ -242,7 +242,7 @@ def test_what_cannot_be_served_is_refused_by_name(make, message):
     assert "\n" not in str(error.value)
 
 
-def test_a_limit_on_rates_that_motions_at_their_quickest_keep_still_reads_times():
+def test_a_limit_on_rates_satisfied_at_the_quickest_pace_still_reads_times():
     quick = way([])
     motions = quick.decode(quick.sample_starts(50, np.random.default_rng(0)))
     most = 1.2 * np.abs(motions.dq[..., 0]).max()

@@ -30,7 +30,7 @@ def random_genes(problem, count, rng):
 
 
 def statics(q):
-    """Return the tool's place and its Jacobian, and the torques of gravity, of ``kim_3r`` in postures (postures, 3)."""
+    """Return tool positions, Jacobians and gravity torques of ``kim_3r`` in postures (postures, 3)."""
     heading = np.cumsum(q, axis=1)
     steps = LENGTHS[:, None] * np.stack([np.cos(heading), np.sin(heading)], axis=2)
     joints = np.cumsum(steps, axis=1) - steps
@@ -42,21 +42,21 @@ def statics(q):
 
 
 def gears(q, front):
-    """Return how far joints of rods turn for a little way of either slider, by differences of the law of cosines."""
+    """Return the turn of rods' joints per move of either slider, by differences of the law of cosines."""
     angle, rod, step = q - SLIDERS.zero, SLIDERS.rod, 1e-7
     back = -front * np.cos(angle) + np.sqrt(rod**2 - (front * np.sin(angle)) ** 2)
 
     def turned(s, b):
         return np.arccos((rod**2 - s**2 - b**2) / (2 * s * b))
 
-    with np.errstate(invalid="ignore", divide="ignore"):  # back sliders past their bounds
+    with np.errstate(invalid="ignore", divide="ignore"):  # back sliders beyond their bounds
         ahead = turned(front + step, back) - turned(front - step, back)
         behind = turned(front, back + step) - turned(front, back - step)
         return back, np.abs(np.stack([ahead, behind], axis=-2)) / (2 * step)
 
 
 def capacities(name, q, front):
-    """Return the torques that joints can hold (postures, 3), NaN where the back slider is past its bounds."""
+    """Return the torques that joints can hold (postures, 3); NaN if the back slider exceeds its bounds."""
     if name == "motors":
         return np.broadcast_to(MOTORS.motors.stall, q.shape)
     back, ratios = gears(q, front)
@@ -86,7 +86,7 @@ def test_individuals_push_until_a_motor_stalls(name):
 @given(seed=seeds)
 @settings(max_examples=25)
 def test_the_greatest_force_is_the_least_work_of_stalled_motors_to_move_the_tool_by_a_unit(seed):
-    """The dual program: Σ stall |δq| − g δq is least over joint ways δq with which the tool goes by 1 along d."""
+    """Check the dual program: least Σ stall |δq| − g δq over joint moves δq that move the tool by 1 along d."""
     rng = np.random.default_rng(seed)
     way = rng.normal(size=2)
     way /= np.linalg.norm(way)
@@ -101,7 +101,7 @@ def test_the_greatest_force_is_the_least_work_of_stalled_motors_to_move_the_tool
 
 
 def all_postures(count):
-    """Return postures (2 count, 3) whose tool is at the place: a last heading all around, and either elbow."""
+    """Return postures (2 count, 3) with the tool at the place: last link in all directions, both elbows."""
     heading = np.linspace(-np.pi, np.pi, count, endpoint=False)
     wrist = PLACE - LENGTHS[2] * np.stack([np.cos(heading), np.sin(heading)], axis=1)
     reach = np.linalg.norm(wrist, axis=1)
@@ -116,12 +116,12 @@ def all_postures(count):
 
 
 def all_forces(name, q):
-    """Return the greatest forces (postures, 2) of postures, sliders anywhere, NaN where the arm cannot be held."""
+    """Return the greatest forces (postures, 2) over all sliders; NaN if the arm cannot be held."""
     if name == "motors":
         capacity = capacities(name, q, 0.0)
     else:
         q = SLIDERS.zero + (q - SLIDERS.zero) % (2 * np.pi)
-        places = np.linspace(*SLIDERS.front_bounds[0], 401)  # a joint's slider can hold for all directions at once
+        places = np.linspace(*SLIDERS.front_bounds[0], 401)  # a joint's slider holds for all directions at once
         with np.errstate(invalid="ignore"):
             capacity = np.max([np.nan_to_num(capacities(name, q, place)) for place in places], axis=0)
         floor = SLIDERS.least_angle
@@ -134,7 +134,7 @@ def all_forces(name, q):
 
 
 @pytest.mark.parametrize("name", DRIVES)
-def test_no_posture_of_all_pushes_harder_both_ways_and_their_front_is_the_refined_one(name):
+def test_no_posture_pushes_harder_both_ways_than_the_refined_front(name):
     refined = pk.solve(forces(DRIVES[name]), population=40, generations=30, seed=1, points=40, refine=True)
     assert (refined.certificates.status == "minimum").all()
     assert refined.certificates.criticality.max() <= 1e-7
@@ -144,7 +144,7 @@ def test_no_posture_of_all_pushes_harder_both_ways_and_their_front_is_the_refine
     for one in refined.objectives / size:
         assert (everything / size - one).min(axis=1).max() <= 1e-6  # none is better in both
     for one in everything[:: max(1, len(everything) // 500)] / size:
-        assert (refined.objectives / size - one).min(axis=1).max() >= -0.05  # and what is refined covers all
+        assert (refined.objectives / size - one).min(axis=1).max() >= -0.05  # and the refined front covers all
     assert refined.objectives.max(axis=0) / size == pytest.approx([1.0, 1.0], abs=1e-3)
 
 
@@ -173,7 +173,7 @@ def test_without_weight_a_push_is_as_hard_as_a_pull(seed):
 
 @pytest.mark.parametrize("name", DRIVES)
 def test_speed_times_force_is_no_more_than_motors_and_weight_can_give(name):
-    """Virtual work along one direction: f v = Σ (τ − g) q̇ with |τ| ≤ stall and |q̇| ≤ what the gears make fastest."""
+    """Check virtual work along one direction: f v = Σ (τ − g) q̇, |τ| ≤ stall, |q̇| ≤ the highest of all gears."""
     drive = DRIVES[name]
     problem = forces(drive, [WAYS[1], WAYS[1]], quantity=["velocity", "force"])
     genes = random_genes(problem, 5000, np.random.default_rng(3))
@@ -185,7 +185,7 @@ def test_speed_times_force_is_no_more_than_motors_and_weight_can_give(name):
     assert (at.values.prod(axis=1) <= work * (1 + 1e-6)).all()
 
 
-def test_a_force_beside_a_speed_changes_neither():
+def test_a_force_and_a_speed_together_change_neither():
     rng = np.random.default_rng(5)
     fast, strong = forces(SLIDERS, quantity="velocity", power=False), forces(SLIDERS)
     both = forces(SLIDERS, quantity=["velocity", "force"], power=False)
@@ -227,13 +227,13 @@ def test_bounds_along_a_front_of_forces_find_its_ends():
     [
         (
             {"quantity": "torque"},
-            r"quantity must be one of velocity, force, or a list of 2, one a direction, got 'torque'",
+            r"quantity must be one of velocity, force, or a list of 2, one per direction, got 'torque'",
         ),
-        ({"quantity": ["force"]}, r"a list of 2, one a direction, got \['force'\]"),
+        ({"quantity": ["force"]}, r"a list of 2, one per direction, got \['force'\]"),
         ({"quantity": ["force", 1]}, r"quantity must be one of .*got \['force', 1\]"),
         ({"quantity": None}, "quantity must be one of .*got None"),
-        ({"power": True}, "power: False wanted with forces alone, since they take none at rest, got True"),
-        ({"power": 1}, "power: True or False wanted, got 1"),
+        ({"power": True}, "power must be False with forces only, since they take none at rest, got True"),
+        ({"power": 1}, "power must be True or False, got 1"),
     ],
 )
 def test_what_cannot_be_is_refused_by_name(changed, message):
@@ -243,14 +243,12 @@ def test_what_cannot_be_is_refused_by_name(changed, message):
 
 def test_forces_that_no_motor_bounds_are_refused_by_direction():
     endless = pk.capability.MotorCurve(stall=[np.inf] * 3, fastest=[1.0] * 3)
-    with pytest.raises(InvalidInput, match="actuation: a motor with a finite stall wanted, to bound forces, got none"):
+    with pytest.raises(InvalidInput, match="must have a motor with a finite stall, to bound forces, got none"):
         forces(pk.capability.JointActuation(motors=endless))
     first = pk.capability.MotorCurve(stall=[12.3, np.inf, np.inf], fastest=[1.0] * 3)
-    one = pk.capability.JointActuation(motors=first)  # bears nothing that points away from it
+    one = pk.capability.JointActuation(motors=first)  # bears no force that points away from it
     assert np.isfinite(forces(one).sizes).all()
-    with pytest.raises(
-        InvalidInput, match=r"direction 2: a force that some motor of Kim 3R has to bear wanted, got \["
-    ):
+    with pytest.raises(InvalidInput, match=r"direction 2 must load some motor of Kim 3R, got \["):
         forces(one, [WAYS[0], PLACE])
 
 
@@ -268,5 +266,5 @@ def test_an_individual_whose_force_has_no_bounds_fails_and_says_so(monkeypatch):
 
 def test_a_front_of_speeds_is_not_refined_as_one_of_forces():
     front = pk.solve(forces(MOTORS, quantity="velocity"), population=16, generations=3, seed=0)
-    with pytest.raises(InvalidInput, match="refine: a problem with objectives speed_1, speed_2, joint_power wanted"):
+    with pytest.raises(InvalidInput, match="problem must have the objectives speed_1, speed_2, joint_power, got"):
         pk.refine(front, forces(MOTORS))

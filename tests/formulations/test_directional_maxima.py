@@ -1,4 +1,4 @@
-"""Directions against each other: what genes say is what the smooth program says, and polishing only helps."""
+"""Trade-offs between directions: genes and the smooth program agree, and refinement only improves."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def test_no_individual_does_more_than_the_directional_maximum(problem, refined):
     assert (refined.objectives[:, :2].max(axis=0) >= 0.8 * maxima).all()
 
 
-def test_genes_and_the_smooth_program_say_the_same(problem, front):
+def test_genes_and_the_smooth_program_agree(problem, front):
     program, z = problem.program(), problem.points(front.genes)
     assert z @ program.costs.T == pytest.approx(front.minimised, abs=1e-12)
     for one in z:
@@ -82,7 +82,7 @@ def test_genes_and_the_smooth_program_say_the_same(problem, front):
     assert G.max() <= 1e-9
 
 
-def test_polishing_makes_no_objective_worse_and_certifies(problem, front, refined):
+def test_refinement_makes_no_objective_worse_and_certifies(problem, front, refined):
     certificates = refined.certificates
     before = dict(zip(front.ids, front.minimised, strict=True))
     for number, row in zip(refined.ids, refined.minimised, strict=True):
@@ -96,9 +96,9 @@ def test_polishing_makes_no_objective_worse_and_certifies(problem, front, refine
 
 
 def test_exchange_rates_are_those_of_neighbouring_optima(problem, refined):
-    """Ask a little more of the first, and a little less, others held: what it costs of the last tells both ends."""
+    """Ask for a little more and less of the first, with others held: the last one's cost bounds the rate."""
     program, rates, step, last = problem.program(), refined.certificates, 1e-6, problem.n_obj - 1
-    sign = -1.0 if problem.maximised[last] else 1.0  # what costs force lowers it
+    sign = -1.0 if problem.maximised[last] else 1.0  # a cost in force lowers it
     ranges, z = np.ptp(refined.minimised, axis=0), problem.points(refined.genes)
     finite = np.isfinite(rates.exchange_intervals[:, 0, last]).all(axis=1)
     good = np.flatnonzero((rates.weights.min(axis=1) > 0.05) & (rates.status == "minimum") & finite)
@@ -123,7 +123,7 @@ def test_the_same_seed_gives_the_same_front(problem, front):
     assert np.array_equal(again.objectives, front.objectives)
 
 
-def test_it_is_a_pymoo_problem_of_any_number_of_directions():
+def test_pymoo_solves_directional_maxima_with_any_number_of_directions():
     one = pk.DirectionalMaxima(pk.arms.kim_3r(), pk.capability.kim_joint_motors(), PLACE, [[0.0, 1.0]], power=False)
     result = minimize(one, NSGA2(pop_size=20), ("n_gen", 25), seed=1)
     assert one.n_obj == 1
@@ -152,13 +152,13 @@ def test_a_saved_front_comes_back_with_its_genes(problem, refined, tmp_path):
 
 
 @pytest.mark.usefixtures("unchecked")
-def test_what_cannot_be_is_refused_by_name(problem, front):
-    with pytest.raises(Infeasible, match=r"joint2: a torque of at most 3\.5 N m wanted"):
+def test_impossible_directional_maxima_are_refused_by_name(problem, front):
+    with pytest.raises(Infeasible, match=r"joint2 must bear a torque of at most 3\.5 N m"):
         pk.DirectionalMaxima(pk.arms.kim_3r().with_payload(20.0), pk.capability.kim_joint_motors(), PLACE, WAYS)
-    with pytest.raises(InvalidInput, match="at least one, wanted"):
+    with pytest.raises(InvalidInput, match="at least one, got"):
         pk.DirectionalMaxima(pk.arms.kim_3r(), pk.capability.kim_joint_motors(), PLACE, [[1.0, 0.0, 0.0]])
     other = pk.DirectionalMaxima(pk.arms.kim_3r(), pk.capability.kim_joint_motors(), PLACE, WAYS, power=False)
-    with pytest.raises(InvalidInput, match=f"refine: a problem with objectives {', '.join(problem.names)} wanted"):
+    with pytest.raises(InvalidInput, match=f"problem must have the objectives {', '.join(problem.names)}, got others"):
         pk.refine(front, other)
 
 

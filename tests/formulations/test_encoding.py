@@ -1,4 +1,4 @@
-"""Genes and motions: there and back, one gene's support, starts, stops and cycles."""
+"""Genes and motions: encoding and decoding, one gene's support, starts, stops and cycles."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def test_a_gene_moves_only_the_support_of_its_spline(settings):
         assert times[-1] <= high + 1e-12
 
 
-def test_a_gene_of_a_cycle_moves_four_spans_round_the_seam_too():
+def test_a_gene_of_a_cycle_moves_four_spans_across_the_seam_too():
     problem = around_a_circle(samples=81, coefficients=8)
     genes = genes_of(problem, 1, seed=5) * np.r_[1, np.full(8, 0.5)]
     before = problem.decode(genes).q[0]
@@ -189,7 +189,7 @@ def test_the_first_gene_at_its_bounds_names_the_first_and_the_last_base():
     np.testing.assert_array_equal(problem.species(ends), [0, problem.n_species - 1])
 
 
-def test_a_motion_that_the_spline_cannot_say_has_a_residual():
+def test_a_motion_that_the_spline_cannot_represent_has_a_residual():
     problem = along_a_line(81, coefficients=5, bases=1)
     richer = along_a_line(81, coefficients=20, bases=1)
     motions = richer.decode(genes_of(richer, 10))
@@ -210,6 +210,6 @@ def test_a_residual_is_what_the_spline_misses_in_coordinates_of_the_chart():
     np.testing.assert_allclose(np.abs(missed).max(axis=(1, 2))[whole], residual[whole], rtol=1e-6)
 
 
-def test_coefficients_and_bases_are_as_many_as_asked_for():
+def test_numbers_of_coefficients_and_bases_are_those_asked_for():
     problem = paper_3r(coefficients=7, bases=2)
     assert (problem.encoding.coefficients, problem.n_species, problem.n_var) == (7, 2, 8)

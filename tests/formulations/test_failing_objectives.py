@@ -1,4 +1,4 @@
-"""Objectives and constraints that fail: alone, by name, and without taking anything else along."""
+"""Objectives and constraints that fail: they are named, and nothing else fails with them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tests.formulations.problems import paper_3r
 from tests.formulations.test_tracking import evaluate, genes_of
 
 
-def test_an_objective_that_raises_for_some_fails_those_alone_and_is_named():
+def test_an_objective_that_raises_for_some_fails_only_those_and_is_named():
     @pk.objective(unit="rad", form="terminal")
     def picky(motion):
         if np.any(motion.q[..., -1, 0] > 0.3):
@@ -90,7 +90,7 @@ def test_an_objective_that_returns_something_else_is_refused_by_name(returns, wo
         paper_3r(objectives=[odd])
 
 
-def test_an_objective_that_writes_into_its_input_cannot():
+def test_an_objective_cannot_write_into_its_input():
     @pk.objective(unit="rad", form="terminal")
     def vandal(motion):
         if len(motion.q) == 13:

@@ -16,7 +16,7 @@ SEEDS = range(3)
 
 
 def planar_arm(rng, links):
-    """Return a planar arm of random links that hangs under gravity."""
+    """Return a planar arm with random links under gravity."""
     lengths = rng.uniform(0.3, 0.8, links)
     masses = rng.uniform(0.2, 1.0, links)
     arm = pk.Arm.planar(lengths=lengths, masses=masses, centers=lengths / 2, inertias=masses * lengths**2 / 12)
@@ -24,7 +24,7 @@ def planar_arm(rng, links):
 
 
 def small_arm(seed):
-    """Return a random arm of 3 to 5 joints, planar or spatial, a posture of it and its generator of random numbers."""
+    """Return a random planar or spatial arm of 3 to 5 joints, a posture, and its random number generator."""
     rng = np.random.default_rng(seed)
     arm = random_arm(seed, 5) if seed % 2 else planar_arm(rng, 3 + seed % 4 // 2)
     return arm, rng.uniform(0.3, 1.2, arm.dof) * rng.choice([-1, 1], arm.dof), rng
@@ -39,7 +39,7 @@ def straight(arm, q, rng, *, length=0.15, samples=15, duration=1.0):
 
 
 def around(arm, q, distance):
-    """Return a ball or disc next to the middle of the longest link, that far from its axis."""
+    """Return a ball or disc at a distance from the axis of the longest link, at its middle."""
     nodes = link_nodes(arm, q)
     longest = np.linalg.norm(np.diff(nodes, axis=0), axis=1).argmax()
     first, last = nodes[longest : longest + 2]
@@ -49,7 +49,7 @@ def around(arm, q, distance):
 
 
 def tracking(seed):
-    """Limits on position and velocity are a little wider than the least that any roll-out needs."""
+    """Return a tracking problem with position and velocity limits just wider than the best roll-out needs."""
     arm, q, rng = small_arm(seed)
     path = straight(arm, q, rng)
     best = pk.plan(pk.Tracking(arm, path, objectives=[pk.peak_velocity]), starts=6, observe=False).best.motion
@@ -60,7 +60,7 @@ def tracking(seed):
     return pk.Tracking(arm, path, objectives=[pk.joint_travel, pk.peak_velocity], limits=limits)
 
 
-def tracking_beside_an_obstacle(seed):
+def tracking_near_an_obstacle(seed):
     arm, q, rng = small_arm(seed)
     path = straight(arm, q, rng, length=0.1)
     return pk.Tracking(
@@ -102,7 +102,7 @@ def two_ways(seed):
 
 
 def standing(seed):
-    """The torques that hold the arm are limited, and an obstacle is near the place."""
+    """Return a posture search with limited holding torques and an obstacle near the place."""
     arm, q, rng = small_arm(2 * seed)
     motion = pk.Motion(arm=arm, time=np.arange(3.0), q=np.tile(q, (3, 1)))
     limits = pk.Limits(torque=np.abs(motion.torque[0]) + 0.3 * np.abs(motion.torque[0]).max())
@@ -135,7 +135,7 @@ def control_step(seed):
 
 FORMULATIONS = {
     "tracking": tracking,
-    "tracking beside an obstacle": tracking_beside_an_obstacle,
+    "tracking near an obstacle": tracking_near_an_obstacle,
     "point to point": reach,
     "directional maxima": two_ways,
     "posture": standing,
@@ -154,7 +154,7 @@ def test_nsga2_without_options_finds_feasible_points(name, seed):
     assert result.F is not None
     F, G = problem.evaluate(np.atleast_2d(result.X), return_values_of=["F", "G"])
     assert (G <= 0).all()
-    np.testing.assert_allclose(F, np.atleast_2d(result.F), rtol=1e-9)  # individuals hold the genes that were evaluated
+    np.testing.assert_allclose(F, np.atleast_2d(result.F), rtol=1e-9)  # individuals have the genes that were evaluated
 
 
 def first_generation(problem, algorithm, seed=1):

@@ -1,4 +1,4 @@
-"""What lies between neighbours of fronts: jumps of fronts of real problems."""
+"""Motions between neighbours of fronts: jumps of fronts of real problems."""
 
 from __future__ import annotations
 
@@ -27,20 +27,20 @@ def front(problem):
     return pk.epsilon_front(problem, points=10, starts=24)
 
 
-def test_between_a_motion_and_itself_lies_that_motion_alone(problem, front):
+def test_only_the_motion_is_between_a_motion_and_itself(problem, front):
     q = np.repeat(np.array(front.motions.q[:1]), 2, axis=0)
     values = values_between(problem.task, q, np.array([0.25, 0.5]))
     np.testing.assert_allclose(values, np.broadcast_to(front.minimised[0], values.shape), rtol=1e-9)
 
 
-def test_whole_turns_of_a_joint_are_no_way(problem, front):
+def test_whole_turns_of_a_joint_are_left_out_between_motions(problem, front):
     q = np.repeat(np.array(front.motions.q[:1]), 2, axis=0)
     q[1, :, 1] += 2 * np.pi
     values = values_between(problem.task, q, np.array([0.5]))
     np.testing.assert_allclose(values[0, 0], front.minimised[0], rtol=1e-9)
 
 
-def test_nothing_lies_between_an_elbow_up_and_an_elbow_down(problem, front):
+def test_no_motion_is_between_an_elbow_up_and_an_elbow_down(problem, front):
     q = np.array(front.motions.q[:1])
     mirrored = q.copy()  # on the other side of the line from base to tool
     direction = np.arctan2(*problem.task.motion(q).tool[0, :, ::-1].T)
@@ -50,7 +50,7 @@ def test_nothing_lies_between_an_elbow_up_and_an_elbow_down(problem, front):
     assert (values_between(problem.task, np.concatenate([q, mirrored]), np.array([0.5])) > front.minimised[0]).any()
 
 
-def test_what_an_obstacle_stands_in_is_impossible(problem, front):
+def test_motions_through_an_obstacle_are_impossible(problem, front):
     q = np.array(front.motions.q[[0, 0]])
     elbow = problem.task.motion(q[0]).links[20, 2, :2]
     blocked = replace(problem.task, obstacles=(pk.obstacles.Circle(center=elbow, radius=0.02),))

@@ -1,4 +1,4 @@
-"""Moves along fronts of real problems: what was asked for is met, certified, new, and the way back leads back."""
+"""Moves along fronts of real problems: their points fulfil the request, are certified and new, and moves reverse."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def sliders(cls, *arguments, **settings):
 
 
 def speed_and_force():
-    """Speed upwards against force upwards: gears that are fast are weak."""
+    """Return speed upwards against force upwards: fast gears are weak."""
     ways = [[0.0, 1.0], [0.0, 1.0]]
     return sliders(pk.DirectionalMaxima, (0.2, -0.15), ways, quantity=("velocity", "force"), power=False)
 
@@ -75,13 +75,13 @@ def plain():
 
 
 def inner_points(front):
-    """Points that are no end of the front."""
+    """Return the points that are not an end of the front."""
     ends = set(np.concatenate([front.minimised.argmin(axis=0), front.minimised.argmax(axis=0)]).tolist())
     return [int(front.ids[i]) for i in range(len(front)) if i not in ends]
 
 
 def assert_kept(front, moved):
-    """Whatever was on the front is as it was, unless it is dominated."""
+    """Check that points of the front are unchanged, unless they are dominated."""
     for id in front.ids:
         if id in moved.ids:
             before, after = front[int(id)], moved[int(id)]
@@ -112,7 +112,7 @@ def test_a_move_gains_what_was_asked_is_certified_and_new(front):
 
 
 def assert_predicts(front, start, name):
-    """A move that is followed leads to where it was predicted to; nothing else comes of the prediction."""
+    """Check that a followed move leads to its prediction, and that the prediction changes nothing."""
     wish = {"improve": name, "by": 0.01 * float(np.ptp(front.ranges[front.names.index(name)]))}
     note = front.navigate(start, **wish).provenance["navigations"][-1]
     assert note["followed"]
@@ -133,7 +133,7 @@ def test_a_prediction_is_where_a_small_move_leads(front):
     if can_follow(front.problem.program()):
         assert_predicts(front, start, last)
     else:
-        with pytest.raises(InvalidInput, match="predict: wants optima that can be followed"):
+        with pytest.raises(InvalidInput, match="predict must have optima that can be followed"):
             front.predict(start, improve=last)
 
 
@@ -177,7 +177,7 @@ def test_small_moves_cost_what_exchange_rates_say():
     assert moved.provenance["navigations"][-1]["predicted"]["manipulability"] == pytest.approx(change[1], rel=0.05)
 
 
-def test_a_part_of_a_front_gives_no_id_of_the_whole_again(plain):
+def test_a_part_of_a_front_never_reuses_an_id_of_the_whole(plain):
     part = plain[[id for id in plain.ids.tolist() if id != plain.ids.max()]]
     part = part.where(kinetic_energy=(None, float(np.sort(part.objectives[:, 0])[-2])))
     for start in part.ids.tolist()[1:3]:
@@ -186,7 +186,7 @@ def test_a_part_of_a_front_gives_no_id_of_the_whole_again(plain):
         assert moved.navigated.id > plain.ids.max()
 
 
-def test_what_is_on_hold_gets_no_worse():
+def test_held_objectives_get_no_worse():
     front = pk.epsilon_front(MAKERS["three"](), points=8, starts=8, observe=False)
     start = max(front.ids, key=lambda id: front.certificates.weights[front[int(id)].index, 1:].min())
     before = front[int(start)]
@@ -197,7 +197,7 @@ def test_what_is_on_hold_gets_no_worse():
     assert change[0] < 0.0 < change[1]
 
 
-def test_there_and_back_is_where_it_began(plain):
+def test_a_move_and_its_reverse_lead_back_to_the_start(plain):
     start = plain[inner_points(plain)[1]]
     by = 0.04 * float(np.ptp(plain.ranges[0]))
     there = plain.navigate(start, improve="kinetic_energy", by=by)
@@ -208,7 +208,7 @@ def test_there_and_back_is_where_it_began(plain):
     assert "known already" in back.navigated.reason
 
 
-def test_two_halves_are_one_whole(plain):
+def test_two_half_moves_lead_to_the_point_of_the_whole_move(plain):
     start, by = inner_points(plain)[1], 0.04 * float(np.ptp(plain.ranges[0]))
     whole = plain.navigate(start, improve="kinetic_energy", by=by).navigated
     half = plain.navigate(start, improve="kinetic_energy", by=by / 2)
@@ -223,7 +223,7 @@ def test_a_move_keeps_its_limits_between_samples(plain):
 
 
 def best_from_all_points(problem, front, row, wish, barriers):
-    """The least value of the payer that the solver finds from every point of the front; infinite where it does not."""
+    """Return the least value of the payer that the solver finds from any point of the front; inf without any."""
     program, widths = problem.program(), np.ptp(front.ranges, axis=1)
     weights = natural_weights(front, row) * widths
     aim = Aim(
@@ -244,7 +244,7 @@ def best_from_all_points(problem, front, row, wish, barriers):
     return min(values)
 
 
-def test_beside_a_jump_no_point_of_the_front_leads_to_anything_better_whatever_the_barrier():
+def test_no_start_of_the_front_beats_a_move_next_to_a_jump_with_any_barrier():
     problem = tracking(pk.kinetic_energy, pk.torque_norm, path=line(51), differences="backward")
     front = pk.epsilon_front(problem, points=14, starts=12, observe=False)
     ((before, after),) = front.jumps
@@ -258,7 +258,7 @@ def test_beside_a_jump_no_point_of_the_front_leads_to_anything_better_whatever_t
             assert moved.minimised[moved.navigated.index, payer] <= best + 1e-5 * widths[payer]
 
 
-def test_no_move_is_refused_where_any_point_of_the_front_leads_there():
+def test_no_move_is_refused_if_any_point_of_the_front_leads_there():
     problem = directions_of_motors()
     front = pk.epsilon_front(problem, points=12, starts=12, observe=False)
     widths, count = np.ptp(front.ranges, axis=1), 0
@@ -271,13 +271,13 @@ def test_no_move_is_refused_where_any_point_of_the_front_leads_there():
     assert count > 0
 
 
-def test_more_than_there_is_is_said_or_refused(plain):
+def test_a_wish_beyond_the_front_is_refused(plain):
     start = inner_points(plain)[-1]
     with pytest.raises(Infeasible, match="found no point within all limits"):
         plain.navigate(start, improve="torque_norm", by=100 * float(np.ptp(plain.ranges[1])))
 
 
-def test_along_a_front_without_curvature_a_move_leads_somewhere():
+def test_a_move_along_a_front_without_curvature_finds_a_point():
     front = pk.epsilon_front(directions(), points=9, starts=8, observe=False, seed=3)
     moved = front.navigate(3, improve="speed_1", by=0.00137)
     change = moved.navigated.objectives - front[3].objectives
@@ -285,7 +285,7 @@ def test_along_a_front_without_curvature_a_move_leads_somewhere():
     assert moved.certificates.criticality[moved.navigated.index] <= 1e-6
 
 
-def test_past_kinks_it_is_solved_anew_and_said():
+def test_a_move_past_kinks_is_solved_again_and_says_so():
     front = pk.epsilon_front(MAKERS["kinked"](), points=6, starts=8, observe=False)
     moved = front.navigate(inner_points(front)[0], improve="kinetic_energy")
     assert "cannot be followed past kinks" in moved.navigated.reason
@@ -301,7 +301,7 @@ def test_branches_of_sliders_are_followed(make):
     assert note["share"] == 1.0
 
 
-def test_around_a_point_come_new_certified_ones(plain):
+def test_refinement_around_a_point_adds_certified_points(plain):
     start = inner_points(plain)[1]
     denser = plain.refine_around(start, points=4)
     new = [int(id) for id in denser.ids if id not in plain.ids]

@@ -1,4 +1,4 @@
-"""From point to point: closed-form times, the smooth program, and what no motion can beat."""
+"""Point to point: closed-form times, the smooth program, and bounds that no motion can beat."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_in_every_interval_some_motor_is_at_its_limit_and_none_is_past_it(proble
     assert np.abs(room.min(axis=(-1, -2))).max() <= 1e-9
 
 
-def test_neighbours_are_on_one_branch(refined):
+def test_neighbours_of_a_refined_front_are_on_one_branch(refined):
     assert refined.jumps == ()
     assert 0.0 < refined.missing_hypervolume < 0.5
 
@@ -59,7 +59,7 @@ def test_energy_is_the_work_of_all_motors(problem, front):
     load = dynamics.inverse_dynamics(problem.arm, middle, 0 * middle, 0 * middle)
     assert np.abs(load * np.diff(q, axis=1)).sum(axis=(1, 2)) == pytest.approx(front.objectives[:, 1])
     rise = potential_energy(problem.arm, q[:, -1]) - potential_energy(problem.arm, q[:, 0])
-    assert (front.objectives[:, 1] >= np.abs(rise) - 1e-3).all()  # whatever is lifted has to be lifted by motors
+    assert (front.objectives[:, 1] >= np.abs(rise) - 1e-3).all()  # motors do the work of all lifting
 
 
 def test_work_of_sliders_is_the_work_of_the_joints():
@@ -75,7 +75,7 @@ def test_work_of_sliders_is_the_work_of_the_joints():
     assert np.diff(sliders, axis=1) == pytest.approx(timing.travel, abs=1e-12)
 
 
-def test_genes_and_the_smooth_program_say_the_same(problem, front):
+def test_genes_and_the_smooth_program_agree(problem, front):
     program, z = problem.program(), problem.points(front.genes)
     assert z @ program.costs.T == pytest.approx(front.minimised, abs=1e-12)
     for one in z:
@@ -98,7 +98,7 @@ def test_derivatives_of_the_assembled_program_are_those_of_its_rows(problem, fro
     assert np.array_equal(bend, bend.T)
 
 
-def test_polishing_makes_no_objective_worse_and_certifies(front, refined):
+def test_refinement_makes_no_objective_worse_and_certifies(front, refined):
     before = dict(zip(front.ids, front.minimised, strict=True))
     for number, row in zip(refined.ids, refined.minimised, strict=True):
         assert (row <= before[number] + 1e-7).all()
@@ -110,8 +110,8 @@ def test_polishing_makes_no_objective_worse_and_certifies(front, refined):
 
 
 @pytest.mark.parametrize("shape", ["strip", "box"])
-def test_other_motor_curves_are_polished_too(shape):
-    """At their limits lie places that motors can just bear: none may be lost to rounding."""
+def test_fronts_with_other_motor_curves_are_refined_too(shape):
+    """At their limits motors can just bear some places: rounding must not exclude these."""
     motors = pk.capability.MotorCurve(stall=[1.85, 0.95, 0.33], fastest=np.deg2rad([3.3, 13.2, 13.2]), shape=shape)
     problem = pk.PointToPoint(
         pk.arms.kim_3r(), pk.capability.JointActuation(motors=motors), START, TARGET, samples=9, coefficients=4
@@ -132,7 +132,7 @@ def test_other_motor_curves_are_polished_too(shape):
 
 
 def test_no_motion_is_faster_than_directional_maxima_allow(problem, refined):
-    """What every posture could do at its best, wherever the tool is, bounds the motion's time from below."""
+    """The highest speeds of all postures along the way bound the motion's time from below."""
     fine = problem.initial_paths.finer(8) @ problem.profiles(np.array(refined.genes[:1]))[0]
     tool = kinematics.forward_kinematics(problem.arm, fine[0])[1][:, :2]
     steps = np.diff(tool, axis=0)
@@ -177,21 +177,21 @@ def test_spatial_arms_are_served():
 
 
 @pytest.mark.usefixtures("unchecked")
-def test_what_cannot_be_is_refused_by_name():
+def test_impossible_motions_are_refused_by_name():
     arm, motors = pk.arms.kim_3r(), pk.capability.kim_joint_motors()
-    with pytest.raises(InvalidInput, match="another place than the start wanted"):
+    with pytest.raises(InvalidInput, match="target must be another place than the start"):
         pk.PointToPoint(arm, motors, START, START)
     with pytest.raises(InvalidInput, match="target: must be finite"):
         pk.PointToPoint(arm, motors, START, [np.nan, 0.0])
-    with pytest.raises(InvalidInput, match="coefficients: at most 5 wanted"):
+    with pytest.raises(InvalidInput, match="coefficients must be at most 5"):
         pk.PointToPoint(arm, motors, START, TARGET, samples=5, coefficients=6)
     with pytest.raises(OutOfReach, match="target: position out of reach"):
         pk.PointToPoint(arm, motors, START, [0.5, -0.15])
-    with pytest.raises(Infeasible, match=r"joint\d: a torque of at most 3\.5 N m wanted"):
+    with pytest.raises(Infeasible, match=r"joint\d must bear a torque of at most 3\.5 N m"):
         pk.PointToPoint(arm.with_payload(20.0), motors, START, TARGET)
 
 
-def test_where_nothing_weighs_work_is_free_and_no_objective():
+def test_work_of_an_arm_without_weight_is_refused_as_an_objective():
     level = pk.arms.kim_3r().mounted(gravity=[0.0, 0.0, -9.81])  # its plane lies flat
     with pytest.raises(InvalidInput, match="without masses, or gravity in its plane, work is free; energy=False"):
         pk.PointToPoint(level, pk.capability.kim_joint_motors(), START, TARGET)

@@ -1,4 +1,4 @@
-"""First postures: laws on arms in the plane and in space, beside closed forms; what cannot be used is refused."""
+"""First postures: laws of planar and spatial arms, closed forms, and refusals."""
 
 import numpy as np
 import pytest
@@ -62,7 +62,7 @@ def test_the_best_never_becomes_worse_and_the_same_seed_gives_the_same_bits():
     np.testing.assert_array_equal(first.genes, second.genes)
 
 
-def test_given_postures_are_not_lost():
+def test_given_initial_postures_are_not_lost():
     problem = pk.Posture(ARM, CIRCLE)
     q = pk.solve(problem, population=400, generations=120, stagnation=False, observe=False).genes
     front = pk.solve(problem, population=8, generations=3, initial=q, observe=False)
@@ -85,7 +85,7 @@ def test_the_error_of_a_pose_is_the_distance_and_the_angle():
         assert value == pytest.approx(np.linalg.norm(here.position - pose.position) + angle, rel=1e-9)
 
 
-def test_with_objectives_of_ones_own_there_is_a_front():
+def test_own_objectives_give_a_front():
     problem = pk.Posture(ARM, CIRCLE, objectives=[bend])
     front = pk.solve(problem, population=80, generations=40, seed=0, observe=False)
     assert front.names == ("position_error", "bend")
@@ -93,7 +93,7 @@ def test_with_objectives_of_ones_own_there_is_a_front():
     np.testing.assert_allclose(front.objectives[:, 1], np.abs(front.genes).sum(axis=1), rtol=1e-12)
 
 
-def test_torques_that_hold_the_arm_are_kept_within_their_limits():
+def test_torques_that_hold_the_arm_satisfy_their_limits():
     arm, pose = panda_pose()
     path = pk.line(pose.position, pose.position + np.array([0.1, 0.0, 0.0]), duration=1.0, samples=5)
     problem = pk.Posture(arm, path, limits=pk.Limits(torque=20.0), objectives=[holding_torque])
@@ -107,7 +107,7 @@ def test_torques_that_hold_the_arm_are_kept_within_their_limits():
     assert (q <= problem.xu).all()
 
 
-def test_constraints_of_ones_own_are_kept():
+def test_own_constraints_are_satisfied():
     @pk.constraint(unit="rad", upper=0.0)
     def elbow_down(motion):
         return motion.q[..., 1]
@@ -117,12 +117,12 @@ def test_constraints_of_ones_own_are_kept():
     assert (front.genes[:, 1] <= 1e-6).all()
 
 
-def test_pymoo_takes_the_problem_with_any_algorithm():
+def test_any_pymoo_algorithm_searches_a_posture():
     result = minimize(marcos_2012.first_posture(3), pk.MaxiMinNSGA2(pop_size=60), ("n_gen", 40), seed=1)
     assert result.F[0] < 0.2
 
 
-def test_obstacles_all_around_are_said_with_the_limit():
+def test_a_refusal_between_obstacles_names_the_limit():
     walls = [((0.5, 0.0), (0.1, 0.6)), ((-0.5, 0.0), (0.1, 0.6)), ((0.0, 0.5), (0.6, 0.1)), ((0.0, -0.5), (0.6, 0.1))]
     blocked = pk.Posture(ARM, CIRCLE, obstacles=[pk.obstacles.Box(center, sizes) for center, sizes in walls])
     with pytest.raises(pk.Infeasible, match="clearance is") as caught:
@@ -131,16 +131,16 @@ def test_obstacles_all_around_are_said_with_the_limit():
 
 
 NOT_OF_A_POSTURE = {
-    "limits: of position, torque and clearance wanted of a posture, got vel": {"limits": pk.Limits(velocity=1.0)},
-    "limits: Limits wanted, got 3": {"limits": 3},
-    "objectives: a list of functions decorated with @objective wanted, got <ufunc": {"objectives": [np.sin]},
-    "objectives: a list of functions decorated with @objective wanted, got Objective": {"objectives": bend},
-    "names other than position_error wanted": {
+    "limits of a posture must be on position, torque and clearance, got vel": {"limits": pk.Limits(velocity=1.0)},
+    "limits must be Limits, got 3": {"limits": 3},
+    "objectives must be a list of functions decorated with @objective, got <ufunc": {"objectives": [np.sin]},
+    "objectives must be a list of functions decorated with @objective, got Objective": {"objectives": bend},
+    "objectives must have names other than position_error": {
         "objectives": [pk.objective(unit="m", form="general", name="position_error")(np.sum)]
     },
-    "link_radius: 0 m or more wanted": {"link_radius": -1.0},
-    "obstacles: a list of obstacles wanted": {"obstacles": [3]},
-    "path wants a Path": {"path": [0.7, 0.0]},
+    "link_radius must be 0 m or more": {"link_radius": -1.0},
+    "obstacles must be a list of obstacles": {"obstacles": [3]},
+    "path must be a Path": {"path": [0.7, 0.0]},
 }
 
 

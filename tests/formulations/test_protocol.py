@@ -1,4 +1,4 @@
-"""What verbs get of a formulation, and of a plain pymoo problem that has none of the optional parts."""
+"""Results for verbs from a formulation, and from a plain pymoo problem without the optional parts."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def test_a_plain_problem_is_searched_and_has_no_motions_branches_or_preferences(
     assert protocol.decode(PLAIN, np.zeros((1, 3))) is None
     assert protocol.reweigh(PLAIN, pk.solve(PLAIN, population=8, generations=1), pk.Weights(f1=1.0)) is None
     assert not protocol.is_loop(pk.solve(PLAIN, population=8, generations=1))
-    with pytest.raises(InvalidInput, match="initial: wants genes, as this problem cannot encode motions"):
+    with pytest.raises(InvalidInput, match="initial must be genes, got motions, which this problem cannot encode"):
         protocol.encode(PLAIN, None)
 
 
@@ -62,26 +62,26 @@ def test_tracking_encodes_what_it_decodes_and_restores_its_motions():
     np.testing.assert_array_equal(restored.torque, front.motions.torque)
 
 
-# What verbs refuse by name before any work, and what they take.
+# Problems that verbs accept, and those that they refuse by name before any work.
 
 
 def test_any_pymoo_problem_can_be_searched_and_nothing_else():
     check_sizes(PLAIN)
-    with pytest.raises(InvalidInput, match="problem: a pymoo problem wanted, such as Tracking, got 3"):
+    with pytest.raises(InvalidInput, match="problem must be a pymoo problem, such as Tracking, got 3"):
         check_sizes(3)
 
 
-def test_gradients_want_a_program_and_the_verb_is_named():
+def test_a_problem_without_a_program_has_no_gradients_and_the_verb_is_named():
     problem = tracking()
     assert require_program("refine", problem) is problem
     with pytest.raises(
         InvalidInput,
-        match=r"refine: a problem with gradients wanted, .* got ZDT1, which offers no program\(\)",
+        match=r"refine: the problem must have gradients, .* got ZDT1, which offers no program\(\)",
     ):
         require_program("refine", PLAIN)
 
 
-def test_a_plan_wants_a_tracking_of_one_objective():
+def test_a_plan_requires_a_tracking_of_one_objective():
     assert callable(require_plan(tracking(pk.kinetic_energy)))
-    with pytest.raises(InvalidInput, match="plan: one objective wanted, got 2: kinetic_energy, torque_norm"):
+    with pytest.raises(InvalidInput, match="plan: problem must have one objective, got 2: kinetic_energy, torque_norm"):
         require_plan(tracking(pk.kinetic_energy, pk.torque_norm))

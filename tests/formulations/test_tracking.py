@@ -1,4 +1,4 @@
-"""Tracking: what every gene must give, what the problem refuses, and how failures are told."""
+"""Tracking: laws of all genes, refusals, and the text of failures."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def evaluate(problem, genes):
 
 
 def hold(name, count):
-    """Check the law of genes on random ones; return the shares on the path and within all limits."""
+    """Check the law of genes on random genes; return the shares on the path and within all limits."""
     problem, on_path, feasible = built(name), 0, 0
     for seed in range(count // 500):
         genes = genes_of(problem, 500, seed)
@@ -68,7 +68,7 @@ def test_ten_thousand_random_genes_are_on_the_path_or_infeasible_with_a_reason(n
 
 
 @some_problems
-def test_corners_of_the_bounds_obey_the_same_law(name):
+def test_corners_of_the_bounds_are_on_the_path_or_infeasible_with_a_reason(name):
     problem = built(name)
     rng = np.random.default_rng(7)
     genes = np.where(rng.random((100, problem.n_var)) < 0.5, problem.xl, problem.xu)
@@ -148,7 +148,7 @@ def test_constraint_columns_are_named_and_explained():
         assert re.match(rf"{worst} is {how} by {100 * G[i].max():.3g} % of its range at sample ", reasons[i])
 
 
-def test_pymoos_own_minimize_solves_it():
+def test_pymoos_own_minimize_solves_tracking():
     problem = paper_3r(limits=Limits(position=POSITION, velocity=3.8))
     result = minimize(problem, NSGA2(pop_size=24), ("n_gen", 6), seed=1)
     assert result.F.shape[1] == 2
@@ -157,7 +157,7 @@ def test_pymoos_own_minimize_solves_it():
     assert (result.G <= 0).all()
 
 
-def test_obstacles_become_a_constraint_that_motions_really_keep():
+def test_obstacles_become_a_constraint_that_motions_really_satisfy():
     post = pk.obstacles.Circle([0.25, 0.22], 0.05)
     problem = paper_3r(obstacles=[post], link_radius=0.02, limits=Limits(clearance=0.01), bases=8)
     genes = genes_of(problem, 300)
@@ -185,7 +185,7 @@ def test_candidates_offer_the_best_roll_outs_within_bounds():
 
 
 @some_problems
-def test_self_motion_samples_keep_to_the_bounds_and_mostly_to_the_path(name):
+def test_self_motion_samples_are_within_bounds_and_mostly_on_the_path(name):
     problem = built(name)
     genes = problem.self_motion_samples(60, np.random.default_rng(0))
     assert ((genes >= problem.xl) & (genes <= problem.xu)).all()
@@ -209,10 +209,10 @@ LINE = line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=21)
     [
         ({"coefficients": 3}, "coefficients"),
         ({"bases": 0}, "base"),
-        ({"objectives": []}, "objectives: wants at least one, got none"),
+        ({"objectives": []}, "objectives must be at least one, got none"),
         ({"objectives": [kinetic_energy, kinetic_energy]}, "names must differ, got kinetic_energy, kinetic_energy"),
         ({"differences": "forward"}, "differences must be one of backward, central, spline, got 'forward'"),
-        ({"cyclic": True}, "cyclic=True wants a closed path"),
+        ({"cyclic": True}, "path must be closed if cyclic=True"),
         ({"end_velocity": 1.0}, "end_velocity must be None .* got 1.0"),
         ({"start": [np.nan, 0.0, 0.0]}, "start must be 'free' or 3 finite joint positions"),
         ({"start": [0.1, 0.2, 0.3]}, r"start must be at most .* m off the path's first sample, got 0\.\d+ m"),
@@ -268,7 +268,7 @@ def test_feasible_motions_never_jump_from_sample_to_sample():
     assert np.abs(np.diff(problem.encoding.charts.base, axis=1)).max() <= OPTIONS.longest_jump
 
 
-# Motions to start from: better ones first, every branch, and what a user's functions cannot value.
+# Initial motions: their order, every branch, and motions without values of a user's functions.
 
 
 LIMITED = task(limits=pk.Limits(velocity=2.0), objectives=[pk.kinetic_energy, pk.joint_travel])
@@ -279,7 +279,7 @@ def rollouts():
     return sample_rollouts(LIMITED, np.random.default_rng(0))
 
 
-def test_those_that_violate_limits_less_come_first_then_those_that_fewer_are_as_good_as(rollouts):
+def test_rollouts_are_sorted_by_violation_then_by_domination(rollouts):
     F, limits, causes = evaluate_motions(LIMITED, LIMITED.motion(rollouts))
     violation = np.maximum(limits, 0.0).sum(axis=1).round(6)
     assert (np.diff(violation) >= 0).all()
@@ -290,7 +290,7 @@ def test_those_that_violate_limits_less_come_first_then_those_that_fewer_are_as_
 
 
 @pytest.mark.parametrize("count", [1, 3, 12])
-def test_the_first_of_every_branch_is_chosen_and_none_twice(rollouts, count):
+def test_the_first_rollout_of_every_branch_is_chosen_and_none_twice(rollouts, count):
     bases = choose_bases(LIMITED, rollouts, count)
     assert len(bases) == count
     labels, chosen = (np.array(branch_labels(LIMITED.motion(q))) for q in (rollouts, bases))
@@ -301,7 +301,7 @@ def test_the_first_of_every_branch_is_chosen_and_none_twice(rollouts, count):
     assert set(chosen) == set(list(dict.fromkeys(labels))[:count])
 
 
-def test_further_ones_are_the_farthest_of_the_better_halves(rollouts):
+def test_further_bases_are_the_farthest_of_the_better_halves(rollouts):
     labels = np.array(branch_labels(LIMITED.motion(rollouts)))
     branches = len(set(labels))
     bases = choose_bases(LIMITED, rollouts, branches + 1)
@@ -319,10 +319,10 @@ def test_motions_of_a_user_must_be_of_this_arm_and_path(rollouts):
     motions = LIMITED.motion(rollouts[:2])
     np.testing.assert_array_equal(positions_on_path(LIMITED, motions), rollouts[:2])
     np.testing.assert_array_equal(positions_on_path(LIMITED, motions[0]), rollouts[:1])
-    with pytest.raises(InvalidInput, match="initial: motions wanted, got list"):
+    with pytest.raises(InvalidInput, match="initial must be motions, got list"):
         positions_on_path(LIMITED, [motions])
-    with pytest.raises(InvalidInput, match=r"with 21 samples wanted, got .* with 11"):
+    with pytest.raises(InvalidInput, match=r"with 21 samples, got .* with 11"):
         positions_on_path(LIMITED, task().subsample(11).motion(rollouts[:1, ::2]))
     off = pk.Motion(arm=ARM, time=LIMITED.times, q=rollouts[0] + 0.01)
-    with pytest.raises(InvalidInput, match="initial: motions on the path wanted"):
+    with pytest.raises(InvalidInput, match="initial must be motions on the path"):
         positions_on_path(LIMITED, off)

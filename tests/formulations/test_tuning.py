@@ -1,4 +1,4 @@
-"""Laws of searching the numbers of methods that resolve motions."""
+"""Laws of the search for numbers of methods that resolve motions."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def test_the_numbers_of_any_method_are_searched_with_no_ranges_given(name):
 
 
 @every_method
-def test_an_individual_has_the_same_values_whoever_is_evaluated_with_it(name):
+def test_values_of_an_individual_do_not_depend_on_its_batch(name):
     problem = tuning_of(name)
     genes = genes_of(problem, 5, seed=3)
     together = problem.evaluate(genes, return_values_of=["F"])
@@ -135,7 +135,7 @@ def test_genes_decode_to_the_motion_from_their_own_start():
     np.testing.assert_array_equal(alone.q[0], motions.q[2])
 
 
-def test_starts_are_within_limits_each_beside_the_next():
+def test_starts_are_within_limits_each_next_to_its_neighbour():
     problem = tuning(parameters=["start", "feedback"])
     assert ((problem.starts >= ARM.position_limits[:, 0]) & (problem.starts <= ARM.position_limits[:, 1])).all()
     motion = pk.resolve(ARM, PATH, methods.DampedLeastSquares(), start=problem.starts, unreachable="track")
@@ -148,7 +148,7 @@ def test_starts_are_within_limits_each_beside_the_next():
     np.testing.assert_array_equal(tuning().start_indices(np.zeros((1, 8)))[0], [0, count // 3, 2 * count // 3])
 
 
-def test_all_starts_that_are_given_judge():
+def test_all_given_starts_judge_an_individual():
     problem = tuning(starts=np.tile(START, (7, 1)), judged_starts=None)
     assert problem.judged_starts == 7
 
@@ -173,7 +173,7 @@ def test_one_number_may_set_several_fields_and_scales_are_as_asked():
     assert sorted(set(values.tolist())) == [2, 3, 4]
 
 
-def test_any_objective_of_motions_counts_the_users_own_too():
+def test_any_objective_of_motions_counts_with_the_users_own():
     @pk.objective(unit="rad²/s", form="integral", maximise=True)
     def eagerness(motion):
         return motion.dq[..., -1] ** 2
@@ -186,7 +186,7 @@ def test_any_objective_of_motions_counts_the_users_own_too():
     assert problem.maximised == (True, False)
 
 
-def test_who_loses_the_path_is_infeasible_and_says_so():
+def test_an_individual_off_the_path_is_infeasible_and_says_so():
     away = pk.waypoints([[0.4, 0.05], [0.47, 0.1], [0.4, 0.05]], duration=1.0, samples=41)
     slow = methods.Parameter("feedback", 0.0, 1e-3)
     problem = pk.Tuning(ARM, away, methods.LeastSquaresVelocity(), parameters=[slow], tolerance=1e-4)
@@ -212,7 +212,7 @@ def test_solve_gives_a_front_of_motions_and_pymoo_takes_the_problem():
     assert np.isfinite(result.F).all()
 
 
-def test_spatial_arms_without_criteria():
+def test_spatial_arms_are_tuned_without_criteria():
     method = methods.WeightedGradientProjection()
     problem = pk.Tuning(wan_7r(), begun(wan_7r(), BENT), method, judged_starts=2, starts=np.tile(BENT, (4, 1)))
     assert problem.n_var == 6
@@ -253,7 +253,7 @@ def test_the_fields_of_predictive_control_are_searched_as_well():
         tringali_3r(), AHEAD, methods.PredictiveKineticEnergy(horizon=3), parameters=[step, interval], starts=[START]
     )
     method = problem.method(np.array([[0.05, 0.01], [0.33, 0.5], [4.0, 1.0]]))
-    np.testing.assert_allclose(method.prediction_step, [0.05, 0.35, 1.65])  # the last as long as three fit
+    np.testing.assert_allclose(method.prediction_step, [0.05, 0.35, 1.65])  # the last fits three times
     np.testing.assert_allclose(method.update_interval, [0.05, 0.5, 1.0])
 
 
@@ -267,7 +267,7 @@ def test_no_motion_beats_the_optimum_and_a_front_trades_work_for_energy(predicti
     assert front.motions.q.shape[1:] == (101, 3)
 
 
-def test_extremals_that_run_into_a_singularity_are_infeasible_beside_others():
+def test_extremals_that_run_into_a_singularity_are_infeasible_and_others_are_not():
     into = line(FIRST, [0.4899, 0.0], duration=1.0, samples=51)  # stretched, 0.4895 m
     problem = pk.Tuning(tringali_3r(), into, methods.Nedungadi(), starts=[START], tolerance=1e-6)
     motion = problem.decode(genes_of(problem, 2))
@@ -303,7 +303,7 @@ def test_time_optimal_control_is_tuned_by_its_duration_and_the_work_of_a_plan():
     assert F[:, 2].max() < 1e-3
 
 
-def test_a_tool_that_starts_beside_the_path_takes_longer_with_less_gain():
+def test_a_tool_that_starts_off_the_path_takes_longer_with_less_gain():
     gain = methods.Parameter("gain", 5.0, 100.0)
     beside = pk.resolve(ARM, line([0.4, 0.08], [0.3, 0.15], duration=1.0, samples=5), methods.PseudoInverse()).q[0]
     control = pk.TimeOptimalControl(EVEN, period=0.01)
@@ -314,7 +314,7 @@ def test_a_tool_that_starts_beside_the_path_takes_longer_with_less_gain():
     assert F[0] > F[1] > F[2]
 
 
-def test_a_control_that_fails_is_infeasible_beside_others(monkeypatch):
+def test_a_control_that_fails_is_infeasible_and_others_are_not(monkeypatch):
     problem = pk.Tuning(ARM, PATH, pk.TimeOptimalControl(EVEN, period=0.01), judged_starts=1)
     genes = genes_of(problem, 2)
     sound = problem.evaluate(genes, return_values_of=["F"])
@@ -363,7 +363,7 @@ def test_a_users_constraint_holds_from_every_start_or_the_individual_is_infeasib
         assert ("slow_wrist is violated by" in words) == (row[1] > max(row[0], 0.0))
 
 
-def test_a_users_constraint_alone_makes_individuals_infeasible():
+def test_a_users_constraint_makes_individuals_infeasible_without_a_tolerance():
     @pk.constraint(unit="rad", form="terminal", upper=-10.0)
     def impossible(motion):
         return motion.q[..., -1, 0]
@@ -390,48 +390,48 @@ def test_fingerprints_tell_problems_from_each_other():
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
-        ({"method": "heavy"}, "method: one of pk.methods wanted, such as DampedLeastSquares(), got 'heavy'"),
+        ({"method": "heavy"}, "method must be one of pk.methods, such as DampedLeastSquares(), got 'heavy'"),
         (
             {"method": methods.PseudoInverse},
-            "method: one of pk.methods wanted, such as DampedLeastSquares(), got <class",
+            "method must be one of pk.methods, such as DampedLeastSquares(), got <class",
         ),
-        ({"judged_starts": 0}, "judged_starts: an integer of at least 1 wanted, got 0"),
-        ({"judged_starts": 2.5}, "judged_starts: an integer of at least 1 wanted, got 2.5"),
-        ({"judged_starts": 10_000}, "judged_starts: 1 to "),
+        ({"judged_starts": 0}, "judged_starts must be an integer of at least 1, got 0"),
+        ({"judged_starts": 2.5}, "judged_starts must be an integer of at least 1, got 2.5"),
+        ({"judged_starts": 10_000}, "judged_starts must be from 1 to "),
         ({"judged_by": "median"}, "judged_by must be one of worst, mean, got 'median'"),
         ({"tolerance": 0.0}, "tolerance: must be positive, got 0 m or rad"),
         ({"starts": np.full((4, 3), np.nan)}, "starts: must be finite, got nan at index (0, 0)"),
-        ({"starts": np.zeros((2, 2))}, "starts: postures (starts, 3) wanted, got shape (2, 2)"),
+        ({"starts": np.zeros((2, 2))}, "starts must be postures (starts, 3), got shape (2, 2)"),
         ({"starts": "x"}, "starts: must hold real numbers"),
-        ({"seed": -1}, "seed: an integer of at least 0 wanted, got -1"),
-        ({"obstacles": 5}, "obstacles: a list of obstacles wanted, got 5"),
-        ({"objectives": []}, "objectives: wants at least one, got none"),
-        ({"constraints": [pk.kinetic_energy]}, "constraints: a list of functions decorated with @constraint wanted"),
-        ({"objectives": [measures.evaluations]}, "evaluations: wants a method that looks ahead"),
+        ({"seed": -1}, "seed must be an integer of at least 0, got -1"),
+        ({"obstacles": 5}, "obstacles must be a list of obstacles, got 5"),
+        ({"objectives": []}, "objectives must be at least one, got none"),
+        ({"constraints": [pk.kinetic_energy]}, "constraints must be a list of functions decorated with @constraint"),
+        ({"objectives": [measures.evaluations]}, "evaluations: method must look ahead"),
         (
             {"parameters": ["feed"]},
-            "parameters: feedback, region, damping, buffer, repulsion, band, gain of joint_limit_",
+            "parameters must be feedback, region, damping, buffer, repulsion, band, gain of joint_limit_",
         ),
-        ({"parameters": "feedback"}, "parameters: a list of names and Parameters wanted, got 'feedback'"),
-        ({"parameters": []}, "parameters: at least one wanted, got none"),
-        ({"parameters": ["band", "band"]}, "parameters: each number once wanted, got band, band"),
+        ({"parameters": "feedback"}, "parameters must be a list of names and Parameters, got 'feedback'"),
+        ({"parameters": []}, "parameters must be at least one, got none"),
+        ({"parameters": ["band", "band"]}, "parameters must name each number once, got band, band"),
         ({"parameters": [methods.Parameter("speed", 0.0, 1.0)]}, "WeightedGradientProjection: one of feedback, region"),
-        ({"parameters": [methods.Parameter("buffer", 0.0, 2.0)]}, "buffer of 0 or more and less than 0.5 wanted"),
+        ({"parameters": [methods.Parameter("buffer", 0.0, 2.0)]}, "buffer must be 0 or more and less than 0.5"),
         (
             {
                 "method": methods.GradientProjection(
                     criteria=[methods.Criterion(objective=pk.manipulability, gain=np.ones(2))]
                 )
             },
-            "manipulability: one gain wanted",
+            "manipulability: gain must be one number",
         ),
         (
             {"method": methods.GradientProjection(criteria=[pk.jerk])},
-            "criterion jerk: wants a function of positions, velocities or both",
+            "criterion jerk must be a function of positions, velocities or both",
         ),
         (
             {"method": methods.PredictiveKineticEnergy(objective=pk.peak_torque)},
-            "objective peak_torque: form 'integral' wanted",
+            "objective peak_torque: form must be 'integral'",
         ),
         ({"method": methods.Nedungadi(), "starts": np.tile(START + 0.1, (3, 1))}, "variational: start 0 is"),
         (
@@ -449,14 +449,14 @@ def test_what_cannot_be_used_is_refused_by_name(changed, message):
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: methods.Parameter("gain", 2.0, 1.0), "parameter gain: a lower bound up to the upper one wanted"),
+        (lambda: methods.Parameter("gain", 2.0, 1.0), "parameter gain: lower bound must be at most the upper one"),
         (
             lambda: methods.Parameter("gain", 0.0, 1.0, scale="log"),
-            "a lower bound above 0 wanted on a log scale, got 0",
+            "lower bound must be above 0 on a log scale, got 0",
         ),
-        (lambda: methods.Parameter("h", 0.5, 1.0, scale="integer"), "whole bounds wanted on an integer scale"),
+        (lambda: methods.Parameter("h", 0.5, 1.0, scale="integer"), "bounds must be whole on an integer scale"),
         (lambda: methods.Parameter("h", 0.5, 1.0, scale="odd"), "scale must be one of linear, log, integer, got 'odd'"),
-        (lambda: measures.distance_to(5), "reference: a Motion wanted, got 5"),
+        (lambda: measures.distance_to(5), "reference must be a Motion, got 5"),
     ],
 )
 def test_ranges_and_references_that_mean_nothing_are_refused(make, message):
@@ -476,7 +476,7 @@ def test_a_path_out_of_reach_is_refused():
 
 
 @pytest.mark.parametrize("verb", ["solve", "plan", "epsilon_front", "refine"])
-def test_verbs_that_take_gradients_refuse_it_in_one_line_before_any_search(verb, tmp_path):
+def test_verbs_with_gradients_refuse_tuning_in_one_line_before_any_search(verb, tmp_path):
     problem = tuning(objectives=[pk.kinetic_energy, pk.jerk], judged_starts=1)
     run = {
         "solve": lambda: pk.solve(problem, refine=True, out=tmp_path / "run"),
@@ -484,7 +484,7 @@ def test_verbs_that_take_gradients_refuse_it_in_one_line_before_any_search(verb,
         "epsilon_front": lambda: pk.epsilon_front(problem),
         "refine": lambda: pk.refine(pk.solve(problem, population=4, generations=1)),
     }[verb]
-    with pytest.raises(InvalidInput, match="a problem with gradients wanted, such as Tracking, got Tuning") as error:
+    with pytest.raises(InvalidInput, match="the problem must have gradients, such as Tracking, got Tuning") as error:
         run()
     assert "\n" not in str(error.value)
     assert not (tmp_path / "run").exists()

@@ -9,7 +9,7 @@ from paretoik.front.points import StoredJoints, StoredMotions
 
 @pytest.fixture
 def front() -> Front:
-    """Five points of a trade-off with a maximised second objective, motions and genes, handed in unsorted."""
+    """Five points of a trade-off with a maximised second objective, motions and genes, given unsorted."""
     x = np.array([3.0, 1.0, 5.0, 2.0, 4.0])
     rng = np.random.default_rng(0)
     motions = StoredMotions(

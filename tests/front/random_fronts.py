@@ -1,4 +1,4 @@
-"""Random fronts: few and many objectives, maximised ones, grids with ties, duplicates, objectives without a range."""
+"""Random fronts: few and many objectives, some maximised, with ties, duplicates and zero ranges."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from paretoik.front.indicators import non_dominated
 
 
 def random_front(seed: int, *, n_obj: int | None = None, points: int | None = None) -> Front:
-    """Return a front of at least one point; of every second one the values lie on a coarse grid, so that many tie."""
+    """Return a front of at least one point; every second one has values on a coarse grid, with many ties."""
     rng = np.random.default_rng(seed)
     n_obj = int(rng.integers(1, 6)) if n_obj is None else n_obj
     points = int(rng.integers(1, 60)) if points is None else points

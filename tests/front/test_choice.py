@@ -1,4 +1,4 @@
-"""Every number in a reason is recomputed, from the front alone and by plain loops."""
+"""Every number in a reason is recomputed, only from the front and by plain loops."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def digits(value: float, count: int = 3) -> str:
 
 
 def check_amounts(front: Front, words: str, this: int, other: int) -> None:
-    """Check what the point of row ``this`` is said to have more or less of than that of row ``other``."""
+    """Check the stated differences between the points of rows ``this`` and ``other``."""
     said = {match["name"]: match for match in re.finditer(AMOUNT, words)}
     assert re.sub(AMOUNT, "", words).translate(str.maketrans("", "", " ,")).replace("and", "").replace("for", "") == ""
     for axis, name in enumerate(front.names):
@@ -65,7 +65,7 @@ def check_reason(front: Front, choice: Choice) -> None:
     expected = [front.names[axis] for axis in ranged if row in best_rows(front, axis)]
     assert (re.findall(r"f\d", best[1]) if best else []) == expected
     rest = rest.replace(best[0], "", 1) if best else rest
-    for end in re.finditer(r" Beside point (\d+), the best in (.*?), it has (.*?)\.(?= |$)", rest):
+    for end in re.finditer(r" Compared with point (\d+), the best in (.*?), it has (.*?)\.(?= |$)", rest):
         other = ids.index(int(end[1]))
         assert all(other in best_rows(front, front.names.index(name)) for name in re.findall(r"f\d", end[2]))
         check_amounts(front, end[3], row, other)
@@ -85,7 +85,7 @@ def check_reason(front: Front, choice: Choice) -> None:
 
 
 def check_nearest(front: Front, row: int, other: int) -> None:
-    """Check that in some objective no point that gains is nearer."""
+    """Check that in some objective no nearer point gains."""
     Z = front.shares
     distance = [sum((a - b) ** 2 for a, b in zip(point, Z[row], strict=True)) ** 0.5 for point in Z]
     nearest = [
@@ -126,13 +126,13 @@ def check_rates(front: Front, row: int) -> str:
             away = f"{digits(gains[held, i])} {units[i]}".rstrip()
             words += f"; that holds within 10% as far as point {front.ids[held]}, {away} away"
         elif failing is not None:
-            words += f"; at point {front.ids[failing]} already it is off by more than 10%"
+            words += f"; it is off by more than 10% already at point {front.ids[failing]}"
         sentences.append(words + ".")
     return " ".join(sentences)
 
 
 def with_certificates(front: Front, weights: np.ndarray) -> Front:
-    """Return a front with the exchange rates of these weights (points, n_obj) of the minimised objectives."""
+    """Return a front with exchange rates from weights (points, n_obj) of the minimised objectives."""
     signs = np.where(front.maximised, -1.0, 1.0)
     rates = -weights[:, :, None] / weights[:, None, :] * (signs[:, None] * signs)
     rates[:, np.arange(len(signs)), np.arange(len(signs))] = 1.0
@@ -152,7 +152,7 @@ def with_certificates(front: Front, weights: np.ndarray) -> Front:
 
 
 def convex_front(n_obj: int, points: int, seed: int) -> Front:
-    """Return points of the part of a sphere that bulges towards the best of all, with its exact exchange rates."""
+    """Return points on a sphere that bulges towards the best corner, with exact exchange rates."""
     rng = np.random.default_rng(seed)
     normals = np.abs(rng.normal(size=(points, n_obj))) + 0.05
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
@@ -170,7 +170,7 @@ def convex_front(n_obj: int, points: int, seed: int) -> Front:
 
 
 @pytest.mark.parametrize("block", range(5))
-def test_every_number_in_a_reason_is_what_the_points_of_the_front_say(block):
+def test_every_number_in_a_reason_follows_from_the_points_of_the_front(block):
     for seed in range(block * 40, (block + 1) * 40):
         front = random_front(seed, points=2 + seed % 30)
         row = seed % len(front)
@@ -179,7 +179,7 @@ def test_every_number_in_a_reason_is_what_the_points_of_the_front_say(block):
 
 
 @pytest.mark.parametrize("n_obj", [2, 3])
-def test_every_number_about_exchange_rates_is_what_the_certificates_and_the_points_say(n_obj):
+def test_every_number_about_exchange_rates_follows_from_the_certificates_and_the_points(n_obj):
     held = 0
     for seed in range(40):
         front = convex_front(n_obj, 5 + 4 * seed, seed)
@@ -202,7 +202,7 @@ def test_a_rate_does_not_hold_beyond_a_jump(monkeypatch):
     assert {each.fails_at for each in cut.values()} == {front.ids[28], front.ids[32]}
 
 
-def test_an_interval_of_rates_is_said_as_one():
+def test_the_reason_gives_an_interval_of_rates():
     front = convex_front(2, 9, 2)
     intervals = front.certificates.exchange_intervals * np.array([1.0, 1.5])
     front = replace(front, certificates=replace(front.certificates, exchange_intervals=intervals))
@@ -210,7 +210,7 @@ def test_an_interval_of_rates_is_said_as_one():
     assert f"costs {rate:.3g} to {1.5 * rate:.3g} of f1 per J" in front.choice(4, "").reason
 
 
-def test_where_an_objective_has_no_weight_the_reason_says_so():
+def test_the_reason_says_if_an_objective_has_no_weight():
     front = convex_front(2, 9, 2)
     certificates = replace(
         front.certificates,
@@ -226,6 +226,6 @@ def test_where_an_objective_has_no_weight_the_reason_says_so():
     )
 
 
-def test_of_many_objectives_the_reason_stays_short():
+def test_the_reason_stays_short_for_many_objectives():
     front = random_front(4, n_obj=5, points=60)
     assert len(front.select(Weights(f0=1.0, f1=1.0)).reason) < 1200

@@ -1,4 +1,4 @@
-""""""
+"""Choices kept in a run folder."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ try:
 except InvalidInput as refused:
     print(refused)
 """
-WITHOUT_PRIVILEGES = ["setpriv", "--bounding-set=-all", "--inh-caps=-all"]  # root may write everywhere with them
+WITHOUT_PRIVILEGES = ["setpriv", "--bounding-set=-all", "--inh-caps=-all"]  # with these root may write everywhere
 
 
 @pytest.fixture
@@ -93,13 +93,13 @@ def test_thousands_of_choices_are_written_as_a_tree(kept):
 def test_the_first_choice_can_be_taken_back_but_no_more(kept):
     kept.select({"energy": 1.0})
     assert kept.undo() is None
-    with pytest.raises(InvalidInput, match="wanted a choice to go back from, got none"):
+    with pytest.raises(InvalidInput, match="must have a choice to go back from, got none"):
         kept.undo()
 
 
 def test_a_part_without_the_point_of_the_choice_before_leaves_the_present_one(kept):
     first, second = kept.select(20), kept.select(30)
-    with pytest.raises(InvalidInput, match="undo: wanted ids of its points"):
+    with pytest.raises(InvalidInput, match="undo: ids must be those of the front's points"):
         kept[[second.id]].undo()
     assert kept.choices.current == 2
     assert kept[[first.id]].undo().id == first.id
@@ -125,7 +125,7 @@ def test_a_damaged_file_of_choices_is_refused_in_one_line(kept):
             assert "\n" not in str(refused.value)
 
 
-def test_without_a_folder_or_when_told_so_nothing_is_kept(front, kept):
+def test_no_choice_is_kept_without_a_folder_or_with_keep_false(front, kept):
     kept.select({"energy": 1.0}, keep=False)
     replace(front).select({"energy": 1.0})
     assert not (kept.folder / CHOICES).exists()
@@ -179,7 +179,7 @@ def test_a_folder_that_cannot_be_written_keeps_no_choice_and_the_choice_is_made(
     command = [*prefix, sys.executable, "-c", SELECTING, str(kept.folder)]
     lines = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout.splitlines()
     kept.folder.chmod(0o755)
-    refusal = f"{kept.folder / CHOICES}: wanted to write it, got Permission denied"
+    refusal = f"{kept.folder / CHOICES} must be writable, got Permission denied"
     assert lines == [f"20 the choice is not kept: {refusal}", refusal]
     assert len(kept.choices) == 1
 
@@ -192,11 +192,11 @@ def test_choices_that_are_a_link_or_a_folder_are_refused_and_left(kept, tmp_path
     for make, kind in ((lambda: file.symlink_to(elsewhere), "a link"), (file.mkdir, "a folder")):
         make()
         for ask in (lambda: kept.select(20), kept.undo, lambda: kept.choices):
-            with pytest.raises(InvalidRun, match=f"wanted a plain file, got {kind}"):
+            with pytest.raises(InvalidRun, match=f"must be a plain file, got {kind}"):
                 ask()
         assert kept.select(20, keep=False).id == 20
         if file.is_symlink():
             file.unlink()
     assert elsewhere.read_bytes() == content
-    with pytest.raises(InvalidInput, match="wanted to write it, got a folder"):
+    with pytest.raises(InvalidInput, match="must be a file to write, got a folder"):
         replace(kept, objectives=2 * kept.objectives).save(kept.folder, overwrite=True)

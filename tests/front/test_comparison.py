@@ -1,4 +1,4 @@
-"""Fronts side by side: every number against brute force, and none of them moved by units, signs or order."""
+"""Comparison of fronts: every number agrees with brute force; units, signs and order change none."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from paretoik.front.points import StoredJoints, StoredMotions
 
 
 def make(values: np.ndarray, *, first_id: int = 0, maximised=None, **parts) -> Front:
-    """Return the non-dominated ones of points as a front."""
+    """Return the non-dominated points as a front."""
     values = values[non_dominated(values)]
     n_obj = values.shape[1]
     signs = np.where(maximised, -1.0, 1.0) if maximised else np.ones(n_obj)
@@ -33,7 +33,7 @@ def compared(*fronts: Front, labels=None) -> Comparison:
 
 @st.composite
 def several(draw) -> list[np.ndarray]:
-    """Points on a coarse grid, so that equal points and ties are common."""
+    """Draw points on a coarse grid, so that equal points and ties are common."""
     n_obj, count = draw(st.integers(1, 4)), draw(st.integers(2, 4))
     rng = np.random.default_rng(draw(st.integers(0, 10**6)))
     return [rng.integers(0, 7, (draw(st.integers(1, 9)), n_obj)).astype(float) for _ in range(count)]
@@ -45,7 +45,7 @@ def dominates_weakly(one: np.ndarray, other: np.ndarray) -> bool:
 
 @settings(max_examples=40)
 @given(several())
-def test_coverage_and_epsilon_and_the_merged_front_are_those_of_brute_force(values):
+def test_coverage_epsilon_and_merged_front_agree_with_brute_force(values):
     fronts = [make(each) for each in values]
     comparison = compared(*fronts)
     F = [front.minimised for front in fronts]
@@ -101,7 +101,7 @@ def test_a_front_covers_itself_and_needs_no_improvement():
     assert [len(rows) for rows in comparison.merged_rows] == [len(front), 0]
 
 
-def test_hypervolume_is_measured_from_one_and_a_tenth_of_the_ranges():
+def test_hypervolume_reference_is_1_1_of_the_ranges():
     a, b = make(np.array([[0.0, 10.0], [1.0, 0.0]])), make(np.array([[0.5, 5.0]]))
     shares = np.array([[0.0, 1.0], [0.5, 0.5], [1.0, 0.0]])
     whole = hypervolume(shares, [1.1, 1.1])
@@ -124,7 +124,7 @@ def test_an_attainment_surface_is_what_that_share_of_the_runs_reaches(seed, n_ob
     np.testing.assert_array_equal(below, attained)
 
 
-def test_attainment_is_that_of_one_label_where_asked():
+def test_attainment_can_be_that_of_one_label():
     rng = np.random.default_rng(1)
     fronts = [make(rng.uniform(size=(8, 2))) for _ in range(3)]
     comparison = compared(*fronts, labels=["a", "b", "a"])
@@ -148,19 +148,19 @@ def test_the_surfaces_of_a_label_are_what_one_run_half_and_all_attain():
 
 def test_what_cannot_be_attained_is_refused():
     flat, four = make(np.eye(2)), make(np.eye(4))
-    with pytest.raises(InvalidInput, match="attainment: wanted two or three objectives, got 4"):
+    with pytest.raises(InvalidInput, match="attainment: objectives must be two or three, got 4"):
         compared(four, four).attainment()
-    with pytest.raises(InvalidInput, match="attainment: wanted a share above 0 and at most 1, got 0"):
+    with pytest.raises(InvalidInput, match="attainment: share must be above 0 and at most 1, got 0"):
         compared(flat, flat).attainment(0.0)
-    with pytest.raises(InvalidInput, match="attainment: wanted a label among run 0, run 1, got 'c'"):
+    with pytest.raises(InvalidInput, match="attainment: label must be one of run 0, run 1, got 'c'"):
         compared(flat, flat).attainment(0.5, "c")
 
 
 def test_what_cannot_be_compared_is_refused_by_name():
     front = make(np.eye(2))
-    with pytest.raises(InvalidInput, match="wanted at least two fronts, got 1"):
+    with pytest.raises(InvalidInput, match="there must be at least two fronts, got 1"):
         compared(front)
-    with pytest.raises(InvalidInput, match="labels: wanted one for each of 2 fronts, got 1"):
+    with pytest.raises(InvalidInput, match="labels must be one for each of 2 fronts, got 1"):
         compared(front, front, labels=["a"])
     for part, words in (({"names": ["f0", "g"]}, "names .* got f0, f1 in run 0 and f0, g in run 1"),
                         ({"units": ["m", ""]}, "units .* got m, m in run 0 and m, none in run 1")):  # fmt: skip
@@ -219,7 +219,7 @@ def test_a_merged_front_can_be_kept_and_opened_again(tmp_path):
 
 
 @pytest.mark.parametrize("other", [moving(B, samples=6), moving(B, joints=("a", "c"))])
-def test_motions_that_do_not_agree_are_left_out_and_told(other):
+def test_motions_that_do_not_agree_are_left_out_and_named(other):
     merged = compared(moving(A), other).merged
     assert merged.motions is None
     assert merged.violation is not None
@@ -227,13 +227,13 @@ def test_motions_that_do_not_agree_are_left_out_and_told(other):
 
 
 def test_fronts_of_other_problems_or_of_loops_are_not_merged():
-    with pytest.raises(InvalidInput, match="merge: wanted fronts of one problem, got others in run 0 and run 1"):
+    with pytest.raises(InvalidInput, match="merge: fronts must be of one problem, got others in run 0 and run 1"):
         _ = compared(moving(A, provenance={"fingerprint": "x"}), moving(B, provenance={"fingerprint": "y"})).merged
-    with pytest.raises(InvalidInput, match="merge: wanted fronts, got the one motion of a closed loop in run 1"):
+    with pytest.raises(InvalidInput, match="merge: fronts must not be of a closed loop, got its one motion in run 1"):
         _ = compared(moving(A), moving(B, provenance={"timeline": "step"})).merged
 
 
-def test_the_text_tells_normalisation_numbers_and_what_differs_alone():
+def test_the_text_gives_normalisation_numbers_and_only_settings_that_differ():
     one = moving(A, provenance={"settings": {"seed": 1, "population": 20}, "counts": {"seconds": 1.0}})
     other = moving(B, provenance={"settings": {"seed": 2, "population": 20}, "counts": {"seconds": 2.0}})
     comparison = compared(one, other, labels=["<a>", "b"])

@@ -44,7 +44,7 @@ def test_shares_run_from_the_best_to_the_worst_of_the_stored_range(front):
 
 
 @given(st.permutations(range(6)))
-def test_the_order_in_which_points_are_handed_in_does_not_matter(order):
+def test_the_order_in_which_points_are_given_does_not_matter(order):
     objectives = np.array([[1, 5, 0], [1, 4, 1], [1, 3, 2], [2, 2, 2], [2, 1, 3], [3, 0, 0]], dtype=float)
     shuffled = plain(objectives[list(order)], ids=np.arange(6)[list(order)])
     ordered = plain(objectives)
@@ -52,7 +52,7 @@ def test_the_order_in_which_points_are_handed_in_does_not_matter(order):
     assert (shuffled.objectives == ordered.objectives).all()
 
 
-def test_its_arrays_are_its_own_and_read_only():
+def test_the_arrays_of_a_front_are_its_own_and_read_only():
     objectives = np.array([[1.0, 2.0]])
     front = plain(objectives)
     objectives[:] = 7.0
@@ -78,7 +78,7 @@ def test_a_summary_names_values_and_units(front):
     assert repr(front) == "Front of 5 points: energy 1 to 5 J s, reach 1 to 25 m (maximised)"
 
 
-def test_equal_points_may_stand_side_by_side():
+def test_a_front_may_have_equal_points():
     assert len(plain([[1.0, 2.0], [1.0, 2.0]])) == 2
 
 
@@ -88,23 +88,23 @@ def test_equal_points_may_stand_side_by_side():
         ([[1.0, 2.0], [2.0, 3.0]], {}, "got 1 dominated ones, the first with id 1"),
         ([[1.0, np.nan]], {}, "got 1 of 1 points without"),
         ([[1.0, -np.inf]], {}, "got 1 of 1 points without"),
-        ([1.0, 2.0], {}, "wanted an array"),
-        ([[1.0, 2.0]], {"ids": np.array([1, 2])}, "wanted 1 integers"),
+        ([1.0, 2.0], {}, "must be an array"),
+        ([[1.0, 2.0]], {"ids": np.array([1, 2])}, "must be 1 integers"),
         ([[1.0, 2.0]], {"ids": np.array([0.5])}, "front ids: must hold integers, got float64"),
         ([[1.0, 2.0]], {"ids": np.array([-1])}, "integers >= 0, got -1"),
         ([[1.0, 2.0], [2.0, 1.0]], {"ids": np.array([4, 4])}, "got 4 2 times"),
-        ([[1.0, 2.0]], {"names": ["a"]}, "wanted one for each of 2"),
-        ([[1.0, 2.0]], {"names": "ab"}, "front names: a list of names wanted, got 'ab'"),
-        ([[1.0, 2.0]], {"names": ["a", "a"]}, "each objective named once"),
-        ([[1.0, 2.0]], {"units": ["J\n", ""]}, "units: wanted printable"),
-        ([[1.0, 2.0]], {"maximised": [True]}, "wanted one for each of 2"),
-        ([[1.0, 2.0]], {"genes": np.zeros((2, 3))}, "genes: wanted finite numbers for 1 points"),
-        ([[1.0, 2.0]], {"genes": np.array([[np.nan]])}, "genes: wanted finite"),
-        ([[1.0, 2.0]], {"violation": np.zeros(2)}, "violation: wanted finite"),
-        ([[1.0, 2.0]], {"ranges": np.array([[0.0, 1.0]])}, "ranges: wanted"),
-        ([[1.0, 2.0]], {"ranges": np.array([[0.0, 1.0], [2.0, 1.0]])}, "ranges: wanted"),
-        ([[1.0, 2.0]], {"ranges": np.array([[0.0, 1.0], [2.0, np.inf]])}, "ranges: wanted"),
-        ([[-1.7e308, 2.0], [1.7e308, 1.0]], {}, r"ranges: wanted upper − lower of at most 1.8e\+308"),
+        ([[1.0, 2.0]], {"names": ["a"]}, "must be one for each of 2"),
+        ([[1.0, 2.0]], {"names": "ab"}, "front names must be a list of names, got 'ab'"),
+        ([[1.0, 2.0]], {"names": ["a", "a"]}, "must name each objective once"),
+        ([[1.0, 2.0]], {"units": ["J\n", ""]}, "units must be printable"),
+        ([[1.0, 2.0]], {"maximised": [True]}, "must be one for each of 2"),
+        ([[1.0, 2.0]], {"genes": np.zeros((2, 3))}, "genes must be finite numbers for 1 points"),
+        ([[1.0, 2.0]], {"genes": np.array([[np.nan]])}, "genes must be finite"),
+        ([[1.0, 2.0]], {"violation": np.zeros(2)}, "violation must be finite"),
+        ([[1.0, 2.0]], {"ranges": np.array([[0.0, 1.0]])}, "ranges must"),
+        ([[1.0, 2.0]], {"ranges": np.array([[0.0, 1.0], [2.0, 1.0]])}, "ranges must"),
+        ([[1.0, 2.0]], {"ranges": np.array([[0.0, 1.0], [2.0, np.inf]])}, "ranges must"),
+        ([[-1.7e308, 2.0], [1.7e308, 1.0]], {}, r"ranges must have upper − lower of at most 1.8e\+308"),
     ],
 )
 @pytest.mark.usefixtures("unchecked")
@@ -115,10 +115,10 @@ def test_what_is_no_front_is_refused(objectives, changes, message):
 
 @pytest.mark.parametrize("name", ["", "=1+1", "+a", "-a", "@a", " a", "a ", "a\tb", "a\x00", *RESERVED_NAMES])
 def test_a_name_that_no_table_can_hold_is_refused(name):
-    with pytest.raises(InvalidInput, match="front names: wanted"):
+    with pytest.raises(InvalidInput, match="front names must"):
         plain([[1.0, 2.0]], names=["fine", name])
 
 
-def test_motions_that_are_not_one_a_point_are_refused(front):
-    with pytest.raises(InvalidInput, match="motions: wanted a batch of 1"):
+def test_motions_must_be_one_per_point(front):
+    with pytest.raises(InvalidInput, match="motions must be a batch of 1"):
         plain([[1.0, 2.0]], motions=front.motions)

@@ -1,4 +1,4 @@
-"""Jumps and missing hypervolume of certified fronts, on fronts that are known."""
+"""Jumps and missing hypervolume of certified fronts, on known fronts."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ seeds = st.integers(0, 10**6)
 
 @dataclass(frozen=True)
 class Line:
-    """A problem of one number x: what lies between two points are the numbers between them."""
+    """A problem of one number x; between two points x is interpolated."""
 
     objectives: object  # of x (points,) to (points, 2), minimised
     x: np.ndarray
@@ -34,7 +34,7 @@ class Line:
 
 
 def certified(problem, *, scales=(1.0, 1.0), maximised=(False, False)):
-    """The front of a problem's points, with the exchange rates of its slope, in other units and signs."""
+    """Return the front of a problem's points, with exchange rates from its gradient, in other units and signs."""
     signs = np.where(maximised, -1.0, 1.0)
     factors = np.array(scales) * signs
     values = problem.objectives(problem.x)
@@ -70,12 +70,12 @@ def certified(problem, *, scales=(1.0, 1.0), maximised=(False, False)):
 
 
 def bowls(x):
-    """Between 0 and 1 a front of one convex piece."""
+    """Return objectives whose front has one convex piece, for x between 0 and 1."""
     return np.stack([x**2, (1 - x) ** 2], axis=1)
 
 
 def valleys(x):
-    """Bowls about 0 and 1 up to 0.4, and, further away, those of another branch, from 3.5 to 4."""
+    """Return objectives with two branches: x up to 0.4, and x from 3.5 to 4."""
     far = 3.5 + 0.5 * (x - 3.5)
     second = np.where(x < 2, (1 - x) ** 2, (0.9 - (far - 3.0)) ** 2)
     return np.stack([np.where(x < 2, x**2, (far - 3.0) ** 2), second], axis=1) + np.exp(-((x - 2) ** 2) * 8)[:, None]
@@ -123,7 +123,7 @@ def test_the_order_of_objectives_changes_neither_jumps_nor_missing_hypervolume(s
 
 
 @given(seed=seeds, points=st.integers(2, 30))
-def test_of_bowls_the_missing_hypervolume_is_that_between_the_points(seed, points):
+def test_the_missing_hypervolume_of_bowls_is_that_between_the_points(seed, points):
     x = np.linspace(0.05, 0.95, points) + np.random.default_rng(seed).uniform(-0.04, 0.04, points) / points
     values, fine = bowls(x), bowls(np.linspace(x[0], x[-1], 20_001))
 
@@ -148,7 +148,7 @@ def test_an_end_with_all_the_weight_on_one_objective_has_a_tangent_without_an_ex
     assert weak.missing_hypervolume == pytest.approx(near.missing_hypervolume, rel=1e-3)
 
 
-def test_where_points_have_no_order_or_no_certificates_or_nothing_interpolates_there_is_no_answer():
+def test_jumps_and_missing_hypervolume_are_none_without_order_certificates_or_interpolation():
     front = certified(one_valley(np.random.default_rng(0), 5))
     unrefined = replace(front, certificates=None)
     assert (unrefined.jumps, unrefined.missing_hypervolume) == (None, None)
@@ -178,7 +178,7 @@ def test_points_that_some_weights_choose_are_reached_and_no_weights_reach_the_ot
     weights = np.random.default_rng(seed).dirichlet(np.full(size, 0.5), 2000)
     sums = Z @ weights.T
     assert reached[(sums <= sums.min(axis=0) + 1e-12).any(axis=1)].all()
-    for row in np.flatnonzero(~reached):  # the least that other points, mixed, are better by in every objective
+    for row in np.flatnonzero(~reached):  # the least gain of a mixture of other points in every objective
         mixture = linprog(
             c=np.append(np.zeros(len(Z)), -1.0),
             A_ub=np.column_stack([Z.T, np.ones(size)]),
@@ -202,12 +202,12 @@ def test_a_straight_and_a_bulging_front_are_reached_and_a_hollow_one_at_its_ends
 
 
 @pytest.mark.parametrize("seed", range(100))
-def test_of_two_objectives_the_hull_says_what_mixtures_of_points_do(seed):
+def test_the_hull_agrees_with_mixtures_of_points_for_two_objectives(seed):
     front = random_front(seed, n_obj=2, points=1 + seed)
     assert np.array_equal(front.supported, _unmatched_by_mixtures(front.shares))
 
 
-def test_the_hull_is_computed_once_a_front():
+def test_the_hull_of_a_front_is_computed_once():
     angles = np.linspace(0.0, np.pi / 2, 5000)
     front = Front(
         ids=np.arange(len(angles)),
@@ -221,7 +221,7 @@ def test_the_hull_is_computed_once_a_front():
 
 
 @pytest.mark.parametrize("n_obj", [3, 5])
-def test_mixtures_of_near_points_decide_as_mixtures_of_all(n_obj):
+def test_mixtures_of_near_points_decide_like_mixtures_of_all_points(n_obj):
     rng = np.random.default_rng(n_obj)
     directions = np.abs(rng.normal(size=(120, n_obj))) ** 2
     shares = directions / np.linalg.norm(directions, axis=1)[:, None] ** 0.7

@@ -1,4 +1,4 @@
-""""""
+"""Hypervolume, non-domination, ideal and nadir."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def test_a_tolerance_drops_points_within_that_share_of_the_range_and_keeps_the_f
 
 @pytest.mark.parametrize("tolerance", [-1e-9, float("nan"), float("inf")])
 def test_a_tolerance_that_is_no_share_is_refused(tolerance):
-    with pytest.raises(InvalidInput, match="tolerance: wanted a finite number >= 0"):
+    with pytest.raises(InvalidInput, match="tolerance must be a finite number >= 0"):
         non_dominated(np.zeros((1, 2)), tolerance=tolerance)
 
 
@@ -81,7 +81,7 @@ def test_a_reference_inside_the_front_is_counted_and_refused_when_checked():
 
 @pytest.mark.parametrize("reference", [[1.0], [1.0, 2.0, 3.0], [np.nan, 1.0], [np.inf, 1.0]])
 def test_a_reference_that_is_no_point_is_refused(reference):
-    with pytest.raises(InvalidInput, match="wanted 2 finite numbers"):
+    with pytest.raises(InvalidInput, match="must be 2 finite numbers"):
         hypervolume(np.zeros((1, 2)), reference)
 
 
@@ -98,14 +98,14 @@ def test_an_estimate_is_near_the_hypervolume_in_any_units_and_exact_up_to_four_o
     directions = np.abs(np.random.default_rng(3).normal(size=(200, n_obj)))
     units = 10.0 ** np.linspace(-6, 6, n_obj)
     F = (2.0 - directions / np.linalg.norm(directions, axis=1, keepdims=True)) * units
-    F[0], F[1, 0] = np.nan, 9.0 * units[0]  # these count nowhere
+    F[0], F[1, 0] = np.nan, 9.0 * units[0]  # these are ignored
     volume = hypervolume(F, 2.1 * units)
     estimate = estimate_hypervolume(F, 2.1 * units, 1.1 * units)
     assert estimate == pytest.approx(volume, rel=0.0 if n_obj <= 4 else 0.01)
 
 
 @given(seed=st.integers(0, 99))
-def test_an_estimate_never_falls_where_points_are_added_or_improve(seed):
+def test_an_estimate_never_falls_if_points_are_added_or_improve(seed):
     rng = np.random.default_rng(seed)
     F, corner = rng.random((30, 6)), np.full(6, 1.1)
     estimate = [estimate_hypervolume(each, corner, corner) for each in (F[:10], F, F - 0.1 * rng.random((30, 6)))]
@@ -113,7 +113,7 @@ def test_an_estimate_never_falls_where_points_are_added_or_improve(seed):
     assert estimate_hypervolume(F + 2.0, corner, corner) == 0.0
 
 
-def test_an_estimate_of_seven_objectives_does_not_compute_what_would_take_a_minute(monkeypatch):
+def test_an_estimate_of_seven_objectives_does_not_compute_the_exact_hypervolume(monkeypatch):
     import moocore
 
     F = np.abs(np.random.default_rng(0).normal(size=(1000, 7)))
@@ -122,12 +122,12 @@ def test_an_estimate_of_seven_objectives_does_not_compute_what_would_take_a_minu
     assert 0 < estimate_hypervolume(F, np.full(7, 1.1), np.ones(7)) < 1.1**7
 
 
-def test_an_estimate_wants_a_reference_as_the_hypervolume_does():
-    with pytest.raises(InvalidInput, match="hypervolume reference: wanted 6 finite numbers"):
+def test_an_estimate_refuses_the_same_references_as_the_hypervolume():
+    with pytest.raises(InvalidInput, match="hypervolume reference must be 6 finite numbers"):
         estimate_hypervolume(np.zeros((1, 6)), np.full(6, np.nan), np.ones(6))
 
 
-# The hypervolume of a growing front, as long as there is time for it.
+# The hypervolume of a growing front, while there is time for it.
 
 
 def sphere(points: int, n_obj: int) -> np.ndarray:
@@ -146,24 +146,24 @@ def test_every_front_is_measured_up_to_the_corner_of_the_first_that_has_points()
     assert curve.summary(50) == f"hypervolume {values[-1]:.4g}"
 
 
-def test_what_takes_too_long_is_left_out_and_the_last_value_says_of_which_generation_it_is():
+def test_a_slow_hypervolume_is_left_out_and_the_last_value_names_its_generation():
     curve, front = HypervolumeCurve(replace(OPTIONS, share=1e-6)), sphere(4000, 4)
-    for number in (1, 2):  # it is the second that takes some milliseconds and is known to
+    for number in (1, 2):  # the second one is known to take some milliseconds
         volume = curve.measure(front, number)
         assert volume == hypervolume(front, curve.corner(front))
     assert curve.measure(front, 3) is None
     assert curve.summary(3) == f"hypervolume {volume:.4g} of generation 2"
 
 
-def test_the_time_of_the_processor_counts_so_that_small_fronts_are_measured_on_a_busy_machine():
+def test_processor_time_counts_so_that_small_fronts_are_measured_on_a_busy_machine():
     curve, front = HypervolumeCurve(replace(OPTIONS, share=0.0)), sphere(30, 2)
     assert curve.measure(front, 1) == curve.measure(front, 2) == pytest.approx(hypervolume(front, curve.corner(front)))
 
 
-def test_of_many_objectives_the_curve_is_an_estimate_that_is_quick_never_falls_and_knows_no_units(monkeypatch):
+def test_the_curve_of_many_objectives_is_a_quick_estimate_that_never_falls_and_ignores_units(monkeypatch):
     import moocore
 
-    monkeypatch.delattr(moocore, "hypervolume")  # of these it would take a minute
+    monkeypatch.delattr(moocore, "hypervolume")  # it would take a minute
     front = sphere(1000, 7)
     curve, scaled = HypervolumeCurve(replace(OPTIONS, share=1.0)), HypervolumeCurve(replace(OPTIONS, share=1.0))
     units = 10.0 ** np.arange(-3, 4)

@@ -1,4 +1,4 @@
-"""What a move along a front refuses before any work."""
+"""Moves along a front: requests that are refused before any work, and the others."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class NeverMoved:
     """A problem that must not be asked."""
 
     def navigate(self, front, request):
-        raise AssertionError("no work wanted")
+        raise AssertionError("the problem must not be asked")
 
     predict = navigate
 
@@ -52,29 +52,29 @@ def front(**parts):
 @pytest.mark.parametrize(
     ("wish", "words"),
     [
-        ({"choice": 5}, "navigate: wanted ids of its points (3 from 4 to 9), got 5"),
-        ({"choice": True}, "navigate: an id of a point wanted, got True"),
-        ({"choice": [4, 7]}, "navigate: an id of a point wanted, got [4, 7]"),
+        ({"choice": 5}, "navigate: ids must be those of the front's points (3 from 4 to 9), got 5"),
+        ({"choice": True}, "navigate: the id of a point must be an integer, got True"),
+        ({"choice": [4, 7]}, "navigate: the id of a point must be an integer, got [4, 7]"),
         ({"improve": "time"}, "names among energy, torque, travel, got 'time'"),
-        ({"allow": "time"}, "allow: wanted names among"),
-        ({"hold": ("torque", "tim")}, "hold: wanted names among"),
+        ({"allow": "time"}, "allow must have names among"),
+        ({"hold": ("torque", "tim")}, "hold must have names among"),
         (
             {"improve": "energ"},
-            "improve: wanted names among energy, torque, travel, got 'energ'; did you mean 'energy'?",
+            "improve must have names among energy, torque, travel, got 'energ'; did you mean 'energy'?",
         ),
         ({"allow": "travl"}, "got 'travl'; did you mean 'travel'?"),
         ({"hold": ("torqe",)}, "got 'torqe'; did you mean 'torque'?"),
-        ({"allow": "energy"}, "other than what is to improve, got energy"),
+        ({"allow": "energy"}, "other than the one to improve, got energy"),
         ({"hold": ("torque", "travel")}, "not on hold, got none"),
         ({"allow": "torque", "hold": "torque"}, "not on hold, got torque"),
-        ({"by": 0.0}, "by: wants more than 0 J of energy, got 0"),
+        ({"by": 0.0}, "by must be more than 0 J of energy, got 0"),
         ({"by": np.nan}, "by: must be finite"),
         ({"by": 0.1, "to": 1.0}, "by= or to=, got both"),
-        ({"to": 2.5}, "to: wants better than energy 2 J, got 2.5"),
+        ({"to": 2.5}, "to must be better than energy 2 J, got 2.5"),
     ],
 )
 @pytest.mark.usefixtures("unchecked")
-def test_a_wish_that_is_none_is_refused_in_a_line_and_a_prediction_in_the_same_words(wish, words):
+def test_an_invalid_request_is_refused_in_one_line_also_as_a_prediction(wish, words):
     wish = {"choice": 7, "improve": "energy", **wish}
     choice, messages = wish.pop("choice"), {}
     for verb in ("navigate", "predict"):
@@ -86,14 +86,17 @@ def test_a_wish_that_is_none_is_refused_in_a_line_and_a_prediction_in_the_same_w
     assert messages["predict"] == messages["navigate"].replace("navigate:", "predict:")
 
 
-def test_a_front_that_cannot_be_moved_along_is_refused_in_a_line():
+def test_a_front_without_moves_is_refused_in_one_line():
     for parts, words in (
-        ({"certificates": None}, "a front with certificates, such as refine(front)"),
-        ({"problem": None}, "the problem of the front, which is not at hand"),
-        ({"problem": object()}, "a problem with gradients, such as Tracking, got a front of object"),
-        ({"certificates": certified(residual=1e-3)}, "a critical point, got point 7 of residual 1.0e-03"),
-        ({"certificates": certified(residual=[0.0, 2e-6, 1e-9])}, "point 7 of residual 2.0e-06: critical are 4, 9"),
-        ({"certificates": certified(residual=np.nan)}, "a critical point, got point 7 of residual nan"),
+        ({"certificates": None}, "the front must have certificates, as from refine(front)"),
+        ({"problem": None}, "the front must have its problem, got none"),
+        ({"problem": object()}, "the problem must have gradients, such as Tracking, got a front of object"),
+        ({"certificates": certified(residual=1e-3)}, "the point must be critical, got point 7 of criticality 1.0e-03"),
+        (
+            {"certificates": certified(residual=[0.0, 2e-6, 1e-9])},
+            "point 7 of criticality 2.0e-06: critical points are 4, 9",
+        ),
+        ({"certificates": certified(residual=np.nan)}, "the point must be critical, got point 7 of criticality nan"),
     ):
         for move in (
             lambda one: one.navigate(7, improve="energy"),
@@ -122,7 +125,7 @@ def test_a_point_that_a_move_led_to_says_how_whenever_it_is_named():
     assert moved.navigated.reason.startswith("From 9 to 4. It has energy 1 J")
 
 
-def test_the_problem_is_asked_for_what_was_wished():
+def test_the_problem_gets_the_request():
     class Asked:
         def navigate(self, front, request):
             self.request = request
@@ -140,7 +143,7 @@ def test_the_problem_is_asked_for_what_was_wished():
     assert problem.request.payers == (0,)
     near = replace(one, ranges=np.array([[0.0, 100.0], [0.0, 100.0], [-1.0, 1.0]]))
     near.navigate(7, improve="energy")
-    assert problem.request.by == pytest.approx(0.5)  # half of what is left
+    assert problem.request.by == pytest.approx(0.5)  # half of the remaining gain
 
 
 def test_a_share_that_leads_nowhere_costs_no_point_that_was_found():

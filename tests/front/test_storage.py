@@ -44,14 +44,14 @@ def same(a: Front, b: Front) -> bool:
 
 
 def seal(folder, run: dict) -> None:
-    """Write `run` with a digest that agrees, as someone who means harm would."""
+    """Write `run` with a digest that agrees, as an attacker would."""
     run.pop("digest", None)
     digest = hashlib.sha256(json.dumps(run, sort_keys=True).encode()).hexdigest()
     (folder / RUN).write_text(json.dumps(run | {"digest": digest}))
 
 
 def reseal(folder, name: str, content: bytes) -> None:
-    """Put other content in place of a file and make the digests agree."""
+    """Replace the content of a file and make the digests agree."""
     (folder / name).write_bytes(content)
     run = json.loads((folder / RUN).read_text())
     run["files"][name] = hashlib.sha256(content).hexdigest()
@@ -125,7 +125,7 @@ def test_criticality_is_read_by_its_former_name_too(front, tmp_path):
     np.testing.assert_array_equal(loaded.kkt_residual, certificates.criticality)
 
 
-def test_the_run_file_is_strict_json_with_what_the_run_says_of_itself(front, tmp_path):
+def test_the_run_file_is_strict_json_with_the_provenance(front, tmp_path):
     front.save(tmp_path)
     run = json.loads((tmp_path / RUN).read_text(), parse_constant=pytest.fail)
     assert run["format"] == 1
@@ -136,7 +136,7 @@ def test_the_run_file_is_strict_json_with_what_the_run_says_of_itself(front, tmp
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), object(), {1: {2}}])
 def test_provenance_that_strict_json_cannot_hold_is_refused(front, tmp_path, value):
     odd = replace(front, provenance={"setting": value})
-    with pytest.raises(InvalidInput, match="provenance: wanted what strict JSON can hold"):
+    with pytest.raises(InvalidInput, match="provenance must fit strict JSON"):
         odd.save(tmp_path)
     assert not list(tmp_path.iterdir())
 
@@ -215,14 +215,14 @@ def test_a_damaged_file_with_a_matching_digest_still_raises_nothing_but_our_erro
 def test_a_missing_file_a_link_and_a_pipe_are_refused(front, tmp_path, name):
     front.save(tmp_path)
     (tmp_path / name).rename(tmp_path / "elsewhere")
-    with pytest.raises(InvalidRun, match=f"{name}: wanted a plain file, got no such file"):
+    with pytest.raises(InvalidRun, match=f"{name} must be a plain file, got no such file"):
         Front.load(tmp_path)
     (tmp_path / name).symlink_to(tmp_path / "elsewhere")
-    with pytest.raises(InvalidRun, match=f"{name}: wanted a plain file, got a link"):
+    with pytest.raises(InvalidRun, match=f"{name} must be a plain file, got a link"):
         Front.load(tmp_path)
     (tmp_path / name).unlink()
     os.mkfifo(tmp_path / name)
-    with pytest.raises(InvalidRun, match=f"{name}: wanted a plain file, got something else"):
+    with pytest.raises(InvalidRun, match=f"{name} must be a plain file, got something else"):
         Front.load(tmp_path)
 
 
@@ -237,7 +237,7 @@ def test_a_pickle_in_the_archive_is_refused_and_never_run(front, tmp_path, monke
     objects = np.array([Trap()], dtype=object)
     for content in (packed(id=front.ids, q=objects), pickle.dumps(Trap()), packed(id=objects)):
         reseal(tmp_path, MOTIONS, content)
-        with pytest.raises(InvalidRun, match=f"{MOTIONS}: wanted plain arrays"):
+        with pytest.raises(InvalidRun, match=f"{MOTIONS} must be plain arrays"):
             Front.load(tmp_path)
     assert not (tmp_path / "trapped").exists()
 
@@ -315,7 +315,7 @@ def test_files_of_two_runs_are_not_mixed(front, tmp_path):
     other = replace(front, objectives=front.objectives * 2)
     other.save(tmp_path / "b")
     (tmp_path / "b" / TABLE).replace(tmp_path / "a" / TABLE)
-    with pytest.raises(InvalidRun, match=f"{TABLE}: wanted the file that {RUN} belongs to"):
+    with pytest.raises(InvalidRun, match=f"{TABLE} must be the file that {RUN} belongs to"):
         Front.load(tmp_path / "a")
 
 
@@ -327,14 +327,14 @@ def test_a_full_disk_leaves_the_last_front_whole(front, tmp_path, monkeypatch):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(InvalidInput, match="wanted to write it, got No space left on device"):
+    with pytest.raises(InvalidInput, match="must be writable, got No space left on device"):
         front.save(tmp_path)
     assert {file.name: file.read_bytes() for file in tmp_path.iterdir()} == before
 
 
 def test_a_folder_that_is_a_file_is_refused(front, tmp_path):
     (tmp_path / "file").touch()
-    with pytest.raises(InvalidInput, match="wanted a folder to write into"):
+    with pytest.raises(InvalidInput, match="must be a folder to write into"):
         front.save(tmp_path / "file")
 
 

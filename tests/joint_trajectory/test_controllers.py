@@ -1,4 +1,4 @@
-"""What a controller is: named joints and positive limits, and arms that are not its own."""
+"""Controllers: named joints and positive limits, and arms that are not their own."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ def test_limits_are_one_a_joint_and_infinite_where_there_is_none():
     [
         ({"rate": 0}, "controller bench: rate: must be positive, got 0 Hz"),
         ({"rate": "fast"}, "controller bench: rate: must hold real numbers, got text"),
-        ({"velocity": [1, 2, 3]}, "controller bench: velocity wants one value or 2, one a joint, got [1, 2, 3]"),
-        ({"jerk": -1.0}, "controller bench: jerk wants positive values, got -1.0"),
-        ({"position": (1.0, -1.0)}, "controller bench: position of joint 1: wants lower ≤ upper, got 1.0 and -1.0"),
-        ({"joint_names": ("a", "a")}, "joint_names: each joint once wanted, got a twice"),
-        ({"joint_names": "ab"}, "joint_names: a list of joint names wanted, got 'ab'"),
-        ({"other_joint_names": [("a", "b", "c")]}, "controller bench: other_joint_names: 2 in each list wanted, got"),
-        ({"rest_acceleration": 1}, "controller bench: rest_acceleration: True or False wanted, got 1"),
+        ({"velocity": [1, 2, 3]}, "controller bench: velocity must be one value or 2, one per joint, got [1, 2, 3]"),
+        ({"jerk": -1.0}, "controller bench: jerk must be positive values, got -1.0"),
+        ({"position": (1.0, -1.0)}, "controller bench: position of joint 1 must be lower ≤ upper, got 1.0 and -1.0"),
+        ({"joint_names": ("a", "a")}, "joint_names must have each joint once, got a twice"),
+        ({"joint_names": "ab"}, "joint_names must be a list of joint names, got 'ab'"),
+        ({"other_joint_names": [("a", "b", "c")]}, "controller bench: other_joint_names must have 2 per list, got"),
+        ({"rest_acceleration": 1}, "controller bench: rest_acceleration must be True or False, got 1"),
     ],
 )
 def test_what_is_no_controller_is_refused(changed, message, unchecked):
@@ -78,10 +78,10 @@ def test_a_controller_may_be_changed_in_one_thing():
 
 
 @pytest.mark.parametrize("names", [("left_joint1", "right_joint2"), ("a", "b"), ("joint1", "joint1_joint2")])
-def test_joints_of_other_names_are_not(names):
+def test_joints_of_other_names_are_not_the_controllers(names):
     arm = pk.Arm.from_dh(**SCARA, joint_names=names, name="scara")
     wanted = (
-        f"controller bench: wants the joints joint1, joint2, with one prefix or none, got {', '.join(names)} of scara"
+        f"controller bench: joints must be joint1, joint2, with one prefix or none, got {', '.join(names)} of scara"
     )
     with pytest.raises(InvalidInput, match=re.escape(wanted)):
         Controller(**TWO).arranged_for(arm)
@@ -89,7 +89,7 @@ def test_joints_of_other_names_are_not(names):
 
 def test_an_arm_with_a_joint_fixed_is_not_the_controllers():
     with pytest.raises(
-        InvalidInput, match=r"panda: wants the joints panda_joint1, .* or fer_joint1, .*, got panda_joint1"
+        InvalidInput, match=r"panda: joints must be panda_joint1, .* or fer_joint1, .*, got panda_joint1"
     ):
         pk.controllers.PANDA.arranged_for(PANDA.fixed(panda_joint3=0.0))
 
@@ -139,7 +139,7 @@ def test_velocity_limits_of_the_fr3_are_those_that_libfranka_computes():
 
 
 @every_one
-def test_each_says_its_source_and_moves_the_joints_of_its_vendor(name):
+def test_each_controller_has_a_source_and_moves_the_joints_of_its_vendor(name):
     controller = CONTROLLERS[name]
     assert controller.name == name
     assert controller.source
@@ -173,19 +173,19 @@ def test_a_family_finds_its_member_by_the_joints_or_the_name_of_the_arm(family, 
 
 
 def test_a_family_that_leaves_a_choice_says_between_what():
-    wanted = "controller 'ur': say which of ur3e, ur5e, ur10e, ur16e, as the joints and the name of arm do not"
+    wanted = "controller must be one of ur3e, ur5e, ur10e, ur16e, got 'ur': joints and name of arm do not decide"
     with pytest.raises(InvalidInput, match=wanted):
         find_controller("ur", named(CONTROLLERS["ur5e"].joint_names))
 
 
 @pytest.mark.parametrize("wrong", ["kuka", "", None, 5, ["panda"]])
 def test_an_unknown_controller_is_refused_with_those_that_are_known(wrong, unchecked):
-    with pytest.raises(InvalidInput, match=r"controller: one of franka, ur, kinova, panda, fr3, .* wanted, got"):
+    with pytest.raises(InvalidInput, match=r"controller must be one of franka, ur, kinova, panda, fr3, .*, got"):
         find_controller(wrong, PANDA_ARM)
 
 
 def test_a_family_refuses_an_arm_of_another_maker():
     with pytest.raises(
-        InvalidInput, match=r"controller gen3: wants the joints joint_1, .*, got panda_joint1, .* of panda"
+        InvalidInput, match=r"controller gen3: joints must be joint_1, .*, got panda_joint1, .* of panda"
     ):
         find_controller("kinova", PANDA_ARM)

@@ -1,4 +1,4 @@
-"""Fitting to a controller: what passes, what is refused and with what words, and that the advice is right."""
+"""Fitting to a controller: what passes, what is refused with which words, and that the advice is right."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ def test_a_controller_that_wants_rest_alone_is_content_with_an_end_velocity_of_z
     assert fitted(MOTIONS["Panda, a pose on a line"], ends, ramp=0.1)
 
 
-# Limits, held against a controller that is simulated one command at a time.
+# Limits, compared with a controller that is simulated one command at a time.
 
 
 ARM = pk.Arm.planar(lengths=[0.3, 0.2])
@@ -148,7 +148,7 @@ def random_trajectory(seed, samples=9, rate=100.0):
 
 
 def simulated(trajectory, limits, rate=100.0):
-    """Return the largest use of every limit: a robot at rest gets a position each period, and then the last again."""
+    """Return the largest use of every limit: a robot at rest gets a position each period, then the last one again."""
     largest = dict.fromkeys(("velocity", "acceleration", "jerk"), (0.0, 0.0))
     for joint in range(2):
         q = trajectory.q[0, joint]
@@ -293,7 +293,7 @@ def test_acceleration_at_an_end_matters_where_the_controller_says_so():
     assert fact == "it must start at rest, but joint1 starts with 1 rad/s²"
 
 
-# Slowing down: the fewest periods that keep the limits, as a search one by one finds them.
+# Slowing down: the fewest periods that keep the limits, compared with a search one by one.
 
 
 def measure_of(motion, controller):
@@ -313,7 +313,7 @@ def test_one_period_less_would_exceed_a_limit_and_none_more_is_taken(v, a, j):
     assert found.periods == periods
 
 
-def test_it_is_what_the_peaks_say():
+def test_slowing_down_follows_from_the_peaks():
     motion = swing(duration=1.0)
     peak = max(use.value for use in measure_of(motion, bench(PANDA, velocity=1.0))(time_scaling(1.0, 1000.0)))
     found = slow_down(time_scaling(1.0, 1000.0), measure_of(motion, bench(PANDA, velocity=peak / 1.5)))

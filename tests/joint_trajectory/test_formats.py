@@ -1,4 +1,4 @@
-"""Every format read back by another reader than ours: the same samples to the last bit, names and metadata too."""
+"""Every format read back by another reader than ours: the same samples to the last bit, with names and metadata."""
 
 from __future__ import annotations
 
@@ -148,7 +148,7 @@ def test_a_bag_replaces_nothing_but_a_bag(tmp_path):
     (tmp_path / "link").symlink_to(tmp_path / "photos")
     (tmp_path / "file").write_bytes(b"mine")
     for name in ("photos", "link", "file"):
-        with pytest.raises(InvalidInput, match=f"{name}: wanted a bag to replace, or nothing, got something else"):
+        with pytest.raises(InvalidInput, match=f"{name} must be a bag to replace, or nothing, got something else"):
             write_trajectory(sampled("planar"), tmp_path / name, "ros2-bag")
     assert (tmp_path / "photos" / "one.png").read_bytes() == (tmp_path / "file").read_bytes() == b"mine"
 
@@ -156,7 +156,7 @@ def test_a_bag_replaces_nothing_but_a_bag(tmp_path):
 @every_format
 def test_where_the_system_refuses_a_line_says_so(tmp_path, kind):
     (tmp_path / "taken").write_bytes(b"mine")
-    with pytest.raises(InvalidInput, match=r"out: wanted to write it, got (Not a directory|File exists)"):
+    with pytest.raises(InvalidInput, match=r"out must be writable, got (Not a directory|File exists)"):
         write_trajectory(sampled("planar"), tmp_path / "taken" / "out", kind)
 
 
@@ -176,7 +176,7 @@ def test_the_ending_says_the_format_where_nothing_else_does(tmp_path, file, kind
 
 
 def test_an_unknown_ending_or_format_is_refused(tmp_path):
-    with pytest.raises(InvalidInput, match=r"a: a format of csv, .*, or an ending of \.csv, .* wanted, got neither"):
+    with pytest.raises(InvalidInput, match=r"a must have a format of csv, .*, or an ending of \.csv, .*, got none"):
         find_format(tmp_path / "a", None)
     with pytest.raises(InvalidInput, match=r"format must be one of csv, parquet, .*, got 'xml'"):
         find_format(tmp_path / "a.csv", "xml")

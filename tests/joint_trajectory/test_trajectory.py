@@ -23,7 +23,7 @@ def test_samples_that_are_the_motions_own_are_its_positions(name):
     trajectory = sampled(name, rate=2 * (len(motion.time) - 1) / float(motion.duration))
     np.testing.assert_allclose(trajectory.q[::2], motion.at(motion.time), atol=1e-12)
     np.testing.assert_allclose(trajectory.time[::2], motion.time, atol=1e-9)
-    if motion.differences == "central":  # whose curve leads through its samples
+    if motion.differences == "central":  # its curve leads through its samples
         np.testing.assert_allclose(trajectory.q[::2], motion.q, atol=1e-11)
 
 
@@ -33,7 +33,7 @@ def test_every_sample_is_on_the_path_however_it_is_timed(name, ramp, factor):
     motion, trajectory = MOTIONS[name], sampled(name, 500.0, ramp, factor)
     if not motion.tasks:
         return
-    # Where on the path a sample is: at the time of the motion at which it is, found again by its time scaling.
+    # The place of a sample on the path: at its time of the motion, found from its time scaling.
     share = np.arange(len(trajectory.time)) / (len(trajectory.time) - 1) * (1.0 + ramp)
     from_end = np.minimum(share, 1.0 + ramp - share)
     x = np.clip(from_end / ramp, 0, 1) if ramp else np.ones_like(share)
@@ -55,7 +55,7 @@ def test_velocities_and_accelerations_are_those_of_the_positions_in_their_own_ti
     np.testing.assert_allclose(trajectory.ddq[1:-1], acceleration, atol=2e-2 * (1 + np.abs(acceleration).max()))
 
 
-def test_slowed_down_its_rates_fall_and_its_positions_stay():
+def test_a_slowed_motion_has_lower_rates_and_the_same_positions():
     own, slow = sampled(rate=400.0), sampled(rate=200.0, factor=2.0)
     np.testing.assert_allclose(slow.q, own.q, atol=1e-12)
     np.testing.assert_allclose(slow.dq, own.dq / 2, atol=1e-12)
@@ -75,11 +75,11 @@ def test_columns_come_in_the_order_that_is_asked_for_by_name():
 @pytest.mark.parametrize(
     ("names", "fact"),
     [
-        (["joint1", "joint2", "wrist"], "got 'wrist', which is none of them"),
+        (["joint1", "joint2", "wrist"], "got 'wrist', which is not among them"),
         (["joint1", "joint2"], "got 'joint3', which is missing"),
-        (["joint1", "joint2", "joint2"], "joint_names: each joint once wanted, got joint2 twice"),
-        ("joint1", "joint_names: a list of joint names wanted, got 'joint1'"),
-        ([1, 2, 3], "joint_names: a list of joint names wanted, got [1, 2, 3]"),
+        (["joint1", "joint2", "joint2"], "joint_names must have each joint once, got joint2 twice"),
+        ("joint1", "joint_names must be a list of joint names, got 'joint1'"),
+        ([1, 2, 3], "joint_names must be a list of joint names, got [1, 2, 3]"),
     ],
 )
 def test_joints_that_are_not_the_arms_are_refused(names, fact, unchecked):
@@ -95,7 +95,7 @@ rates = st.sampled_from([50.0, 125.0, 300.0, 1000.0])
 
 
 @given(durations, rates, st.floats(1.0, 3.0), st.just(0.0) | st.floats(0.02, 0.3))
-def test_it_leads_from_0_to_the_duration_without_turning_back(duration, rate, factor, ramp):
+def test_a_time_scaling_leads_from_0_to_the_duration_without_turning_back(duration, rate, factor, ramp):
     scaling = time_scaling(duration, rate, time_scale=factor, ramp=ramp)
     sigma, speed, _ = scaling.evaluate()
     assert (sigma[0], sigma[-1]) == (0.0, duration)
@@ -107,7 +107,7 @@ def test_it_leads_from_0_to_the_duration_without_turning_back(duration, rate, fa
 
 
 @given(durations, rates, rates, st.just(0.0) | st.floats(0.05, 0.3))
-def test_at_another_rate_it_is_the_same_law_of_time(duration, rate, other, ramp):
+def test_a_time_scaling_is_the_same_law_at_another_rate(duration, rate, other, ramp):
     scaling = time_scaling(duration, rate, ramp=ramp)
     times, values = scaling.times(other), scaling.evaluate(other)
     dense = np.stack([np.interp(times, scaling.times(), own) for own in scaling.evaluate()])
@@ -119,7 +119,7 @@ def test_at_another_rate_it_is_the_same_law_of_time(duration, rate, other, ramp)
 
 
 @given(durations, st.floats(0.05, 1.0))
-def test_its_rates_are_its_derivatives(duration, share):
+def test_rates_of_a_time_scaling_are_its_derivatives(duration, share):
     scaling = TimeScaling(duration=duration, periods=4000, rate=4000 / duration / 1.3, ramp=share * duration)
     sigma, speed, bend = scaling.evaluate()
     step = 1 / scaling.rate
@@ -152,13 +152,13 @@ def test_a_duration_of_whole_periods_keeps_its_time():
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
-        ({"time_scale": 0.5}, "time_scale: 1 or more, to slow down, wanted, got 0.5"),
+        ({"time_scale": 0.5}, "time_scale must be 1 or more, to slow down, got 0.5"),
         ({"time_scale": np.nan}, "time_scale: must be finite, got nan"),
-        ({"ramp": -0.1}, "ramp: 0, or from one period to the motion's 1 s wanted, got -0.1 s"),
-        ({"ramp": 1.1}, "ramp: 0, or from one period to the motion's 1 s wanted, got 1.1 s"),
-        ({"rate": 2.0}, "from 3 to 1000000 periods wanted, got 2 Hz for 1 s"),
-        ({"rate": 2e6, "duration": 0.1}, "rate and time_scale: at most 1e.06 Hz, .* wanted, got 2e.06 Hz for 0.1 s"),
-        ({"rate": 1e5, "duration": 60.0}, "from 3 to 1000000 periods wanted, got 100000 Hz for 60 s"),
+        ({"ramp": -0.1}, "ramp must be 0, or from one period to the motion's 1 s, got -0.1 s"),
+        ({"ramp": 1.1}, "ramp must be 0, or from one period to the motion's 1 s, got 1.1 s"),
+        ({"rate": 2.0}, "from 3 to 1000000 periods, got 2 Hz for 1 s"),
+        ({"rate": 2e6, "duration": 0.1}, "rate and time_scale must be at most 1e.06 Hz, .*, got 2e.06 Hz for 0.1 s"),
+        ({"rate": 1e5, "duration": 60.0}, "from 3 to 1000000 periods, got 100000 Hz for 60 s"),
     ],
 )
 def test_what_is_no_scaling_is_refused(changed, message):

@@ -1,4 +1,4 @@
-"""Banded matrices with a border beside NumPy's dense solution and LAPACK's inertia."""
+"""Banded matrices with a border compared with NumPy's dense solution and LAPACK's inertia."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ dimensions = st.tuples(st.integers(1, 12), st.integers(1, 4), st.integers(0, 3),
 
 
 def system(dimensions, *, border):
-    """A as a band and dense, B and C of a random system; ``border`` is about how definite C is, and of which sign."""
+    """Return A as a band and dense, B and C of a random system; ``border`` scales the diagonal S."""
     size, band, borders, seed = dimensions
     rng = np.random.default_rng(seed)
     lower = np.tril(rng.normal(size=(size, size)))

@@ -1,4 +1,4 @@
-"""How far columns reach along a direction: the linear program, and the facets that say the same in closed form."""
+"""Directional maxima: the linear program compared with facets in closed form; interval and ellipsoid programs."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_the_nearest_facet_is_the_optimum_of_the_linear_program(task, seed, dof,
 
 
 @pytest.mark.parametrize("task", [2, 3])
-def test_clarabel_by_cvxpy_says_the_same_as_far_as_interior_points_go(task):
+def test_clarabel_by_cvxpy_agrees_within_its_tolerance(task):
     columns, low, high, direction = drawn(5, task, 6)
     x, v = cvxpy.Variable(len(low)), cvxpy.Variable(nonneg=True)
     problem = cvxpy.Problem(cvxpy.Maximize(v), [columns @ x == v * direction, x >= low, x <= high])
@@ -62,7 +62,7 @@ def test_columns_that_do_not_span_reach_nothing_else():
     assert furthest(columns, -one, one, np.array([0.0, 1.0]))[0] == 0.0
 
 
-def test_what_has_no_end_is_refused():
+def test_unbounded_directional_maximum_is_refused():
     with pytest.raises(SolverFailed, match="furthest"):
         furthest(np.eye(2), np.full(2, -1.0), np.full(2, 1.0), np.zeros(2))
 
@@ -82,7 +82,7 @@ def random_box(seed, *, count=6, task=2):
 
 
 def even_speed(points):
-    """Pieces of a path where the tool has 1 m/s everywhere."""
+    """Return pieces of a path on which the tool's limit is 1 m/s everywhere."""
     identity = np.tile(np.eye(points.shape[1]), (len(points) - 1, 1, 1))
     return Pieces(values=np.diff(points, axis=0), before=-identity, after=identity)
 
@@ -143,11 +143,11 @@ def test_at_even_speed_a_bent_path_becomes_straight_with_equal_pieces():
 
 def test_a_box_without_inside_is_an_error_by_name():
     wide = np.full((3, 2), 1.0)
-    with pytest.raises(SolverFailed, match="intervals: Clarabel wanted to end with Solved"):
+    with pytest.raises(SolverFailed, match="intervals: Clarabel must end with Solved"):
         IntervalSolver(4, 2).solve(even_speed(np.linspace([0.0, 0.0], [1.0, 0.5], 5)), wide, -wide)
 
 
-# The convex fit of ellipsoids: exact where it can be, below its samples where it must be, never worse than another.
+# The convex fit of ellipsoids: exact if possible, below its samples if required, never worse than another fit.
 
 
 FLOOR = 1e-3
@@ -170,7 +170,7 @@ def error(design, parts, directions, radii):
 
 @pytest.fixture
 def samples():
-    """Two ellipses that share their unknowns, and samples that are 10 % off in either direction."""
+    """Return two ellipses that share their unknowns, and samples with errors of 10 % in either direction."""
     rng = np.random.default_rng(0)
     design, directions = np.array([[1.0, -0.5], [1.0, 0.5], [1.0, 0.0]]), circle(9)
     parts = np.array([[1.0, 0.2, 0.6], [0.3, 0.1, -0.2]])
@@ -210,7 +210,7 @@ def test_nothing_else_has_smaller_errors(samples, bound):
     lowest_error = error(design, fitted, directions, radii)
     for size in np.geomspace(1e-4, 0.1, 40):
         other = fitted + size * rng.normal(size=fitted.shape)
-        if bound is not None:  # lifted to where all radii are below the samples
+        if bound is not None:  # scaled until all radii are below the samples
             other = other * np.max((radii_of(design, other, directions) / radii) ** 2)
         assert error(design, other, directions, radii) > lowest_error
 
@@ -223,5 +223,5 @@ def test_matrices_stay_above_the_floor():
 
 
 def test_numbers_that_have_no_fit_say_so():
-    with pytest.raises(SolverFailed, match="ellipsoid fit: Clarabel should end with optimal"):
+    with pytest.raises(SolverFailed, match="ellipsoid fit: Clarabel must end with optimal"):
         fit_inverse_squares(np.ones((1, 1)), circle(3), np.ones((1, 3)), -np.ones((1, 1)), floor=0.01, bound=1.0)

@@ -1,4 +1,4 @@
-""""""
+"""The convex subproblem: Clarabel on our canonical form compared with cvxpy."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from paretoik.nlp.program import Cone, Constraints
 
 
 def random_model(seed, *, unknowns=20, extra=4, limits=40):
-    """A quadratic model whose last columns have no box, each tied from below by a limit that may not yield."""
+    """Return a quadratic model; its last columns have no box, and a strict limit ties each from below."""
     rng = np.random.default_rng(seed)
     columns = unknowns + extra
     root = rng.normal(size=(unknowns, unknowns)) / 4

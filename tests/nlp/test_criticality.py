@@ -1,4 +1,4 @@
-""""""
+"""Criticality of points and sets of multipliers, compared with cvxpy, HiGHS and closed forms."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def free(unknowns):
 
 
 def stated_in_cvxpy(gradients, constraints, radius):
-    """Return the value, the weights and the multipliers of cones, by cvxpy's own solve."""
+    """Return value, weights and multipliers of cones by cvxpy's own solve."""
     d, t = cvxpy.Variable(gradients.shape[1]), cvxpy.Variable()
     gains = gradients @ d + t <= 0
     cones = [
@@ -178,7 +178,7 @@ def test_multipliers_that_are_not_unique_are_left_to_the_conic_program():
 
 @pytest.mark.parametrize("seed", range(8))
 def test_at_a_corner_the_criticality_is_the_distance_of_gradients_from_the_cone_of_limits(seed):
-    """All limits active and some twice: χ = radius · min ‖Σ λᵢ ∇fᵢ − Jᵀ μ‖ (closed form), multipliers degenerate."""
+    """All limits active and some twice: χ = radius · min ‖Σ λᵢ ∇fᵢ − Jᵀ μ‖ (closed form), degenerate multipliers."""
     rng = np.random.default_rng(seed)
     objectives, limits = 1 + seed % 3, 6
     gradients, jacobian = rng.normal(size=(objectives, 12)), rng.normal(size=(limits, 12))
@@ -195,7 +195,7 @@ def test_at_a_corner_the_criticality_is_the_distance_of_gradients_from_the_cone_
 
 @pytest.mark.parametrize("seed", range(6))
 def test_with_peaks_kinks_and_far_limits_scipy_finds_the_same_criticality(seed):
-    """Column 8 is the epigraph of a peak, column 9 of an absolute value, beside limits of which some are active."""
+    """Column 8 is the epigraph of a peak, column 9 of an absolute value; some of the limits are active."""
     rng = np.random.default_rng(seed)
     n = 8
     pieces, kink = rng.normal(size=(4, n)), rng.normal(size=n)
@@ -226,11 +226,11 @@ def test_with_peaks_kinks_and_far_limits_scipy_finds_the_same_criticality(seed):
     assert bound + ours.multipliers @ slacks == pytest.approx(ours.value, rel=1e-6, abs=1e-7)  # weak duality is tight
 
 
-# The set of multipliers beside a linear program for every entry, where it has many points, one or none.
+# The set of multipliers, with many points, one or none, compared with a linear program for every entry.
 
 
 def shares_by_linear_programs(gradients, active):
-    """The least and largest λᵢ / (λᵢ + λⱼ), each by HiGHS over λ and μ themselves."""
+    """Return the least and largest λᵢ / (λᵢ + λⱼ), each by HiGHS over λ and μ."""
     count, rows = len(gradients), len(active)
     shares = np.full((count, count, 2), 0.5)
     for i, j in permutations(range(count), 2):
@@ -247,7 +247,7 @@ def shares_by_linear_programs(gradients, active):
 
 
 def critical(seed, objectives, rows, columns, rank):
-    """Gradients of a critical point: active ones of a rank, those of objectives in their cone but for λ's part."""
+    """Return gradients of a critical point: active ones of a rank; objectives' in their cone but for λ's part."""
     rng = np.random.default_rng(seed)
     active = rng.normal(size=(rows, rank)) @ rng.normal(size=(rank, columns))
     multipliers = rng.uniform(0.1, 1.0, size=(objectives, rows))
@@ -284,7 +284,7 @@ def test_where_the_weights_are_unique_no_solver_is_asked_though_multipliers_may_
 
 def test_without_active_rows_opposed_gradients_alone_decide():
     assert share_ranges(np.array([[1.0, 0.0], [-2.0, 0.0]]), np.zeros((0, 2))) is None
-    stationary = share_ranges(np.zeros((2, 2)), np.zeros((0, 2)))  # any weights serve where nothing changes
+    stationary = share_ranges(np.zeros((2, 2)), np.zeros((0, 2)))  # if nothing changes, any weights are valid
     assert stationary is not None
     np.testing.assert_allclose(stationary[0, 1], [0.0, 1.0], atol=1e-6)
 
@@ -296,5 +296,5 @@ def test_units_of_limits_do_not_matter():
 
 
 def test_a_set_that_is_empty_fails_with_how_the_solver_ended():
-    with pytest.raises(SolverFailed, match=r"multipliers: HiGHS wanted to end with an optimum, got .*infeasible"):
+    with pytest.raises(SolverFailed, match=r"multipliers: HiGHS must end with an optimum, got .*infeasible"):
         share_ranges(np.array([[1.0, 0.0], [2.0, 0.0]]), np.array([[-1.0, 0.0]]))

@@ -1,4 +1,4 @@
-"""Sequential quadratic programming on small smooth programs with known minima, and beside SciPy."""
+"""Sequential quadratic programming on small smooth programs: known minima, and a comparison with SciPy."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def sphere(z, parameters):
     return [z[0] * z[0] + z[1] * z[1] + z[2] * z[2] - parameters[0]], [z[2] - 0.1]
 
 
-def test_the_lowest_point_of_a_sphere_above_a_plane():
+def test_sphere_above_a_plane_has_its_known_lowest_point():
     program = trace_rows(3, 1, sphere).at([1.0])
     solution = minimise_by_sqp(program, np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.6, 0.8]))
     assert solution.status == [CONVERGED]
@@ -44,7 +44,7 @@ def test_derivatives_are_those_of_the_rows():
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_no_worse_than_slsqp_from_the_same_start(seed):
+def test_solution_is_no_worse_than_slsqps_from_the_same_start(seed):
     rng = np.random.default_rng(seed)
     a, b = rng.normal(size=(2, 4, 4))
 
@@ -74,7 +74,7 @@ def test_no_worse_than_slsqp_from_the_same_start(seed):
         assert cost @ ours.x[0] <= cost @ theirs.x + 1e-7
 
 
-def test_what_cannot_be_met_is_said():
+def test_contradicting_rows_are_reported():
     program = trace_rows(1, 0, lambda z, parameters: ([], [z[0] - 1.0, -1.0 - z[0]])).at()
     solution = minimise_by_sqp(program, np.array([1.0]), np.array([0.3]))
     assert solution.status != [CONVERGED]

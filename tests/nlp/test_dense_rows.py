@@ -1,4 +1,4 @@
-"""Restored equalities: they hold afterwards, and linear ones are met by the shortest step."""
+"""Restored equalities: they are satisfied afterwards, linear ones by the shortest step."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def restore(kernel, x):
 
 
 def restored(unknowns, equalities, x):
-    """The violation that is left, and the point, from x."""
+    """Return the remaining violation and the point, from x."""
     kernel = dense_kernel(trace_rows(unknowns, 0, lambda z, _: (equalities(z), [])).at(), np.eye(unknowns))
     x = np.array(x, dtype=float)
     return restore(kernel, x), x
@@ -48,7 +48,7 @@ def test_a_circle_is_met_from_far_away_and_from_near_its_center(start):
     np.testing.assert_allclose(x, np.divide(start, np.linalg.norm(start)), atol=1e-9)  # gradients are radial
 
 
-def test_what_cannot_hold_ends_at_its_least_violation():
+def test_contradicting_equalities_end_at_the_least_violation():
     violation, x = restored(1, lambda z: [z[0] * z[0] + 0.25], [1.0])
     assert violation == pytest.approx(0.25, abs=1e-6)
     assert abs(x[0]) < 1e-3

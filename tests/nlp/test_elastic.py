@@ -1,4 +1,4 @@
-"""Elastic inequalities: slacks, multipliers and steps meet the conditions that define them."""
+"""Elastic inequalities: slacks, multipliers and steps satisfy the conditions that define them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ exponents = st.floats(-12, 0)
 
 
 def interior(seed, count=6, penalty=10.0):
-    """Random c, s, t, z and a step dc, away from all bounds, and the residuals."""
+    """Return random c, s, t, z and a step dc, away from all bounds, and the residuals."""
     rng = np.random.default_rng(seed)
     s, t = rng.uniform(0.1, 2.0, (2, count))
     c, z, dc = rng.normal(size=count), rng.uniform(0.1, 0.9, count) * penalty, rng.normal(size=count)

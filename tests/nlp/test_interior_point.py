@@ -1,4 +1,4 @@
-"""Interior points beside IPOPT and linear programs, on programs with known minima, and from places that are far off."""
+"""Interior points: comparison with IPOPT and linear programs, known minima, and starts far away."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ LAST = np.array([0.0, 0.0, 0.0, 0.0, 1.0])
 
 @dataclass(frozen=True, kw_only=True)
 class Bounds:
-    """rows · z ≤ upper."""
+    """Bounds rows · z ≤ upper."""
 
     rows: np.ndarray
     upper: np.ndarray
@@ -42,7 +42,7 @@ class End:
 
 
 def minimise_dense(program, cost, start, bounds=None, options=OPTIONS):
-    """The local minimum of cost · z, by the compiled method, which alone returns multipliers."""
+    """Return the local minimum of cost · z by the compiled method, which also returns multipliers."""
     rows, upper = (np.zeros((0, len(start))), np.zeros(0)) if bounds is None else (bounds.rows, bounds.upper)
     dense = DenseProgram(rows=program, costs=np.concatenate([cost[None], rows]))
     identity = np.eye(len(dense.costs))
@@ -53,7 +53,7 @@ def minimise_dense(program, cost, start, bounds=None, options=OPTIONS):
 
 
 def bowl(seed):
-    """A convex program: the last unknown lies above exponentials and squares, in two balls and on a plane."""
+    """Return a convex program: the last unknown is above exponentials and squares, in two balls and on a plane."""
     rng = np.random.default_rng(seed)
     a, p, plane = rng.normal(size=(3, 4)), 0.4 * rng.normal(size=(2, 4)), rng.normal(size=4)
     squared_radii = rng.uniform(0.5, 2.0, 2)
@@ -100,7 +100,7 @@ def hock_schittkowski_71(z, reference):
 
 
 def check_conditions(program, cost, solution, bounds=None, within=1e-7):
-    """Multipliers are not negative, count only at limits, and balance the cost along the equalities."""
+    """Check that multipliers are not negative, count only at limits, and balance the cost along the equalities."""
     equal, room = program.rows(solution.x)
     slopes = program.jacobian(solution.x)
     ahead, across = slopes[: len(equal)], slopes[len(equal) :]
@@ -118,7 +118,7 @@ def check_conditions(program, cost, solution, bounds=None, within=1e-7):
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_from_anywhere_it_finds_the_one_minimum_of_a_convex_program_that_ipopt_finds(seed):
+def test_convex_program_has_ipopts_minimum_from_any_start(seed):
     rows, rng = bowl(seed), np.random.default_rng(seed + 100)
     program, theirs = trace_rows(5, 0, rows).at(), ipopt(rows, LAST, np.zeros(5))
     for size in (0.1, 1.0, 5.0, 20.0):
@@ -157,7 +157,7 @@ def test_multipliers_and_place_follow_the_cost_however_large_it_is(size):
     assert other.multipliers == pytest.approx(size * one.multipliers, rel=1e-9)
 
 
-def test_the_best_known_minimum_of_a_textbook_program_from_many_starts():
+def test_textbook_program_reaches_its_best_known_minimum_from_many_starts():
     """Program 71 of Hock & Schittkowski 1981: 17.0140173 at (1, 4.743, 3.8211, 1.3794)."""
     program, rng = trace_rows(5, 0, hock_schittkowski_71).at(), np.random.default_rng(0)
     starts = [np.array([1.0, 5.0, 5.0, 1.0, 16.0]), *rng.uniform(1.0, 5.0, (8, 5)), np.full(5, 8.0)]
@@ -169,7 +169,7 @@ def test_the_best_known_minimum_of_a_textbook_program_from_many_starts():
         check_conditions(program, LAST, solution)
 
 
-def test_along_a_bent_valley_to_its_end_on_a_circle():
+def test_rosenbrocks_valley_is_followed_to_its_minimum_on_a_circle():
     """Rosenbrock's function in the unit disc: 0.0456748 at (0.7864, 0.6177)."""
 
     def rows(z, reference):
@@ -184,7 +184,7 @@ def test_along_a_bent_valley_to_its_end_on_a_circle():
         check_conditions(program, cost, solution)
 
 
-def test_from_beside_the_top_of_a_sphere_it_goes_to_the_bottom():
+def test_search_near_the_top_of_a_sphere_reaches_the_bottom():
     program = trace_rows(3, 0, lambda z, reference: ([z[0] * z[0] + z[1] * z[1] + z[2] * z[2] - 1.0], [])).at()
     cost = np.array([0.0, 0.0, 1.0])
     for start in ([0.05, 0.02, 0.998], [1e-3, 0.0, 1.0], [0.3, 0.3, 2.0]):
@@ -195,7 +195,7 @@ def test_from_beside_the_top_of_a_sphere_it_goes_to_the_bottom():
 
 
 @pytest.mark.parametrize("start", [[0.5, 0.01], [0.5, -0.01], [2.0, 0.2], [0.0, 1e-4]])
-def test_it_leaves_a_saddle_on_either_side(start):
+def test_search_leaves_a_saddle_on_either_side(start):
     def rows(z, reference):
         return [], [z[2] - (z[0] ** 2 - z[1] ** 2 + z[1] ** 4), 4.0 - z[2]]
 
@@ -240,7 +240,7 @@ def test_linear_programs_without_a_clear_corner_come_to_their_least_value(given)
     ],
     ids=["two sides", "no root", "a line and a half plane"],
 )
-def test_what_cannot_be_met_is_said(rows, violation):
+def test_contradicting_bounds_are_reported(rows, violation):
     program = trace_rows(2, 0, rows).at()
     solution = minimise_dense(program, np.array([1.0, 0.0]), np.array([0.7, 0.2]))
     assert not solution.converged
@@ -248,7 +248,7 @@ def test_what_cannot_be_met_is_said(rows, violation):
     assert solution.violation == max(0.0, *np.abs(program.rows(solution.x)[0]), *-program.rows(solution.x)[1])
 
 
-def test_too_few_iterations_are_said():
+def test_iteration_limit_is_reported():
     program = trace_rows(5, 0, bowl(0)).at()
     few, enough = (
         minimise_dense(program, LAST, np.full(5, 3.0), options=OPTIONS._replace(iterations=iterations))
@@ -263,7 +263,7 @@ def test_too_few_iterations_are_said():
 
 @pytest.mark.parametrize("row", [lambda z: np.sqrt(z), lambda z: np.log(z), lambda z: 1.0 / (z + 1.0)])
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
-def test_a_start_where_rows_are_not_finite_is_said(row):
+def test_start_with_rows_that_are_not_finite_is_reported(row):
     program = trace_rows(1, 0, lambda z, reference: ([], [row(z[0]), 4.0 - z[0]])).at()
     assert minimise_dense(program, np.array([1.0]), np.array([-1.0])).status == NOT_FINITE
 
@@ -271,14 +271,14 @@ def test_a_start_where_rows_are_not_finite_is_said(row):
 @pytest.mark.parametrize("start", [0.01, 3.0, 50.0])
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 def test_steps_to_where_rows_are_not_finite_are_shortened(start):
-    """Above z − log z lies no less than 1; Newton's step from z > 2 goes past 0."""
+    """The epigraph of z − log z has the minimum 1; Newton's step from z > 2 goes past 0."""
     program = trace_rows(2, 0, lambda z, reference: ([], [z[1] - (z[0] - np.log(z[0]))])).at()
     solution = minimise_dense(program, np.array([0.0, 1.0]), np.array([start, 0.0]))
     assert solution.converged
     assert solution.x == pytest.approx([1.0, 1.0], abs=1e-5)
 
 
-# The filter of the line search beside its conditions: Armijo's where nothing is violated, else a gain in either.
+# The filter of the line search: Armijo's condition if nothing is violated, else a gain in residual or merit.
 
 
 SEARCH_OPTIONS = InteriorPointOptions()
@@ -313,6 +313,6 @@ def test_a_step_that_an_entry_of_the_filter_dominates_is_refused():
     assert accepts(1.0, 0.0, 0.5, -3.0, 1.0, entries=[[0.2, -2.0]])[0]
 
 
-def test_what_is_not_finite_is_refused():
+def test_trial_points_that_are_not_finite_are_refused():
     for trial_theta, after in ((np.inf, 0.0), (0.0, np.nan)):
         assert accepts(1.0, 0.0, trial_theta, after, -1.0) == (False, [])

@@ -1,4 +1,4 @@
-"""Householder's reflections beside NumPy's dense algebra."""
+"""Householder reflections compared with NumPy's dense algebra."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ seeds = st.integers(0, 10_000)
 
 
 def factorised(shape, seed):
-    """Random rows, their reflectors and triangle, and Q as a matrix."""
+    """Return random rows, their reflectors and triangle, and Q as a matrix."""
     rows = np.random.default_rng(seed).normal(size=shape)
     reflectors, triangle = rows.copy(), np.zeros((len(rows), len(rows)))
     assert householder.triangularise(reflectors, triangle)
     orthogonal = np.eye(rows.shape[1])
-    for column in orthogonal:  # row k of it becomes Qᵀ eₖ, so that it is Q
+    for column in orthogonal:  # row k becomes Qᵀ eₖ, so the matrix is Q
         householder.rotate(reflectors, column)
     return rows, reflectors, triangle, orthogonal
 
@@ -86,11 +86,11 @@ def test_a_matrix_near_its_triangle_is_eliminated_and_one_past_a_fold_is_not(siz
     assert householder.eliminate(matrix.copy(), x, triangle)
     np.testing.assert_allclose(matrix @ x, right, atol=1e-11)
     folded = matrix.copy()
-    folded[0] *= -1.0  # the first pivot has changed its sign
+    folded[0] *= -1.0  # the first pivot has the other sign
     assert not householder.eliminate(folded, right.copy(), triangle)
 
 
-# Small symmetric matrices, compiled, beside LAPACK.
+# Small symmetric matrices, compiled, compared with LAPACK.
 
 
 @given(seed=st.integers(0, 10_000), rows=st.integers(1, 8), dof=st.integers(1, 8))

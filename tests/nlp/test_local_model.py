@@ -1,4 +1,4 @@
-"""Programs to first order, as compiled kernels have them: as their linearisations do, whatever the basis."""
+"""First-order models of compiled kernels agree with linearisations in any basis."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One way to solve every program: what is asked for reaches the solver, banded or dense."""
+"""The common entry to the solvers: settings reach the banded and the dense one."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from problems.tringali_2020 import simulation_4
 
 
 def dense():
-    """The least x + y² above a parabola, x and y no more than 2."""
+    """Return the program: minimise x + y² above a parabola, x and y at most 2."""
 
     def rows(z, parameters):
         return [], [z[2] - z[0] - z[1] * z[1], z[0] - z[1] * z[1] + 1.0, 2.0 - z[0], 2.0 - z[1]]
@@ -78,14 +78,14 @@ def test_bounds_on_dense_objectives_hold_and_raise_the_other():
 
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
-def test_where_a_point_cannot_be_solved_is_in_its_status_and_the_others_go_on():
+def test_status_tells_why_a_point_failed_and_others_are_solved():
     rows = trace_rows(2, 0, lambda z, parameters: ([z[0] - z[1]], [np.log(z[0])])).at()
     ends = minimise(DenseProgram(rows=rows, costs=np.eye(2)[:1]), np.array([[-1.0, -1.0], [3.0, 3.0]]), np.ones((1, 1)))
     assert ends.status.tolist() == [NOT_FINITE, CONVERGED]
     assert ends.violation[0] == np.inf
 
 
-def test_equalities_without_a_solution_are_said_with_what_is_left_of_them():
+def test_unsolvable_equalities_are_reported_with_their_violation():
     rows = trace_rows(2, 0, lambda z, parameters: ([z[0] * z[0] + 1.0], [z[1]])).at()
     end = minimise(DenseProgram(rows=rows, costs=np.eye(2)[1:]), np.array([[0.5, 1.0]]), np.ones((1, 1)))
     assert end.status.tolist() == [VIOLATED]
@@ -94,7 +94,7 @@ def test_equalities_without_a_solution_are_said_with_what_is_left_of_them():
 
 @pytest.fixture
 def stop():
-    """The number of a signal that came; none again at the end."""
+    """Set the number of a signal; clear it at the end."""
     yield STOP
     STOP[0] = 0
 
@@ -108,10 +108,10 @@ def test_after_a_signal_no_solver_takes_another_step(kind, stop):
         minimise(program, x, weights)
 
 
-def test_a_signal_ends_the_iterations_under_way_and_what_they_came_to_is_kept(stop):
+def test_signal_ends_iterations_and_keeps_their_results(stop):
     program = motion()
     x, weights = np.repeat(starts(program), 4000, axis=0), np.ones((1, len(program.upper)))
-    minimise(program, x[:1], weights)  # compiles, which is no iteration
+    minimise(program, x[:1], weights)  # compiles first: compilation is no iteration
     begin = time.monotonic()
     minimise(program, x, weights)
     timer = threading.Timer(0.4 * (time.monotonic() - begin), stop.__setitem__, (0, int(signal.SIGINT)))

@@ -1,4 +1,4 @@
-"""Newton's matrix made definite: as little is added to its diagonal as gives the right inertia."""
+"""Newton's matrix gets the least addition to its diagonal that gives the right inertia."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from paretoik.nlp.banded.newton import _factorise_definite
 
 
 def factorised(A, B, C, border, delta=0.0):
-    """What was added last, and the matrices with it, of a dense A."""
+    """Return the last addition for a dense A, and the matrices with it."""
     band = np.array([[A[i, i - d] if i >= d else 0.0 for d in range(len(A))] for i in range(len(A))])
     B, C = B.copy(), C.copy()
     parts = np.empty_like(band), np.empty_like(B), np.empty_like(C)
@@ -52,6 +52,6 @@ def test_rows_of_bounds_need_a_negative_pivot_each_and_unknowns_of_the_border_a_
     assert border[1, 1] == -4.0
 
 
-def test_what_is_not_finite_cannot_be_made_definite():
+def test_matrix_that_is_not_finite_cannot_be_made_definite():
     A = np.array([[1.0, 0.0], [0.0, np.nan]])
     assert factorised(A, np.zeros((0, 2)), np.zeros((0, 0)), 0)[0] == np.inf

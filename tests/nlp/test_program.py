@@ -1,4 +1,4 @@
-"""Sparse matrices whose structure follows from the structures that they are made of."""
+"""Sparse products have the structure that their factors' structures define; violations of a program."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ def test_a_structural_product_is_the_product_and_keeps_sums_that_are_zero_by_cha
     assert Structure.of(product) == everywhere
 
 
-# By how much points violate what a program bounds: the largest of all excesses, each worked out by hand.
+# Violations of a program: the largest of all excesses, each computed by hand.
 
 
 def program(**changes):
-    """Of (x, y): objectives x and y, the equality x = y, the inequality x ≥ 1."""
+    """A program of (x, y): objectives x and y, the equality x = y, the inequality x ≥ 1."""
     rows = trace_rows(2, 0, lambda z, _: ([z[0] - z[1]], [z[0] - 1.0])).at()
     return replace(DenseProgram(rows=rows, costs=np.eye(2), objective_names=("x", "y")), **changes)
 
@@ -53,7 +53,7 @@ def test_bounds_on_objectives_count_by_rows_or_those_of_the_program():
     assert violation_of(program(), np.array([np.inf, 1.0]), none, one) == 0.0
 
 
-def test_what_is_no_number_is_not_feasible():
+def test_nan_is_not_feasible():
     assert np.isnan(violation_of(program(), np.zeros(2), np.array([np.nan]), np.ones(1)))
 
 

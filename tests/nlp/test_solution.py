@@ -1,4 +1,4 @@
-"""Quadratic programs solved from a guess of their multipliers."""
+"""Parametric quadratic programs solved from a guess of their multipliers."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from paretoik.nlp.parametric_qp.working_set import AugmentationOptions
 
 
 def solved(H, g, A, c, y, *, band=None, border=0, dense=0):
-    """The answer, with so much of H as band and border, the last rows as dense ones."""
+    """Return the solution; H has a band and a border of these sizes, and the last rows are dense."""
     n, limits = len(g), len(A) - dense
     size = n - border
     lower = np.zeros((size, size if band is None else band))
@@ -30,7 +30,7 @@ def solved(H, g, A, c, y, *, band=None, border=0, dense=0):
 
 
 def drawn(seed, *, repeated=False):
-    """A convex program with a point inside its constraints, some of which meet there."""
+    """Return a convex program with a feasible point at which some constraints are active."""
     rng = np.random.default_rng(seed)
     columns, rows = int(rng.integers(2, 12)), int(rng.integers(1, 25))
     root, A = rng.normal(size=(columns, columns)), rng.normal(size=(rows, columns))
@@ -42,7 +42,7 @@ def drawn(seed, *, repeated=False):
 
 
 def guess(seed, A):
-    """Multipliers of some independent rows."""
+    """Return positive multipliers of some independent rows."""
     rng = np.random.default_rng([seed, 1])
     rows = rng.permutation(len(A))[: int(rng.integers(0, min(A.shape) + 1))]
     multipliers = np.zeros(len(A))
@@ -70,7 +70,7 @@ def test_from_any_guess_the_optimum_is_found(seed, repeated, border, dense):
 
 
 def chain(seed):
-    """A program of neighbours: H has a band of two, and every constraint is of one entry or of two in a row."""
+    """Return a program of neighbours: H has a band of two, every constraint has one entry or two adjacent ones."""
     rng = np.random.default_rng(seed)
     n = int(rng.integers(6, 30))
     H = np.diag(2.5 + rng.random(n)) - np.eye(n, k=1) - np.eye(n, k=-1)
@@ -132,7 +132,7 @@ def test_negative_curvature_along_active_constraints_ends_the_homotopy(dense):
     assert solved(H, g, along, np.zeros(1), np.array([1.0]), dense=dense).share == 0.0
 
 
-def test_where_it_is_flat_nothing_moves_by_itself():
+def test_directions_without_curvature_do_not_move_by_themselves():
     H, g = np.diag([1.0, 0.0, 0.0]), np.array([-1.0, 0.0, 1.0])
     A, c = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 1.0]]), np.array([0.5, 0.4])  # z ≥ −0.5, y + z ≥ −0.4
     solution = solved(H, g, A, c, np.array([1.0, 0.0]))
@@ -149,7 +149,7 @@ def test_a_linear_program_is_followed_to_its_vertex(seed):
 
 
 def degenerate(seed):
-    """A program without positive curvature everywhere, of whose constraints several meet at the first point."""
+    """Return a program that is not convex; several constraints are active at the first point."""
     rng = np.random.default_rng(seed)
     columns, rows = int(rng.integers(2, 7)), int(rng.integers(1, 16))
     root = rng.normal(size=(columns, columns))

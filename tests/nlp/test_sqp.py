@@ -1,4 +1,4 @@
-"""Sequential quadratic programming on small programs, smooth and kinked: optimality conditions, and other solvers."""
+"""Sequential quadratic programming on small smooth and kinked programs: optimality, and other solvers."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ OPTIONS = SqpOptions(radius=0.1, tolerance=1e-9)
 
 
 def bowl(seed, *, kinked=False):
-    """A sphere's surface below planes and waves; the last unknowns lie above the objectives, or their pieces.
+    """Return a program on a sphere below planes and waves; the last unknowns are above the objectives or pieces.
 
-    Objectives are products with the unknowns; with kinks the larger of two, by its epigraph.
+    Objectives are products with the unknowns; with kinks, the larger of two products, by its epigraph.
     """
     rng = np.random.default_rng(seed)
     a, b = rng.normal(size=(2, 4, 4))
@@ -66,7 +66,7 @@ def test_the_conditions_of_optimality_hold(seed, kinked):
 
 @pytest.mark.parametrize("kinked", [False, True])
 @pytest.mark.parametrize("seed", range(6))
-def test_no_worse_than_slsqp_in_the_same_basin(seed, kinked):
+def test_solution_is_no_worse_than_slsqps_in_the_same_basin(seed, kinked):
     program, x = bowl(seed, kinked=kinked)
     ours, rows = minimise(program, x, first_of_two(), OPTIONS), program.rows
     theirs = minimize(
@@ -87,7 +87,7 @@ def test_no_worse_than_slsqp_in_the_same_basin(seed, kinked):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_ipopt_stays_at_the_optimum_of_a_largest_value(seed):
-    """The same largest value of three waves on a circle, written for IPOPT by hand, from where our search ended."""
+    """IPOPT gets the same program, the largest of three waves on a circle, and starts at our optimum."""
     rng = np.random.default_rng(seed)
     phase = rng.uniform(0, 2 * np.pi, size=3)
 
@@ -116,7 +116,7 @@ def test_a_goal_times_a_number_leads_to_the_same_point(factor, kinked):
     goal = first_of_two()
     scaled = minimise(program, x, replace(goal, weights=factor * goal.weights), OPTIONS)
     assert (plain.status, scaled.status) == (CONVERGED, CONVERGED)
-    assert scaled.x[:5] == pytest.approx(plain.x[:5], abs=1e-6)  # nothing decides how far above the last one lies
+    assert scaled.x[:5] == pytest.approx(plain.x[:5], abs=1e-6)  # the last unknown is not unique
     assert scaled.multipliers == pytest.approx(factor * plain.multipliers, abs=1e-4 * factor)
 
 

@@ -9,7 +9,7 @@ from paretoik.trajectory.transcription import motion_program
 
 
 def certify_motions(task, q, ranges):
-    """The certificates of motions on the path."""
+    """Return the certificates of motions on the path."""
     return certify(
         motion_program(task),
         np.asarray(q),

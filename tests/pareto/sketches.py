@@ -16,7 +16,7 @@ ONES = np.ones(2)
 
 
 def sketched(unknowns, values, within=lambda x: ([], [])):
-    """Objectives are the last unknowns, each no less than its value; ``within`` gives further rows."""
+    """Return a program; objectives are the last unknowns, above their values; ``within`` gives more rows."""
 
     def rows(z, parameters):
         x = z[:unknowns]
@@ -31,12 +31,12 @@ def sketched(unknowns, values, within=lambda x: ([], [])):
 
 
 def scaled(program, scales):
-    """The program with its objectives divided by scales."""
+    """Return the program with its objectives divided by scales."""
     return replace(program, costs=program.costs / np.asarray(scales, dtype=float)[:, None])
 
 
 def swept(program, starts, **settings):
-    """The points of an ε-sweep from these starts, and the ranges."""
+    """Return the points of an ε-sweep from these starts, and the ranges."""
     cold = StartSearch(
         program_of=lambda scales: scaled(program, scales),
         starts=starts,
@@ -46,23 +46,23 @@ def swept(program, starts, **settings):
 
 
 def placed(values, x):
-    """Points of ``sketched`` programs: unknowns x, then objectives at their values."""
+    """Return points of ``sketched`` programs: unknowns x, then the objectives' values."""
     x = np.atleast_2d(np.asarray(x, dtype=float))
     return np.array([[*one, *values(one)] for one in x])
 
 
 def certificates(program, z, ranges=ONES, signs=ONES):
-    """Certificates of points that keep their limits between samples."""
+    """Return certificates of points that satisfy their limits between samples."""
     ranges, signs = np.asarray(ranges, dtype=float), np.asarray(signs, dtype=float)
     return certify(program, z, ranges=ranges, signs=signs, violation_between=np.zeros(len(z)))[0]
 
 
 def ellipses(x):
-    """Two bowls about (0, 0) and (1, 0.5), of other shapes and sizes."""
+    """Return the values of two bowls around (0, 0) and (1, 0.5) with different shapes and sizes."""
     return [x[0] ** 2 + 3 * x[1] ** 2, 10 * (2 * (x[0] - 1) ** 2 + (x[1] - 0.5) ** 2)]
 
 
 def ellipses_best(share):
-    """Where share · the first + (1 − share) · the second is least."""
+    """Return the minimum of share · first + (1 − share) · second."""
     one, other = 2 * share * np.diag([1.0, 3.0]), 20 * (1 - share) * np.diag([2.0, 1.0])
     return np.linalg.solve(one + other, other @ [1.0, 0.5])

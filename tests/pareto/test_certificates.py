@@ -18,7 +18,7 @@ from tests.pareto.sketches import ONES, SHARES, certificates, ellipses, ellipses
 
 
 def saddle(x):
-    """Along the last coordinate there is something better on either side, in both objectives."""
+    """Return two objectives that both improve on either side along the last coordinate."""
     bent = x[1] ** 4 - x[1] ** 2
     return [x[0] ** 2 + bent, (x[0] - 1) ** 2 + bent]
 
@@ -47,7 +47,7 @@ def test_exchange_rates_are_the_slopes_of_the_front_and_what_is_maximised_has_it
 
 
 def test_at_a_corner_of_the_front_the_exchange_lies_between_the_slopes_of_both_sides():
-    """On x + y ≥ 1 and 3 x + y ≥ 1.5 from (0.25, 0.75): y falls by 1 for x to one side, by 3 to the other."""
+    """At (0.25, 0.75) on x + y ≥ 1 and 3 x + y ≥ 1.5, y falls by 1 per x on one side, by 3 on the other."""
     program = sketched(2, lambda x: [x[0], x[1]], lambda x: ([], [x[0] + x[1] - 1.0, 3 * x[0] + x[1] - 1.5]))
     certificate = certificates(program, np.array([[0.25, 0.75, 0.25, 0.75]]))
     assert certificate.status[0] == "minimum"
@@ -67,7 +67,7 @@ def test_a_saddle_is_called_one_and_the_valleys_beside_it_minima(place):
 
 @pytest.mark.parametrize("low", [0.0, -1e-3])
 def test_what_limits_keep_from_going_down_is_a_minimum_unless_there_is_another_side(low):
-    """At the saddle the last coordinate may only rise, or not even that."""
+    """At the saddle the last coordinate may only rise, or may not change."""
     within = sketched(2, saddle, lambda x: ([], [x[1] - low, -x[1] - low]))
     z = placed(saddle, [[0.5, 0.0]])
     certificate = certificates(within, z)
@@ -76,7 +76,7 @@ def test_what_limits_keep_from_going_down_is_a_minimum_unless_there_is_another_s
     assert certificates(one_sided, z).status[0] == "saddle"
 
 
-def test_what_could_gain_in_both_is_not_critical_and_past_limits_says_by_how_much():
+def test_point_that_gains_in_both_is_not_critical_and_reports_its_violation():
     program = sketched(2, ellipses, lambda x: ([], [0.8 - x[0]]))
     certificate = certificates(program, placed(ellipses, [[0.3, 0.9], [1.0, 0.5]]), (2.0, 25.0))
     assert certificate.status[0] == "undetermined"
@@ -93,7 +93,7 @@ def test_a_solver_that_fails_at_one_point_leaves_that_one_undetermined_with_its_
     def fail(*arguments):
         calls.append(arguments)
         if len(calls) == 2:
-            raise SolverFailed("criticality: Clarabel wanted to end with Solved, got InsufficientProgress")
+            raise SolverFailed("criticality: Clarabel must end with Solved, got InsufficientProgress")
         return solve(*arguments)
 
     monkeypatch.setattr(certifying, "criticality", fail)
@@ -111,7 +111,7 @@ def test_a_solver_that_fails_at_one_point_leaves_that_one_undetermined_with_its_
 
 def test_a_range_of_multipliers_that_fails_costs_the_rates_and_nothing_else(monkeypatch):
     def fail(*_):
-        raise SolverFailed("multipliers: Clarabel wanted to end with Solved, got NumericalError")
+        raise SolverFailed("multipliers: Clarabel must end with Solved, got NumericalError")
 
     program, x = sketched(2, ellipses), placed(ellipses, [ellipses_best(0.5)])
     monkeypatch.setattr(certifying, "weight_ratios", fail)
@@ -150,7 +150,7 @@ def test_after_a_signal_no_point_is_certified_and_all_are_kept():
 
 @pytest.mark.parametrize(("width", "end"), [(1e-6, "that ends at left, right"), (1e-2, "in which no better point was")])
 def test_a_direction_that_soon_meets_a_limit_is_said_to_end_there(width, end, monkeypatch):
-    monkeypatch.setattr(curvature, "_better_point", lambda *arguments: None)  # as where no solver finds one
+    monkeypatch.setattr(curvature, "_better_point", lambda *arguments: None)  # as if no solver finds one
     program = sketched(2, saddle, lambda x: ([], [1.0 - x[1] / width, 1.0 + x[1] / width]))
     program = replace(program, inequality_names=("first", "second", "left", "right"))
     certificate = certificates(program, placed(saddle, [[0.5, 0.0]]))
@@ -158,7 +158,7 @@ def test_a_direction_that_soon_meets_a_limit_is_said_to_end_there(width, end, mo
     assert certificate.reason[0].startswith(f"curvature -2.0e+00 along a direction {end}")
 
 
-# How objectives trade: rates from weights, and intervals of rates where multipliers are not unique.
+# Exchange rates from weights, and intervals of rates if multipliers are not unique.
 
 
 RANGES = np.array([2.0, 5.0, 0.1])
@@ -170,14 +170,14 @@ def limits(rows, slacks):
 
 
 def ratios_of(weights):
-    """Ratios λ_i/λ_j of unique weights, as ends of intervals."""
+    """Return ratios λ_i/λ_j of unique weights as ends of intervals."""
     return np.stack([weights[:, :, None] / weights[:, None, :]] * 2, axis=-1)
 
 
 def test_a_step_along_the_front_s_tangent_plane_keeps_the_weighted_sum():
     weights = np.random.default_rng(0).dirichlet(np.ones(3), size=20)
     rates = exchange_rates(weights, ratios_of(weights), RANGES, SIGNS)
-    scaled = weights * SIGNS / RANGES  # of natural objectives in their own signs
+    scaled = weights * SIGNS / RANGES  # for natural objectives in their own signs
     for i in range(3):
         for j in range(3):
             if i != j:
@@ -186,7 +186,7 @@ def test_a_step_along_the_front_s_tangent_plane_keeps_the_weighted_sum():
     np.testing.assert_allclose(rates * np.swapaxes(rates, 1, 2), 1.0)
 
 
-def test_what_has_no_weight_has_no_rate_in_either_direction():
+def test_objective_without_weight_has_no_rate_in_either_direction():
     weights = np.array([[1.0 - 1e-9, 1e-9]])
     rates = exchange_rates(weights, ratios_of(weights), np.ones(2), np.ones(2))[0]
     assert np.isnan(rates[[0, 1], [1, 0]]).all()
@@ -222,11 +222,11 @@ def test_ratios_of_opposed_gradients_are_those_of_their_lengths():
 
 @pytest.mark.parametrize("slack", [0.0, 0.1])
 def test_at_a_corner_any_ratio_between_those_of_both_sides_serves(slack):
-    """Gradients (1, 0) and (−1, 1) with limits x ≥ 0 and y ≥ 0: λ₁ − λ₂ = μ₁ ≥ 0 and λ₂ = μ₂ where both are reached."""
+    """Gradients (1, 0) and (−1, 1) with limits x ≥ 0 and y ≥ 0: λ₁ − λ₂ = μ₁ ≥ 0 and λ₂ = μ₂ if both are active."""
     gradients = np.array([[1.0, 0.0], [-1.0, 1.0]])
     weights = np.array([0.5, 0.5])
     ratios = weight_ratios(gradients, limits(np.eye(2), [slack, 0.0]), weights)
-    if slack:  # only y ≥ 0 is reached: both weigh the same
+    if slack:  # only y ≥ 0 is active: both weights are equal
         np.testing.assert_allclose(ratios, 1.0, atol=1e-6)
     else:
         assert ratios[0, 1, 0] == pytest.approx(1.0, abs=1e-6)

@@ -80,7 +80,7 @@ def test_a_kink_that_keeps_a_motion_from_being_certified_is_named():
     path, arm = tringali_2020.straight(11), pk.arms.tringali_3r()
     plain = pk.Tracking(arm, path, objectives=[pk.kinetic_energy], bases=1, differences="backward")
     q = np.array(plain.decode(np.atleast_2d((plain.xl + plain.xu) / 2)).q)
-    ends = np.abs(q[0, 5, 1]), 2.0 * np.abs(q).max()  # met by the joint at a sample, and never
+    ends = np.abs(q[0, 5, 1]), 2.0 * np.abs(q).max()  # reached by the joint at a sample, and never
     for end, named in zip(ends, (True, False), strict=True):
 
         def saturated(motion, end=end):

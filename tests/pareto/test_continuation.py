@@ -1,4 +1,4 @@
-"""Optima followed along the front of two ellipses, which is known."""
+"""Optima followed along the known front of two ellipses."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def start(share):
 
 
 def aim(share, by, *, improve=0, ranges=RANGES):
-    """The aim from where ``share`` of the first ellipse's weight counts."""
+    """Return the aim from the point with ``share`` of the first ellipse's weight."""
     weights = np.array([share, 1 - share]) * ranges
     return Aim(
         wish=Wish(improve=improve, payers=(1 - improve,), by=by),
@@ -58,7 +58,7 @@ def test_a_point_of_the_front_is_the_optimum_of_its_own_goal(share, improve):
 
 
 @pytest.mark.parametrize(("improve", "by"), [(0, 0.02), (0, 0.1), (1, 0.02), (1, 0.1)])
-def test_what_is_followed_stays_on_the_front_and_gains_what_was_asked(improve, by):
+def test_followed_optimum_stays_on_the_front_and_gains_the_wish(improve, by):
     wish = aim(0.95, by, improve=improve)
     _, way = followed(PROGRAM, 0.95, wish)
     values = PROGRAM.evaluate(way.optimum.x)[0]
@@ -68,7 +68,7 @@ def test_what_is_followed_stays_on_the_front_and_gains_what_was_asked(improve, b
     assert values / RANGES == pytest.approx(ellipses(ellipses_best(place)) / RANGES, abs=1e-7)
 
 
-def test_two_halves_are_one_whole():
+def test_following_two_halves_equals_following_the_whole():
     whole = followed(PROGRAM, 0.7, aim(0.7, 0.2))[1].optimum
     half = followed(PROGRAM, 0.7, aim(0.7, 0.1))[1].optimum
     rest = correct(PROGRAM, half, aim(0.7, 0.2).at_share(1.0))
@@ -76,7 +76,7 @@ def test_two_halves_are_one_whole():
     assert rest.multipliers == pytest.approx(whole.multipliers, abs=1e-7)
 
 
-def test_there_and_back_is_where_it_began():
+def test_following_there_and_back_returns_to_the_start():
     wish = aim(0.7, 0.2)
     way = followed(PROGRAM, 0.7, wish)[1]
     back = follow(PROGRAM, way.optimum, lambda share: wish.at_share(1.0 - share))
@@ -114,7 +114,7 @@ def test_units_of_objectives_change_nothing(units):
 
 
 def papers_arm(**limits):
-    """A program of the papers' arm, an optimum of it, and the aim at energy less by a share of a tenth of its value."""
+    """Return a program of the papers' arm, its optimum, and the aim to lower energy by a share of a tenth."""
     path = pk.line((0.4678, 0.0), (0.0983, 0.1526), duration=1.0, samples=11)
     objectives = [pk.kinetic_energy, pk.torque_norm]
     task = pk.Tracking(
@@ -157,7 +157,7 @@ def test_objectives_of_a_prediction_err_by_the_fourth_power_of_the_step(limits):
     assert np.log2(errors[1] / errors[2]) >= 3.6
 
 
-def test_where_one_model_does_not_reach_it_is_made_anew_on_the_way(monkeypatch):
+def test_prediction_makes_new_models_on_the_way(monkeypatch):
     wish = aim(0.3, 0.5)
     optimum, way = followed(PROGRAM, 0.3, wish)
     predicted = PROGRAM.evaluate(predict(PROGRAM, optimum, wish.at_share))[0][:2]

@@ -10,7 +10,7 @@ from paretoik.pareto.curvature import least_multipliers, null_space
 
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("auxiliary", [0, 1, 7])
-def test_it_is_the_same_space_whichever_columns_are_eliminated(seed, auxiliary):
+def test_null_space_does_not_depend_on_eliminated_columns(seed, auxiliary):
     rng = np.random.default_rng(seed)
     unknowns, rest = 9, 4
     rows = np.zeros((auxiliary + rest + 2, unknowns + auxiliary))

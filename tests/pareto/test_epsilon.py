@@ -1,4 +1,4 @@
-"""Fronts of small smooth programs whose fronts are known, and those of ways and postures."""
+"""Known fronts of small smooth programs, and fronts of ways and postures."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def apart(x, place):
 
 
 def two_places(limit):
-    """Squared distances to (0, 0) and (1, 0), the second coordinate at least a limit."""
+    """Return squared distances to (0, 0) and (1, 0); the second coordinate is at least a limit."""
     return sketched(2, lambda x: [apart(x, (0.0, 0.0)), apart(x, (1.0, 0.0))], lambda x: ([], [x[1] - limit]))
 
 
@@ -39,7 +39,7 @@ def test_between_two_places_the_front_is_the_line_that_joins_them(limit):
     assert values[:, 1] == pytest.approx((1 - along) ** 2 + height**2, abs=1e-6)
     assert ranges == pytest.approx([1.0, 1.0], abs=2e-2)
     assert len(z) == 9
-    assert values.min(axis=0) == pytest.approx([height**2] * 2, abs=1e-5)  # it gives way by 1e-6 of the ranges
+    assert values.min(axis=0) == pytest.approx([height**2] * 2, abs=1e-5)  # an end gives way by 1e-6 of the ranges
     assert z[:, 1] == pytest.approx(np.full(9, height), abs=1e-3)
     assert np.linalg.norm(np.diff(values[np.argsort(values[:, 0])], axis=0), axis=1).max() <= 0.4
     done = [progress.done for progress in seen]
@@ -104,7 +104,7 @@ def test_of_three_objectives_the_front_is_the_triangle_between_their_places():
     assert len(z) == 14
     assert values == pytest.approx(np.sum((x[:, None] - corners) ** 2, axis=2), abs=1e-7)
     share = np.linalg.solve(np.vstack([corners.T, np.ones(3)]), np.vstack([x.T, np.ones(len(x))]))
-    assert share.min() >= -2e-3  # inside, or so near to an edge that the values are the same within 1e-6
+    assert share.min() >= -2e-3  # inside, or near an edge with the same values within 1e-6
     assert values.min(axis=0) == pytest.approx(np.zeros(3), abs=1e-5)
     assert (share > 0.05).all(axis=0).any()
     gap = np.linalg.norm((values[:, None] - values[None]) / ranges, axis=2) + 9 * np.eye(len(z))
@@ -112,7 +112,7 @@ def test_of_three_objectives_the_front_is_the_triangle_between_their_places():
 
 
 def test_a_front_in_pieces_has_points_on_all_of_them_and_on_nothing_else():
-    """A wave that falls: only where it is lower than all before it is it best, from 0 to 0.2 and from 0.64 to 0.87."""
+    """A falling wave: non-dominated only below all earlier values, from 0 to 0.2 and from 0.64 to 0.87."""
 
     def wave(x):
         return 1.2 - x - 0.35 * np.sin(3 * np.pi * x)
@@ -129,7 +129,7 @@ def test_a_front_in_pieces_has_points_on_all_of_them_and_on_nothing_else():
     assert values.min(axis=0) == pytest.approx([0.0, best.min()], abs=1e-5)
 
 
-def test_no_more_points_than_wanted_and_the_ends_among_them():
+def test_sweep_returns_at_most_the_asked_points_with_the_ends():
     program = two_places(-1.0)
     for points in (2, 3, 5):
         values = swept(program, starts(program, 2), points=points)[0] @ program.costs.T
@@ -147,7 +147,7 @@ def test_one_point_that_is_the_best_of_all_is_a_front_in_any_unit(factor):
 
 
 @pytest.mark.parametrize("factor", [1e-9, 1e9])
-@pytest.mark.parametrize(("distance", "accuracy"), [(0.5, 1e-6), (6e-4, 1e-2)])  # the second: a range of 4e-7 beside 3
+@pytest.mark.parametrize(("distance", "accuracy"), [(0.5, 1e-6), (6e-4, 1e-2)])  # the second: a range of 4e-7 next to 3
 def test_a_front_is_the_same_in_any_unit(distance, accuracy, factor):
     program = sketched(2, lambda x: [apart(x, (0.0, 0.1)), 3.0 + apart(x, (distance, 0.1))])
     plain, ranges = swept(program, starts(program, 2), points=5)
@@ -157,9 +157,9 @@ def test_a_front_is_the_same_in_any_unit(distance, accuracy, factor):
     assert other / factor == pytest.approx(ranges, rel=accuracy)
 
 
-def test_where_no_start_leads_within_limits_that_is_said():
+def test_sweep_without_a_start_within_limits_is_an_error():
     program = sketched(1, lambda x: [x[0], 1.0 - x[0]], lambda x: ([], [x[0] - 2.0, 1.0 - x[0]]))
-    with pytest.raises(SolverFailed, match="a start that leads to a point within all limits wanted, found none"):
+    with pytest.raises(SolverFailed, match="at least one start must lead to a point within all limits"):
         swept(program, np.zeros((2, 3)), points=3)
 
 
@@ -204,13 +204,13 @@ def test_ways_of_the_front_are_certified_minima(way):
     assert not better.any()
 
 
-def test_its_ends_are_no_worse_than_what_a_short_search_and_polishing_find(way):
+def test_ends_of_a_way_front_are_no_worse_than_search_with_refinement(way):
     problem, _, front = way
     polished = pk.refine(pk.solve(problem, population=24, generations=12, seed=0, points=3))
     assert (front.minimised.min(axis=0) <= polished.minimised.min(axis=0) * (1 + 1e-5)).all()
 
 
-def test_it_is_the_same_again_bit_for_bit(way):
+def test_way_front_repeats_bit_for_bit(way):
     problem, points, front = way
     again = pk.epsilon_front(problem, points=points, starts=4)
     assert np.array_equal(again.objectives, front.objectives)
@@ -221,7 +221,7 @@ def test_one_objective_is_no_front():
     problem = pk.DirectionalMaxima(
         pk.arms.kim_3r(), pk.capability.kim_joint_motors(), [0.2, -0.15], [[1.0, 0.0]], power=False
     )
-    with pytest.raises(InvalidInput, match="epsilon_front: two objectives or more wanted, got one"):
+    with pytest.raises(InvalidInput, match="problem must have two objectives or more for epsilon_front, got one"):
         pk.epsilon_front(problem, points=3)
 
 

@@ -1,4 +1,4 @@
-"""Points that workers refine, and levels of ε that they minimise ahead of their turn, are what they are without."""
+"""Workers that refine points or minimise levels of ε ahead do not change the results."""
 
 from __future__ import annotations
 

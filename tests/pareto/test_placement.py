@@ -1,4 +1,4 @@
-"""Where points of a front of two objectives go: beside brute force, and on fronts that are known."""
+"""Placement of points on two-objective fronts: brute force, and known fronts."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ seeds = st.integers(0, 10**6)
 
 
 def volume(values):
-    """Hypervolume up to the worst values."""
+    """Return the hypervolume up to the worst values."""
     return hypervolume(values, values.max(axis=0))
 
 
 def staircase(rng, size):
-    """Points none of which dominates another, by the first objective."""
+    """Return non-dominated points sorted by the first objective."""
     first, second = np.sort(rng.uniform(size=(2, size)), axis=1)
     return np.stack([first, second[::-1]], axis=1)
 
@@ -58,13 +58,13 @@ def test_the_volume_of_every_subset_is_its_hypervolume_up_to_the_worst_values(se
 
 
 def bowls(share):
-    """The front of (x², (1 − x)²) at shares of the way, and its weights there."""
+    """Return the front of (x², (1 − x)²) at shares of the way, and its weights there."""
     share = np.asarray(share, dtype=float)
     return np.stack([share**2, (1 - share) ** 2], axis=1), np.stack([1 - share, share], axis=1)
 
 
 @given(first=st.floats(0.0, 0.9), width=st.floats(0.05, 0.1))
-def test_of_bowls_the_parabola_is_the_front_itself(first, width):
+def test_front_of_bowls_is_its_parabola(first, width):
     values, weights = bowls([first, first + width])
     gap = gap_between(values, weights)
     assert not gap.contradicts
@@ -110,7 +110,7 @@ def test_points_placed_have_nearly_the_most_hypervolume_there_is_and_more_than_e
     assert placed >= best - 3 * OPTIONS.gain * sum(gap.area for gap in gaps)
 
 
-def test_with_as_many_points_as_wanted_that_none_would_better_there_is_no_target():
+def test_enough_points_without_a_better_place_have_no_target():
     fine, weights = bowls(np.linspace(0.0, 1.0, 401))
     rows = best_rows(fine, 6)
     gaps = [gap_between(fine[[i, j]], weights[[i, j]]) for i, j in pairwise(rows)]
@@ -119,7 +119,7 @@ def test_with_as_many_points_as_wanted_that_none_would_better_there_is_no_target
     assert next_targets([], fine[rows], 7) == []
 
 
-# Points of a front: which belong to it, which are neighbours, and where more are wanted, beside brute force.
+# Non-dominated points, neighbours and gaps of a front, compared with brute force.
 
 
 def test_points_that_repeat_or_are_dominated_are_left_out():
@@ -127,7 +127,7 @@ def test_points_that_repeat_or_are_dominated_are_left_out():
     assert front_rows(shares).tolist() == [0, 2, 1]
 
 
-def test_of_points_that_repeat_each_other_one_is_left_and_it_is_the_best():
+def test_repeated_points_leave_only_the_best():
     shares = np.array([[0.5 + 1e-12, 0.5], [0.0, 1.0], [0.5, 0.5 - 1e-12], [0.5 - 2e-8, 0.5 + 1e-9]])
     assert front_rows(shares).tolist() in ([1, 2], [1, 3])
 
@@ -139,7 +139,7 @@ def test_too_many_points_are_thinned_to_those_well_apart():
 
 
 @given(seed=seeds, n_obj=st.integers(1, 4))
-def test_the_front_is_what_nothing_else_is_as_good_as_everywhere(seed, n_obj):
+def test_front_has_no_point_that_another_equals_or_beats_everywhere(seed, n_obj):
     rng = np.random.default_rng(seed)
     shares = rng.integers(0, 6, (rng.integers(1, 25), n_obj)) / 6 + rng.uniform(-0.4, 0.4, (1, n_obj)) * POINT_TOLERANCE
     rows = front_rows(shares)
@@ -165,7 +165,7 @@ def test_every_point_has_one_on_the_front_that_is_as_good_and_nothing_on_the_fro
 
 
 @given(seed=seeds, n_obj=st.integers(2, 3), count=st.integers(3, 20))
-def test_what_is_thinned_out_is_nearer_to_what_is_left_than_that_is_to_each_other(seed, n_obj, count):
+def test_removed_points_are_nearer_to_kept_ones_than_those_to_each_other(seed, n_obj, count):
     rng = np.random.default_rng(seed)
     shares = rng.uniform(size=(rng.integers(1, 16), n_obj))
     rows = spread_rows(shares, count)
@@ -196,7 +196,7 @@ def test_neighbours_have_no_point_in_the_ball_between_them_and_the_farthest_come
 
 
 @given(seed=seeds)
-def test_a_point_is_known_where_one_is_the_same_in_every_objective(seed):
+def test_duplicate_equals_a_point_in_every_objective(seed):
     rng = np.random.default_rng(seed)
     others = rng.uniform(size=(6, 3))
     which = rng.integers(6)
@@ -207,7 +207,7 @@ def test_a_point_is_known_where_one_is_the_same_in_every_objective(seed):
 
 
 class Filled:
-    """A front y = shape(x) on the unit interval, points of it so far, and what was asked for."""
+    """A front y = shape(x) on the unit interval, its points so far, and the requests."""
 
     def __init__(self, shape, hidden=()):
         self.places = np.linspace(0.0, 1.0, 100001)
@@ -241,7 +241,7 @@ def bent(x):
 
 @pytest.mark.parametrize("shape", [bulge, bent, lambda x: 1.0 - x], ids=["bulging", "bent in", "straight"])
 @pytest.mark.parametrize("points", [2, 3, 7, 20])
-def test_gaps_are_filled_until_there_are_as_many_points_as_wanted_with_none_far_apart(shape, points):
+def test_gaps_are_filled_up_to_the_asked_number_of_points(shape, points):
     filled = Filled(shape)
     fill_gaps(filled.front, filled.add, points)
     assert len(filled.points) == points
@@ -251,7 +251,7 @@ def test_gaps_are_filled_until_there_are_as_many_points_as_wanted_with_none_far_
     assert gaps.max() <= 2.6 * length / (points - 1)
 
 
-def test_across_a_jump_is_asked_from_both_sides_once_and_never_again():
+def test_jump_is_asked_from_both_sides_only_once():
     filled = Filled(lambda x: np.where(x <= 0.3, 1.0 - x / 3, 0.4 - 0.4 * x), hidden=[(0.3, 0.5)])
     fill_gaps(filled.front, filled.add, 12)
     assert len(filled.points) == 12
@@ -260,11 +260,11 @@ def test_across_a_jump_is_asked_from_both_sides_once_and_never_again():
     assert len(set(filled.asked)) == len(filled.asked)
 
 
-def test_where_no_gap_yields_another_point_it_ends():
+def test_filling_ends_when_no_gap_yields_a_point():
     filled = Filled(lambda x: 1.0 - x, hidden=[(0.0, 0.5), (0.5, 1.0)])
     fill_gaps(filled.front, filled.add, 10)
     assert filled.front().tolist() == [[0.0, 1.0], [0.5, 0.5], [1.0, 0.0]]
-    assert len(filled.asked) <= 5  # one that yields, and both ways across each gap that is left
+    assert len(filled.asked) <= 5  # one that yields, and both ways across each remaining gap
 
 
 def test_the_longer_side_of_the_widest_gap_is_cut_first():

@@ -1,4 +1,4 @@
-"""Refining points of small programs whose fronts are known."""
+"""Refinement of points of small programs with known fronts."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from tests.pareto.sketches import ONES, SHARES, certificates, ellipses, ellipses
 
 
 def refined(program, z, ranges, observe=None):
-    """Points refined one at a time, and which converged."""
+    """Return points refined one at a time, and which converged."""
     with patch.object(refinement, "OPTIONS", replace(refinement.OPTIONS, batch=1)):
         return refinement.refine(scaled(program, ranges), z, len(ranges), observe=observe)
 
 
 def beside(count, seed):
-    """Points near the middle of the front of ``ellipses``."""
+    """Return points near the middle of the front of ``ellipses``."""
     away = 0.1 * np.random.default_rng(seed).normal(size=(count, 2))
     best = [ellipses_best(share) for share in np.linspace(0.5, 0.95, count)]
     return placed(ellipses, best + away)
@@ -80,7 +80,7 @@ def test_points_that_a_solver_stops_short_of_are_led_on_to_critical_ones_no_wors
 
 
 @pytest.mark.parametrize("last", [1, 3, 8])
-def test_where_observe_returns_true_later_points_stay_as_they_were(last):
+def test_later_points_stay_if_observe_returns_true(last):
     program, ranges, seen, points = sketched(2, ellipses), np.array([2.0, 25.0]), [], []
     z = beside(8, seed=0)
 
@@ -99,7 +99,7 @@ def test_where_observe_returns_true_later_points_stay_as_they_were(last):
     assert not (every == z).all(axis=1).any()
 
 
-def test_a_point_that_nothing_can_be_done_for_stays_and_is_said_to():
+def test_point_that_cannot_be_refined_stays_and_is_reported():
     nowhere = sketched(2, ellipses, lambda x: ([], [x[0] - 2.0, 1.0 - x[0]]))
     z = placed(ellipses, [[1.5, 0.0]])
     refined_points, good = refined(nowhere, z, ONES)
@@ -108,8 +108,8 @@ def test_a_point_that_nothing_can_be_done_for_stays_and_is_said_to():
     assert certificates(nowhere, z).violation == pytest.approx([0.5])
 
 
-def test_where_straight_ahead_leads_nowhere_all_objectives_gain_as_they_can():
-    """The second falls half as fast as the first: to gain as much it would have to leave the line."""
+def test_objectives_gain_unequally_if_straight_ahead_fails():
+    """The second objective falls half as fast as the first: to gain as much, a point would have to leave the line."""
 
     def slopes(x):
         return [x[0], 0.5 * x[0]]
@@ -120,7 +120,7 @@ def test_where_straight_ahead_leads_nowhere_all_objectives_gain_as_they_can():
     assert good.all()
 
 
-# Points that help a search: better than where they came from, at its ends, in gaps and in every branch.
+# Points that help a search: better than their starts, at its ends, in gaps and in every branch.
 
 
 def program():
@@ -129,7 +129,7 @@ def program():
 
 
 def near_the_front(count, height=0.2):
-    """Points above the line, and their objectives."""
+    """Return points above the line, and their objectives."""
     places = np.stack([np.linspace(0.2, 0.8, count), np.full(count, height)], axis=1)
     F = np.stack([(places**2).sum(axis=1), ((places - [1, 0]) ** 2).sum(axis=1)], axis=1)
     return np.concatenate([places, F], axis=1), F

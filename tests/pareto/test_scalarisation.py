@@ -1,4 +1,4 @@
-"""Objectives made one: sizes, ranges and weights by their definitions; batches change nothing."""
+"""Scalarisation: sizes, ranges and weights follow their definitions; batches change nothing."""
 
 from __future__ import annotations
 
@@ -58,11 +58,11 @@ def test_a_bound_holds_where_the_weights_alone_would_break_it():
     assert end[2] == pytest.approx(np.interp(2.0, front[:, 1], front[:, 0]), rel=1e-5)
 
 
-# What cold starts lead to, best first, and the second barrier for those that the first one loses.
+# Optima from cold starts, best first, and the second barrier for starts that the first one loses.
 
 
 def two_valleys():
-    """Of x, whose valleys at -1 and 1 are 0 and 0.5 deep, and of y."""
+    """A program of x, with valleys of values 0 and 0.5 at -1 and 1, and of y."""
     return sketched(
         2,
         lambda x: [(x[0] ** 2 - 1) ** 2 + 0.25 * (x[0] + 1) + 0.01 * x[1] ** 2, (x[1] - 1) ** 2],
@@ -87,12 +87,12 @@ def test_starts_that_the_first_barrier_loses_are_tried_with_the_second(monkeypat
     monkeypatch.setattr(cold_search, "COLD_OPTIONS", lost)
     assert search().optima(0)[0] == pytest.approx(optima[0], abs=1e-5)
     monkeypatch.setattr(cold_search, "COLD_OPTIONS", replace(lost, second_barrier=lost.barrier))
-    with pytest.raises(SolverFailed, match="a start that leads to a point within all limits wanted, found none"):
+    with pytest.raises(SolverFailed, match="at least one start must lead to a point within all limits"):
         search().optima(0)
 
 
 def bounded_valleys(upper=2.0):
-    """Depths of two valleys, at −1 and, a little less, at 1, and the distance from 0, within bounds."""
+    """Return a program of two valleys, at −1 and, less deep, at 1, and the distance from 0, within bounds."""
     return sketched(
         1, lambda x: [(x[0] ** 2 - 1) ** 2 + 0.1 * x[0], x[0] ** 2], lambda x: ([], [upper - x[0], x[0] + 2.0])
     )
@@ -125,13 +125,13 @@ def test_batches_of_starts_are_shown():
     assert seen == [(4, 5, "first (1 of 2)"), (5, 5, "first (1 of 2)")]
 
 
-def test_where_no_start_leads_within_the_limits_that_is_said():
-    with pytest.raises(SolverFailed, match="a start that leads to a point within all limits wanted"):
+def test_search_without_a_start_within_limits_is_an_error():
+    with pytest.raises(SolverFailed, match="at least one start must lead to a point within all limits"):
         search_from(bounded_valleys(upper=-3.0), np.linspace(-1.0, 1.0, 3)).optima(0)
 
 
 def test_initial_points_lead_to_an_optimum_where_the_others_are_small_too():
-    """Of x alone and of x and y: where the first is least, any y is as good to it."""
+    """Objectives of x, and of x and y: at the first one's minimum any y is optimal."""
     program = sketched(
         2, lambda x: [x[0] ** 2, (x[0] - 1) ** 2 + x[1] ** 2], lambda x: ([], [5 - x[0], 5 + x[0], 5 - x[1], 1 + x[1]])
     )

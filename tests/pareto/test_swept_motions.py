@@ -21,7 +21,7 @@ def test_the_front_reaches_both_of_ipopts_ends_and_is_not_beaten(front):
     reference = reference_front()
     assert front.minimised.min(axis=0) == pytest.approx(reference.min(axis=0), rel=1e-6)
     gain = (front.minimised[:, None] - reference[None]) / np.ptp(reference, axis=0)
-    assert gain.max(axis=2).min() > -1e-2  # the reference is a front itself: nobody is far below it
+    assert gain.max(axis=2).min() > -1e-2  # the reference is a front: no point is far below it
     assert np.all(gain.max(axis=2).min(axis=1) < 0.05)
     dominated = np.all(gain > 1e-6, axis=2).any(axis=1)
     assert not dominated.any()
@@ -101,7 +101,7 @@ def test_refinement_worsens_nothing_keeps_ids_and_certifies():
         (lambda: pk.epsilon_front(3), "Tracking"),
     ],
 )
-def test_what_cannot_be_a_front_is_named(call, said):
+def test_calls_that_define_no_front_are_refused_by_name(call, said):
     with pytest.raises(pk.InvalidInput, match=said):
         call()
 

@@ -18,7 +18,7 @@ import paretoik
 from paretoik.task.objectives import Objective
 
 ROOT = Path(__file__).parents[2]
-pytestmark = pytest.mark.slow  # it reads and writes some sixty pages
+pytestmark = pytest.mark.slow  # it reads and writes about sixty pages
 
 
 @pytest.fixture(scope="module")

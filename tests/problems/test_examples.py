@@ -1,4 +1,4 @@
-"""The worked examples run as they stand, say what problems/README.md says, and become notebooks."""
+"""The worked examples run as they are, print what problems/README.md says, and become notebooks."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ slow = pytest.mark.slow
 
 @pytest.fixture
 def example(tmp_path, monkeypatch, capsys):
-    """Return how to run an example in an empty folder: its names, and what it printed."""
+    """Return a function that runs an example in an empty folder: its names, and its output."""
     monkeypatch.chdir(tmp_path)
 
     def run(name):
@@ -43,7 +43,7 @@ def test_the_readme_lists_every_example_once_and_no_other():
     assert len(listed) == 12
 
 
-def test_what_the_readme_quotes_of_an_example_stands_in_it():
+def test_examples_contain_the_quotes_of_the_readme():
     for section in README.partition("\n## One's own\n")[0].split("\n### ")[1:]:
         (name,) = re.findall(r"\]\(examples/(\w+)\.py\)", section)
         (block,) = re.findall(r"```python\n(.*?)```", section, flags=re.DOTALL)
@@ -87,7 +87,7 @@ def test_ones_own_objectives_are_integrals_and_peaks_of_the_motions_and_the_cons
     assert largest(front.objectives[:, 2] - motions.links[..., 2, 1].min(axis=1)) < 1e-12
     assert largest(motions.torque[..., 2]) <= 0.05 * (1 + 1e-6)
     minima = front.certificates.status == "minimum"
-    assert minima.mean() > 0.9  # of some points the wrist's torque exceeds its bound between samples
+    assert minima.mean() > 0.9  # at some points the wrist's torque exceeds its bound between samples
     assert all(reason.startswith("between samples: wrist_torque") for reason in front.certificates.reason[~minima])
     assert "must return shape" in printed
 
@@ -138,7 +138,7 @@ def test_every_preference_keeps_to_its_word_and_the_run_keeps_the_choices(exampl
     assert names["first"].objectives[0] == energy[near_best].min()
     assert names["better"].objectives[0] < names["robust"].objectives[0]
     assert names["better"].objectives[1] <= 0.075
-    assert len(front.choices) == 8  # seven, and the reader's own after going back
+    assert len(front.choices) == 8  # seven, and the reader's own after an undo
     assert front.choices.chosen.point == names["own"].id
     assert Path("runs/choosing/report.html").stat().st_size < 5e6
     assert f"point {names['cheap'].id}" in printed
@@ -149,7 +149,7 @@ def test_each_move_along_a_front_gives_what_was_asked_for_and_a_certificate(exam
     front, moved, now = names["front"], names["moved"], names["now"]
     assert now.objectives[0] == pytest.approx(0.040, rel=1e-6)
     for later in (moved, names["dense"]):
-        for gone in front.objectives[~np.isin(front.ids, later.ids)]:  # nothing but what a new point dominates
+        for gone in front.objectives[~np.isin(front.ids, later.ids)]:  # only points that a new one dominates
             assert (later.objectives <= gone).all(axis=1).any()
     assert now.id not in front.ids
     assert set(moved.certificates.status) == {"minimum"}
@@ -179,7 +179,7 @@ def test_resolvers_keep_what_they_promise_and_the_whole_motion_is_better(example
 
 def test_sliders_are_faster_along_most_directions_and_point_to_point_arrives(example):
     names, _ = example("directions")
-    assert names["faster"].sum() == 12  # of 16, as in Kim et al. 2021 with what it does not print assumed
+    assert names["faster"].sum() == 12  # of 16, as in Kim et al. 2021 with our assumptions
     refined = names["refined"]
     assert largest(refined.motions.tool[:, -1] - names["place"]) < 1e-9
     assert np.allclose(refined.objectives[:, 0], refined.motions.time[:, -1])

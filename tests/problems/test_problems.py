@@ -1,4 +1,4 @@
-"""The problems that ship are what they say, checked by other means than their own."""
+"""The problems of the package are as described, checked by independent means."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The resolvers once more, in plain NumPy and by the papers' formulas, one motion at a time; nothing is shared."""
+"""Independent resolvers in plain NumPy by the papers' formulas, one motion at a time."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def weights_of_clamping(q, lower, upper, buffer):
 
 
 def repulsions(q, lower, upper, buffer, maximum_speed):
-    """Return t_r of every joint (Eq. 20), no more than at its limit past it."""
+    """Return t_r of every joint (Eq. 20), past its limit the same as at it."""
     speeds = np.zeros(len(q))
     for i, place in enumerate(q):
         if np.isfinite(upper[i] - lower[i]):
@@ -48,7 +48,7 @@ def damping(matrix, region, maximum_damping):
 
 
 class Plainly:
-    """One step after the other; ``rates(self, q, J, v, dq)`` makes the step."""
+    """A resolver, step by step; ``rates(self, q, J, v, dq)`` computes the step."""
 
     def __init__(self, motion, rates, feedback):
         self.motion, self.rates, self.feedback = motion, rates, feedback
@@ -63,7 +63,7 @@ class Plainly:
         return self.travelled(q, k) / dt + self.feedback * self.at(q, k)[0]
 
     def travelled(self, q, k):
-        """Return how far the target goes: positions in world axes, the turn of its frame in the tool's."""
+        """Return the travel of the target: positions in world axes, the turn of its frame in the tool's axes."""
         (task,) = self.motion.tasks
         now, later = (task.targets(self.motion.time)[i] for i in (k, k + 1))
         size = task.position_rows

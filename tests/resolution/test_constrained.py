@@ -1,4 +1,4 @@
-"""Laws of ``ConstrainedQP``: every limit is kept at every step, and what cannot be done is said."""
+"""Laws of ``ConstrainedQP``: every step satisfies all limits, or its status says that it cannot."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def down(limits, method=QP, **settings):
 
 
 def worst_violations(motion, limits):
-    """Return the worst violation of every limit by the library's own account, by name."""
+    """Return the worst violation of every limit, by name, as the library computes it."""
     task = motion_task(
         motion.arm,
         motion.tasks,
@@ -41,7 +41,7 @@ def worst_violations(motion, limits):
 
 
 @every_arm
-def test_without_limits_near_it_is_gradient_projection(name):
+def test_constrained_steps_without_near_limits_are_gradient_projection(name):
     make, start = ARMS[name]
     arm, motions = make(), []
     for method in (pk.methods.GradientProjection, pk.methods.ConstrainedQP):
@@ -97,7 +97,7 @@ def test_links_stay_clear_of_obstacles(acceleration):
     assert max(worst_violations(motion, limits).values()) < 1e-6
     assert "clearance" in motion.traces.active[:, -1]
     followed = motion.traces.status == "done"
-    assert followed.all() or np.isfinite(acceleration)  # that brake too late for the path now and then
+    assert followed.all() or np.isfinite(acceleration)  # sometimes braking is too late for the path
     assert motion.tracking_error[1:][followed].max() < 2e-12
 
 
@@ -136,7 +136,7 @@ def test_limits_that_leave_no_way_on_are_named():
 
 def test_a_joint_past_its_limit_is_refused_or_returns():
     limits = Limits(position=([-3.0, 0.4, -3.0], [3.0, 3.0, 3.0]), velocity=2.0, acceleration=50.0)
-    with pytest.raises(InvalidInput, match=r"start: ConstrainedQP wants .* got joint2 0.073 past one"):
+    with pytest.raises(InvalidInput, match=r"start: joints must be .* for ConstrainedQP, got joint2 0.073 past one"):
         down(limits)
     motion = down(limits, unreachable="track")
     assert motion.q[-1, 1] >= 0.4 - 1e-9
@@ -145,7 +145,7 @@ def test_a_joint_past_its_limit_is_refused_or_returns():
 
 
 def test_a_start_in_an_obstacle_is_refused():
-    with pytest.raises(InvalidInput, match=r"start: ConstrainedQP wants links 0.01 m clear of obstacles, got -0.0"):
+    with pytest.raises(InvalidInput, match=r"start: links must be 0.01 m clear of obstacles .*, got -0.0"):
         down(Limits(position=12.0, clearance=0.01), obstacles=[pk.obstacles.Circle([0.2, 0.05], 0.05)])
 
 
@@ -158,8 +158,8 @@ def test_limits_that_rates_say_nothing_of_are_refused(limit):
 @pytest.mark.parametrize(
     ("weights", "message"),
     [
-        ([1.0, 0.0, 1.0], "positive joint_weights wanted, got 0"),
-        ([1.0, 1.0], r"joint_weights \(3,\) wanted, got shape"),
+        ([1.0, 0.0, 1.0], "joint_weights must be positive, got 0"),
+        ([1.0, 1.0], r"joint_weights must have shape \(3,\), got"),
     ],
 )
 def test_joint_weights_that_cannot_be_used_are_refused(weights, message):
@@ -217,7 +217,7 @@ def test_a_step_that_is_done_ends_on_the_path_and_one_that_newtons_method_misses
     assert (motion.traces.status[0] == "missed") == (samples == 3)
 
 
-# Laws of a step within limits: it solves its quadratic program, which other solvers solve too.
+# Laws of a step within limits, which solves a quadratic program
 
 
 SEEDS = range(12)
@@ -241,7 +241,7 @@ def bounded(rates, *, distances=None):
 
 
 def least_distance(goal, limits):
-    """Return the step by Lawson & Hanson's least distance programming, equations being pairs of inequalities."""
+    """Return the step by Lawson & Hanson's least distance programming, with equations as pairs of inequalities."""
     root, identity = np.sqrt(goal.inverse_weights), np.eye(len(goal.secondary))
     G = np.concatenate([goal.jacobian, -goal.jacobian, limits.gradients, identity, -identity])
     h = np.concatenate(
@@ -261,7 +261,7 @@ def test_a_step_is_the_solution_of_its_program(seed):
     free = limited_step(goal, bounded(np.full(dof, 1e3))).rates
     beside = free + rng.normal(size=dof) @ limited_step(goal, bounded(np.full(dof, 1e3))).projector.T
     gradients = rng.normal(size=(2, dof))
-    distances = gradients, gradients @ beside - 0.1  # what is beside the free rates keeps them
+    distances = gradients, gradients @ beside - 0.1  # satisfied by rates near the free ones
     limits = bounded(np.maximum(np.abs(beside) * 1.05, 0.7 * np.abs(free)), distances=distances)
     step, expected = limited_step(goal, limits), least_distance(goal, limits)
     assert not limits.keep(free, free)
@@ -272,7 +272,7 @@ def test_a_step_is_the_solution_of_its_program(seed):
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_without_limits_near_it_is_the_weighted_pseudoinverse(seed):
+def test_a_step_without_near_limits_is_the_weighted_pseudoinverse(seed):
     goal = random_goal(np.random.default_rng(seed))
     root = np.sqrt(goal.inverse_weights)
     inverse = root[:, None] * np.linalg.pinv(goal.jacobian * root)
@@ -327,7 +327,7 @@ def test_an_arm_that_is_held_still_moves_away_from_an_obstacle():
     assert STATUS[step.status] == "held"
 
 
-# Laws of rates that leave room to brake: whoever keeps to them keeps every limit, and can go on.
+# Laws of rates that leave enough distance to brake: all limits stay satisfiable
 
 
 STEPS = 25
@@ -377,7 +377,7 @@ def test_the_highest_rate_brakes_just_before_the_limit(slack):
     assert np.sum(rates * steps) == pytest.approx(slack, rel=1e-12)
 
 
-def test_what_contradicts_keeps_the_first_kinds():
+def test_contradicting_bounds_keep_the_first_kinds():
     bounds = np.array([[[-1.0, 1.0]], [[2.0, 3.0]], [[-5.0, -4.0]]])
     assert intersection(bounds).tolist() == [[1.0, 1.0]]
 

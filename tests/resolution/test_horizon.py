@@ -1,4 +1,4 @@
-"""Quartic splines: through all points, with the rates they are to begin with, at rest at the end."""
+"""Quartic splines: through all points, with given rates at the start and rest at the end."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Newton's method over the samples ahead on programs whose minima are known."""
+"""Newton's method over the samples ahead, on programs with known minima."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ DOF = 3
 
 
 def solved(objective, equations, start):
-    """Minimise a function of positions (samples, dof), given as expressions, from ``start``; one equation a sample."""
+    """Minimise a function of positions (samples, dof), given as expressions; one equation per sample."""
     tape, (horizon, dof) = Tape(), start.shape
     q = [[tape.input() for _ in range(dof)] for _ in range(horizon)]
     multipliers, _ = [tape.input() for _ in range(horizon)], [tape.input() for _ in range(dof)]
@@ -65,7 +65,7 @@ def test_the_nearest_point_of_a_sphere_is_found_where_the_hessian_is_indefinite_
     start /= np.linalg.norm(start)
 
     def objective(q):
-        return -sum(float(t) * x for t, x in zip(target, q[0], strict=True))  # curved by the sphere alone
+        return -sum(float(t) * x for t, x in zip(target, q[0], strict=True))  # curved only by the sphere
 
     q, value, converged, _ = solved(objective, lambda q: sum(x * x for x in q) - 1.0, start)
     assert converged

@@ -54,7 +54,7 @@ def exact_weighted_step(J, D, v):
     return (D * (J.T @ matrix[:, -1])).astype(float)
 
 
-# Weights of joints in their buffers, and of criteria.
+# Weights of joints in their buffers, and of criteria
 
 
 WIDTH = 0.5

@@ -1,4 +1,4 @@
-"""Laws of ``resolve`` where errors are large, joints slide, or have one limit alone."""
+"""Laws of ``resolve`` for large errors, sliding joints, and joints with only one limit."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ every_method = pytest.mark.parametrize("method", METHODS, ids=lambda one: type(o
 @pytest.mark.filterwarnings("ignore:waypoints")  # there and back, the curve overshoots
 @every_method
 @pytest.mark.parametrize("farthest", [0.5, 0.7, 1.5])
-def test_who_loses_a_path_that_leaves_its_reach_finds_it_again(method, farthest):
+def test_a_motion_that_loses_a_path_out_of_reach_finds_it_again(method, farthest):
     corners = [[0.4678, 0.0], [farthest, 0.0], [0.4678, 0.0], [0.4, 0.05]]
     path = pk.waypoints(corners, duration=1.0, samples=201)
     motion = pk.resolve(tringali_3r(), path, method, start=START, unreachable="track")
     assert motion.tracking_error.max() > 0.9 * (farthest - 0.49)
     assert motion.tracking_error[-1] < 1e-4
     assert np.abs(np.diff(motion.q, axis=0)).max() <= 1.0 + 1e-12
-    assert np.abs(motion.q).max() < np.pi  # it did not spin meanwhile
+    assert np.abs(motion.q).max() < np.pi  # it did not spin in between
 
 
 @every_method
@@ -58,7 +58,7 @@ def test_a_step_too_long_is_refused_by_its_length():
         pk.resolve(arm, path, pk.methods.PseudoInverse(), start=BENT)
 
 
-def test_who_comes_back_too_late_to_look_ahead_still_follows():
+def test_a_motion_that_returns_too_late_to_look_ahead_still_follows():
     path = pk.waypoints([[0.4678, 0.0], [0.45, 0.05], [0.8, 0.0], [0.46, 0.0]], duration=1.0, samples=201)
     motion = pk.resolve(tringali_3r(), path, METHODS[-1], start=START, unreachable="track")
     assert np.flatnonzero(motion.tracking_error > 0.01).max() > 160  # the last sample from which all ahead is path
@@ -67,7 +67,7 @@ def test_who_comes_back_too_late_to_look_ahead_still_follows():
 
 
 def turned(arm, q, about, angle):
-    """Return a path that leaves a posture's place, its first orientation off the posture's by an angle."""
+    """Return a path from a posture's place whose first orientation differs from the posture's by an angle."""
     rotation, position = kinematics.forward_kinematics(arm, q)
     off = rotation @ Rotation.from_rotvec(angle * np.array(about) / np.linalg.norm(about)).as_matrix()
     first = Pose.from_matrix(off, position)

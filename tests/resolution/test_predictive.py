@@ -1,4 +1,4 @@
-"""Laws of looking ahead: what is found is the least, the spline is one, and motions are better for it."""
+"""Laws of prediction: minima ahead, splines through them, and better motions."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ def test_looking_ahead_costs_less_than_the_least_velocities_and_more_than_the_op
     assert pk.kinetic_energy(local) > 1.3 * optimum
 
 
-def test_it_passes_where_the_least_velocities_meet_a_singularity():
+def test_prediction_passes_where_the_least_velocities_meet_a_singularity():
     path = straight(0.4)
     ahead, local = (
         pk.resolve(tringali_3r(), path, method, start=START, unreachable="track")
@@ -119,7 +119,7 @@ def test_it_passes_where_the_least_velocities_meet_a_singularity():
     assert pk.kinetic_energy(local) > 2 * pk.kinetic_energy(ahead)
 
 
-def test_it_looks_ahead_when_the_paper_does():
+def test_predictions_are_made_when_the_paper_makes_them():
     motion = pk.resolve(tringali_3r(), straight(0.1, 1001), pk.methods.PredictiveKineticEnergy(), start=START)
     np.testing.assert_array_equal(motion.traces.updates, np.arange(0, 801, 50))
     assert motion.traces.predictions.shape == (17, 2, 3)
@@ -151,7 +151,7 @@ def test_every_spline_begins_as_the_arm_moves_there():
     assert np.abs([rate for _, rate, _ in begins]).max() > 0.1
 
 
-def test_what_is_added_leaves_the_task_alone():
+def test_secondary_velocities_leave_the_task_alone():
     motion = pk.resolve(tringali_3r(), straight(0.1), pk.methods.PredictiveKineticEnergy(), start=START)
     task = task_of(tringali_3r(), straight(0.1), pk.kinetic_energy)
     _, slopes = task_errors(task.arm, task.tasks, motion.q[:-1], task.targets[:-1])
@@ -201,7 +201,7 @@ def test_nedungadis_motion_is_the_variational_one():
     least_squares = pk.resolve(tringali_3r(), path, pk.methods.LeastSquaresVelocity(), start=START)
     assert pk.kinetic_energy(motion[0]) < pk.kinetic_energy(least_squares)
     assert np.abs(motion.dq[0, 1:] - motion.traces.velocities[0]).max() < 0.02
-    with pytest.raises(Infeasible, match="no velocities do what the task wants"):
+    with pytest.raises(Infeasible, match="no velocities satisfy the task"):
         pk.resolve(
             tringali_3r(), line(FIRST, [0.4895, 0.0], duration=1.0, samples=51), pk.methods.Nedungadi(), start=START
         )
@@ -219,15 +219,15 @@ def test_an_arm_without_masses_has_no_kinetic_energy_to_look_ahead_for():
     ("make", "said"),
     [
         (lambda: {"horizon": [[1], [1, 2]]}, "horizon: must be an array of numbers, got rows of different lengths"),
-        (lambda: {"horizon": 0}, "PredictiveKineticEnergy: a horizon of 1 sample or more wanted, got 0"),
-        (lambda: {"prediction_step": -1.0}, "prediction_step of more than 0 s wanted, got -1.0"),
-        (lambda: {"prediction_step": 0.033}, "prediction_step of whole samples of 0.02 s wanted, got 0.033 s"),
-        (lambda: {"prediction_step": 8.0}, "a horizon within the path's 10 s wanted, got 2 times 8 s"),
-        (lambda: {"objective": pk.peak_velocity}, "objective peak_velocity: form 'integral' wanted, got 'peak'"),
-        (lambda: {"objective": pk.jerk}, "objective jerk: wants a function of positions, velocities and accelerations"),
+        (lambda: {"horizon": 0}, "PredictiveKineticEnergy: horizon must be 1 sample or more, got 0"),
+        (lambda: {"prediction_step": -1.0}, "prediction_step must be more than 0 s, got -1.0"),
+        (lambda: {"prediction_step": 0.033}, "prediction_step must be whole samples of 0.02 s, got 0.033 s"),
+        (lambda: {"prediction_step": 8.0}, "horizon must be within the path's 10 s, got 2 times 8 s"),
+        (lambda: {"objective": pk.peak_velocity}, "objective peak_velocity: form must be 'integral', got 'peak'"),
+        (lambda: {"objective": pk.jerk}, "objective jerk must be a function of positions, velocities and acc"),
         (lambda: {"horizon": np.array([2, 3, 4])}, "starts of shape (2,) and numbers of (3,) do not fit each other"),
-        (lambda: {"terminal": -1.0}, "PredictiveKineticEnergy: terminal of 0 or more wanted, got -1.0"),
-        (lambda: {"feedback": -1.0}, "feedback of 0 or more wanted, got -1.0"),
+        (lambda: {"terminal": -1.0}, "PredictiveKineticEnergy: terminal must be 0 or more, got -1.0"),
+        (lambda: {"feedback": -1.0}, "feedback must be 0 or more, got -1.0"),
     ],
 )
 def test_what_cannot_be_used_is_refused_by_name(make, said):

@@ -1,4 +1,4 @@
-"""Laws of ``resolve``: its methods are the papers' formulas, and what they promise holds."""
+"""Laws of ``resolve``: its methods agree with the papers' formulas and claims."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def slowness(motion):
 
 
 def begun(arm, q):
-    """Return a path that leaves a posture, of poses for a spatial arm."""
+    """Return a path that begins at a posture's place, of poses for a spatial arm."""
     rotation, position = kinematics.forward_kinematics(arm, q)
     if arm.is_planar:
         return line(position[:2], position[:2] + np.array([-0.08, 0.05]), duration=1.0, samples=41)
@@ -142,7 +142,7 @@ def test_every_method_is_its_formula(method, name):
     np.testing.assert_allclose(motion.q, Plainly(motion, rates(), FEEDBACK).followed(), rtol=0, atol=1e-10)
 
 
-def test_what_was_compared_was_damped_clamped_and_weighed():
+def test_compared_motions_were_damped_clamped_and_weighted():
     for method in ("damped", "paper"):
         assert "damped" in followed("planar", METHODS[method][0], limits=TIGHT).traces.status
     traces = followed("planar", METHODS["consistent"][0], limits=TIGHT).traces
@@ -262,7 +262,7 @@ def test_a_singular_start_is_refused_or_held_or_damped():
     stretched, path = np.zeros(3), line([0.4895, 0.0], [0.40, 0.05], duration=1.0, samples=41)
     with pytest.raises(
         Infeasible,
-        match=r"no velocities do what the task wants at sample 1 .* condition number is (inf|\d\.?\d*e\+1\d)",
+        match=r"no velocities satisfy the task at sample 1 .* condition number is (inf|\d\.?\d*e\+1\d)",
     ):
         pk.resolve(tringali_3r(), path, pk.methods.PseudoInverse(), start=stretched)
     held = pk.resolve(tringali_3r(), path, pk.methods.PseudoInverse(), start=stretched, unreachable="track")
@@ -353,7 +353,7 @@ def test_a_criterion_without_a_value_is_named_or_left_out():
         pk.methods.WeightedGradientProjection(criteria=[rooted]),
     ):
         with pytest.raises(
-            EvaluationFailed, match=r"criterion rooted: wants a finite value .* none at sample 0 \(0 s\)"
+            EvaluationFailed, match=r"criterion rooted must have a finite value .* none at sample 0 \(0 s\)"
         ):
             pk.resolve(tringali_3r(), DOWN, method, start=START)
         motion = pk.resolve(tringali_3r(), DOWN, method, start=START, unreachable="track")
@@ -388,7 +388,7 @@ def test_joints_that_are_all_clamped_are_pushed_off_their_limits_all_the_same():
 
 
 def test_criteria_may_be_one_objective_or_a_list_and_no_generator():
-    with pytest.raises(InvalidInput, match=r"criteria: objectives .* wanted, got <generator"):
+    with pytest.raises(InvalidInput, match=r"criteria must be objectives .*, got <generator"):
         pk.methods.GradientProjection(criteria=(one for one in [pk.manipulability]))
     forms = [pk.manipulability, (pk.manipulability,), [Criterion(objective=pk.manipulability)]]
     motions = [
@@ -415,7 +415,7 @@ def test_the_default_start_is_within_the_limits_of_the_first_sample():
     assert motion.q[0, 0] <= -0.2
 
 
-def test_more_redundancy_and_several_tasks():
+def test_more_redundancy_and_several_tasks_are_resolved():
     arm = pk.Arm.planar(lengths=[1.0] * 5)
     q = np.array([0.3, 0.4, -0.5, 0.9, -0.4])
     nodes = kinematics.link_nodes(arm, q)
@@ -431,35 +431,35 @@ def test_more_redundancy_and_several_tasks():
 @pytest.mark.parametrize(
     ("changed", "said"),
     [
-        ({"method": pk.methods.PseudoInverse}, "resolve: wants a method, such as PseudoInverse(), got <class"),
-        ({"method": "pinv"}, "resolve: wants a method, such as PseudoInverse(), got 'pinv'"),
+        ({"method": pk.methods.PseudoInverse}, "method must be one of pk.methods, such as PseudoInverse(), got <class"),
+        ({"method": "pinv"}, "method must be one of pk.methods, such as PseudoInverse(), got 'pinv'"),
         ({"unreachable": "ignore"}, "unreachable must be one of refuse, track, got 'ignore'"),
-        ({"tolerance": 0.0}, "tolerance: a positive distance in m or rad wanted, got 0.0"),
+        ({"tolerance": 0.0}, "tolerance must be a positive distance in m or rad, got 0.0"),
         ({"start": [0.0, np.nan, 0.0]}, "start: must be finite, got nan at index 1"),
-        ({"start": [0.0, 1.0]}, "start: joint positions (..., 3) wanted, got shape (2,)"),
-        ({"start": np.zeros((0, 3))}, "start: joint positions (..., 3) wanted, got shape (0, 3)"),
-        ({"seed": "x"}, "seed: an integer of at least 0 wanted, got 'x'"),
-        ({"limits": 5}, "limits: Limits(...) wanted, got 5"),
-        ({"obstacles": 5}, "obstacles: a list of obstacles wanted, got 5"),
-        ({"link_radius": -1.0}, "link_radius: 0 m or more wanted, got -1"),
+        ({"start": [0.0, 1.0]}, "start must be joint positions (..., 3), got shape (2,)"),
+        ({"start": np.zeros((0, 3))}, "start must be joint positions (..., 3), got shape (0, 3)"),
+        ({"seed": "x"}, "seed must be an integer of at least 0, got 'x'"),
+        ({"limits": 5}, "limits must be Limits(...), got 5"),
+        ({"obstacles": 5}, "obstacles must be a list of obstacles, got 5"),
+        ({"link_radius": -1.0}, "link_radius must be 0 m or more, got -1"),
         (
             {"method": pk.methods.PseudoInverse(feedback=np.zeros(0))},
-            "PseudoInverse: numbers wanted, got an empty array",
+            "PseudoInverse: arrays must have numbers, got an empty one",
         ),
         (
             {"method": pk.methods.PredictiveKineticEnergy(terminal=np.zeros(0))},
-            "PredictiveKineticEnergy: numbers wanted, got an empty",
+            "PredictiveKineticEnergy: arrays must have numbers, got an empty",
         ),
         ({"start": [0.3, 0.2, 0.5]}, "start must be at most 0.01 m off the path's first sample, or unreachable"),
         ({"start": "home"}, "start: must hold real numbers, got text"),
-        ({"method": pk.methods.PseudoInverse(feedback=1000.0)}, "PseudoInverse: feedback from 0 to 40 1/s wanted"),
+        ({"method": pk.methods.PseudoInverse(feedback=1000.0)}, "PseudoInverse: feedback must be from 0 to 40 1/s"),
         (
             {"method": pk.methods.GradientProjection(criteria=[Criterion(objective=pk.torque_norm)])},
-            "criterion torque_norm: wants a function of positions, velocities or both",
+            "criterion torque_norm must be a function of positions, velocities or both",
         ),
         (
             {"method": pk.methods.WeightedGradientProjection(criteria=CRITERIA, priorities=np.zeros(3))},
-            "WeightedGradientProjection: priorities for each of 2 criteria wanted, got shape (3,)",
+            "WeightedGradientProjection: priorities must be one for each of 2 criteria, got (3,)",
         ),
     ],
 )
@@ -475,11 +475,11 @@ def test_what_cannot_be_used_is_refused_by_name(changed, said):
     [
         (
             lambda: pk.methods.WeightedGradientProjection(buffer=0.5),
-            "buffer of 0 or more and less than 0.5 wanted, got 0.5",
+            "buffer must be 0 or more and less than 0.5, got 0.5",
         ),
         (
             lambda: pk.methods.WeightedGradientProjection(band=-0.1),
-            "band of 0 or more and less than 0.5 wanted, got -0.1",
+            "band must be 0 or more and less than 0.5, got -0.1",
         ),
         (lambda: pk.methods.DampedLeastSquares(damping=np.nan), "DampedLeastSquares: damping: must be finite, got nan"),
         (
@@ -488,38 +488,38 @@ def test_what_cannot_be_used_is_refused_by_name(changed, said):
         ),
         (
             lambda: pk.methods.DampedLeastSquares(region=-1.0),
-            "DampedLeastSquares: region of 0 or more wanted, got -1.0",
+            "DampedLeastSquares: region must be 0 or more, got -1.0",
         ),
         (lambda: pk.methods.PseudoInverse(feedback="a"), "PseudoInverse: feedback: must hold real numbers, got text"),
         (
             lambda: pk.methods.WeightedGradientProjection(priorities=[np.nan]),
             "priorities: must be finite, got nan at index 0",
         ),
-        (lambda: pk.methods.Nedungadi(tolerance=0.0), "Nedungadi: a positive tolerance wanted, got 0.0"),
+        (lambda: pk.methods.Nedungadi(tolerance=0.0), "Nedungadi: tolerance must be positive, got 0.0"),
         (
             lambda: pk.methods.WeightedGradientProjection(variant="ours"),
             "variant must be one of paper, consistent, got 'ours'",
         ),
         (
             lambda: Criterion(objective=pk.joint_drift),
-            "criteria: wants as objective one of form integral or peak, got Obj",
+            "criteria: objective must be one of form integral or peak, got Obj",
         ),
         (
             lambda: pk.methods.GradientProjection(criteria=["speed"]),
-            "criteria: wants as objective one of form integral or peak, got 's",
+            "criteria: objective must be one of form integral or peak, got 's",
         ),
         (
             lambda: pk.methods.GradientProjection(criteria=5),
-            "criteria: objectives of form integral or peak wanted, got 5",
+            "criteria must be objectives of form integral or peak, got 5",
         ),
         (
             lambda: pk.methods.GradientProjection(criteria=[middle, middle]),
             "criteria: names must differ, got middle, middle",
         ),
-        (lambda: Criterion(objective=middle, scale=0.0), "criterion middle: a positive scale wanted, got 0.0"),
+        (lambda: Criterion(objective=middle, scale=0.0), "criterion middle: scale must be positive, got 0.0"),
         (lambda: Criterion(objective=middle, reference=np.inf), "criterion middle, reference: must be finite, got inf"),
         (lambda: Criterion(objective=middle, gain="a"), "criterion middle, gain: must hold real numbers, got text"),
-        (lambda: Criterion(objective=middle, gain=-1.0), "criterion middle: a gain of 0 or more wanted, got -1.0"),
+        (lambda: Criterion(objective=middle, gain=-1.0), "criterion middle: gain must be 0 or more, got -1.0"),
     ],
 )
 def test_numbers_out_of_range_are_refused_by_name(make, said):
@@ -528,7 +528,7 @@ def test_numbers_out_of_range_are_refused_by_name(make, said):
 
 
 def test_motions_of_a_batch_are_the_same_in_every_run():
-    """Threads share nothing: with a common workspace a run in six or so came out different."""
+    """Threads share nothing: with a common workspace about one run in six gave another result."""
     method = pk.methods.WeightedGradientProjection(criteria=pk.manipulability, buffer=np.linspace(0.05, 0.4, 8))
     path = line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=51)
     runs = [pk.resolve(tringali_3r(), path, method, start=[0.0, 0.327, -0.754], unreachable="track") for _ in range(30)]

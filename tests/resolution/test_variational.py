@@ -1,4 +1,4 @@
-"""The integration of motions: known solutions within tolerances, each motion by itself, starts that are refused."""
+"""Integration of motions: known solutions, independent motions, and refused starts."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def test_starts_off_the_path_and_tolerances_out_of_range_are_refused_and_others_
         check_tolerance(np.array([1e-6, 0.1]))
 
 
-# The equation of motion beside dynamics: its terms by differences, its solution by Gauss' principle.
+# The equation of motion compared with dynamics: terms by differences, the solution by Gauss' principle
 
 
 PATH = line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=26)
@@ -123,5 +123,5 @@ def test_first_rates_have_the_least_kinetic_energy_of_all_that_follow_the_path(e
 
 def test_arms_with_a_joint_that_moves_no_mass_are_refused():
     massless = pk.Arm.planar(lengths=[0.2] * 3, masses=[1.0, 1.0, 0.0], centers=[0.1] * 3, inertias=[0.01, 0.01, 0.0])
-    with pytest.raises(InvalidInput, match="every joint moves a mass"):
+    with pytest.raises(InvalidInput, match="every joint of the arm must move a mass"):
         equation_of_motion(task_of(massless, PATH, objectives=[kinetic_energy]))

@@ -9,7 +9,7 @@ import pytest
 
 
 def children(pid: int) -> list[int]:
-    """Return the children of a process; skips where the system does not say."""
+    """Return the children of a process; skips if the system does not list them."""
     listing = Path(f"/proc/{pid}/task/{pid}/children")
     if not listing.exists():
         pytest.skip("the system does not list the children of a process")
@@ -17,7 +17,7 @@ def children(pid: int) -> list[int]:
 
 
 def wait_for_end(pid: int, *, seconds: float = 60.0) -> None:
-    """Wait until a process has ended, be it that nobody has asked for its status."""
+    """Wait until a process has ended, even if its status was never read."""
     status = Path(f"/proc/{pid}/stat")
     until = time.monotonic() + seconds
     while time.monotonic() < until:
@@ -27,4 +27,4 @@ def wait_for_end(pid: int, *, seconds: float = 60.0) -> None:
         except OSError:
             return
         time.sleep(0.05)
-    pytest.fail(f"process {pid} goes on")
+    pytest.fail(f"process {pid} is still running")

@@ -16,7 +16,7 @@ MAXIMISED = (False, False, True, False, False)
 
 
 def swinging_arm(planar: bool, dof: int = 3) -> Arm:
-    """An arm of equal links in the plane, or in space with a joint that slides."""
+    """Return an arm of equal links in the plane, or in space with a sliding joint."""
     if planar:
         links = [1.0] * dof
         return Arm.planar(lengths=links, masses=links, centers=[0.5] * dof, inertias=[0.1] * dof)
@@ -39,7 +39,7 @@ def swing(points: int, *, planar: bool, dof: int = 3, samples: int = 11) -> Moti
 
 
 def trade_off(points: int, n_obj: int) -> np.ndarray:
-    """Points on a sphere's corner, mutually non-dominated in the user's own sign."""
+    """Return points on a sphere's octant, mutually non-dominated in the user's own sign."""
     if n_obj == 1:
         return np.full((1, 1), 0.25)
     directions = np.abs(np.random.default_rng(n_obj).normal(size=(points, n_obj)))
@@ -85,7 +85,7 @@ def make_generations():
 
 @pytest.fixture(scope="session")
 def choice_recordings(tmp_path_factory):
-    """The recording of a short search, and that with a choice; every quantity of joints is limited."""
+    """The recordings of a short search without and with a choice; every joint quantity is limited."""
     folder = tmp_path_factory.mktemp("recordings")
     problem = pk.Tracking(
         pk.arms.tringali_3r(),

@@ -1,4 +1,4 @@
-"""Reading a report as a browser would: its elements, its data and its motions."""
+"""Reads a report as a browser does: its elements, its data and its motions."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Page(HTMLParser):
 
     @property
     def data(self) -> dict[str, Any]:
-        """What the scripts read."""
+        """The data of the scripts."""
         (text,) = self.texts("script", id="data")
         return json.loads(text)
 
@@ -61,7 +61,7 @@ class Page(HTMLParser):
 
 
 def unpacked(description: dict[str, Any], block: str) -> np.ndarray:
-    """Return the channels (channels, time) of a block: what page.js does."""
+    """Return the channels (channels, time) of a block, as page.js does."""
     planes = np.frombuffer(gzip.decompress(base64.b64decode(block)), dtype=np.uint8).astype(np.uint16)
     low, high = planes.reshape(2, len(description["low"]), description["samples"])
     whole = np.cumsum(low + 256 * high, axis=1, dtype=np.uint16)

@@ -1,4 +1,4 @@
-"""What stands in a recording."""
+"""Reads the contents of a recording."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ TIMELINES = (
     *("start", "optimum", "solution", "direction"),
 )
 SECOND = 1_000_000_000  # durations are nanoseconds
-FRAME = ("/grid", "/labels", "/axes/lines")  # of charts, which alone are no picture
+FRAME = ("/grid", "/labels", "/axes/lines")  # of charts: on their own they are not a picture
 
 
 def read(file: Path) -> dict[str, list]:
-    """Return the record batches of each entity of the data recording, blueprint left out."""
+    """Return the record batches of each entity of the data recording, without the blueprint."""
     reader = rr.chunk.RrdReader(file)
     (store,) = reader.recordings()
     batches: dict[str, list] = {}
@@ -29,7 +29,7 @@ def read(file: Path) -> dict[str, list]:
 
 
 def rows(batches: list, timeline: str, component: str) -> dict[int, np.ndarray]:
-    """Return what the last row logged at each time of `timeline` holds in `component`: ids of rows tell their order."""
+    """Return ``component`` of the last row logged at each time of `timeline`; ids of rows give their order."""
     last_values: dict[int, tuple[bytes, np.ndarray]] = {}
     for batch in batches:
         names = batch.schema.names
@@ -44,14 +44,14 @@ def rows(batches: list, timeline: str, component: str) -> dict[int, np.ndarray]:
 
 
 def views(file: Path) -> dict[str, str]:
-    """Return the origin of each view of the layout that it opens with, by its name and place."""
+    """Return the origin of each view of the opening layout, by its name and place."""
     return _views(file, opening_layout(file))
 
 
 def opening_layout(file: Path) -> int:
-    """Return the number of the layout that it opens with, among those that it holds, whose order says nothing."""
+    """Return the number of the opening layout among all layouts, whose order says nothing."""
     layouts = [_views(file, number) for number in range(len(rr.chunk.RrdReader(file).blueprints()))]
-    # Where something was chosen the layout before that is kept.
+    # The layout before a choice is also kept.
     of_choice = [number for number, each in enumerate(layouts) if any(map(_of_choice, each.values()))]
     (opening,) = of_choice or range(len(layouts))
     return opening
@@ -74,7 +74,7 @@ def _views(file: Path, number: int) -> dict[str, str]:
 
 
 def shown(entities: dict[str, list], origin: str, timeline: str, time: int) -> list[str]:
-    """Return the entities at or below `origin` that have something to show at a time: static, or logged until then."""
+    """Return the entities at or below `origin` that show something at a time: static, or logged before."""
     return [
         path
         for path, batches in entities.items()
@@ -90,7 +90,7 @@ def _lasts(batch, timeline: str, time: int) -> bool:
 
 
 def first_instants(file: Path) -> dict[str, int]:
-    """Return the first time at which anything stands in a recording, by timeline."""
+    """Return the first time with data in a recording, by timeline."""
     batches = [batch for each in read(file).values() for batch in each]
     times = [
         (name, min(batch.column(name).cast("int64").to_pylist()))
@@ -102,7 +102,7 @@ def first_instants(file: Path) -> dict[str, int]:
 
 
 def blank_views(file: Path, instants: dict[str, tuple[int, ...]]) -> list[tuple[str, str, int]]:
-    """Return view, timeline and time of every view of the layout that shows nothing but axes at one of the instants."""
+    """Return view, timeline and time of every view that only shows axes at one of the instants."""
     entities = read(file)
     return [
         (view, timeline, time)
@@ -114,7 +114,7 @@ def blank_views(file: Path, instants: dict[str, tuple[int, ...]]) -> list[tuple[
 
 
 def missing_entities(file: Path, wanted: list[str], instants: dict[str, tuple[int, ...]]) -> list[tuple[str, str, int]]:
-    """Return entity, timeline and time of everything ``wanted`` that is not there at one of the instants."""
+    """Return entity, timeline and time of everything in ``wanted`` that is missing at one of the instants."""
     entities = read(file)
     return [
         (path, timeline, time)
@@ -131,19 +131,19 @@ def static_words(batches: list) -> list[str]:
 
 
 def static_values(batches: list, component: str) -> list:
-    """Return what an entity that never changes holds in a component."""
+    """Return a component of an entity that never changes."""
     (column,) = [name for name in batches[-1].schema.names if name.endswith(f":{component}")]
     return batches[-1].column(column).to_pylist()[-1]
 
 
 def last_text(batches: list, timeline: str, time: int) -> str:
-    """Return the words that stand there at a time of a timeline."""
+    """Return the text at a time of a timeline."""
     words = rows(batches, timeline, "text")
     return str(words[max(each for each in words if each <= time)][0])
 
 
 def check_broken_limits(words: str, problem: Any, motion: Any) -> None:
-    """Check that a text names every limit that a motion breaks, with its amount, and each joint faster than 1 rad/s."""
+    """Check that a text names all limits that a motion breaks, with amounts, and joints faster than 1 rad/s."""
     for name, violation in zip(problem.task.limit_names, problem.task.violations(motion), strict=True):
         assert (f"- {name}: violated by {violation:.3g} of its range" in words) == (violation > 0)
     for joint, speed in zip(problem.task.arm.joint_names, np.abs(motion.dq).max(axis=0), strict=True):

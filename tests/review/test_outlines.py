@@ -1,4 +1,4 @@
-""""""
+"""Obstacles as outlines and wires."""
 
 from __future__ import annotations
 

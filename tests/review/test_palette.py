@@ -10,7 +10,7 @@ from paretoik.review.palette import even_rows
 
 
 @given(st.integers(1, 3000), st.integers(2, 300))
-def test_rows_are_as_many_as_may_be_from_first_to_last_with_gaps_that_differ_by_at_most_one(count, largest):
+def test_rows_go_from_first_to_last_with_gaps_that_differ_by_at_most_one(count, largest):
     rows = even_rows(count, largest)
     assert len(rows) == min(count, largest)
     assert (rows[0], rows[-1]) == (0, count - 1)

@@ -1,4 +1,4 @@
-"""A report is one page that holds what the front holds, loads nothing, and trusts no text."""
+"""A report is one page that contains the front, loads nothing, and trusts no text."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def page(front: Front, **parts) -> Page:
 
 
 def kept(reason: str, *points: int) -> Choices:
-    """Return choices of these points, the last the present one."""
+    """Return choices of these points; the last is the present one."""
     entries = [
         KeptChoice(
             id=place, parent=place - 1 or None, point=point, preference={"text": reason}, objectives={}, reason=reason,
@@ -120,7 +120,7 @@ def test_text_stays_text(front):
     assert HOSTILE in read.texts("p", **{"class": "reason"})
 
 
-def test_kept_choices_are_told_and_marked(front):
+def test_kept_choices_are_listed_and_marked(front):
     read = page(front, choices=kept("because", 14, 21))
     assert read.data["marks"]["21"].startswith("chosen")
     assert "once" not in read.data["marks"]["21"]
@@ -130,7 +130,7 @@ def test_kept_choices_are_told_and_marked(front):
     assert read.texts("span", **{"class": "mark"})[-1] == "the present choice"
 
 
-def test_motions_come_back_from_their_blocks(front):
+def test_blocks_unpack_to_their_motions(front):
     read = page(front)
     description, blocks = read.data["motions"], read.data["blocks"]
     assert list(map(int, blocks)) == front.ids.tolist()
@@ -161,7 +161,7 @@ def test_limits_obstacles_and_path_are_those_of_the_problem(front, problem):
     ]  # fmt: skip
 
 
-def test_what_has_no_room_is_left_out_and_told(front):
+def test_motions_without_space_are_left_out_with_a_note(front):
     whole = Report(front=front, title="t").page()
     size = len(whole.encode()) - 2_500
     text = Report(front=front, title="t", options=ReportOptions(size=size)).page()
@@ -176,7 +176,7 @@ def test_what_has_no_room_is_left_out_and_told(front):
     assert int(count) == len(front) - len(kept)
 
 
-def test_points_beyond_the_most_are_left_out_and_told(make_front):
+def test_points_beyond_the_largest_number_are_left_out_with_a_note(make_front):
     front = make_front(2, points=40)
     read = page(front, options=ReportOptions(points=10))
     assert len(read.table) == 10
@@ -185,7 +185,7 @@ def test_points_beyond_the_most_are_left_out_and_told(make_front):
 
 
 def long_front(problem, *, count: int, samples: int) -> Front:
-    """Return so many points with motions of noise, which packs badly."""
+    """Return ``count`` points with motions of noise, which compresses badly."""
     motions = problem.decode(problem.sample_starts(3, np.random.default_rng(1)))
     rows, places = np.resize(np.arange(3), count), np.linspace(0.0, 1.0, count)
     noise = np.random.default_rng(0).normal(size=(count, samples, 3))
@@ -201,7 +201,7 @@ def long_front(problem, *, count: int, samples: int) -> Front:
 def test_hundreds_of_long_motions_fit_into_five_megabytes(problem):
     front = long_front(problem, count=400, samples=401)
     text = Report(front=front, title="t").page()
-    assert 4_950_000 < len(text.encode()) <= 5_000_000  # noise packs badly: the room is used
+    assert 4_950_000 < len(text.encode()) <= 5_000_000  # noise compresses badly: the space is used
     assert 50 < len(Page(text).data["blocks"]) < 400
 
 
@@ -246,7 +246,7 @@ def test_the_points_of_a_page_are_the_marked_ones_and_then_always_the_farthest(m
         assert distance[front.ids == added] == pytest.approx(distance.max())
 
 
-def test_of_many_points_only_those_of_the_page_are_looked_at(problem, monkeypatch):
+def test_only_the_points_of_the_page_are_processed(problem, monkeypatch):
     count = 2500
     drawn: list[int] = []
 
@@ -271,7 +271,7 @@ def test_thousands_of_points_fit_into_five_megabytes_with_the_list_of_what_is_le
     assert set(map(int, re.findall(r"\d{6}", told))) == set(read.table) - set(map(int, read.data["blocks"]))
 
 
-def test_where_not_even_the_table_has_room_there_are_fewer_points_and_the_page_says_so(make_front):
+def test_a_page_without_space_for_its_table_has_fewer_points_and_says_so(make_front):
     front = make_front(3, points=200, moving=False)
     size = len(Report(front=front, title="t").page().encode()) - 10_000
     text = Report(front=front, title="t", options=ReportOptions(size=size)).page()
@@ -280,7 +280,7 @@ def test_where_not_even_the_table_has_room_there_are_fewer_points_and_the_page_s
     assert any(words.startswith("100 more points") for words in Page(text).texts("p"))
 
 
-def test_where_no_motion_has_room_all_are_said_to_be_left_out(front):
+def test_a_page_without_space_for_motions_says_that_all_are_left_out(front):
     size = len(Report(front=replace(front, motions=None), title="t").page().encode())
     text = Report(front=front, title="t", options=ReportOptions(size=size + 5_000)).page()
     read = Page(text)

@@ -1,4 +1,4 @@
-"""The check that words of axes touch nothing measures the axes that it is to measure, or fails."""
+"""The check for touching words measures the axes that it must measure, or fails."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ NAN = float("nan")
 
 @pytest.fixture
 def recorded(monkeypatch, tmp_path):
-    """Return a function that makes a file of entities, by their paths, in views of these scales, by their origins."""
+    """Return a function that makes a file of entities (by path) in views with scales (by origin)."""
 
     def record(entities, scales):
         monkeypatch.setattr(view_sizes, "read", lambda file: entities)
@@ -52,7 +52,7 @@ def test_axes_in_no_view_fail_unless_they_are_named(recorded):
 
 
 @pytest.mark.parametrize("charts", [[], ["/chart"], ["/front", "/chart"]])
-def test_where_no_flat_axes_are_at_the_place_of_a_chart_it_fails(recorded, charts):
+def test_charts_without_flat_axes_fail(recorded, charts):
     entities = {"/chart/grid": FRAME, "/front/grid": FRAME, "/front/labels": axes([50.0, 130.0])["/chart/labels"]}
     with pytest.raises(AssertionError, match="no axes measured"):
         touching_words(recorded(entities, {"/chart": NAN, "/front": 1.0}), charts)

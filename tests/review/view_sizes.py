@@ -1,4 +1,4 @@
-"""How large the views of a recording are in a viewer of 1600 by 900, which draws words in one size whatever theirs."""
+"""Sizes of a recording's views in a viewer of 1600 by 900, whose text has a fixed size."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ TABS, HORIZONTAL, VERTICAL = 1, 2, 3
 
 @dataclass(frozen=True, kw_only=True)
 class LabelOptions:
-    """The viewer draws the letters of a label ``height`` of a line tall."""
+    """The letters of a label are ``height`` of a line tall in the viewer."""
 
     height: float = 0.9
 
@@ -35,9 +35,9 @@ def label_halves(words: Sequence[str]) -> np.ndarray:
 
 
 def view_scales(file: Path) -> dict[str, float]:
-    """Return how many pixels a unit of each flat view is, by its origin, as the layout that it opens with has them.
+    """Return the pixels per unit of each flat view, by its origin, in the opening layout.
 
-    NaN is the scale of a view in space: there it changes with the distance from the eye.
+    The scale of a view in space is NaN, because it changes with the distance from the eye.
     """
     parts = layout_parts(file)
     (root,) = parts["viewport"]["ViewportBlueprint:root_container"]
@@ -47,7 +47,7 @@ def view_scales(file: Path) -> dict[str, float]:
 
 
 def _measure(parts: dict[str, dict[str, Any]], name: str, size: np.ndarray, scales: dict[str, float], titled: bool):
-    """Add the scales of the views below a container of a `size`, or of a view; ``titled`` below its row of names."""
+    """Add the scales of the views below a container of a `size`; ``titled``: it has a row of names."""
     part = parts[name]
     if "ViewBlueprint:space_origin" in part:
         bounds, origin = parts.get(f"{name}/VisualBounds2D"), "/" + part["ViewBlueprint:space_origin"][0].strip("/")
@@ -74,9 +74,9 @@ def _measure(parts: dict[str, dict[str, Any]], name: str, size: np.ndarray, scal
 
 
 def tabs_of_charts(file: Path) -> dict[str, tuple[str, Any, int]]:
-    """Return the name of each flat view that is a tab, its bounds, and how many rows of tabs are above it in a column.
+    """Return name, bounds and number of rows of tabs above of each flat view that is a tab in a column.
 
-    By their origins, as the layout that a recording opens with has them.
+    The keys are their origins in the opening layout.
     """
     parts = layout_parts(file)
     parents = {
@@ -97,7 +97,7 @@ def tabs_of_charts(file: Path) -> dict[str, tuple[str, Any, int]]:
 
 
 def layout_parts(file: Path) -> dict[str, dict[str, Any]]:
-    """Return the components of each entity of the layout that it opens with, as they stand at its end."""
+    """Return the final components of each entity of the opening layout."""
     reader = rr.chunk.RrdReader(file)
     parts: dict[str, dict[str, Any]] = {}
     for chunk in reader.stream(store=reader.blueprints()[opening_layout(file)]):
@@ -112,10 +112,10 @@ def layout_parts(file: Path) -> dict[str, dict[str, Any]]:
 def touching_words(
     file: Path, charts: Sequence[str], *, not_in_layout: Sequence[str] = ()
 ) -> list[tuple[str, str, str]]:
-    """Return axes, and words there whose boxes touch the frame, or that touch others, as the viewer draws them.
+    """Return axes with pairs of their words, or the frame, that touch in the viewer.
 
-    At or below each path of ``charts`` some flat axes have to be measured. All other axes are measured as well, except
-    those in space and those at or below a path of ``not_in_layout``. Raises AssertionError where that is not so.
+    At or below each path of ``charts`` some flat axes must be measured. All other axes are also measured, except those
+    in space and those at or below a path of ``not_in_layout``. Raises AssertionError otherwise.
     """
     entities, scales = read(file), view_scales(file)
     touching, measured = list[tuple[str, str, str]](), list[str]()
@@ -141,7 +141,7 @@ def _is_within(path: str, folder: str) -> bool:
 
 
 def _touching_pairs(frame: np.ndarray, words: Sequence[str], middles: np.ndarray) -> list[tuple[str, str]]:
-    """Return words that touch the frame, after "frame", and pairs of words that touch; middles (words, 2) [pixels]."""
+    """Return words that touch the frame, after "frame", and pairs of touching words; middles (words, 2) [pixels]."""
     halves = label_halves(words)
     around = halves + np.array([0.5 * TEXT.padding, 0.0])
     reach = np.minimum(frame.max(axis=0), middles + around) - np.maximum(frame.min(axis=0), middles - around)

@@ -86,7 +86,7 @@ def model_of(arm: Arm) -> Oracle:
 
 
 def oracle_of(file: Path | str, arm: Arm, tip: str, frozen: Mapping[str, float] | None = None) -> Oracle:
-    """Return Pinocchio's own reading of a URDF, untouched by ours, with joints locked at given values."""
+    """Return Pinocchio's own reading of a URDF, independent of ours, with joints locked at values."""
     model = pinocchio.buildModelFromXML(file.read_text() if isinstance(file, Path) else file)
     steps, joints = np.zeros(model.nv), {name: model.getJointId(name) for name in frozen or {}}
     for name, joint in joints.items():

@@ -1,4 +1,4 @@
-"""What tests of laws share: random states and poses, and what counts as the same."""
+"""Shared parts of tests of laws: random states and poses, and tolerances."""
 
 from __future__ import annotations
 

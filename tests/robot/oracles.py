@@ -1,4 +1,4 @@
-"""Quantities that only tests ask for, from their definitions."""
+"""Quantities that only tests need, from their definitions."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from paretoik.robot import kinematics
 from paretoik.robot.arm import Arm
 
-STEP = 1e-30  # of the complex step: its square vanishes
+STEP = 1e-30  # of the complex step: its square is 0
 
 
 def potential_energy(arm: Arm, q: np.ndarray) -> np.ndarray:

@@ -13,7 +13,7 @@ MOVING = ("revolute", "continuous", "prismatic")
 
 @dataclass
 class RandomRobot:
-    """A URDF's text, the tip of its chain, and where joints are frozen: those off the chain at 0 but for ``fixed``."""
+    """A URDF's text, the tip of its chain, and values of frozen joints: 0 off the chain, except for ``fixed``."""
 
     text: str = ""
     tip: str = ""

@@ -42,7 +42,7 @@ def test_a_tool_moves_the_tool_frame_and_its_mass_is_a_payload_there(anyarm_of, 
     same(dynamics.inverse_dynamics(equipped, *state), dynamics.inverse_dynamics(loaded, *state))
 
 
-# A fixed joint leaves the rest of the arm as it was.
+# Joints fixed at a value
 
 
 @given(seed=seeds, value=st.floats(-3, 3), joint=st.integers(0, 4))

@@ -1,4 +1,4 @@
-"""The papers' arms stand where their tables say."""
+"""The papers' arms agree with their tables."""
 
 from __future__ import annotations
 

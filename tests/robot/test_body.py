@@ -1,4 +1,4 @@
-"""Bodies: what is a real one, and how they are combined and transformed."""
+"""Bodies: checks of real ones, combination and transformation."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def test_the_pseudo_inertia_of_points_is_the_sum_of_their_products():
     np.testing.assert_allclose(whole.pseudo_inertia, (ends.T * masses) @ ends, atol=1e-13)
 
 
-# What users give to make an arm: limits in every form, and what is refused.
+# Arguments of arms: limits in every form, and refusals
 
 
 DH = {"a": [0.1, 0.2], "alpha": [0.0, 1.0], "d": [0.0, 0.1], "theta": [0.0, 0.0], "convention": "modified"}
@@ -82,33 +82,33 @@ DH = {"a": [0.1, 0.2], "alpha": [0.0, 1.0], "d": [0.0, 0.1], "theta": [0.0, 0.0]
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: Arm.planar(lengths=[1.0, 0.0]), "lengths wants positive"),
+        (lambda: Arm.planar(lengths=[1.0, 0.0]), "lengths must be positive"),
         (lambda: Arm.planar(lengths=[]), "at least one moving joint"),
-        (lambda: Arm.planar(lengths=[1.0, np.nan]), "lengths wants a list of finite numbers"),
-        (lambda: Arm.planar(lengths=[1.0], masses=[1.0, 2.0]), "masses wants 1 finite"),
+        (lambda: Arm.planar(lengths=[1.0, np.nan]), "lengths must be a list of finite numbers"),
+        (lambda: Arm.planar(lengths=[1.0], masses=[1.0, 2.0]), "masses must be 1 finite"),
         (lambda: Arm.planar(lengths=[1.0], masses=[-1.0]), "must not be negative"),
-        (lambda: Arm.planar(lengths=[1.0], position_limits=(1.0, -1.0)), "position_limits of joint 1: wants lower"),
-        (lambda: Arm.planar(lengths=[1.0], position_limits=[1.0, 2.0]), "position_limits wants one value or 1"),
-        (lambda: Arm.planar(lengths=[1.0], velocity_limits=0.0), "velocity_limits wants positive"),
-        (lambda: Arm.planar(lengths=[1.0], torque_limits=[np.nan]), "torque_limits wants positive"),
+        (lambda: Arm.planar(lengths=[1.0], position_limits=(1.0, -1.0)), "position_limits of joint 1 must be lower"),
+        (lambda: Arm.planar(lengths=[1.0], position_limits=[1.0, 2.0]), "position_limits must be one value or 1"),
+        (lambda: Arm.planar(lengths=[1.0], velocity_limits=0.0), "velocity_limits must be positive"),
+        (lambda: Arm.planar(lengths=[1.0], torque_limits=[np.nan]), "torque_limits must be positive"),
         (lambda: Arm.from_dh(**{**DH, "convention": "craig"}), "convention must be"),
-        (lambda: Arm.from_dh(**{**DH, "d": [0.0]}), "d wants 2 finite"),
-        (lambda: Arm.from_dh(**DH, types=["revolute"]), "types wants 2"),
+        (lambda: Arm.from_dh(**{**DH, "d": [0.0]}), "d must be 2 finite"),
+        (lambda: Arm.from_dh(**DH, types=["revolute"]), "types must be 2"),
         (lambda: Arm.from_dh(**DH, types=["revolute", "planar"]), "types must be one of"),
-        (lambda: Arm.from_dh(**DH, joint_names=["a", "a"]), "joint_names wants 2 different names"),
-        (lambda: Arm.from_dh(**DH, joint_names=["a"]), "joint_names wants 2"),
-        (lambda: Arm.from_dh(**DH, masses=[1.0, 1.0], centers=np.zeros((1, 3))), "centers and inertias want shapes"),
+        (lambda: Arm.from_dh(**DH, joint_names=["a", "a"]), "joint_names must be 2 different names"),
+        (lambda: Arm.from_dh(**DH, joint_names=["a"]), "joint_names must be 2"),
+        (lambda: Arm.from_dh(**DH, masses=[1.0, 1.0], centers=np.zeros((1, 3))), "inertias must have shapes"),
         (lambda: Arm.from_dh(**DH, masses=[1.0, -1.0]), "link 2: mass must be"),
         (lambda: tringali_3r("guessed"), "masses must be one of printed, fitted, got 'guessed'"),
         (lambda: marcos_nr(5), "links must be one of 3, 4, got 5"),
-        (lambda: tringali_3r().fixed(joint9=0.0), "fixed: joints among joint1, joint2, joint3 wanted, got 'joint9'"),
+        (lambda: tringali_3r().fixed(joint9=0.0), "fixed must name joints among joint1, joint2, joint3, got 'joint9'"),
         (lambda: tringali_3r().fixed(joint1=np.inf), "joint joint1: must be finite"),
-        (lambda: tringali_3r().fixed(joint1=0, joint2=0, joint3=0), "wanted one of several that move, got the last"),
+        (lambda: tringali_3r().fixed(joint1=0, joint2=0, joint3=0), "must be one of several that move, got the last"),
         (lambda: tringali_3r().mounted(gravity=(0.0, 9.81)), "gravity: must have shape"),
         (lambda: tringali_3r().with_payload(np.nan), "payload: mass: must be finite, got nan"),
         (lambda: tringali_3r().with_payload(1.0, center=(0.0, 0.0)), "payload: centre of gravity"),
         (lambda: tringali_3r().with_payload(1.0, inertia=np.diag([1.0, 1.0, 3.0])), "triangle inequality"),
-        (lambda: tringali_3r().frame("hand"), "frame: one of tool, base, .* got 'hand'"),
+        (lambda: tringali_3r().frame("hand"), "frame must be one of tool, base, .* got 'hand'"),
         (lambda: jacobian(tringali_3r(), np.zeros((4, 2))), r"has 3 joints; got an array of shape \(4, 2\)"),
         (lambda: inverse_dynamics(tringali_3r(), *[np.zeros(3)] * 2, np.zeros((2, 3))), "must have one shape"),
     ],

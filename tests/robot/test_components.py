@@ -1,4 +1,4 @@
-"""Component algebra: NumPy's results, with the numbers 0 and 1 folded away; batches of any shape, type and order."""
+"""Component algebra agrees with NumPy and simplifies 0 and 1; batches have any shape, type and order."""
 
 from __future__ import annotations
 

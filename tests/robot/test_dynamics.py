@@ -1,4 +1,4 @@
-"""Energies, torques and inertia: the laws that hold for every arm; Pinocchio is their oracle in test_oracle."""
+"""Energies, torques and inertia: laws of every arm; test_oracle compares them with Pinocchio."""
 
 from __future__ import annotations
 

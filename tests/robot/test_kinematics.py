@@ -1,4 +1,4 @@
-"""Frames, nodes and Jacobians; Pinocchio is their oracle in test_oracle."""
+"""Frames, nodes and Jacobians; test_oracle compares them with Pinocchio."""
 
 from __future__ import annotations
 
@@ -52,9 +52,9 @@ def test_a_planar_arm_moves_in_three_rows_of_its_jacobian():
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda arm: arm.pose([0.1, 0.2]), "q: must have shape \\(..., 3\\), one a joint, got shape"),
+        (lambda arm: arm.pose([0.1, 0.2]), "q: must have shape \\(..., 3\\), one per joint, got shape"),
         (lambda arm: arm.jacobian([0.1, np.nan, 0.2]), "q: must be finite, got nan at index 1"),
-        (lambda arm: arm.pose([0.0] * 3, frame="hand"), "frame: one of tool, base, .* got 'hand'"),
+        (lambda arm: arm.pose([0.0] * 3, frame="hand"), "frame must be one of tool, base, .* got 'hand'"),
         (lambda arm: arm.jacobian("home"), "q: must hold real numbers, got text"),
     ],
 )
@@ -63,7 +63,7 @@ def test_what_is_no_posture_or_no_frame_is_refused(call, message):
         call(tringali_3r())
 
 
-# An arm's constants: regrouped inertias give the same torques with fewer entries, right angles are exact.
+# Constants of an arm: regrouped inertias and exact right angles
 
 
 def test_links_of_a_planar_arm_keep_two_moments_each():
@@ -98,7 +98,7 @@ def test_prismatic_joints_do_not_rotate(anyarm_of):
         assert (cosine, sine) == expected
 
 
-# An arm's length is that from its first joint to its tool; slides are measured in it.
+# An arm's length, which is the unit of slides
 
 
 def gantry(limits):

@@ -19,7 +19,7 @@ def agree(ours, theirs, tolerance=1e-12):
 
 
 def slopes(function, q):
-    """Return ∂f/∂q, the direction last, by one complex step a joint."""
+    """Return ∂f/∂q, the direction last, by one complex step per joint."""
     steps = 1j * STEP * np.eye(q.shape[-1])
     return np.stack([function(q + step).imag / STEP for step in steps], axis=-1)
 

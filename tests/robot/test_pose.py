@@ -199,7 +199,7 @@ def test_a_batch_of_poses_composes_inverts_and_acts_as_each_of_them_does(seed):
         same(batch.inverse()[i], one.inverse())
         np.testing.assert_allclose(batch.apply(points)[i], one.apply(points[i]), atol=1e-12)
         np.testing.assert_allclose(shared[i], one.apply(tool.position), atol=1e-12)
-    with pytest.raises(InvalidInput, match=r"points: one wanted, or one for each of \(4,\) poses, got shape \(3, 3\)"):
+    with pytest.raises(InvalidInput, match=r"points must be one, or one for each of \(4,\) poses, got shape \(3, 3\)"):
         batch.apply(points[:3])
 
 
@@ -214,7 +214,7 @@ def test_a_batch_is_refused_where_one_pose_is_wanted():
         lambda: waypoints([batch, batch], duration=1.0),
         lambda: Box(batch, [0.1, 0.1, 0.1]),
     ):
-        with pytest.raises(InvalidInput, match=r"one pose wanted, got a batch of \(5,\); pick one: poses\[0\]"):
+        with pytest.raises(InvalidInput, match=r"must be one pose, got a batch of \(5,\); pick one: poses\[0\]"):
             use()
     with pytest.raises(TypeError):
         len(batch[0])

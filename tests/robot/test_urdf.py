@@ -1,4 +1,4 @@
-"""A URDF checked and loaded: the report, and the arm, which is the one that Pinocchio reads from the same text."""
+"""URDFs: the report, and the arm, which agrees with Pinocchio's reading of the same text."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def test_chains_of_the_repositorys_robots_are_those_that_pinocchio_reads(file):
     compare_file(file, tally, np.random.default_rng(1), leaves=3, pairs=6)
     assert tally.chains >= 4
     assert tally.disagreements == 0
-    assert all(reason.startswith("a joint that moves wanted") for reason in tally.refusals)
+    assert all(reason.startswith("a joint between") for reason in tally.refusals)
     assert max(tally.errors.values()) <= 1e-12, tally.worst
 
 
@@ -155,8 +155,8 @@ def test_a_link_with_inertia_and_no_mass_adds_its_inertia(write_urdf):
 @pytest.mark.parametrize(
     ("inside", "words"),
     [
-        ('<origin xyz="1e308 0 0"/>', "joint 'k': origin xyz: at most"),
-        ('<origin xyz="9e49 0 0"/>', "the robot: pose position: at most"),
+        ('<origin xyz="1e308 0 0"/>', "joint 'k': origin xyz must be at most"),
+        ('<origin xyz="9e49 0 0"/>', "the robot: pose position must be at most"),
     ],
 )
 def test_offsets_that_are_too_large_alone_or_together_are_refused(write_urdf, inside, words):
@@ -264,21 +264,21 @@ def test_a_urdf_is_read_and_built_without_pinocchio(monkeypatch):
     assert Arm.from_urdf(PANDA, tip="panda_hand_tcp").dof == 7
 
 
-# The chain of a URDF: which joints move, where the others are frozen, and what is said about them.
+# The chain of a URDF: moving joints, frozen joints, and messages about them
 
 
 @pytest.mark.usefixtures("unchecked")
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({}, "tip: one of the leaves panda_hand_tcp, panda_leftfinger, panda_rightfinger wanted, got none"),
-        ({"tip": "hand"}, "tip: one of panda_link0, .* wanted, got 'hand'"),
-        ({"base": "foot", "tip": "panda_hand"}, "base: one of panda_link0, .* wanted, got 'foot'"),
+        ({}, "tip must be one of the leaves panda_hand_tcp, panda_leftfinger, panda_rightfinger, got none"),
+        ({"tip": "hand"}, "tip must be one of panda_link0, .*, got 'hand'"),
+        ({"base": "foot", "tip": "panda_hand"}, "base must be one of panda_link0, .*, got 'foot'"),
         (
             {"base": "panda_hand", "tip": "panda_link3"},
-            "base: a link wanted that carries the tip 'panda_link3', got 'panda_hand'",
+            "base must be a link that carries the tip 'panda_link3', got 'panda_hand'",
         ),
-        ({"tip": "panda_hand", "fixed": {"elbow": 0.0}}, "fixed: joints among panda_joint1, .* wanted, got 'elbow'"),
+        ({"tip": "panda_hand", "fixed": {"elbow": 0.0}}, "fixed must name joints among panda_joint1, .*, got 'elbow'"),
         ({"tip": "panda_hand", "fixed": {"panda_joint1": np.nan}}, "joint 'panda_joint1': must be finite"),
         ({"tip": "panda_hand", "zero_limits": "ignore"}, "zero_limits must be one of None, unlimited, got 'ignore'"),
     ],
@@ -317,7 +317,7 @@ def test_a_base_above_the_root_leaves_out_what_is_before_it(panda_arm):
 def test_joints_with_several_freedoms_are_refused_by_name_on_the_chain_only(write_urdf, kind):
     with pytest.raises(
         InvalidRobot,
-        match=f"joint 'j2': joints of one freedom of their own wanted on the chain from base to tip, got a {kind}",
+        match=f"joint 'j2': must have one freedom of its own on the chain from base to tip, got a {kind}",
     ):
         Arm.from_urdf(write_urdf(*chain_of_three(kind, "")))
     arm = Arm.from_urdf(write_urdf(*chain_of_three(), link("e"), joint("side", "a", "e", kind, "")), tip="d")
@@ -328,7 +328,7 @@ def test_joints_with_several_freedoms_are_refused_by_name_on_the_chain_only(writ
 def test_a_mimic_joint_is_refused_by_name_on_the_chain_unless_it_or_its_leader_is_fixed(write_urdf):
     file = write_urdf(*chain_of_three(inside=LIMIT + '<mimic joint="j1" multiplier="-2" offset="0.25"/>'))
     with pytest.raises(
-        InvalidRobot, match=r"joint 'j2': joints of one freedom of their own wanted on the chain .*, got a mimic"
+        InvalidRobot, match=r"joint 'j2': must have one freedom of its own on the chain .*, got a mimic"
     ):
         Arm.from_urdf(file)
     assert Arm.from_urdf(file, fixed={"j2": 0.5}).joint_names == ("j1", "j3")
@@ -412,7 +412,7 @@ def test_a_quaternion_in_a_file_of_urdf_1_0_is_read_and_told(write_urdf):
 
 def test_a_chain_without_a_moving_joint_is_refused(write_urdf):
     file = write_urdf(link("a"), link("b"), joint("j", "a", "b", "fixed", ""))
-    with pytest.raises(InvalidRobot, match="a joint that moves wanted between 'a' and 'b'"):
+    with pytest.raises(InvalidRobot, match="a joint between 'a' and 'b' must move"):
         Arm.from_urdf(file)
 
 

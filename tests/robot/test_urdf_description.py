@@ -1,4 +1,4 @@
-"""What a robot's description answers about its own tree."""
+"""The tree of a robot's description."""
 
 from __future__ import annotations
 

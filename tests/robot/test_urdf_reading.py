@@ -1,4 +1,4 @@
-"""Every fault of a URDF's links and joints is named with its line, all of them at once, before anything is built."""
+"""All faults of a URDF's links and joints are named at once with their lines, before an arm is built."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ FAULTS = {
         "line 5: joint 'j': quat_xyzw must not be zero, got 0 0 0 0",
     ),
     "short quaternion": (limited(LIMIT + '<origin quat_xyzw="0 0 1"/>'), "origin quat_xyzw must be 4 numbers"),
-    "far origin": (limited(LIMIT + '<origin xyz="1e200 0 0"/>'), "line 5: joint 'j': origin xyz: at most 1e+50 m"),
+    "far origin": (limited(LIMIT + '<origin xyz="1e200 0 0"/>'), "joint 'j': origin xyz must be at most 1e+50 m"),
     "text acceleration": (limited(LIMIT.replace("/>", ' acceleration="x"/>')), "limit acceleration must be a number"),
     "negative jerk": (limited(LIMIT.replace("/>", ' jerk="-1"/>')), "jerk limit must not be negative, got -1"),
     "macro in a link": (
@@ -181,7 +181,7 @@ def test_mass_without_inertia_is_taken_as_a_point_with_a_warning(write_urdf):
     assert Arm.from_urdf(file).bodies[2].mass == 2.0
 
 
-# Links and joints that are not one tree, and mimic joints that follow nothing, are named with their line.
+# Faults of trees and mimic joints
 
 
 TREE_FAULTS = {
@@ -244,36 +244,36 @@ def test_a_chain_of_a_thousand_links_is_checked(write_urdf):
     assert check_robot(write_urdf(*parts)).faults == ()
 
 
-# A file that is not the XML of a robot is one error with its line, in bounded time and memory.
+# Files that are not the XML of a robot, in bounded time and memory
 
 
 NESTED = "<a>" * 100_000
 LAUGHS = '<!DOCTYPE r [<!ENTITY a "ha"><!ENTITY b "&a;&a;&a;">]>'
 UNREADABLE = {
-    "empty": ("", "a robot wanted, got an empty file"),
-    "blank": ("\n \n", "line 3: well-formed XML wanted, got no element found"),
-    "truncated": (robot()[:-20], "line 5: well-formed XML wanted, got unclosed token"),
-    "truncated in a tag": (robot()[:130], "well-formed XML wanted, got "),
-    "not XML": ("solid cube\nfacet", "line 1: well-formed XML wanted, got syntax error"),
-    "JSON": ('{"robot": 1}', "line 1: well-formed XML wanted, got "),
-    "NUL": (robot().replace("robot name", "robot\0name"), "line 2: well-formed XML wanted, got "),
-    "binary": (bytes(range(256)), "line 1: well-formed XML wanted, got "),
+    "empty": ("", "the file must describe a robot, got an empty file"),
+    "blank": ("\n \n", "line 3: the file must be well-formed XML, got no element found"),
+    "truncated": (robot()[:-20], "line 5: the file must be well-formed XML, got unclosed token"),
+    "truncated in a tag": (robot()[:130], "the file must be well-formed XML, got "),
+    "not XML": ("solid cube\nfacet", "line 1: the file must be well-formed XML, got syntax error"),
+    "JSON": ('{"robot": 1}', "line 1: the file must be well-formed XML, got "),
+    "NUL": (robot().replace("robot name", "robot\0name"), "line 2: the file must be well-formed XML, got "),
+    "binary": (bytes(range(256)), "line 1: the file must be well-formed XML, got "),
     "wrong encoding": ('<?xml version="1.0" encoding="klingon"?><robot/>', "line 1: "),
     "several bytes a letter": ('<?xml version="1.0" encoding="shift_jis"?><robot/>', "line 1: "),
-    "broken UTF-8": (b'<robot name="\xff\xfe"/>', "line 1: well-formed XML wanted, got "),
+    "broken UTF-8": (b'<robot name="\xff\xfe"/>', "line 1: the file must be well-formed XML, got "),
     "another root": ("<html><body/></html>", "line 1: the root element must be <robot>, got <html>"),
-    "two roots": (robot() + "<robot/>", "well-formed XML wanted, got junk after document element"),
+    "two roots": (robot() + "<robot/>", "the file must be well-formed XML, got junk after document element"),
     "macro": (
         HEAD + '<xacro:include filename="x"/>' + TAIL,
-        "line 3: a robot that xacro has expanded wanted, got the macro <xacro:include>",
+        "line 3: the robot must be expanded by xacro, got the macro <xacro:include>",
     ),
-    "DOCTYPE": ('<?xml version="1.0"?>\n<!DOCTYPE robot>' + robot()[21:], "line 2: a robot without DOCTYPE wanted"),
-    "ENTITY": (f"{LAUGHS}<robot name='&b;'/>", "line 1: a robot without DOCTYPE wanted"),
-    "external": ('<!DOCTYPE r SYSTEM "http://example.org/x.dtd"><robot/>', "line 1: a robot without DOCTYPE wanted"),
-    "unknown entity": (HEAD + "&secret;" + TAIL, "line 3: well-formed XML wanted, got undefined entity"),
-    "deep": (HEAD + NESTED, "line 3: elements nested at most 64 deep wanted"),
-    "many elements": (HEAD + "<link/>\n" * 50_001 + TAIL, "line 50002: at most 50,000 elements wanted, got more"),
-    "huge": (HEAD + " " * 10_000_000, "at most 10 MB wanted, got a larger file"),
+    "DOCTYPE": ('<?xml version="1.0"?>\n<!DOCTYPE robot>' + robot()[21:], "line 2: the file must have no DOCTYPE"),
+    "ENTITY": (f"{LAUGHS}<robot name='&b;'/>", "line 1: the file must have no DOCTYPE"),
+    "external": ('<!DOCTYPE r SYSTEM "http://example.org/x.dtd"><robot/>', "line 1: the file must have no DOCTYPE"),
+    "unknown entity": (HEAD + "&secret;" + TAIL, "line 3: the file must be well-formed XML, got undefined entity"),
+    "deep": (HEAD + NESTED, "line 3: elements must be nested at most 64 deep"),
+    "many elements": (HEAD + "<link/>\n" * 50_001 + TAIL, "line 50002: the file must have at most 50,000 elements"),
+    "huge": (HEAD + " " * 10_000_000, "the file must have at most 10 MB, got a larger file"),
 }
 
 
@@ -289,7 +289,7 @@ def test_a_file_that_is_no_robots_xml_is_one_error_with_its_line(tmp_path, name)
     assert time.perf_counter() - start < 10.0
     assert len(caught.value.faults) == 1
     assert words in caught.value.faults[0]
-    assert str(caught.value).startswith(f"{file}: a robot without faults wanted, got 1 fault: ")
+    assert str(caught.value).startswith(f"{file} must be a robot without faults, got 1 fault: ")
     assert "\n" not in str(caught.value)
     assert check_robot(file).faults == caught.value.faults
 
@@ -308,9 +308,9 @@ def test_a_hostile_file_costs_bounded_memory(tmp_path, name):
 
 
 def test_a_missing_file_or_a_folder_is_told(tmp_path):
-    with pytest.raises(InvalidInput, match="a plain file wanted, got no such file"):
+    with pytest.raises(InvalidInput, match="must be a plain file, got no such file"):
         Arm.from_urdf(tmp_path / "none.urdf")
-    with pytest.raises(InvalidInput, match="a plain file wanted, got a folder"):
+    with pytest.raises(InvalidInput, match="must be a plain file, got a folder"):
         check_robot(tmp_path)
 
 

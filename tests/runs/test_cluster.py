@@ -1,4 +1,4 @@
-"""Workers of a real Dask cluster compute what they are given, whatever happens to them."""
+"""Workers of a real Dask cluster compute their items, even when they are killed, stopped or replaced."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def test_every_item_has_its_reply_whichever_worker_it_comes_from(cluster):
 def test_all_workers_begin_at_once_whatever_tasks_took_before(tmp_path):
     with local_cluster(tmp_path, 5) as running, closing(Cluster(running.address)) as cluster:
         assert wait_until(lambda: len(cluster.client.nthreads()) == 5, 60.0)
-        cluster.options = replace(OPTIONS, portion=0.0, overhead=0.0)  # an item a task
+        cluster.options = replace(OPTIONS, portion=0.0, overhead=0.0)  # one item per task
         assert len(values(cluster.replies(work.scaled, 0.1, range(50)))) == 50  # too short to be moved to others
         assert values(cluster.replies(work.meet, str(tmp_path), [5] * 5)) == dict.fromkeys(range(5), 5)
 
@@ -82,7 +82,7 @@ def test_a_signal_ends_the_wait_within_a_second(cluster):
 
 def test_workers_with_another_version_are_refused_by_name(cluster, monkeypatch):
     monkeypatch.setattr("paretoik.runs.cluster.software", lambda: {"numpy": "1.0"})
-    with pytest.raises(InvalidInput, match=r"cluster: workers with what this process has, numpy 1.0 wanted, got \d"):
+    with pytest.raises(InvalidInput, match=r"cluster: on every worker numpy must be 1.0, got \d"):
         list(cluster.replies(work.scaled, 1.0, [1.0]))
 
 
@@ -96,7 +96,7 @@ def test_another_make_of_processor_is_said_once(cluster, monkeypatch):
 
 
 def test_where_no_scheduler_answers_that_is_said_at_once():
-    with pytest.raises(InvalidInput, match=r"cluster: a Dask scheduler at tcp://127.0.0.1:9 wanted, got"):
+    with pytest.raises(InvalidInput, match=r"cluster must be the address of a Dask scheduler, got tcp://127.0.0.1:9"):
         Cluster("tcp://127.0.0.1:9", replace(OPTIONS, connection=1.0))
 
 
@@ -104,7 +104,7 @@ def test_where_no_scheduler_answers_that_is_said_at_once():
 def test_workers_that_never_come_are_waited_for_a_while(tmp_path):
     options = replace(OPTIONS, watch=0.2, patience=1.0)
     with local_cluster(tmp_path, 0) as empty, closing(Cluster(empty.address, options)) as cluster:
-        with pytest.raises(SolverFailed, match=r"cluster: no worker at tcp://.* for 1 s; a run goes on with resume"):
+        with pytest.raises(SolverFailed, match=r"cluster: no worker at tcp://.* for 1 s; resume continues the run"):
             list(cluster.replies(work.scaled, 1.0, [1.0]))
         empty.start_workers(1)
         with closing(Cluster(empty.address)) as later:

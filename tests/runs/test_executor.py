@@ -1,4 +1,4 @@
-"""A run says who computed it, and whether one process comes to the same bit for bit."""
+"""A run says who computed it, and whether one process reproduces it bit for bit."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ WORKERS = {"by": "worker processes", "workers": 3, "processor": HERE}
 ELSEWHERE = {"processor": "riscv64 V", "machines": 2, "workers": 8}
 
 
-def test_who_goes_on_stands_behind_who_computed_before():
+def test_who_resumes_a_run_is_listed_after_who_computed_before():
     with closing(WorkerProcesses(3)) as workers, distributing(workers):
         by_workers = computed()
     assert by_workers == {"reproducible": "bit for bit", "by": [WORKERS]}
     both = computed(by_workers)
     assert both == {"reproducible": "bit for bit", "by": [WORKERS, ALONE]}
-    assert computed(json.loads(json.dumps(both))) == both  # who goes on alone again is named once
-    assert computed_text(both) == ("worker processes (3), then this process; one process comes to the same bit for bit")
+    assert computed(json.loads(json.dumps(both))) == both  # this process resumes twice and is named once
+    assert computed_text(both) == ("worker processes (3), then this process; one process reproduces it bit for bit")
 
 
 def test_another_make_of_processor_before_or_beside_makes_a_run_reproducible_to_tolerance():
@@ -34,7 +34,7 @@ def test_another_make_of_processor_before_or_beside_makes_a_run_reproducible_to_
     mixed = computed({"by": [{"by": "Dask cluster", "processor": HERE, "machines": [ELSEWHERE]}]})
     assert mixed["reproducible"] == "to tolerance"
     assert "8 workers on 2 machines, riscv64 V" in computed_text(mixed)
-    assert "comes to the same to tolerance" in computed_text(mixed)
+    assert "reproduces it to tolerance" in computed_text(mixed)
 
 
 def test_a_cluster_of_which_nothing_came_leaves_unknown_how_a_run_is_reproducible():

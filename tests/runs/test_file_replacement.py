@@ -1,4 +1,4 @@
-"""Files that belong together are replaced all at once or not at all, wherever the process is killed."""
+"""Files that belong together are replaced all at once or not at all, whenever the process is killed."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_a_file_is_replaced_and_nothing_else_stays_behind(tmp_path):
 
 @pytest.mark.parametrize("name", [".", "/", ".."])
 def test_a_folder_is_no_file_to_replace(name):
-    with pytest.raises(InvalidInput, match="wanted to write it, got a folder"):
+    with pytest.raises(InvalidInput, match="must be a file to write, got a folder"):
         replace_file(Path(name), b"content")
 
 
@@ -71,14 +71,14 @@ def test_a_full_disk_leaves_the_former_file_whole(tmp_path, monkeypatch):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(InvalidInput, match=r"run\.json: wanted to write it, got No space left on device"):
+    with pytest.raises(InvalidInput, match=r"run\.json must be writable, got No space left on device"):
         replace_file(tmp_path / "run.json", b"after")
     assert [(file.name, file.read_bytes()) for file in tmp_path.iterdir()] == [("run.json", b"before")]
 
 
 def test_a_file_where_a_folder_should_be_is_refused(tmp_path):
     (tmp_path / "taken").write_text("text")
-    with pytest.raises(InvalidInput, match="wanted to write it, got"):
+    with pytest.raises(InvalidInput, match="must be writable, got"):
         replace_file(tmp_path / "taken" / "run.json", b"content")
     assert (tmp_path / "taken").read_text() == "text"
 
@@ -114,7 +114,7 @@ def test_the_next_writer_goes_on_from_what_a_killed_one_had_saved(tmp_path):
 def test_a_folder_where_a_file_should_be_is_refused_and_all_files_stay(tmp_path):
     replace_file(tmp_path / "a", b"old")
     (tmp_path / "b").mkdir()
-    with pytest.raises(InvalidInput, match=r"b: wanted to write it, got a folder"), only_writer(tmp_path) as opened:
+    with pytest.raises(InvalidInput, match=r"b must be a file to write, got a folder"), only_writer(tmp_path) as opened:
         replace_files(opened, NEW)
     assert (tmp_path / "a").read_bytes() == b"old"
     assert sorted(file.name for file in tmp_path.iterdir()) == ["a", "b"]
@@ -153,7 +153,7 @@ def test_a_folder_within_that_is_a_link_is_refused_and_nothing_is_written_where_
     place = tmp_path / "run" / linked
     place.parent.mkdir(parents=True)
     place.symlink_to(tmp_path / "elsewhere")
-    refused = pytest.raises(InvalidInput, match="inner/most: wanted a folder to write into, got")
+    refused = pytest.raises(InvalidInput, match="inner/most must be a folder to write into, got")
     with refused, only_writer(tmp_path / "run", "inner", "most") as opened:
         replace_files(opened, NEW)
     assert [file.name for file in (tmp_path / "elsewhere").rglob("*")] == ["most"]
@@ -167,7 +167,7 @@ def test_what_lies_at_the_temporary_name_of_a_file_is_replaced_and_a_link_not_fo
     part = file.with_name(f".run.json.{os.getpid()}")
     if planted == "folder":
         part.mkdir()
-        with pytest.raises(InvalidInput, match=r"run\.json: wanted to write it, got Is a directory"):
+        with pytest.raises(InvalidInput, match=r"run\.json must be writable, got Is a directory"):
             replace_file(file, b"new")
         return
     part.symlink_to(precious) if planted == "link" else part.write_bytes(b"of a killed process with this number")

@@ -41,7 +41,7 @@ def test_a_run_is_read_as_it_was_written_with_its_format_and_its_digest(tmp_path
 def test_a_run_of_another_format_is_one_but_cannot_be_read(tmp_path):
     (tmp_path / RUN).write_text('{"format": 2}')
     assert is_run(tmp_path / RUN)
-    with pytest.raises(InvalidRun, match="wanted format 1, got 2; it needs another version of paretoik"):
+    with pytest.raises(InvalidRun, match="must have format 1, got 2; use another version of paretoik"):
         read_run(tmp_path / RUN)
 
 
@@ -58,7 +58,7 @@ def test_what_a_run_says_becomes_strict_json(tmp_path):
 
 
 def test_what_json_cannot_hold_is_refused_by_its_place():
-    with pytest.raises(InvalidInput, match=r"run\.settings\[1\]: wanted what JSON can hold, got object"):
+    with pytest.raises(InvalidInput, match=r"run\.settings\[1\] must be what JSON can hold, got object"):
         to_json({"settings": [1, object()]})
 
 
@@ -81,13 +81,13 @@ def test_a_page_may_be_written_anew_and_other_files_where_told(tmp_path):
     check_target("report", notes, mark=PAGE_MARK, overwrite=True)
     check_target("report", tmp_path / "new" / "report.html", mark=PAGE_MARK)
     for file, mark in ((notes, PAGE_MARK), (page, PICTURE_MARK), (page, None)):
-        with pytest.raises(InvalidInput, match="permission to overwrite"):
+        with pytest.raises(InvalidInput, match="use --overwrite"):
             check_target("report", file, mark=mark)
-    with pytest.raises(InvalidInput, match="wanted a file that is not the run's own"):
+    with pytest.raises(InvalidInput, match="must not be one of the run's own files"):
         check_target("report", tmp_path / RUN, mark=PAGE_MARK, overwrite=True)
 
 
-# Files of little that declare much are refused before anything is unpacked.
+# Small files that declare large contents are refused before anything is unpacked.
 
 
 def archive(entries, compression=zipfile.ZIP_STORED):

@@ -57,7 +57,7 @@ def test_a_new_folder_is_made_with_its_parents(tmp_path):
 
 
 def test_a_second_writer_is_refused_by_name_until_the_first_ends(tmp_path):
-    refused = pytest.raises(InvalidInput, match=f"only writer, got process {os.getpid()} at work")
+    refused = pytest.raises(InvalidInput, match=f"no other writer, got process {os.getpid()} at work")
     with claim_folder(tmp_path) as folder, refused, claim_folder(folder):
         pass
     with claim_folder(tmp_path) as folder:
@@ -96,7 +96,7 @@ def test_a_run_file_of_another_program_does_not_make_a_run(tmp_path, content):
 
 
 def finished_run(folder: Path) -> dict[str, bytes]:
-    """Make a run with a result in a folder, beside a file of the user's; return what all its files hold."""
+    """Make a run with a result in a folder, next to a file of the user's; return the contents of all its files."""
     with claim_folder(folder):
         write_run(folder, RESULT)
     (folder / "checkpoint").mkdir()
@@ -113,7 +113,7 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 def test_a_run_is_overwritten_only_when_told_and_only_its_own_files_go(tmp_path):
     finished_run(tmp_path)
-    with pytest.raises(InvalidInput, match="permission to overwrite"), claim_folder(tmp_path):
+    with pytest.raises(InvalidInput, match="use --overwrite"), claim_folder(tmp_path):
         pass
     with claim_folder(tmp_path, overwrite=True):
         assert sorted(file.name for file in tmp_path.iterdir()) == [FORMER, LOCK, "notes.txt"]
@@ -146,7 +146,7 @@ def test_a_run_without_a_result_is_replaced_by_the_reason_of_the_next_failure(tm
     write_run(tmp_path, {"status": "running"})
     with suppress(InvalidInput), claim_folder(tmp_path, overwrite=True):
         write_run(tmp_path, {"status": "InvalidInput"})
-        raise InvalidInput("seed: an integer wanted")
+        raise InvalidInput("seed must be an integer")
     assert json.loads((tmp_path / RUN).read_text())["status"] == "InvalidInput"
 
 
@@ -165,7 +165,7 @@ def test_a_killed_process_with_a_result_has_replaced_the_run(tmp_path):
     process = holder(tmp_path, RESULT)
     process.send_signal(signal.SIGKILL)
     process.communicate()
-    with pytest.raises(InvalidInput, match="permission to overwrite"), claim_folder(tmp_path):
+    with pytest.raises(InvalidInput, match="use --overwrite"), claim_folder(tmp_path):
         pass
     assert sorted(contents(tmp_path)) == ["notes.txt", RUN]
 
@@ -193,7 +193,7 @@ with claim_folder(sys.argv[1], overwrite=True) as folder:
     write_run(folder, {"status": "running"})
     (folder / "choices.json").write_text("of the new one")
 """
-MOVES = 2 * 3 + 2  # three entries out and back, and the folder that they are in renamed twice
+MOVES = 2 * 3 + 2  # three entries out and back, and the folder around them renamed twice
 
 
 @pytest.mark.parametrize("moves", range(MOVES))
@@ -250,7 +250,7 @@ print(events)
 
 
 def test_whenever_a_link_takes_the_place_of_a_folder_within_nothing_changes_where_it_leads(tmp_path):
-    """The link comes between any two events on files, so also between a look at a folder and what is done in it."""
+    """The link comes between any two events on files, so also between a look at a folder and the work in it."""
     finished_run(tmp_path / "run")
     (tmp_path / "elsewhere" / "source").mkdir(parents=True)
     for name in (*CONTENTS[:3], "source/run.json"):
@@ -277,7 +277,7 @@ def test_a_link_in_place_of_the_lock_is_not_followed(tmp_path):
     (tmp_path / "precious").write_text("text")
     (tmp_path / "run").mkdir()
     (tmp_path / "run" / LOCK).symlink_to(tmp_path / "precious")
-    with pytest.raises(InvalidInput, match="wanted a folder to write a run into"), claim_folder(tmp_path / "run"):
+    with pytest.raises(InvalidInput, match="must be a folder to write a run into"), claim_folder(tmp_path / "run"):
         pass
     assert (tmp_path / "precious").read_text() == "text"
 
@@ -291,11 +291,11 @@ def test_what_a_killed_writer_left_half_written_does_not_bar_the_folder(tmp_path
 def test_a_file_where_the_folder_should_be_is_refused(tmp_path):
     (tmp_path / "taken").touch()
     for folder in (tmp_path / "taken", tmp_path / "taken" / "run"):
-        with pytest.raises(InvalidInput, match="wanted a folder to write a run into"), claim_folder(folder):
+        with pytest.raises(InvalidInput, match="must be a folder to write a run into"), claim_folder(folder):
             pass
 
 
-# Room for a result: held before anything is computed, there when the disk is full, refused where there is none.
+# Disk space for a result: held before any computation, there when the disk is full, refused if there is too little.
 
 
 ROOT = Path(__file__).parents[2]
@@ -313,7 +313,7 @@ def test_room_is_on_the_disk_until_it_is_left(tmp_path):
     assert file.stat().st_size == OPTIONS.bytes
 
 
-def test_a_link_in_its_place_is_not_followed_and_nothing_is_held(tmp_path):
+def test_a_link_in_place_of_the_reserved_file_is_not_followed_and_nothing_is_held(tmp_path):
     (tmp_path / "precious").write_bytes(b"mine")
     (tmp_path / "reserve").symlink_to(tmp_path / "precious")
     ReservedSpace(tmp_path / "reserve").release()
@@ -326,7 +326,7 @@ def test_a_disk_without_room_is_refused_and_nothing_stays_on_it(tmp_path, monkey
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr(os, "posix_fallocate", fail)
-    words = r"8 MB of free disk wanted, so that its result has room, got [\d.e+]+ MB"
+    words = r"must have 8 MB of free disk for the result, got [\d.e+]+ MB"
     with pytest.raises(InvalidInput, match=words):
         ReservedSpace(tmp_path / "checkpoint" / "reserve")
     assert list(tmp_path.iterdir()) == []

@@ -98,7 +98,7 @@ def test_a_signal_sets_the_flag_while_the_main_thread_runs_no_python():
 
 @numba.njit(nogil=True)
 def wait_for(stop, count):
-    """Run until the flag is set, or long."""
+    """Run until the flag is set, or for a long time."""
     i = 0.0
     while not stop[0] and i < count:
         i += 1.0
@@ -133,7 +133,7 @@ def test_a_forked_process_leaves_its_parents_flag_alone():
 
 @dataclass
 class Clock:
-    """Stands for the module ``time``: its time [s] is what a test sets."""
+    """Replaces the module ``time``: its time [s] is set by a test."""
 
     now: float = 100.0
 
@@ -143,7 +143,7 @@ class Clock:
 
 @pytest.fixture
 def clock(monkeypatch):
-    """The clock that time limits go by, and no compilation so far: however slow a machine is, it stands still."""
+    """The clock of time limits, before any compilation: it stands still, even on a slow machine."""
     monkeypatch.setattr(compilation_notices, "_TIME", [(0.0, None)])
     monkeypatch.setattr(compilation_notices, "time", Clock())
     return compilation_notices.time
@@ -233,7 +233,7 @@ def test_a_limit_that_is_no_positive_number_is_refused(seconds):
         pass
 
 
-def test_another_thread_is_refused():
+def test_a_time_limit_in_another_thread_is_refused():
     errors: list[InvalidInput] = []
 
     def work() -> None:
@@ -246,7 +246,7 @@ def test_another_thread_is_refused():
     thread = threading.Thread(target=work)
     thread.start()
     thread.join()
-    assert "time_limit: wants the main thread" in str(errors[0])
+    assert "time_limit must be set in the main thread" in str(errors[0])
 
 
 def test_the_computing_clock_stands_still_while_code_is_compiled(clock):
@@ -265,7 +265,7 @@ def test_the_computing_clock_stands_still_while_code_is_compiled(clock):
 def test_the_computing_clock_never_counts_a_compilation_that_is_just_ending(clock, monkeypatch):
     started, readings, monotonic = computing_clock(), [], clock.monotonic
 
-    def read_meanwhile() -> float:  # as another thread may
+    def read_meanwhile() -> float:  # as another thread may do
         monkeypatch.setattr(clock, "monotonic", monotonic)
         readings.append(computing_clock())
         return monotonic()
@@ -336,7 +336,7 @@ def test_later_stages_are_measured_on_points_as_they_come(monkeypatch, unchecked
 
     monkeypatch.setattr("paretoik.api.certified_front.certify", certify)
     later = LaterTime(formulation=Formulation())
-    for sign in (1.0, -1.0, 2.0, -2.0, -2.0):  # the last one has been seen
+    for sign in (1.0, -1.0, 2.0, -2.0, -2.0):  # the last one was seen before
         later.try_point(np.full((21, 3), sign), np.ones(2), seconds=1e6)
     assert later.per_point() == pytest.approx(0.01 + 3.0 / 2 + 0.21)
     spent = later.spent

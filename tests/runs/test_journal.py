@@ -1,4 +1,4 @@
-"""A journal has all intact frames, however its file was cut or damaged; nothing in it is run."""
+"""A journal has all intact frames, wherever its file was cut or damaged; nothing in it is executed."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def test_what_was_appended_is_there_again_type_and_shape_and_bits(file):
     journal.close()
 
 
-def test_cut_anywhere_it_has_all_that_was_whole_and_goes_on_from_there(file, tmp_path, monkeypatch):
+def test_a_journal_that_is_cut_anywhere_keeps_its_whole_frames_and_continues(file, tmp_path, monkeypatch):
     monkeypatch.setattr(os, "fsync", lambda _: None)
     content, keys = file.read_bytes(), list(ENTRIES)
     places = ends(content)
@@ -110,7 +110,7 @@ def test_a_warning_says_how_many_bytes_are_damaged(file):
     first, size = ends(content)[1], len(content)
     content[len(MARK)] ^= 1
     file.write_bytes(content)
-    with pytest.warns(RuntimeWarning, match=f"{first} of {size} bytes are damaged; what they held is computed again"):
+    with pytest.warns(RuntimeWarning, match=f"{first} of {size} bytes are damaged; their content is computed again"):
         Journal(file).close()
 
 
@@ -131,7 +131,7 @@ def test_any_plain_array_comes_back(tmp_path_factory, array, text):
 
 def test_objects_are_not_plain_and_refused(tmp_path):
     journal = Journal(tmp_path / "journal")
-    with pytest.raises(InvalidInput, match="numbers and text wanted, got object for 'F'"):
+    with pytest.raises(InvalidInput, match="journal values must be numbers or text, got object for 'F'"):
         journal.append(key_of("any"), {"F": np.array([print])})
     journal.close()
 
@@ -149,7 +149,7 @@ def test_a_sparse_file_of_gigabytes_is_refused_at_once(file, monkeypatch):
         sink.write(HEAD.pack(MARK, 15 * 10**9, bytes(32)))
         sink.truncate(15 * 10**9)
     monkeypatch.setattr("paretoik.runs.journal.OPTIONS", JournalOptions(largest=2**24))
-    with pytest.raises(InvalidRun, match=r"wanted the journal of a run, got 1\d{10} bytes at byte \d+"):
+    with pytest.raises(InvalidRun, match=r"must be the journal of a run, got 1\d{10} bytes at byte \d+"):
         Journal(file)
     assert file.stat().st_size == 15 * 10**9  # nothing of it is cut off
 
@@ -166,10 +166,10 @@ def test_what_is_larger_than_a_frame_is_not_kept(tmp_path, monkeypatch):
 
 def test_another_file_and_a_link_are_refused(tmp_path):
     (tmp_path / "other").write_bytes(b"something else altogether")
-    with pytest.raises(InvalidRun, match="wanted the journal of a run, got something else"):
+    with pytest.raises(InvalidRun, match="must be the journal of a run, got something else"):
         Journal(tmp_path / "other")
     (tmp_path / "link").symlink_to(tmp_path / "elsewhere")
-    with pytest.raises(InvalidInput, match="wanted to write the journal of a run"):
+    with pytest.raises(InvalidInput, match="must be writable"):
         Journal(tmp_path / "link")
     assert not (tmp_path / "elsewhere").exists()
 
@@ -273,5 +273,5 @@ def test_keys_differ_with_kind_type_shape_bits_and_text():
 def test_a_whole_frame_that_someone_made_up_is_refused_in_a_line(tmp_path, payload):
     digest = hashlib.sha256(struct.pack("<Q", len(payload)) + payload).digest()
     (tmp_path / "journal").write_bytes(HEAD.pack(MARK, len(payload), digest) + payload)
-    with pytest.raises(InvalidRun, match=r"wanted arrays at byte \d+, got .+"):
+    with pytest.raises(InvalidRun, match=r"must hold arrays at byte \d+, got .+"):
         Journal(tmp_path / "journal")

@@ -12,7 +12,7 @@ from paretoik.runs.machine import single_blas_thread
 
 
 def blas_threads() -> set[int]:
-    """Return the threads of NumPy's and SciPy's BLAS; what other tests have loaded may have but one."""
+    """Return the threads of NumPy's and SciPy's BLAS; a library that other tests loaded may have only one."""
     libraries = [library for library in threadpool_info() if library["prefix"] == "libscipy_openblas"]
     assert len(libraries) == 2
     return {library["num_threads"] for library in libraries}

@@ -119,21 +119,21 @@ def test_any_one_number_word_or_truth_that_changes_makes_another_problem(problem
     assert fingerprint(problem) == before
 
 
-def test_made_anew_it_is_the_same(problem, request):
+def test_a_problem_that_is_made_again_is_the_same(problem, request):
     make = KINDS[request.node.callspec.params["problem"]]
     assert fingerprint(make()) == fingerprint(problem)
     assert fingerprint(problem).startswith(f"{SCHEME}:")
 
 
-@pytest.mark.filterwarnings("ignore:objective .* different values wanted:RuntimeWarning")  # of so few individuals
-def test_solving_leaves_it_the_same(problem):
+@pytest.mark.filterwarnings("ignore:objective .* must vary:RuntimeWarning")  # with so few individuals
+def test_solving_leaves_a_problem_the_same(problem):
     before = fingerprint(problem)
-    with suppress(pk.Infeasible):  # so few generations may have nothing
+    with suppress(pk.Infeasible):  # few generations may find no feasible individual
         pk.solve(problem, **({} if isinstance(problem, pk.ClosedLoop) else {"population": 8, "generations": 2}))
     assert fingerprint(problem) == before
 
 
-def test_planning_and_refining_leave_it_the_same():
+def test_planning_and_refining_leave_a_problem_the_same():
     problem = planar()
     before = fingerprint(problem)
     assert pk.epsilon_front(problem, points=2, starts=2).provenance["fingerprint"] == before
@@ -209,11 +209,11 @@ def test_what_processors_differ_in_is_the_same_problem():
 
 @pytest.mark.parametrize("stored", [None, "", "c0ffee" * 10, 5])
 def test_fingerprints_of_another_version_are_not_compared(stored):
-    with pytest.raises(pk.InvalidInput, match="run: wants it, got a run of another version of paretoik"):
-        check_fingerprint(Plain(), stored, wish="run: wants it")
+    with pytest.raises(pk.InvalidInput, match="run must be of it, got a run of another version of paretoik"):
+        check_fingerprint(Plain(), stored, wish="run must be of it")
 
 
 def test_another_problem_is_said_to_be_another():
     check_fingerprint(Plain(), fingerprint(Plain()), wish="")
-    with pytest.raises(pk.InvalidInput, match="run: wants it, got one whose fingerprint is another"):
-        check_fingerprint(Plain(3.0), fingerprint(Plain()), wish="run: wants it")
+    with pytest.raises(pk.InvalidInput, match="run must be of it, got one whose fingerprint is another"):
+        check_fingerprint(Plain(3.0), fingerprint(Plain()), wish="run must be of it")

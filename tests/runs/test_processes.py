@@ -1,4 +1,4 @@
-"""Workers on this machine compute what they are given, whatever happens to them."""
+"""Workers on this machine compute their items, even when they are killed, stopped or replaced."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def wait_until(condition, seconds: float) -> bool:
 
 
 def check_that_a_signal_ends(replies) -> None:
-    """Whoever waits for replies that take minutes is told of a signal within a second."""
+    """The process that waits for replies, which take minutes, learns of a signal within a second."""
 
     def stop() -> None:
         stopped.append(time.monotonic())
@@ -95,13 +95,13 @@ def test_a_result_that_cannot_be_sent_is_an_error_not_a_wait(workers):
 
 
 def test_what_cannot_be_sent_is_refused_by_name(workers):
-    with pytest.raises(InvalidInput, match="a problem that can be sent to another process wanted, got TypeError"):
+    with pytest.raises(InvalidInput, match="workers: a problem must be picklable, got TypeError"):
         list(workers.replies(work.scaled, threading.Lock(), [1.0]))
 
 
 @pytest.mark.parametrize("count", [0, -1, 1.5, "2", True])
 def test_what_is_no_number_of_workers_is_refused(count, unchecked):
-    with pytest.raises(InvalidInput, match="workers: an integer of at least 1 wanted"):
+    with pytest.raises(InvalidInput, match="workers must be an integer of at least 1"):
         WorkerProcesses(count)
 
 

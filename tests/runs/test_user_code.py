@@ -221,11 +221,11 @@ def test_a_file_that_is_edited_after_it_was_loaded_stands_for_what_runs(load, be
     Path(module.__file__).write_text(replaced("** power + floor", "** power - floor"))
     linecache.clearcache()
     edited = everything(load(Path(module.__file__).read_text()))
-    assert everything(module) not in (before, edited)  # by bytecode: the source at hand is not what runs
+    assert everything(module) not in (before, edited)  # by bytecode: the file's source is not the code that runs
 
 
-def test_every_version_of_python_and_of_this_scheme_has_the_same():
-    # Python 3.11, 3.12 and 3.13 agree on it; where it has to change, SCHEME does too.
+def test_every_version_of_python_with_this_scheme_has_the_same_fingerprint():
+    # Python 3.11, 3.12 and 3.13 agree on it; if it must change, SCHEME changes too.
     assert fingerprint(EVERYTHING) == "2:e226eb24918b8dc54e3bfb5fc1de4a4d84b44f4380456998c5dba3496d566207"
 
 
@@ -240,7 +240,7 @@ def test_code_without_a_file_is_told_apart_by_its_bytecode():
 
 
 @pytest.mark.parametrize("seed", ["0", "1", "31337"])
-def test_every_process_has_the_same(load, before, tmp_path, seed):
+def test_every_process_has_the_same_fingerprint(load, before, tmp_path, seed):
     (tmp_path / "mine.py").write_text(SOURCE + "\nSETS = {'x', 'y', 'z'}\n")
     script = (
         "import mine; from paretoik.runs.fingerprint import fingerprint;"
@@ -254,7 +254,7 @@ def test_every_process_has_the_same(load, before, tmp_path, seed):
     assert child.stdout.split() == [before, fingerprint([sets, frozenset(sets)])]
 
 
-def test_values_that_refer_to_themselves_or_lie_deep_have_one_too():
+def test_values_that_refer_to_themselves_or_are_deeply_nested_have_a_fingerprint():
     def endless(number):
         loop, deep = [number], [number]
         loop.append({"self": loop})

@@ -1,4 +1,4 @@
-"""Modules of a user's, written into files and loaded, as they were or changed."""
+"""Modules of a user, written into files and loaded, unchanged or changed."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ NUMBERS = itertools.count()
 
 
 def loader(folder: Path) -> Callable[[str], ModuleType]:
-    """Return a function that loads a source from a file of its own, under a name of its own."""
+    """Return a function that loads a source from its own file, under its own name."""
 
     def load(source: str) -> ModuleType:
         name = f"{PREFIX}{next(NUMBERS)}"

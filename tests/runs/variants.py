@@ -1,4 +1,4 @@
-"""Copies of a problem that differ from it in one number, word or truth, wherever that is."""
+"""Copies of a problem that differ from it in one number, word or truth value, at any place."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ OPAQUE = (type, type(len), type(lambda: None), Path)  # code, and where files ar
 
 
 def variants(value: Any, rng: np.random.Generator, path: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield copies of a value, each with one thing in it changed, and where that is; of an array one number."""
+    """Yield copies of a value, each with one change, and its place; for an array one number changes."""
     if isinstance(value, OPAQUE):
         return
     if isinstance(value, bool | np.bool_):
@@ -49,7 +49,7 @@ def variants(value: Any, rng: np.random.Generator, path: str = "") -> Iterator[t
 
 
 def names(value: Any) -> list[str]:
-    """Return the names of what an object is made of."""
+    """Return the names of an object's parts."""
     kind = type(value)
     if is_dataclass(kind):
         return [each.name for each in fields(kind)]

@@ -1,4 +1,4 @@
-"""Functions for workers, good ones and bad ones, and a process whose workers are to end with it.
+"""Functions for workers, good ones and bad ones, and a process whose workers must end with it.
 
 python -m tests.runs.work FOLDER
 """
@@ -69,7 +69,7 @@ def loop_for_ever(shared: object, item: int) -> int:
 
 
 def hold_the_lock(shared: object, item: int) -> int:
-    """Sleep in C code that does not let any other thread of Python run."""
+    """Sleep in C code that lets no other thread of Python run."""
     if item == 1:
         ctypes.PyDLL(None).sleep(600)
     return item
@@ -96,7 +96,7 @@ if __name__ == "__main__":
 
 
 def meet(folder: str, items: int) -> int:
-    """Return once so many items have begun, this one among them, or raise where they do not."""
+    """Return once this many items have begun, this one among them; raise if they do not."""
     Path(folder, f"begun-{os.getpid()}").touch()
     for _ in range(1200):
         if len(list(Path(folder).glob("begun-*"))) == items:

@@ -1,4 +1,4 @@
-"""Small problems that the tests of the search share."""
+"""Small problems for the tests of the search."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pymoo.core.problem import Problem
 
 
 class Parabolas(Problem):
-    """Minimise the squared distances to points on the first axis; counts its calls."""
+    """Squared distances to points on the first axis; counts its calls."""
 
     def __init__(self, n_obj=2, n_var=3, constrained=False):
         super().__init__(n_var=n_var, n_obj=n_obj, n_ieq_constr=int(constrained), xl=-2.0, xu=2.0)
@@ -23,7 +23,7 @@ class Parabolas(Problem):
 
 
 class Branches(Problem):
-    """Four species by the integer part of gene 0; crossing them would be noticed, each has its own optimum."""
+    """Four species by the integer part of gene 0, each with its own optimum; crossing them is visible."""
 
     n_species = 4
     species_gene = 0

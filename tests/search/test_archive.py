@@ -1,4 +1,4 @@
-"""The archive remembers what the population forgets."""
+"""The archive keeps points that the population loses."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def dominates(a, b):
     ),
     st.integers(1, 5),
 )
-def test_it_holds_the_first_of_each_non_dominated_point_whatever_the_batches(F, batches):
+def test_archive_keeps_the_first_of_each_non_dominated_point_in_any_batches(F, batches):
     archive = Archive()
     first = 0
     for generation, part in enumerate(np.array_split(F, batches)):
@@ -93,7 +93,7 @@ def test_without_a_feasible_point_the_least_violating_one_is_kept():
 
 
 @pytest.mark.parametrize("n_obj", [2, 3])
-def test_above_its_capacity_a_grid_thins_it_but_keeps_the_extremes(n_obj):
+def test_grid_thins_a_full_archive_but_keeps_the_extremes(n_obj):
     F = np.abs(np.random.default_rng(2).normal(size=(1200, n_obj)))
     F /= np.linalg.norm(F, axis=1, keepdims=True)
     archive = fill(Archive(capacity=1000), F)
@@ -105,7 +105,7 @@ def test_above_its_capacity_a_grid_thins_it_but_keeps_the_extremes(n_obj):
 
 
 def test_a_capacity_of_nothing_is_refused():
-    with pytest.raises(InvalidInput, match="archive capacity: an integer of at least 1 wanted, got 0"):
+    with pytest.raises(InvalidInput, match="archive capacity must be an integer of at least 1, got 0"):
         Archive(capacity=0)
 
 

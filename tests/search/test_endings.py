@@ -1,4 +1,4 @@
-"""When a search ends and why."""
+"""Endings of a search and their reasons."""
 
 from __future__ import annotations
 
@@ -41,13 +41,13 @@ def test_limits_end_when_they_are_reached_and_not_before(ending, early, reason):
 @pytest.mark.parametrize(
     ("ending", "arguments", "message"),
     [
-        (Generations, (0,), "generations: an integer of at least 1 wanted, got 0"),
-        (Evaluations, (-1,), "evaluations: .* got -1"),
-        (TimeLimit, (0.0,), "time limit: more than 0 seconds wanted, got 0.0"),
-        (TimeLimit, (float("nan"),), "time limit: .* got nan"),
-        (Stagnation, (0.0,), "stagnation gain: more than 0 wanted, got 0.0"),
-        (Stagnation, (1e-4, 0), "stagnation over: .* got 0"),
-        (Target, ((1.0, float("nan")),), "target: .*nan"),
+        (Generations, (0,), "generations must be an integer of at least 1, got 0"),
+        (Evaluations, (-1,), "evaluations.* got -1"),
+        (TimeLimit, (0.0,), "time limit must be more than 0 seconds, got 0.0"),
+        (TimeLimit, (float("nan"),), "time limit.* got nan"),
+        (Stagnation, (0.0,), "stagnation gain must be more than 0, got 0.0"),
+        (Stagnation, (1e-4, 0), "stagnation over.* got 0"),
+        (Target, ((1.0, float("nan")),), "target.*nan"),
     ],
 )
 def test_limits_that_cannot_be_used_are_refused_by_name_and_value(ending, arguments, message):
@@ -94,7 +94,7 @@ def test_a_target_is_met_by_one_point_as_good_in_every_objective():
     assert Target((0.5, 0.5)).reached(progress()) == "target"
     assert Target((0.5, 0.45)).reached(progress()) is None
     assert Target((np.inf, 0.0)).reached(progress()) == "target"
-    with pytest.raises(InvalidInput, match="target: 2 numbers wanted, one an objective, got 1"):
+    with pytest.raises(InvalidInput, match=r"target must have one number per objective \(2\), got 1"):
         Target((0.5,)).reached(progress())
 
 

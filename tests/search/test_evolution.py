@@ -1,4 +1,4 @@
-"""The loop, and the evaluations that go wrong in it."""
+"""The loop of a search, and evaluations that fail in it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def search(problem=None, **settings):
     return Search(problem or Parabolas(), population=10, seed=1, **settings)
 
 
-def test_it_runs_until_the_first_ending_and_shows_each_generation():
+def test_search_runs_until_the_first_ending_and_shows_each_generation():
     seen = []
     running = search()
     assert evolve(running, [Generations(7), Evaluations(1000)], observe=seen.append) == "generations"
@@ -51,7 +51,7 @@ def test_the_same_seed_gives_the_same_bits_and_another_does_not():
     assert not np.array_equal(runs[0].X[:4], runs[2].X[:4])
 
 
-def test_running_on_equals_running_at_once():
+def test_continued_search_equals_one_run():
     at_once, in_two = search(), search()
     evolve(at_once, [Generations(9)])
     evolve(in_two, [Generations(4)])
@@ -66,7 +66,7 @@ def test_a_solved_problem_stagnates():
 
 
 class Raising(Parabolas):
-    """Raises whenever an individual is in a corner of the box."""
+    """Raises if an individual is in a corner of the box."""
 
     def _evaluate(self, x, out, *args, **kwargs):
         if (x[:, 1] > 1.0).any():
@@ -92,7 +92,7 @@ def test_a_search_survives_individuals_that_raise_and_names_the_first_cause():
 
 
 class Explaining(Parabolas):
-    """Names the cause itself, row by row, and may raise besides."""
+    """Gives the cause of each row, and may also raise."""
 
     def _evaluate(self, x, out, *args, **kwargs):
         if (x[:, 2] > 1.9).any():
@@ -136,12 +136,15 @@ class Misshapen(Parabolas):
 @pytest.mark.parametrize(
     ("problem", "cause"),
     [
-        (Broken(), "all 10 failed, the first with: the problem raised TypeError: wrist_effort: unexpected argument"),
-        (Nothing(), "all 10 failed, the first with: objective f1 is nan"),
-        (Misshapen(), r"all 10 failed, the first with: .*expected shape \(1, 2\) but provided \(1, 3\)"),
+        (
+            Broken(),
+            "10 failed evaluations, the first with: the problem raised TypeError: wrist_effort: unexpected argument",
+        ),
+        (Nothing(), "got 10 failed evaluations, the first with: objective f1 is nan"),
+        (Misshapen(), r"got 10 failed evaluations, the first with: .*expected shape \(1, 2\) but provided \(1, 3\)"),
     ],
 )
-def test_when_every_evaluation_fails_it_ends_with_the_first_cause(problem, cause):
+def test_search_without_a_usable_evaluation_ends_with_the_first_cause(problem, cause):
     with pytest.raises(EvaluationFailed, match=cause):
         evolve(search(problem), [Generations(5)])
 
@@ -175,7 +178,7 @@ def test_ctrl_c_during_an_evaluation_keeps_the_result():
     assert running.generation == 4
 
 
-def test_what_improve_returns_is_evaluated_in_the_next_generation():
+def test_improved_genes_are_evaluated_in_the_next_generation():
     better = np.array([[0.5, 0.0, 0.0]])
     running = search()
     evolve(running, [Generations(3)], improve=lambda progress: better if progress.generation == 1 else None)
@@ -210,7 +213,7 @@ def test_equality_constraints_count():
 
 
 def test_a_run_without_an_ending_is_refused():
-    with pytest.raises(InvalidInput, match="endings: at least one wanted"):
+    with pytest.raises(InvalidInput, match="endings must have at least one ending"):
         evolve(search(), [])
 
 

@@ -53,7 +53,7 @@ class Named(ElementwiseProblem):
 
 
 class Unbounded(Problem):
-    """The front lies outside of where it is begun, between 5 and 6."""
+    """The front is outside of the first population, between 5 and 6."""
 
     def __init__(self, xl=None, xu=None):
         super().__init__(n_var=1, n_obj=2, xl=xl, xu=xu)
@@ -63,7 +63,7 @@ class Unbounded(Problem):
 
 
 class Tours(Problem):
-    """Orders of six things: how far each is from its place, at either end."""
+    """Orders of six things: distances of each from its place at either end."""
 
     def __init__(self):
         super().__init__(n_var=6, n_obj=2, xl=0, xu=5, vtype=int)
@@ -113,9 +113,11 @@ def test_without_bounds_the_population_goes_as_far_as_the_front_is(bounds):
 
 
 def test_without_bounds_and_genes_to_start_from_there_is_no_search():
-    with pytest.raises(InvalidInput, match=r"problem.xl: 1 bounds wanted, one a gene, got none, nor genes to start"):
+    with pytest.raises(
+        InvalidInput, match=r"problem.xl must have one bound per gene \(1\), got none, nor genes to start"
+    ):
         solved(Unbounded())
-    with pytest.raises(InvalidInput, match=r"problem.xl\[0\]: a finite bound wanted, got -inf"):
+    with pytest.raises(InvalidInput, match=r"problem.xl\[0\] must be a finite bound, got -inf"):
         solved(Unbounded(xl=np.array([-np.inf]), xu=np.ones(1)))
 
 
@@ -129,7 +131,7 @@ def test_finite_bounds_are_the_problems_own():
 
 
 @pytest.mark.parametrize("make", [lambda: get_problem("zdt1", n_var=5), Integers, Bits, Named])
-def test_what_is_evaluated_already_is_not_evaluated_again(make):
+def test_evaluated_individuals_are_not_evaluated_again(make):
     problem = make()
     first = minimize(problem, MaxiMinNSGA2(pop_size=20), ("n_gen", 1), seed=1).pop
     assert len(first) == 20
@@ -148,7 +150,7 @@ def test_a_part_of_a_population_may_be_evaluated():
 @pytest.mark.parametrize("name", ["crossover", "mutation"])
 def test_one_operator_for_named_variables_is_refused(name):
     operator = OrderCrossover() if name == "crossover" else InversionMutation()
-    with pytest.raises(InvalidInput, match=f"{name}: none wanted for named variables"):
+    with pytest.raises(InvalidInput, match=f"{name} must be None for named variables"):
         solved(Named(), **{name: operator})
 
 
@@ -157,12 +159,12 @@ def test_genes_of_a_type_that_pymoo_has_no_operators_for_want_them_by_name():
         def __init__(self):
             super().__init__(n_var=1, n_obj=2, vtype=object)
 
-    with pytest.raises(InvalidInput, match="crossover: a pymoo operator for genes of type <class 'object'> wanted"):
+    with pytest.raises(InvalidInput, match="crossover must be a pymoo operator for genes of type <class 'object'>"):
         solved(Words())
 
 
 def test_more_individuals_than_places_are_refused():
-    with pytest.raises(InvalidInput, match="sampling: at most 20 individuals wanted, got 25"):
+    with pytest.raises(InvalidInput, match="sampling must have at most 20 individuals, got 25"):
         solved(Bits(), sampling=np.zeros((25, 20), dtype=bool))
 
 
@@ -223,45 +225,45 @@ def test_a_box_without_room_is_filled_with_copies():
 def test_rounding_is_clipped_and_anything_more_is_refused_with_row_and_gene():
     X = seeded_population(plain(), 4, [[1.0 + 1e-13, -1e-13]], rng=rng())
     assert X[0].tolist() == [1.0, 0.0]
-    with pytest.raises(InvalidInput, match=r"initial\[1\]: gene 0 between 0.0 and 1.0 wanted, got 1.001"):
+    with pytest.raises(InvalidInput, match=r"initial\[1\] must have gene 0 between 0.0 and 1.0, got 1.001"):
         seeded_population(plain(), 4, [[0.1, 0.1], [1.001, 0.1]], rng=rng())
-    with pytest.raises(InvalidInput, match=r"initial\[0\]: gene 1 .* got nan"):
+    with pytest.raises(InvalidInput, match=r"initial\[0\] must have gene 1 .* got nan"):
         seeded_population(plain(), 4, [[0.1, np.nan]], rng=rng())
 
 
 @pytest.mark.parametrize("initial", [np.zeros((2, 3)), np.zeros((1, 2, 2))])
 def test_initial_genes_of_another_shape_are_refused(initial):
-    with pytest.raises(InvalidInput, match="initial: rows of 2 genes wanted, got shape"):
+    with pytest.raises(InvalidInput, match="initial must be rows of 2 genes, got shape"):
         seeded_population(plain(), 4, initial, rng=rng())
 
 
 def test_more_initial_rows_than_places_are_refused_and_not_dropped():
-    with pytest.raises(InvalidInput, match=r"initial: at most 4 rows wanted .*, got 5"):
+    with pytest.raises(InvalidInput, match=r"initial must have at most 4 rows .*, got 5"):
         seeded_population(plain(), 4, rng().random((5, 2)), rng=rng())
 
 
 @pytest.mark.parametrize("size", [0, 1, 2, 3, -5])
 def test_populations_below_four_are_refused_by_name_and_value(size):
-    with pytest.raises(InvalidInput, match=f"population: an integer of at least 4 wanted, got {size}"):
+    with pytest.raises(InvalidInput, match=f"population must be an integer of at least 4, got {size}"):
         Search(plain(), population=size)
-    with pytest.raises(InvalidInput, match=f"pop_size: an integer of at least 4 wanted, got {size}"):
+    with pytest.raises(InvalidInput, match=f"pop_size must be an integer of at least 4, got {size}"):
         MaxiMinNSGA2(pop_size=size)
 
 
 @pytest.mark.parametrize("size", [4.0, True, None, "9"])
 def test_sizes_that_are_no_integers_are_refused(size):
-    with pytest.raises(InvalidInput, match=f"population: an integer of at least 0 wanted, got {size!r}"):
+    with pytest.raises(InvalidInput, match=f"population must be an integer of at least 0, got {size!r}"):
         check_size("population", size, 0)
 
 
 @pytest.mark.parametrize(
     ("xl", "xu", "message"),
     [
-        ([0.0, 2.0], [1.0, 1.0], "bounds of gene 1: xl <= xu wanted, got 2.0 > 1.0"),
-        ([0.0, np.nan], [1.0, 1.0], r"xl\[1\]: a finite bound wanted, got nan"),
-        ([0.0, 0.0], [np.inf, 1.0], r"xu\[0\]: a finite bound wanted, got inf"),
-        ([0.0], [1.0, 1.0], "xl: 2 bounds wanted, one a gene, got shape"),
-        (None, [1.0, 1.0], "xl: 2 bounds wanted, one a gene, got none"),
+        ([0.0, 2.0], [1.0, 1.0], "bounds of gene 1 must have xl <= xu, got 2.0 > 1.0"),
+        ([0.0, np.nan], [1.0, 1.0], r"xl\[1\] must be a finite bound, got nan"),
+        ([0.0, 0.0], [np.inf, 1.0], r"xu\[0\] must be a finite bound, got inf"),
+        ([0.0], [1.0, 1.0], r"xl must have one bound per gene \(2\), got shape"),
+        (None, [1.0, 1.0], r"xl must have one bound per gene \(2\), got none"),
     ],
 )
 def test_bounds_that_cannot_be_used_are_refused_by_name_and_value(xl, xu, message):
@@ -271,5 +273,5 @@ def test_bounds_that_cannot_be_used_are_refused_by_name_and_value(xl, xu, messag
 
 
 def test_genes_that_are_not_real_are_refused():
-    with pytest.raises(InvalidInput, match="genes: real numbers wanted, got <class 'bool'>"):
+    with pytest.raises(InvalidInput, match="genes must be real numbers, got <class 'bool'>"):
         Search(Problem(n_var=2, n_obj=2, xl=0, xu=1, vtype=bool))

@@ -1,4 +1,4 @@
-"""Islands evolve each by itself, and what they send to one another changes where they come to."""
+"""Islands evolve separately, and migration changes their results."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def advance(search: Search | Islands) -> np.ndarray:
 
 
 def alone(island: int) -> Search:
-    """The search that an island is as long as nobody arrives there."""
+    """Return the search that equals an island without migrants."""
     seed = int(np.random.SeedSequence([7, island]).generate_state(1)[0])
     return Search(PROBLEM, population=8, seed=seed)
 
@@ -40,7 +40,7 @@ def islands(options: IslandOptions) -> Islands:
     return Islands(PROBLEM, ISLANDS, population=8, seed=7, options=options)
 
 
-def test_islands_without_migration_are_so_many_searches():
+def test_islands_without_migration_equal_separate_searches():
     searches, separate = [alone(i) for i in range(ISLANDS)], islands(NEVER)
     for _ in range(6):
         assert np.array_equal(advance(separate), np.concatenate([advance(each) for each in searches]))
@@ -85,7 +85,7 @@ def test_ids_and_causes_are_those_of_the_rows_of_all_islands():
     assert search.failed.first_cause == "too far left"
 
 
-def test_nobody_leaves_while_objectives_are_searched_alone():
+def test_no_migrant_leaves_while_objectives_are_searched_alone():
     options = {"population": 8, "seed": 7, "anchors": 3}
     separate = Islands(PROBLEM, ISLANDS, options=NEVER, **options)
     together = Islands(PROBLEM, ISLANDS, options=IslandOptions(epoch=2), **options)
@@ -93,7 +93,7 @@ def test_nobody_leaves_while_objectives_are_searched_alone():
     assert same == [True] * 6 + [False] * 2
 
 
-def test_one_island_is_none():
+def test_one_island_equals_one_search():
     one, none = (
         pk.solve(PROBLEM, population=10, generations=12, seed=3, **islands) for islands in ({"islands": 1}, {})
     )
@@ -106,6 +106,6 @@ def test_one_island_is_none():
 
 
 @pytest.mark.parametrize("islands", [0, -1, 1.5, True, "2"])
-def test_what_is_no_number_of_islands_is_refused(islands, unchecked):
-    with pytest.raises(InvalidInput, match="islands: an integer of at least 1 wanted"):
+def test_invalid_number_of_islands_is_refused(islands, unchecked):
+    with pytest.raises(InvalidInput, match="islands must be an integer of at least 1"):
         pk.solve(PROBLEM, islands=islands)

@@ -1,4 +1,4 @@
-"""MaxiMin selection: laws, brute force, and its manners towards bad points."""
+"""MaxiMin selection: laws, brute force, and bad points."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from tests.search.problems import Parabolas
 
 
 def brute_force(Z, count, nearest, starts):
-    """The definition, point by point: farthest from all selected, the first of equals."""
+    """Return the selection by definition: the farthest from all selected, the first of equals."""
     order, distance = [], []
     for step in range(count):
         best, chosen = -1.0, -1
@@ -61,7 +61,7 @@ def objectives(n_obj, max_points=14):
 
 
 def one_rank(F, data):
-    """A rank of F, normalised, with what was selected before it."""
+    """Return a normalised rank of F and the points selected before it."""
     ranks = pareto_rank(F)
     rank = data.draw(st.integers(0, int(ranks.max())))
     first = F[ranks == 0]
@@ -115,7 +115,7 @@ def test_distances_without_the_matrix_are_the_same(monkeypatch):
 @settings(max_examples=100, deadline=None)
 @given(objectives(2, max_points=20), st.data())
 def test_survivors_are_those_of_the_rule_across_fronts(F, data):
-    # Whole ranks while they fit; then the point farthest from all that were selected, better ranks included.
+    # Whole ranks while they fit; then the point farthest from all selected ones, including better ranks.
     count = data.draw(st.integers(1, len(F)))
     ranks, places = pareto_rank(F), np.arange(len(F))
     first = F[ranks == 0]
@@ -176,7 +176,7 @@ def test_spacing_is_the_sum_of_distances_to_the_nearest_survivors_of_the_same_ra
         assert selection.spacing[place] == pytest.approx(expected, rel=1e-12)
 
 
-def test_who_survives_is_told_without_computing_a_spacing(monkeypatch):
+def test_survivors_are_known_without_computing_a_spacing(monkeypatch):
     F = np.random.default_rng(0).random((60, 2))
     expected = survivors(F, np.zeros(60), 20)
     assert expected.spacing.size == 20
@@ -188,7 +188,7 @@ def test_who_survives_is_told_without_computing_a_spacing(monkeypatch):
     selection = survivors(F, np.zeros(60), 20)
     assert np.array_equal(selection.index, expected.index)
     with pytest.raises(AssertionError):
-        selection.spacing  # noqa: B018  # read for the computation
+        selection.spacing  # noqa: B018  # reading computes it
 
 
 def test_spacing_does_not_depend_on_the_order_in_which_an_even_front_was_inserted():
@@ -285,7 +285,7 @@ def test_each_live_species_keeps_its_best_within_half_of_the_places():
     assert len(np.unique(crowded.index)) == 20
 
 
-def test_it_is_a_survival_for_pymoos_own_algorithms():
+def test_maximin_is_a_survival_for_pymoos_own_algorithms():
     problem = Parabolas()
     spread = minimize(problem, NSGA2(pop_size=40, survival=MaxiMin()), ("n_gen", 60), seed=1).F
     crowded = minimize(problem, NSGA2(pop_size=40), ("n_gen", 60), seed=1).F
@@ -311,11 +311,11 @@ def test_several_objectives_are_covered_better_than_by_crowding():
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"infeasible_share": 1.0}, "infeasible_share: .* got 1.0"),
-        ({"infeasible_share": np.nan}, "infeasible_share: .* got nan"),
-        ({"ranges": [[0, 0], [1, np.nan]]}, "ranges: .*nan"),
-        ({"ranges": [[0, 2], [1, 1]]}, "ranges: .*lower <= upper"),
-        ({"ranges": [0, 1]}, "ranges: "),
+        ({"infeasible_share": 1.0}, "infeasible_share must be .* got 1.0"),
+        ({"infeasible_share": np.nan}, "infeasible_share.* got nan"),
+        ({"ranges": [[0, 0], [1, np.nan]]}, "ranges.*nan"),
+        ({"ranges": [[0, 2], [1, 1]]}, "ranges must be .*lower <= upper"),
+        ({"ranges": [0, 1]}, "ranges "),
     ],
 )
 def test_settings_that_cannot_be_used_are_refused_by_name_and_value(settings, message):
@@ -324,7 +324,7 @@ def test_settings_that_cannot_be_used_are_refused_by_name_and_value(settings, me
 
 
 def test_a_box_for_another_number_of_objectives_is_refused():
-    with pytest.raises(InvalidInput, match="ranges: 2 objectives wanted, got 3"):
+    with pytest.raises(InvalidInput, match="ranges must have 2 objectives, got 3"):
         minimize(
             get_problem("zdt1"), NSGA2(pop_size=10, survival=MaxiMin(ranges=[[0] * 3, [1] * 3])), ("n_gen", 2), seed=1
         )

@@ -1,4 +1,4 @@
-"""Ranks of points with any number of objectives, and the choice by distance, beside moocore and NumPy."""
+"""Ranks for any number of objectives, and choice by distance, compared with moocore and NumPy."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ shapes = st.tuples(st.integers(2, 4), st.integers(2, 30), st.integers(0, 10_000)
 
 
 def points(shape):
-    """Objectives (objectives, points) with ties, one of them failed, and their ranks."""
+    """Return objectives (objectives, points) with ties and one failed point, and their ranks."""
     objectives, count, seed = shape
     F = np.round(np.random.default_rng(seed).uniform(size=(objectives, count)), 2)
     F[:, 0] = np.inf

@@ -1,4 +1,4 @@
-"""MaxiMinNSGA2 as a guest of pymoo."""
+"""MaxiMinNSGA2 within pymoo."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from paretoik.search.nsga2 import BranchwiseMating, MaxiMinNSGA2, Parents
 from tests.search.problems import Branches, Constant, Parabolas, Repeated
 
 
-def test_it_solves_zdt1_through_minimize():
+def test_maximin_nsga2_solves_zdt1_through_minimize():
     result = minimize(get_problem("zdt1"), MaxiMinNSGA2(pop_size=50), ("n_gen", 250), seed=1)
     assert result.algorithm.evaluator.n_eval == 50 * 250
     assert len(result.F) == 50
@@ -43,13 +43,13 @@ def test_ask_and_tell_equals_minimize():
     assert np.array_equal(algorithm.result().F, minimize(problem, MaxiMinNSGA2(pop_size=12), ("n_gen", 12), seed=3).F)
 
 
-def test_one_objective():
+def test_one_objective_is_minimised():
     result = minimize(get_problem("sphere", n_var=4), MaxiMinNSGA2(pop_size=20), ("n_gen", 80), seed=1)
     assert result.F[0] < 1e-3
 
 
 @pytest.mark.parametrize("problem", [Constant(1), Constant(2), Constant(3), Repeated(), Parabolas(n_obj=10)])
-def test_constant_repeated_and_ten_objectives(problem):
+def test_constant_repeated_and_ten_objectives_are_solved(problem):
     result = minimize(problem, MaxiMinNSGA2(pop_size=12), ("n_gen", 8), seed=1)
     assert np.isfinite(result.F).all()
 
@@ -115,18 +115,18 @@ def test_any_sampling_is_topped_up_to_the_population(sampling):
 def test_misspelt_options_are_refused():
     with pytest.raises(InvalidInput, match="popsize"):
         MaxiMinNSGA2(popsize=10)
-    with pytest.raises(InvalidInput, match="minimize: one of pymoo's options wanted, got 'sede'"):
+    with pytest.raises(InvalidInput, match="minimize must get only options of pymoo, got 'sede'"):
         minimize(Parabolas(), MaxiMinNSGA2(pop_size=10), ("n_gen", 2), sede=1)
 
 
 def test_offspring_may_differ_in_number():
     result = minimize(Parabolas(), MaxiMinNSGA2(pop_size=10, n_offsprings=3), ("n_gen", 5), seed=1)
     assert result.algorithm.evaluator.n_eval == 10 + 4 * 3
-    with pytest.raises(InvalidInput, match="n_offsprings: an integer of at least 1 wanted, got 0"):
+    with pytest.raises(InvalidInput, match="n_offsprings must be an integer of at least 1, got 0"):
         MaxiMinNSGA2(n_offsprings=0)
 
 
-# Tournaments, species, and offspring that are new.
+# Tournaments, species, and new offspring.
 
 
 def population(problem, X, *, rank=None, distance=None, violation=None):
@@ -174,7 +174,7 @@ def test_offspring_stay_in_their_parents_species_or_jump_whole():
     problem = Branches()
     rng = np.random.default_rng(4)
     X = np.column_stack((rng.integers(0, 4, 80) + 0.125, rng.uniform(-1, 1, (80, 2))))
-    X[:, 1] = problem.species(X) * 0.01  # a species' mark, narrow against mutation
+    X[:, 1] = problem.species(X) * 0.01  # a mark of the species, narrow relative to mutation
     children = mating().do(problem, population(problem, X), 400, random_state=rng).get("X")
     stayed = children[:, 0] % 1 == 0.125
     assert ((children[:, 0] % 1 == 0.5) | stayed).all()
@@ -200,7 +200,7 @@ def test_offspring_repeat_neither_each_other_nor_their_parents():
 
 
 @pytest.mark.parametrize("count", [1, 7, 50])
-def test_as_many_offspring_as_wanted_even_where_there_is_no_room(count):
+def test_offspring_are_complete_even_without_room(count):
     problem = Constant(2)
     problem.xl = problem.xu = np.array([0.5, 0.5])
     X = np.full((4, 2), 0.5)
@@ -218,11 +218,11 @@ def test_a_dominated_but_live_species_is_still_there_in_the_end():
         search.tell(asked.ids, problem.evaluate(asked.X))
     X = search._algorithm.pop.get("X")
     counts = np.bincount(problem.species(X), minlength=4)
-    assert counts.min() == 5  # half of the places, shared out evenly
+    assert counts.min() == 5  # half of the places, distributed evenly
     assert counts[0] == 25
     assert set(problem.species(search.archive.members.X)) == {0}
 
 
 def test_a_crossover_of_five_parents_is_refused():
-    with pytest.raises(InvalidInput, match="crossover: an operator of 2 or 3 parents wanted, got 5"):
+    with pytest.raises(InvalidInput, match="crossover must be an operator of 2 or 3 parents, got 5"):
         MaxiMinNSGA2(crossover=DEX(n_diffs=2))

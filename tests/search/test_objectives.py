@@ -1,4 +1,4 @@
-"""What is said of a problem's objectives: its own words, or those of a plain pymoo problem."""
+"""Descriptions of a problem's objectives: its own, or those of a plain pymoo problem."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ def test_a_problem_s_own_names_units_and_senses_are_taken():
 
 
 @pytest.mark.parametrize("attribute", ["names", "units", "maximised"])
-def test_one_of_each_an_objective_is_wanted(attribute):
+def test_descriptions_must_have_one_entry_per_objective(attribute):
     problem = SimpleNamespace(n_obj=3, **{attribute: ["a", "b"]})
-    with pytest.raises(InvalidInput, match=rf"problem.{attribute}: 3 wanted, one an objective, got 2"):
+    with pytest.raises(InvalidInput, match=rf"problem.{attribute} must have one entry per objective \(3\), got 2"):
         describe_objectives(problem)
 
 
-# What counts as feasible.
+# Feasibility of points.
 
 
 F = np.zeros((4, 2))
@@ -59,5 +59,5 @@ def test_nan_constraints_and_objectives_that_are_not_finite_are_infinitely_bad()
 
 @pytest.mark.parametrize("tolerance", [[0.1, 0.1, 0.1], -1e-3, np.nan])
 def test_a_tolerance_that_cannot_be_used_is_refused_by_name(tolerance):
-    with pytest.raises(InvalidInput, match="tolerance: "):
+    with pytest.raises(InvalidInput, match="tolerance must be"):
         violations(F, np.zeros((4, 2)), tolerance=tolerance)

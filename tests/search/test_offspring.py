@@ -1,4 +1,4 @@
-"""Offspring: tournaments, crossover by rows, one gene replaced, copies at the end."""
+"""Offspring: tournaments, crossover by rows, replacement of one gene, copies at the end."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def stream(seed):
 
 
 def offspring(seed, count, crossover, mutation):
-    """Parents whose genes are their own numbers, their children, the children's objectives, how many are new."""
+    """Return parents whose genes are their indices, children, children's objectives, and number of new ones."""
     rng = np.random.default_rng(seed)
     order = rng.permutation(PARENTS)
     genes = np.repeat(np.arange(PARENTS, dtype=float)[:, None], SIZE, axis=1)
@@ -97,7 +97,7 @@ def test_a_chromosome_is_drawn_within_its_bounds(lower, upper):
     assert np.isnan(children[:, [0, 2]]).all()
 
 
-# Random numbers by streams, beside SplitMix64 in Python's integers.
+# Random numbers in streams, compared with SplitMix64 in Python's integers.
 
 
 MASK = (1 << 64) - 1
@@ -105,7 +105,7 @@ words = st.integers(0, MASK)
 
 
 def split_mix(state):
-    """The next state and output as Steele, Lea & Flood print them."""
+    """Return the next state and output as Steele, Lea & Flood print them."""
     state = (state + 0x9E3779B97F4A7C15) & MASK
     z = state
     z = ((z ^ (z >> 30)) * 0xBF58476D1CE4E5B9) & MASK

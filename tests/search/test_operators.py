@@ -1,4 +1,4 @@
-""""""
+"""Operators of the genetic algorithm of Marcos et al. 2012, and operators for smooth genes."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def test_a_first_population_has_the_given_genes_in_it():
     assert (rows == 0.5).all(axis=1).any()
 
 
-# Operators for smooth genes stay in bounds, and move what they say.
+# Operators for smooth genes stay in bounds and change only their genes.
 
 
 ROW = 6

@@ -1,4 +1,4 @@
-"""Sorting, merging and ranking of points with two objectives, beside NumPy's sort and moocore's ranks."""
+"""Sorting, merging and ranking of two-objective points, compared with NumPy's sort and moocore's ranks."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ counts = st.integers(1, 60)
 
 
 def objectives(seed, count, *, failed=0.0):
-    """Objectives (points, 2) with ties and copies, some of them failed."""
+    """Return objectives (points, 2) with ties and copies, some of them failed."""
     rng = np.random.default_rng(seed)
     F = np.round(rng.uniform(size=(count, 2)), rng.integers(1, 4))
     F[rng.uniform(size=count) < failed] = np.inf

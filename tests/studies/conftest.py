@@ -1,4 +1,4 @@
-"""What the tests of studies share."""
+"""Shared parts of the tests of studies."""
 
 from __future__ import annotations
 
@@ -24,5 +24,5 @@ class Here:
 
 @pytest.fixture
 def here(monkeypatch):
-    """Run in this process what studies run in others."""
+    """Run in this process the work that studies send to others."""
     monkeypatch.setattr(processes, "WorkerProcesses", Here)

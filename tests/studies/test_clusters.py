@@ -1,4 +1,4 @@
-"""Studies whose pieces a real Dask cluster of two workers computes print the rows that they print without one."""
+"""Studies print the same rows with a real Dask cluster of two workers and without one."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import pytest
 from studies.benchmarks.scaling.local_cluster import local_cluster
 
 ROOT = Path(__file__).parents[2]
-TIMED = ("s", "ms", "µs", "CPU s")  # units of what a clock says
+TIMED = ("s", "ms", "µs", "CPU s")  # units of clock times
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +23,7 @@ def address(tmp_path_factory):
 
 
 def rows_of(study, folder, *options):
-    """Return what a study writes, except of what a clock says."""
+    """Return the rows of a study, except clock times."""
     file = folder / "rows.json"
     folder.mkdir()
     command = [sys.executable, "-m", f"studies.{study}", "--quick", "--json", str(file), *options]

@@ -70,12 +70,12 @@ def posture(task, count=1, seed=4):
 
 
 def led(task, near):
-    """Return postures led onto the path's first sample the shortest way."""
+    """Return postures moved onto the path's first sample by the shortest way."""
     return retract_nearest(task.arm, task.tasks, np.array(near), task.targets[0]).q
 
 
 def driving(extremal):
-    """Return the torques (time, redundancy) that drive the self-motion, relative to all torques there are."""
+    """Return the torques (time, redundancy) that drive the self-motion, relative to all torques."""
     motion, arm = extremal.motion, extremal.motion.arm.mounted(gravity=(0.0, 0.0, 0.0))
     bend = CubicSpline(motion.time, extremal.dq, axis=-2).derivative()(motion.time)
     torque = dynamics.inverse_dynamics(arm, motion.q, extremal.dq, bend)
@@ -134,7 +134,7 @@ def test_the_planner_s_optimum_comes_nearer_as_its_steps_are_halved():
         apart.append(np.abs(extremal.motion.q - planned.motion.q).mean())
         differ.append(float(kinetic_energy(extremal.motion) - planned.objective))
     assert 1.7 < apart[0] / apart[1] < 2.4
-    assert differ[0] > 2 * differ[1] > 0  # the planner's is the least of its discretisation
+    assert differ[0] > 2 * differ[1] > 0  # the planner's motion is optimal for its discretisation
     assert abs(planned.objective - extremal.energy) < 5e-3 * extremal.energy
 
 
@@ -262,10 +262,10 @@ def test_self_motion_of_the_panda_costs_energy_either_way():
 
 
 def test_tasks_and_arms_that_have_no_such_motion_are_refused():
-    with pytest.raises(InvalidInput, match="every joint moves a mass, Marcos 3R has others"):
+    with pytest.raises(InvalidInput, match="every joint of the arm must move a mass, got Marcos 3R"):
         integrate_extremal(task_of(marcos_nr(3), line([2.5, 0.5], [1.0, 2.0], duration=1.0)), np.zeros(3))
     around = task_of(tringali_3r(), circle([0.4178, 0.0], 0.05, duration=1.0, samples=31), cyclic=True)
-    with pytest.raises(InvalidInput, match="wants an open motion"):
+    with pytest.raises(InvalidInput, match="motion must be open"):
         integrate_extremal(around, np.array(BEST))
     with pytest.raises(InvalidInput, match=r"tolerance must be 1e-13 to 0\.001, got 1"):
         integrate_extremal(paper(), np.array(BEST), tolerance=1.0)
@@ -276,7 +276,7 @@ def test_starts_that_cannot_be_used_are_refused():
     start = best().motion.q[0]
     with pytest.raises(InvalidInput, match="the task has no start of its own"):
         integrate_extremal(paper())
-    with pytest.raises(InvalidInput, match=r"start 1 is 0\.0[0-9]+ m"):
+    with pytest.raises(InvalidInput, match=r"start 1 must be at most .* got 0\.0[0-9]+ m"):
         integrate_extremal(paper(), np.stack([start, start + 0.1]))
     with pytest.raises(InvalidInput, match=r"finite postures \(..., 3\), got shape \(2,\)"):
         integrate_extremal(paper(), start[:2])
@@ -284,7 +284,7 @@ def test_starts_that_cannot_be_used_are_refused():
         integrate_extremal(paper(), start, rates=np.ones(3))
     with pytest.raises(InvalidInput, match=r"starts' shape \(3,\), got \(1, 3\)"):
         integrate_extremal(paper(), start, rates=np.zeros((1, 3)))
-    with pytest.raises(InvalidInput, match="shooting: wants a free start"):
+    with pytest.raises(InvalidInput, match="shooting: start must be free"):
         shoot_extremals(paper(start=start), start[None])
 
 

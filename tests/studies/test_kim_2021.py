@@ -70,7 +70,7 @@ def test_the_text_s_positions_are_in_the_grid():
         assert POSITIONS[name] == pytest.approx(place)
 
 
-def test_where_sliders_are_slower_is_said(corners):
+def test_directions_with_slower_sliders_are_named(corners):
     rows = polygon_rows(corners)
     counts = {row.row: row for row in rows if row.column == "directions in which DAM is faster"}
     assert [counts[one.name].ours for one in corners] == [np.count_nonzero(one.gain > 1e-9) for one in corners]
@@ -90,15 +90,15 @@ def test_the_usual_assumptions_are_the_librarys(corners):
     assert np.all(gains(limited, ("p6",)) >= gains(Assumptions(), ("p6",)) - 1e-9)
 
 
-def test_what_cannot_hold_the_arm_is_a_row_with_its_reason():
+def test_assumptions_that_cannot_hold_the_arm_are_rows_with_a_reason():
     rows = {row.row: row for row in sensitivity_rows(angles=[-120.0, 60.0])}
     assert np.isnan(rows["all nine: mass 0.8"].ours)
-    assert "joint2: a torque" in rows["all nine: mass 0.8"].note
+    assert "joint2 must bear a torque" in rows["all nine: mass 0.8"].note
     assert np.isnan(rows["p6: base angle 60"].ours)
     assert rows["p6: as is"].ours == pytest.approx(100 * gains(Assumptions(), ("p6",)).mean())
 
 
-def test_the_floor_of_rod_angles_costs_more_the_less_it_is_compared_with():
+def test_the_floor_of_rod_angles_costs_more_against_smaller_angles():
     costs = [row.ours for row in floor_rows()]
     assert 0.0 < costs[0] < costs[1] < costs[2]
 
@@ -123,7 +123,7 @@ def test_ellipses_are_judged_where_they_were_not_fitted(models):
         assert np.all(seen <= surrogates.seen.values)
 
 
-def test_arrivals_stand_beside_the_papers(trajectories):
+def test_arrivals_are_compared_with_the_papers(trajectories):
     rows = {(row.row, row.column): row for row in figure_8(trajectories)}
     for name, one in trajectories.items():
         assert rows[name, "arrival"].reference == paper()["Figure 8", name, "arrival"]
@@ -195,10 +195,10 @@ def test_motors_do_the_joints_work(name, ways):
         np.testing.assert_allclose(rods, motors.rod**2 * np.ones_like(rods), rtol=1e-9)
         again = along_profile(mechanism(name), one.soonest)
         np.testing.assert_array_equal(again.speeds, one.driven.speeds)
-        assert np.abs(one.driven.speeds).max() <= 7.1e-3 * 1.05  # in the middles of pieces, whose ends have the limit
+        assert np.abs(one.driven.speeds).max() <= 7.1e-3 * 1.05  # in the middles of pieces; the limit is at their ends
 
 
-def test_the_papers_own_pipeline_has_its_rows_beside_the_printed_ones(trajectories):
+def test_the_papers_own_pipeline_has_rows_with_the_printed_numbers(trajectories):
     rows = {(row.row, row.column): row for row in figure_8(trajectories)}
     for name in MECHANISMS:
         run, row = trajectories[name].paper_model, rows[f"{name}, {AS_PAPER}", "arrival"]

@@ -1,4 +1,4 @@
-"""What one posture keeps of two polygons: IPOPT gains nothing from certified points, and much from others."""
+"""The best posture for two directions: IPOPT gains nothing from certified points, and much from others."""
 
 from __future__ import annotations
 

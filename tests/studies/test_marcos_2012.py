@@ -36,7 +36,7 @@ def test_the_papers_tables_are_whole_and_agree_with_its_text():
     assert paper()["Table 3", "r = 0.7, w = 0.0", "4R"] == 7.73e-07  # section 5.2: 8E-07
 
 
-def test_a_searched_loop_stands_beside_the_papers_number_and_the_oracle(followed):
+def test_a_searched_loop_is_compared_with_the_paper_and_the_oracle(followed):
     error, drift = table_rows([followed])
     assert error.table == "Table 1: mean position error, no obstacles"
     assert (error.reference, drift.reference) == (7.35e-06, 1.32e-03)
@@ -46,7 +46,7 @@ def test_a_searched_loop_stands_beside_the_papers_number_and_the_oracle(followed
     assert drift.note.startswith("the exact loop is off as well")
 
 
-def test_why_a_cell_is_not_the_paper_s_is_told_by_the_exact_loop():
+def test_the_exact_loop_gives_the_reason_for_a_difference_from_the_paper():
     assert _reason(1.005, 2.0, 1.0) == "the same within 1%"
     assert _reason(2.0, 2.0, 1.0).endswith("or on the time grid")
     assert _reason(2.0, 3.0, 1.0).endswith("; the search has not converged")
@@ -61,10 +61,10 @@ def test_cells_that_are_not_the_papers_are_named_with_what_the_exact_loop_says(f
     q = followed.exact.q
     assert drift.reference == 1
     assert abs(mean_position_error(followed.exact) / printed - 1) > 0.05
-    assert len(q) == 13  # of few steps: another number than the paper's of all
+    assert len(q) == 13  # a few steps give another number than all of the paper's
 
 
-def test_what_is_off_the_oracle_is_told_as_lost(followed):
+def test_loops_that_differ_from_the_oracle_are_losses(followed):
     assert not any(row.note.startswith("LOSS") for row in oracle_rows([followed]))
     q = followed.run.q.copy()
     q[1:] += 1e-2
@@ -84,7 +84,7 @@ def test_an_arm_that_meets_an_obstacle_between_steps_is_seen(followed):
 def test_starts_reach_the_circle_and_decide_the_numbers(monkeypatch):
     monkeypatch.setattr(starts, "DISTANCES", (0.7,))
     monkeypatch.setattr(starts, "WEIGHTS", (0.0, 0.5, 1.0))
-    monkeypatch.setattr(starts, "NARROW", 1e-2)  # an exact loop a trial, and the angle is not looked at
+    monkeypatch.setattr(starts, "NARROW", 1e-2)  # one exact loop per trial, and the angle is not checked
     for angle in np.linspace(-np.pi, np.pi, 8, endpoint=False):
         for side in (1, -1):
             q = posture_at(0.7, angle, side)

@@ -1,4 +1,4 @@
-"""Runs in other processes: those that fail, those that are stored, those that are interrupted, those of a cluster."""
+"""Runs in other processes: failing ones, stored ones, interrupted ones, and those of a cluster."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def test_interrupted_runs_leave_the_seeds_that_are_done(capsys):
 
 
 @pytest.mark.usefixtures("here")
-def test_what_is_stored_is_not_run_again_and_what_is_run_is_stored_at_once():
+def test_stored_runs_are_not_repeated_and_new_runs_are_stored_at_once():
     stored = {("key", 1): -1}
     with processes.processes() as executor:
         results = processes.run_seeds(
@@ -70,7 +70,7 @@ def test_what_is_stored_is_not_run_again_and_what_is_run_is_stored_at_once():
 
 
 @pytest.mark.usefixtures("here")
-def test_what_each_returns_stands_by_its_key_and_what_one_raises_is_raised():
+def test_results_have_their_keys_and_errors_are_raised():
     with processes.processes() as executor:
         calls = {("a",): partial(divmod, 7, 2), ("b",): partial(divmod, 9, 4)}
         assert (
@@ -81,7 +81,7 @@ def test_what_each_returns_stands_by_its_key_and_what_one_raises_is_raised():
 
 
 def test_an_address_where_no_scheduler_can_be_is_refused_in_a_line():
-    with pytest.raises(SystemExit, match="cluster: the address of a Dask scheduler"), processes.workers_of("localhost"):
+    with pytest.raises(SystemExit, match="cluster must be the address of a Dask"), processes.workers_of("localhost"):
         pass
 
 

@@ -1,4 +1,4 @@
-"""What all studies share."""
+"""Shared parts of all studies."""
 
 from __future__ import annotations
 
@@ -64,6 +64,6 @@ def test_a_row_is_printed_with_its_unit_the_number_beside_it_and_its_note(capsys
         assert part in printed
 
 
-def test_where_nothing_stands_beside_a_number_nothing_is_printed_for_it(capsys):
+def test_a_number_without_a_reference_has_empty_cells(capsys):
     report([row()])
     assert "None" not in capsys.readouterr().out

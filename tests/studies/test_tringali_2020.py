@@ -1,4 +1,4 @@
-"""Tringali & Cocuzza 2020, ours beside the paper's."""
+"""The study of Tringali & Cocuzza 2020, compared with the paper."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ from studies.tringali_2020.validation import bound_row, match_optima, name_optim
 
 TABLES = ("Table 4", "Table 5", "Table 6", "Section 3.2", "Section 4.2", "Figure 1", "Figure 14")
 FEW = SearchOptions(configurations=4)
-FIGURES = (1, 3, 4, 5, 10, 11, 14)  # those of simulations 1 and 4 and of what has no number
+FIGURES = (1, 3, 4, 5, 10, 11, 14)  # those of simulations 1 and 4, and those without a simulation
 
 
 @dataclass
 class Study:
-    """What a short study finds."""
+    """The results of a short study."""
 
     rows: list
     simulations: dict
@@ -87,7 +87,7 @@ def test_no_two_rows_say_the_same(study):
 
 
 @pytest.mark.parametrize("masses", ["fitted", "printed"])
-def test_every_number_of_the_paper_stands_beside_one_of_ours_in_the_same_unit(study, masses):
+def test_every_number_of_the_paper_has_one_of_ours_in_the_same_unit(study, masses):
     ours = {(row.table, row.row, row.column, row.unit): row.reference for row in study.rows}
     missing = [
         line
@@ -300,7 +300,7 @@ def test_a_power_law_is_found_again_whatever_comes_before_it(exponent, factor):
 @given(
     st.lists(st.tuples(st.floats(0, 1), st.floats(0, 1)), min_size=1, max_size=12, unique=True), st.floats(0.01, 0.99)
 )
-def test_what_weights_find_is_on_the_hull(points, weight):
+def test_weights_find_points_on_the_hull(points, weight):
     shares = np.array(sorted(points))
     front = SimpleNamespace(shares=shares)
     worth = shares @ [weight, 1 - weight]

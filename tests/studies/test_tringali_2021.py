@@ -60,7 +60,7 @@ def test_the_start_is_where_the_paths_begin():
     assert last[1] < first[1]  # the mirror image
 
 
-def test_energies_stand_beside_the_papers(trajectories):
+def test_energies_are_compared_with_the_papers(trajectories):
     rows = {(row.row, row.column): row for one in trajectories for row in table_5(one)}
     assert len(rows) == 16
     assert all(row.reference == paper()["Table 5", *place] for place, row in rows.items())
@@ -84,7 +84,7 @@ def test_the_paper_s_global_optimum_of_trajectory_4_is_one_of_ours_but_not_the_b
     assert "is nearest to the paper's" in note
 
 
-def test_speeds_and_radii_stand_beside_the_papers(trajectories):
+def test_speeds_and_radii_are_compared_with_the_papers(trajectories):
     rows = [row for one in trajectories for row in text_rows(one)]
     assert len(rows) == 19
     speeds = [row for row in rows if row.unit == "rad/s" and row.row != "trajectory 2"]
@@ -154,7 +154,7 @@ def test_readings_of_masses_and_bounds_are_those_of_the_windows_alone():
     assert bounded.traces.predictions.min() >= -3.2 - 1e-9
 
 
-def test_from_the_posture_held_the_text_s_numbers_of_trajectory_4_come_out():
+def test_the_held_posture_gives_the_text_s_numbers_of_trajectory_4():
     (held,) = (reading for reading in READINGS if "posture held" in reading.name)
     row = reading_row(held, "fitted", numbers=(4,))
     assert abs(row.ours) < 1.0
@@ -193,7 +193,7 @@ def test_a_thrice_continuous_spline_keeps_points_and_ends_and_its_jerk_at_all_kn
     coefficients = thrice_continuous(points, rate, second, twice=twice)
     if pieces == 2:
         np.testing.assert_allclose(coefficients, quartic_spline(points, rate, second), atol=1e-9)
-    begin, end = coefficients, np.einsum("kc,pcd->pkd", DERIVATIVES, coefficients)  # derivatives over factorials
+    begin, end = coefficients, np.einsum("kc,pcd->pkd", DERIVATIVES, coefficients)  # derivatives divided by factorials
     np.testing.assert_allclose(begin[:, 0], points[:-1], atol=1e-9)
     np.testing.assert_allclose(end[:, 0], points[1:], atol=1e-9)
     np.testing.assert_allclose([begin[0, 1], 2 * begin[0, 2]], [rate, second], atol=1e-9)
@@ -227,7 +227,7 @@ def test_every_difference_has_its_reason(trajectories):
     assert reason("trajectory 2", "LSV", "fitted", -0.001) == "the same within 1 %"
     assert "cannot have used" in reason("trajectory 2", "global", "printed", -0.27)
     assert "several minima" in reason("trajectory 4", "joint 1 PMKE", "fitted", 0.02)
-    assert reason("trajectory 4", "joint 1 PMKE", "printed", 0.02) == PRINTED  # the other minimum is not looked at
+    assert reason("trajectory 4", "joint 1 PMKE", "printed", 0.02) == PRINTED  # the other minimum is not considered
     assert "read as e-4" in reason("trajectory 1", "PMKE", "fitted", 0.0)
     rows = [row for one in trajectories for row in (*table_5(one), *text_rows(one)) if row.reference is not None]
     assert all("; " in row.note for row in rows)

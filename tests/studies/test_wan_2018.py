@@ -63,7 +63,7 @@ def test_starts_are_within_the_limits_and_on_the_first_pose():
 
 
 @pytest.mark.parametrize("table", ["Table 2", "Table 3"])
-def test_tables_stand_beside_the_papers(table):
+def test_tables_are_compared_with_the_papers(table):
     rows = table_rows(resolved_table(table))
     errors = [row for row in rows if row.reference is not None]
     assert len(errors) == 2 * 18  # medians, and from the nearest start
@@ -94,7 +94,7 @@ def test_the_quadratic_program_alone_keeps_all_limits(table):
         assert keeps[0] == 1.0 or "QP" not in name
 
 
-def test_events_stand_beside_the_papers():
+def test_events_are_compared_with_the_papers():
     rows = event_rows([resolved_table(table) for table in ("Table 2", "Table 3")])
     told = {value for (figure, *_), value in paper().items() if figure.startswith("Figure")}
     assert {row.reference for row in rows if row.reference is not None} == told
@@ -117,7 +117,7 @@ def test_every_figure_is_drawn(tmp_path):
     assert all(file.stat().st_size > 10_000 for file in files)
 
 
-def test_running_times_stand_beside_the_papers():
+def test_running_times_are_compared_with_the_papers():
     rows = running_time_rows(resolved_table("Table 2"), rounds=1)
     printed = [row.reference for row in rows if row.reference is not None]
     assert printed == pytest.approx([0.2337, 0.1832, 0.1832, 0.7839, 0.7839], abs=1e-4)
@@ -127,7 +127,7 @@ def test_running_times_stand_beside_the_papers():
 def test_families_are_compared_by_their_fronts():
     rows = comparison_rows(seeds=2, population=8, generations=2, judged_starts=1)
     assert [row.column for row in rows] == ["hypervolume, median", "IGD+, median", "additive ε, median"]
-    assert all(row.note.startswith("from 1 starts each: undecided") for row in rows)  # two seeds decide nothing
+    assert all(row.note.startswith("from 1 starts each: undecided") for row in rows)  # two seeds cannot decide
 
 
 def test_the_command_writes_rows(tmp_path, monkeypatch):

@@ -1,4 +1,4 @@
-"""A task of the printed arm along a short line, of which a test changes what it is about."""
+"""A task of the printed arm along a short line; each test changes a part of it."""
 
 from __future__ import annotations
 
@@ -31,6 +31,6 @@ def task(path=LINE, arm=ARM, **changed) -> MotionTask:
 
 
 def from_posture(q=POSTURE, arm=ARM, samples=21):
-    """Return a line that begins where the arm's tool is at posture q."""
+    """Return a line that begins at the place of the arm's tool at posture q."""
     place = pk.Motion(arm=arm, time=np.arange(3.0), q=np.tile(q, (3, 1))).tool[0]
     return line(place, place + np.array([-0.05, 0.05]), duration=1.0, samples=samples)

@@ -109,7 +109,7 @@ def test_rates_outside_the_path_are_refused():
         EVERY_KIND["timed poses"].rates(np.array([0.1, 0.71]))
 
 
-# The laws of time: from rest to rest, symmetric, and with the peaks that the papers state.
+# Time laws: rest at both ends, symmetry, and the peaks of the papers
 
 
 laws = st.sampled_from(TIME_LAWS)
@@ -167,7 +167,7 @@ def test_an_unknown_law_is_refused_with_the_names_of_the_known():
 
 
 @given(laws, durations, st.floats(0.001, 0.999))
-def test_its_rates_are_its_derivatives(law, duration, share):
+def test_rates_of_progress_are_its_derivatives(law, duration, share):
     step = 1e-3 * min(share, 1 - share)
     around = progress((share + step * np.arange(-1, 2)) * duration, duration, law)
     speed, acceleration = progress_rates(np.array(share * duration), duration, law)

@@ -1,4 +1,4 @@
-"""The state of a motion at any time: positions as at(t), velocities and accelerations their exact derivatives."""
+"""The state of a motion at any time: positions of at(t) and their exact derivatives."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tests.task.test_motion_between_samples import on_circle
 SAMPLES = np.linspace(0.0, 1.0, 21)
 BETWEEN = np.setdiff1d(np.linspace(0.003, 0.997, 72).round(4), SAMPLES)
 NODES = np.linspace(0.0, 1.0, 41)  # samples and the middles between them, where third derivatives jump
-STEP = 1e-3  # of the differences, so that what the projection leaves, 1e-12, stays small; nodes are not crossed
+STEP = 1e-3  # of the differences, so that the projection's error, 1e-12, stays small; nodes are not crossed
 SLIDING = Arm.from_dh(
     a=[0.1, 0.3, 0.0, 0.2, 0.1],
     alpha=[0.0, 1.2, -0.7, 0.9, 0.4],
@@ -84,7 +84,7 @@ every_case = pytest.mark.parametrize(("arm", "tasks"), CASES.values(), ids=CASES
 
 
 def motion(arm, tasks, differences="spline", seed=0, batch=()):
-    """Return a motion that follows the tasks, with some self-motion where there is redundancy."""
+    """Return a motion that follows the tasks, with some self-motion if redundant."""
     tasks = tuple(task.resolve_axes(arm) for task in tasks)
     phases = np.random.default_rng(seed).uniform(0, 6, (*batch, 1, arm.dof))
     near = np.array(POSTURES[arm.dof]) + 0.05 * np.sin(4 * SAMPLES[:, None] + phases)
@@ -202,5 +202,5 @@ def test_a_stretched_arm_has_no_velocity_and_says_so():
     arm = Arm.planar(lengths=[0.5, 0.5, 0.5])
     out = line([1.5, 0.0], [1.4, 0.0], duration=1.0, samples=3)
     moving = Motion(arm=arm, time=out.times, q=np.zeros((3, 3)), tasks=(Task(out).resolve_axes(arm),))
-    with pytest.raises(Infeasible, match="at 0 s it meets a singularity of its tasks, where it has no direction"):
+    with pytest.raises(Infeasible, match="at 0 s it meets a singularity of its tasks and has no direction"):
         moving.state(0.0)

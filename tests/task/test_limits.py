@@ -1,4 +1,4 @@
-"""Limits on joints and users' constraints: every way to give them, how violations are counted, what is refused."""
+"""Limits on joints and users' constraints: all forms, violations, and refusals."""
 
 from __future__ import annotations
 
@@ -66,23 +66,23 @@ def test_a_mapping_goes_by_name_and_leaves_the_others_their_own():
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ({"velocity": np.nan}, "velocity limit: wants lower ≤ upper, got nan"),
-        ({"torque": [1.0, np.nan, 1.0]}, "torque limit of joint 2: wants lower ≤ upper"),
-        ({"position": (2.0, 1.0)}, r"position limit of joint1: wants lower ≤ upper, got 2\.0 and 1\.0"),
+        ({"velocity": np.nan}, "velocity limit must be lower ≤ upper, got nan"),
+        ({"torque": [1.0, np.nan, 1.0]}, "torque limit of joint 2 must be lower ≤ upper"),
+        ({"position": (2.0, 1.0)}, r"position limit of joint1 must be lower ≤ upper, got 2\.0 and 1\.0"),
         ({"position": ([-1.0, 3.0, -1.0], 2.0)}, "position limit of joint2"),
-        ({"velocity": -1.0}, r"velocity limit of joint1: wants lower ≤ upper, got 1\.0 and -1\.0"),
+        ({"velocity": -1.0}, r"velocity limit of joint1 must be lower ≤ upper, got 1\.0 and -1\.0"),
         (
             {"power": [1.0, 2.0]},
-            r"power limit wants one number, 3 \(one a joint\) or an array \(9, 3\), got shape \(2,\)",
+            r"power limit must be one number, 3 \(one per joint\) or an array \(9, 3\), got shape \(2,\)",
         ),
         ({"acceleration": np.ones((4, 3))}, r"an array \(9, 3\), got shape \(4, 3\)"),
         ({"velocity": "fast"}, "velocity limit: must hold real numbers, got text"),
         (
             {"velocity": {"elbow": 1.0}},
-            "velocity limit: joints among joint1, joint2, joint3 wanted, got 'elbow'",
+            "velocity limit must name joints among joint1, joint2, joint3, got 'elbow'",
         ),
         ({"velocity": {"joint2": np.nan}}, "velocity limit of joint2: must be one number, got nan"),
-        ({"velocity": {"joint2": (3.0, 1.0)}}, "velocity limit of joint2: wants lower ≤ upper"),
+        ({"velocity": {"joint2": (3.0, 1.0)}}, "velocity limit of joint2 must be lower ≤ upper"),
         ({"velocity": {"joint2": "fast"}}, "velocity limit of joint2: must hold real numbers, got text"),
         ({"velocity": {"joint2": (1.0, 2.0, 3.0)}}, r"velocity limit of joint2: must be one number, got shape \(3,\)"),
         ({"clearance": np.nan}, "clearance limit: must be finite, got nan"),

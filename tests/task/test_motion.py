@@ -1,4 +1,4 @@
-"""Motions: batches, what follows from the samples, and what is refused."""
+"""Motions: batches, quantities of the samples, and refusals."""
 
 from __future__ import annotations
 
@@ -151,8 +151,8 @@ POSTURES = np.zeros((5, 3))
 @pytest.mark.parametrize(
     ("changed", "words"),
     [
-        ({"q": np.zeros((5, 4))}, r"q wants shape \(\.\.\., time, 3\), got \(5, 4\)"),
-        ({"q": np.zeros(3)}, r"q wants shape \(\.\.\., time, 3\), got \(3,\)"),
+        ({"q": np.zeros((5, 4))}, r"q must have shape \(\.\.\., time, 3\), got \(5, 4\)"),
+        ({"q": np.zeros(3)}, r"q must have shape \(\.\.\., time, 3\), got \(3,\)"),
         ({"q": np.zeros((2, 3)), "time": np.arange(2.0)}, "at least 3"),
         ({"time": np.arange(4.0)}, r"one time a sample and at least 3, got \(4,\) for \(5, 3\)"),
         ({"q": np.zeros((3, 5, 3)), "time": np.zeros((2, 5))}, r"one time a sample .* got \(2, 5\) for \(3, 5, 3\)"),

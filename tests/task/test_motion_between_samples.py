@@ -1,4 +1,4 @@
-"""Motions between their samples: the interpolant is C², on the path, and honest about where it is neither."""
+"""Motions between their samples: the interpolant is C² and on the path, or an error says that it is not."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from tests.task.test_sampling import ARM, even, order_of, wave
 
 
 def on_circle(samples, cyclic=True, **settings):
-    """Return a motion of the paper's arm whose tool goes round a circle, the last link's direction prescribed."""
+    """Return a motion of the paper's arm with its tool on a circle and a prescribed direction of its last link."""
     path = circle([0.3, 0.0], 0.05, duration=1.0, samples=samples)
     turn = 0.3 * np.sin(2 * np.pi * path.times)
     wrist = path.positions - 0.1375 * np.stack([np.cos(turn), np.sin(turn)], axis=-1)
@@ -86,7 +86,7 @@ def test_the_interpolant_of_a_batch_is_that_of_its_members():
 @pytest.mark.parametrize("t", [-1e-6, 1.0 + 1e-6, np.nan, np.inf])
 def test_times_outside_the_motion_are_refused(t):
     motion = Motion(arm=ARM, time=even(5), q=np.zeros((5, 3)))
-    with pytest.raises(InvalidInput, match=f"at: (wants times t from 0 s to 1 s|times t: must be finite), got {t:g}"):
+    with pytest.raises(InvalidInput, match=f"at: times t:? must be (from 0 s to 1 s|finite), got {t:g}"):
         motion.at(np.array([0.5, t]))
 
 

@@ -1,4 +1,4 @@
-"""Motion tasks: what they are made of, and the limits that they name."""
+"""Motion tasks: their parts, and the limits that they name."""
 
 from __future__ import annotations
 
@@ -157,7 +157,7 @@ def test_a_binding_clearance_is_told_by_its_name():
 
 
 def test_a_motion_that_leaves_its_path_between_samples_is_infinitely_off_and_no_other():
-    """Where the first joint turns once around between two samples, the curve passes far from the path."""
+    """If the first joint makes a whole turn between two samples, the curve leaves the path."""
     limited = task(limits=Limits(velocity=2.0), path=line([0.35, 0.0], [0.3, 0.1], duration=1.0, samples=11))
     (smooth,) = rollout_starts(limited, 1, np.random.default_rng(0))
     turning = smooth + 2 * np.pi * np.outer(np.arange(11) % 2, [1.0, 0.0, 0.0])
@@ -166,7 +166,7 @@ def test_a_motion_that_leaves_its_path_between_samples_is_infinitely_off_and_no_
     np.testing.assert_array_equal(both, [alone[0], np.inf])
 
 
-# The largest violation between samples: no finer grid finds more, and little less is there.
+# The largest violation between samples, compared with finer grids
 
 
 TOLERANCE = 1e-9  # share of a limit's range
@@ -220,7 +220,7 @@ def spatial(rng):
 
 
 def rough_problem(rng, arm, path, cyclic, **settings):
-    """Return a task whose limits its random motions violate, of every kind, some varying, and motions."""
+    """Return random motions and a task whose limits of every kind, some varying, they violate."""
     free = pk.Limits(position=np.inf, velocity=np.inf, torque=np.inf)
     task = pk.Tracking(arm, path, objectives=[pk.kinetic_energy], limits=free, cyclic=cyclic, **settings).task
     q = sample_starts(task, 2, rng)
@@ -294,7 +294,7 @@ def test_a_limit_that_ends_is_judged_while_there_is_one():
     assert 0 < task.violation_between(motions)[0] <= always.violation_between(motions)[0] < np.inf
 
 
-# What fails in the evaluation of motions, and objectives that say nothing.
+# Failures in the evaluation of motions, and useless objectives
 
 
 CHANCE = np.random.default_rng(0)
@@ -348,11 +348,11 @@ def objective_of(function):
     [
         (
             lambda motion: np.full(len(motion.q), 3.0),
-            "objective odd: different values wanted, got 3 for each of the first 40: it may be",
+            "objective odd must vary, got 3 for each of the first 40: it may be",
         ),
         (
             lambda motion: CHANCE.random(len(motion.q)),
-            r"objective odd: one value for one argument wanted, got 0\.6369\d* and then 0\.",
+            r"objective odd must have one value for one argument, got 0\.6369\d* and then 0\.",
         ),
     ],
 )

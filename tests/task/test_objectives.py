@@ -1,4 +1,4 @@
-"""Objectives: each of the library's against plain loops, the users' own, and what is refused."""
+"""Objectives: those of the library compared with plain loops, users' own, and refusals."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def quadrature(motion, values):
 
 
 def nearness(value, lower, upper):
-    """Return how near a value is to its limits, past a thousandth of the range from one as there."""
+    """Return the nearness of a value to its limits, constant within a thousandth of the range."""
     edge = (upper - lower) / 1000
     value = min(max(value, lower + edge), upper - edge)
     return (upper - lower) ** 2 / (4 * (upper - value) * (value - lower))
@@ -179,13 +179,13 @@ def test_the_limit_distance_is_zero_in_the_middle_and_an_eighth_per_joint_at_a_l
 
 def test_a_limit_distance_without_limits_is_refused():
     motion = Motion(arm=tringali_3r(), time=np.linspace(0, 1, 5), q=np.zeros((5, 3)))
-    with pytest.raises(InvalidInput, match="joint_limit_distance wants position limits at both ends, got an arm none"):
+    with pytest.raises(InvalidInput, match="joint_limit_distance must have position limits at both ends, got an arm"):
         pk.joint_limit_distance(motion)
 
 
 def test_a_clearance_without_obstacles_is_refused():
     motion = Motion(arm=tringali_3r(), time=np.linspace(0, 1, 5), q=np.zeros((5, 3)))
-    with pytest.raises(InvalidInput, match="obstacle_clearance wants obstacles, got a problem without any"):
+    with pytest.raises(InvalidInput, match="obstacle_clearance must have obstacles, got a problem without any"):
         pk.obstacle_clearance(motion)
 
 

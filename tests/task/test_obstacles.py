@@ -1,4 +1,4 @@
-"""Obstacles: frozen shapes, and what is none."""
+"""Obstacles: frozen shapes, refusals, and distances."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_what_is_no_obstacle_is_refused_with_name_wish_and_fact(make, message):
         make()
 
 
-# Distances of links to obstacles: against brute force, and by the laws that any signed distance obeys.
+# Distances of links to obstacles, compared with brute force and laws of signed distances
 
 
 TILT = Pose.from_rpy([0.2, -0.3, 0.1], [0.5, -0.4, 1.2])
@@ -116,7 +116,7 @@ def test_clearance_agrees_with_dense_sampling_at_ten_thousand_postures(obstacle)
         sampled = np.minimum(sampled, distance_of_points(obstacle, at).min(axis=1) - 0.03)
     longest = np.linalg.norm(steps, axis=2).max(axis=1)
     assert (result < sampled + 1e-12).all()
-    assert (result > sampled - longest / 64 - 1e-12).all()  # a distance grows by at most the way gone
+    assert (result > sampled - longest / 64 - 1e-12).all()  # a distance grows by at most the length of the way
     assert (result < 0).sum() > 400
     assert (result > 0).sum() > 400
 

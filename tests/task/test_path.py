@@ -1,4 +1,4 @@
-"""Paths: through what was asked, smooth between, the same at any sampling."""
+"""Paths: through the given points, smooth between them, independent of the sampling."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def test_velocity_and_acceleration_are_continuous(path):
         return [np.abs(np.diff(values, 3, axis=0)).max() for values in samples if values is not None]
 
     for coarse, fine in zip(third_differences(700), third_differences(1400), strict=True):
-        assert fine < coarse / 6 or coarse < 1e-14  # halving the step: 8 where the jerk is bounded, 4 at a jump
+        assert fine < coarse / 6 or coarse < 1e-14  # halving the step: 8 with bounded jerk, 4 at a jump
 
 
 @every_kind
@@ -108,7 +108,7 @@ def test_rounding_past_the_ends_is_forgiven_and_no_more():
             path.at([0.1, late])
 
 
-# How paths are made: lines, circles, waypoints and timed poses go through what was asked; all else is refused.
+# Lines, circles, waypoints and timed poses: through the given points, and refusals
 
 
 @pytest.mark.parametrize("timing", TIME_LAWS)
@@ -241,7 +241,7 @@ START, END = [0.0, 0.0], [1.0, 0.0]
         (lambda: line(START, END, duration=0.0), "duration: must be positive, got 0 s"),
         (lambda: line(START, END, duration=-1.0), "duration: must be positive, got -1 s"),
         (lambda: line(START, END, duration=np.nan), "duration: must be finite, got nan"),
-        (lambda: line(START, END, duration=1.0, samples=1), "samples: an integer of at least 3 wanted, got 1"),
+        (lambda: line(START, END, duration=1.0, samples=1), "samples must be an integer of at least 3, got 1"),
         (
             lambda: line(START, END, duration=1.0, timing="cubic"),
             "timing: must be one of raised-cosine, quintic, uniform",
@@ -274,14 +274,14 @@ START, END = [0.0, 0.0], [1.0, 0.0]
         (lambda: poses([0, 2, 1], [START, END, START]), "path times: must increase, got 1 after 2 at index 2"),
         (lambda: poses([1, 2, 3], [START, END, START]), "path times: must start at 0 s, got 1"),
         (lambda: poses([0, np.nan, 1], [START, END, START]), "path times: must be finite, got nan at index 1"),
-        (lambda: poses([0, 1], [START, END]), "samples: an integer of at least 3 wanted, got 2"),
-        (lambda: poses([0], [START]), "samples: an integer of at least 3 wanted, got 1"),
-        (lambda: poses([], np.zeros((0, 2))), "samples: an integer of at least 3 wanted, got 0"),
+        (lambda: poses([0, 1], [START, END]), "samples must be an integer of at least 3, got 2"),
+        (lambda: poses([0], [START]), "samples must be an integer of at least 3, got 1"),
+        (lambda: poses([], np.zeros((0, 2))), "samples must be an integer of at least 3, got 0"),
         (lambda: poses([[0, 1, 2]], [START, END, START]), "path times: must be one row of numbers, got shape (1, 3)"),
         (lambda: poses([0, 1, 2], [START, END]), "must be one for each time, got 2 for 3 times"),
         (lambda: poses([0, 1, 2], [START, [np.nan, 0], END]), "poses: must be finite, got nan at index (1, 0)"),
         (lambda: EVERY_KIND["waypoints"].subsample(32), "samples: must be at most the path's own 31, got 32"),
-        (lambda: EVERY_KIND["waypoints"].subsample(2), "samples: an integer of at least 3 wanted, got 2"),
+        (lambda: EVERY_KIND["waypoints"].subsample(2), "samples must be an integer of at least 3, got 2"),
         (lambda: EVERY_KIND["waypoints"].at(np.nan), "path: time t: must be finite, got nan"),
     ],
 )
@@ -291,7 +291,7 @@ def test_what_makes_no_path_is_refused_with_name_wish_and_fact(make, message):
 
 
 def said_of(make, *arguments, **settings):
-    """What is warned of while a path is made."""
+    """Return the warnings while a path is made."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         make(*arguments, **settings)

@@ -1,4 +1,4 @@
-"""Retraction: Newton's way back to the path, sample by sample, and where it must say that it did not arrive."""
+"""Retraction: Newton's method back to the path, sample by sample, and its failures."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def disturbed(arm, axes, path, size, count=300, seed=0):
 def test_postures_near_the_path_are_led_onto_it(arm, axes, path):
     task, start, targets, directions = disturbed(arm, axes, path, 0.02)
     result = retract(arm, [task], start, targets, directions)
-    assert result.on_path.mean() > 0.97  # the others stand next to a singularity
+    assert result.on_path.mean() > 0.97  # the others are next to a singularity
     error = np.abs(task_errors(arm, [task], result.q, targets)[0]).max(axis=1)
     assert (error[result.on_path] <= ON_PATH_TOLERANCE).all()
     np.testing.assert_allclose(result.error[result.on_path], error[result.on_path], atol=ON_PATH_TOLERANCE)

@@ -158,7 +158,7 @@ def test_stretching_time_scales_every_rate(scale, shift):
     np.testing.assert_allclose(slow.ddq * scale**2, fast.ddq, rtol=1e-7, atol=1e-8)
 
 
-# The spline near samples: scipy's of the same control points, exact for parabolas, its derivatives those of at(t).
+# The spline near samples, compared with SciPy's, parabolas and at(t)
 
 
 ENDS = {"free": (False, False), "at rest": (False, True), "cyclic": (True, False)}
@@ -182,7 +182,7 @@ def fitted(samples, cyclic, at_rest, seed=0):
 
 @ends
 @given(samples=st.integers(3, 12), seed=st.integers(0, 99))
-def test_it_is_a_cubic_spline_with_knots_at_the_samples(cyclic, at_rest, samples, seed):
+def test_a_fitted_spline_is_cubic_with_knots_at_the_samples(cyclic, at_rest, samples, seed):
     spline, q = fitted(samples, cyclic, at_rest, seed)
     t = np.linspace(0, spline.time[-1], 301)
     pieces = [BSpline(*one, 3) for one in _interpolated(spline)]
@@ -228,7 +228,7 @@ def test_velocity_and_acceleration_lie_between_what_is_limited(cyclic, at_rest):
     assert np.abs(acceleration).max() <= np.abs(spline.acceleration).max() + 1e-9
 
 
-def test_it_misses_smooth_samples_by_the_fourth_difference():
+def test_a_fitted_spline_misses_smooth_samples_by_the_fourth_difference():
     time = np.linspace(0, 1, 41)
     q = np.sin(5 * time)[:, None]
     missed = fit_spline(q, time, cyclic=False, ends_at_rest=False).position - q

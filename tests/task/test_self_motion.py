@@ -1,4 +1,4 @@
-"""Self-motion curves: on the path everywhere, tangent to the null space, evenly cut, in all turns that limits hold."""
+"""Self-motion curves: on the path, tangent to the null space, evenly cut, in all turns within limits."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def test_curves_stay_on_the_path_along_the_null_space(curves):
             error, jacobian = task_errors(ARM, TASK.tasks, q, TASK.targets[sample])
             assert np.abs(error).max() < 1e-9
             closes = np.linalg.norm(wrap_difference(q[-1] - q[0], ARM.periodic)) < 1e-9
-            inner = len(q) - closes  # the closing node has the direction of the step that nearly came to it
+            inner = len(q) - closes  # the closing node has the direction of the step just before it
             assert np.abs(jacobian @ directions[..., None])[:inner].max() < 1e-9
             np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1.0, atol=1e-12)
             assert (np.sum(directions[1:] * directions[:-1], axis=1) > 0).all()
@@ -101,7 +101,7 @@ def test_ranges_are_the_limits_and_two_turns_where_turns_are_told_apart():
     assert np.isnan(ranges[1:][~finite[1:]]).all()
 
 
-# Labels of branches: signs flip just where links align, and say nothing about where the arm stands.
+# Labels of branches: signs flip only if links align, and do not depend on the arm's place
 
 
 ARMS = {"3R": tringali_3r(), "4R": marcos_nr(4), "random": random_arm(3, 6)}
@@ -149,7 +149,7 @@ def test_a_spatial_joint_changes_its_sign_just_where_its_neighbours_align(joint)
 
 
 def triple_product(arm, q, joint):
-    """Return (axis before × axis after) · axis, from poses of the links alone."""
+    """Return (axis before × axis after) · axis, only from poses of the links."""
     pose, axes = arm.base, []
     for placement, angle in zip(arm.placements, q, strict=True):
         pose = pose @ placement @ Pose.from_rpy((0, 0, 0), (0, 0, angle))

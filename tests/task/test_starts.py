@@ -62,7 +62,7 @@ def test_nothing_reaches_what_is_beyond_the_arm():
 
 @settings(max_examples=25)
 @given(seed=st.integers(0, 10_000), count=st.integers(1, 12))
-def test_each_comes_after_the_nearest_of_those_that_are_left(seed, count):
+def test_each_posture_is_followed_by_the_nearest_of_those_left(seed, count):
     q = np.random.default_rng(seed).uniform(-np.pi, np.pi, (count, 3))
     ordered = order_by_neighbour(ARM, q)
     np.testing.assert_array_equal(ordered[0], q[0])
@@ -72,7 +72,7 @@ def test_each_comes_after_the_nearest_of_those_that_are_left(seed, count):
         assert distance[0] == distance.min()
 
 
-# Postures, candidate motions and coordinates of the self-motion manifold, and refusals where there are none.
+# Postures, candidate motions, coordinates of the self-motion manifold, and refusals
 
 
 REACH = 0.4895  # m, of the paper's arm, 0.176 + 0.176 + 0.1375
@@ -155,7 +155,7 @@ def test_candidates_begin_at_the_given_start_to_the_bit():
 
 
 @every_task
-def test_pushed_motions_stay_on_the_path_and_leave_those_they_come_from(make):
+def test_perturbed_motions_stay_on_the_path_and_leave_their_origins(make):
     task = make()
     q = rollout_starts(task, 200, chance())
     away = perturbed_starts(task, q, chance(1))
@@ -167,7 +167,7 @@ def test_pushed_motions_stay_on_the_path_and_leave_those_they_come_from(make):
 
 
 @every_task
-def test_swept_motions_stay_on_the_path_and_travel_farther_than_roll_outs(make):
+def test_travelling_motions_stay_on_the_path_and_travel_farther_than_roll_outs(make):
     task = make()
     rolled, far = rollout_starts(task, 200, chance()), travelling_starts(task, 200, chance(1))
     assert len(far) > 5
@@ -245,7 +245,7 @@ def test_the_normal_directions_turn_slowly_and_close_with_a_cycle(make):
 
 
 @every_task
-def test_coordinates_give_back_what_the_chart_was_asked_for(make):
+def test_charts_return_the_coordinates_that_they_were_given(make):
     task = make()
     around = build_charts(task, rollout_starts(task, 20, chance())[:3])
     which = np.array([2, 0, 1, 1])

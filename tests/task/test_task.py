@@ -1,4 +1,4 @@
-"""Tasks: which axes a path asks for, errors and their Jacobian on planar and spatial arms, and refusals."""
+"""Tasks: axes of paths, errors and their Jacobian on planar and spatial arms, and refusals."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ every_kind = pytest.mark.parametrize(("arm", "axes", "path"), KINDS, ids=[f"{a.n
 
 
 def through(arm, q, path, frame="tool", axes="pose"):
-    """Return a path of the given kind whose samples are where the frame is at postures q."""
+    """Return a path of the given kind through the frame's places at postures q."""
     rotations, places = forward_kinematics(arm, q, frame)
     poses = [Pose.from_matrix(rotation, position) for rotation, position in zip(rotations, places, strict=True)]
     quaternions = np.stack([pose.quaternion for pose in poses])
@@ -63,7 +63,7 @@ def through(arm, q, path, frame="tool", axes="pose"):
 
 
 def targets_at(task, path):
-    """Return targets of the samples of a path whose curve means nothing."""
+    """Return targets of the samples of a path whose curve is meaningless."""
     size = 2 if task.axes in ("xy", "xy+angle") else 3
     expected = [path.positions[:, :size]]
     if task.axes in ("xy+angle", "xyz+z-axis", "pose"):
@@ -235,10 +235,10 @@ def test_a_batch_of_many_blocks_gives_what_its_postures_give():
     ("path", "axes", "words"),
     [
         (POSES, "xz", r"axes must be one of xy, xy\+angle, xyz, xyz\+z-axis, pose, got 'xz'"),
-        (POINTS_3D, "pose", "axes 'pose' wants a path of poses, got a path of points"),
-        (POINTS_2D, "xy+angle", r"axes 'xy\+angle' wants a path of poses"),
-        (POINTS_3D, "xyz+z-axis", r"axes 'xyz\+z-axis' wants a path of poses"),
-        (POINTS_2D, "xyz", "axes 'xyz' wants a path of 3-D points, got one of 2-D points; axes='xy' leaves z free"),
+        (POINTS_3D, "pose", "path must be one of poses for axes 'pose', got one of points"),
+        (POINTS_2D, "xy+angle", r"path must be one of poses for axes 'xy\+angle'"),
+        (POINTS_3D, "xyz+z-axis", r"path must be one of poses for axes 'xyz\+z-axis'"),
+        (POINTS_2D, "xyz", "path must have 3-D points for axes 'xyz', got 2-D ones; axes='xy' leaves z free"),
     ],
 )
 def test_axes_that_the_path_says_nothing_about_are_refused(path, axes, words, unchecked):
@@ -253,7 +253,7 @@ def test_a_planar_arm_is_not_asked_to_leave_its_plane(axes):
 
 
 def test_an_arm_in_space_takes_2d_points_only_where_axes_leave_z_free():
-    with pytest.raises(InvalidInput, match=r"path: 3-D points wanted, as .* moves in space, got 2-D ones; .* z free$"):
+    with pytest.raises(InvalidInput, match=r"path must have 3-D points, as .* moves in space, got 2-D .* z free$"):
         Task(POINTS_2D).resolve_axes(SPATIAL)
     assert Task(POINTS_2D, axes="xy").resolve_axes(SPATIAL).rows == 2
     assert Task(POINTS_2D).resolve_axes(GANTRY).axes == "xy"
@@ -261,7 +261,7 @@ def test_an_arm_in_space_takes_2d_points_only_where_axes_leave_z_free():
 
 
 def test_a_frame_that_is_not_on_the_arm_is_refused_with_those_that_are():
-    with pytest.raises(InvalidInput, match=r"frame: one of tool, base, joint1, .* got 'elbow'"):
+    with pytest.raises(InvalidInput, match=r"frame must be one of tool, base, joint1, .* got 'elbow'"):
         Task(POINTS_2D, frame="elbow").resolve_axes(PLANAR)
 
 

@@ -1,4 +1,4 @@
-"""2-D points lead an arm in space whose frame keeps its height, up to the rounding of a URDF's angles."""
+"""Arms in space follow 2-D points if their frame keeps its height, up to rounded angles of a URDF."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ POINTS_2D = line([0.3, 0.2], [0.1, 0.4], duration=1.0, samples=5)
 
 
 def gantry(tmp_path, slope=1.5708):
-    """Return a planar arm on a rail along x, the z axis of all its links along x but for the rounding of ``slope``."""
+    """Return a planar arm on a rail along x; the z axes of its links are along x up to the rounding of ``slope``."""
     links = [link(name) for name in ("rail", "cart", "upper", "fore", "hand")]
     bounds = '<limit lower="-9" upper="9" velocity="3" effort="4"/>'
     joints = [
@@ -47,5 +47,5 @@ def test_a_gantry_of_rounded_angles_follows_2d_points_and_keeps_its_height(tmp_p
 @pytest.mark.parametrize("base", [(0.0, 0.0, 0.0), (1e3, 0.0, 0.0)])
 def test_a_frame_that_rises_by_more_than_rounded_angles_do_is_refused_wherever_it_stands(tmp_path, base):
     arm = gantry(tmp_path, slope=1.57).mounted(base=Pose(base))
-    with pytest.raises(InvalidInput, match="path: 3-D points wanted"):
+    with pytest.raises(InvalidInput, match="path must have 3-D points"):
         Task(POINTS_2D).resolve_axes(arm)

@@ -1,4 +1,4 @@
-"""Functions of motions, traced: worth what they are on real motions, with the derivatives of differences of motions."""
+"""Traced functions of motions: values of real motions, and derivatives compared with differences."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def step_by_step(motion):
 
 
 def inputs(motion, sample):
-    """Return what the programs of a traced sample take, at the samples of a real motion."""
+    """Return the inputs of a traced sample's programs at the samples of a real motion."""
     result = np.zeros((len(sample.trace.tape.inputs), len(motion.time)))
     joints = np.concatenate([motion.q, motion.dq, motion.ddq, motion.jerk], axis=1).T
     result[: len(joints)] = joints
@@ -84,7 +84,7 @@ def inputs(motion, sample):
 
 
 def holds(task, q, function):
-    """Hold a function's values and slopes against real motions, those beside it in some direction among them."""
+    """Compare a function's values and slopes with those of real motions near it in some direction."""
     motion, sample = task.motion(q), trace_sample(task)
     tape, n = sample.trace.tape, task.arm.dof
     value = as_entry(tape, trace_sample_function(sample, "it", function))
@@ -124,9 +124,9 @@ def test_what_an_objective_wants_is_said_as_on_real_motions():
     task = pk.Tracking(
         pk.arms.tringali_3r(), path, objectives=[pk.kinetic_energy], bases=1, differences="backward"
     ).task
-    with pytest.raises(InvalidInput, match=r"^objective it: joint_limit_distance wants position limits"):
+    with pytest.raises(InvalidInput, match=r"^objective it: joint_limit_distance must have position limits"):
         trace_sample_function(trace_sample(task), "objective it", pk.joint_limit_distance.function)
-    with pytest.raises(InvalidInput, match=r"^objective it: obstacle_clearance wants obstacles"):
+    with pytest.raises(InvalidInput, match=r"^objective it: obstacle_clearance must have obstacles"):
         trace_sample_function(trace_sample(task), "objective it", pk.obstacle_clearance.function)
 
 
@@ -195,16 +195,16 @@ def test_what_looks_from_one_sample_at_another_has_no_local_value(function):
         (lambda motion: float(motion.q[..., 0]), "a plain number was asked"),
         (lambda motion: math.sin(motion.q[..., 0]), "a plain number was asked"),
         (lambda motion: np.asarray(motion.q)[..., 0], "plain numbers were asked"),
-        (lambda motion: motion.q[..., 0] if motion.q[..., 0] > 0 else 0.0, "np.where is wanted"),
+        (lambda motion: motion.q[..., 0] if motion.q[..., 0] > 0 else 0.0, "use np.where"),
         (lambda motion: motion.q[motion.q > 0], "an index cannot depend on the motion"),
         (lambda motion: motion.q.__setitem__((..., 0), 1), "cannot be written where derivatives are taken"),
         (lambda motion: motion.q.__iadd__(1.0)[..., 0], "would change an array in place"),
         (lambda motion: motion.torque.__iadd__(1.0)[..., 0], "would change an array in place"),
         (lambda motion: motion.torque[..., 0].__iadd__(1.0), "would change an array in place"),
-        (lambda motion: motion.clearance, "motion.clearance wants obstacles"),
+        (lambda motion: motion.clearance, "motion.clearance must have obstacles"),
         (lambda motion: motion.tracking_error, "motion.tracking_error has no derivative here"),
         (lambda motion: motion.at(0.5), "motion.at has no derivative here"),
-        (lambda motion: motion.torques, "motion.torques: a field of motions wanted, got none; did you mean 'torque'"),
+        (lambda motion: motion.torques, "motion.torques must be a field of motions, got none; did you mean 'torque'"),
         (lambda motion: [single.q for single in motion], r"motion\[...\] has no derivative here"),
         (lambda motion: len(motion), r"len\(motion\) has no derivative here"),
         (lambda motion: motion.q, r"must return one number a sample .*, got shape \(17, 4\)"),

@@ -33,33 +33,33 @@ def test_a_start_on_the_path_is_taken_as_it_is():
 @pytest.mark.parametrize(
     ("changed", "words"),
     [
-        ({"path": []}, "wants at least one path or task, got none"),
-        ({"path": None}, "path wants a Path, a Task or several of them, got None"),
-        ({"path": [LINE, "line"]}, "path wants a Path, a Task or several of them, got 'line'"),
+        ({"path": []}, "must be at least one path or task, got none"),
+        ({"path": None}, "path must be a Path, a Task or several of them, got None"),
+        ({"path": [LINE, "line"]}, "path must be a Path, a Task or several of them, got 'line'"),
         ({"path": [LINE, LATER]}, "task 2: must be sampled at the same times as task 1"),
         (
             {"path": [LINE, ELSEWHERE]},
-            "is not redundant for this task, got 3 joints for 4 equations, wanted are more, or fewer axes",
+            "is not redundant for this task, got 3 joints for 4 equations; there must be more joints or fewer axes",
         ),
         (
             {"path": line(Pose.planar(0.4, 0, 0), Pose.planar(0.2, 0.1, 1), duration=1.0)},
             "Tringali 3R, printed masses is not redundant for this task, got 3 joints for 3 equations",
         ),
-        ({"objectives": []}, "objectives: wants at least one, got none"),
+        ({"objectives": []}, "objectives must be at least one, got none"),
         (
             {"objectives": kinetic_energy},
-            "or the library's, such as pk.kinetic_energy wanted, got Objective kinetic_energy",
+            "or the library's, such as pk.kinetic_energy, got Objective kinetic_energy",
         ),
         (
             {"objectives": [len]},
-            "such as pk.kinetic_energy wanted, got <built-in function len> at index 0",
+            "such as pk.kinetic_energy, got <built-in function len> at index 0",
         ),
         (
             {"objectives": [kinetic_energy, joint_travel, UNNAMED]},
             "objectives: names must differ, got kinetic",
         ),
-        ({"constraints": [len]}, "constraints: a list of functions decorated with @constraint wanted, got <built-in"),
-        ({"cyclic": True}, "cyclic=True wants a closed path, got one that does not end where it starts"),
+        ({"constraints": [len]}, "constraints must be a list of functions decorated with @constraint, got <built-in"),
+        ({"cyclic": True}, "path must be closed if cyclic=True, got one that does not end where it starts"),
         ({"end_velocity": 1.0}, r"end_velocity must be None \(free\) or 0 on an open motion, got 1\.0"),
         ({"end_velocity": 0, "cyclic": True, "path": ELSEWHERE}, "or 0 on an open motion, got 0"),
         ({"start": "zero"}, "start must be 'free' or 3 joint positions, got 'zero'"),
@@ -71,7 +71,7 @@ def test_a_start_on_the_path_is_taken_as_it_is():
             {"start": [0.0, 0.0, 0.0]},
             r"start must be at most 4\.\d+e-07 m off the path's first sample, got 0\.0217 m",
         ),
-        ({"limits": Limits(velocity=-1.0)}, "velocity limit of joint1: wants lower ≤ upper"),
+        ({"limits": Limits(velocity=-1.0)}, "velocity limit of joint1 must be lower ≤ upper"),
     ],
 )
 def test_what_is_no_problem_is_refused_in_one_line(changed, words, unchecked):
@@ -113,7 +113,7 @@ def test_a_planar_arm_refuses_points_off_its_plane(height):
     flat = line([0.4678, 0.0, 0.0], [0.0983, 0.1526, 0.0], duration=1.0, samples=21)
     tilted = line([0.4678, 0.0, 0.0], [0.0983, 0.1526, height], duration=1.0, samples=21)
     assert [one.axes for one in task(path=flat).tasks] == ["xy"]
-    wish = r"path: points in the plane z = 0 m of Tringali 3R, printed masses wanted, or axes='xy', got one "
+    wish = r"path must have points in the plane z = 0 m of Tringali 3R, printed masses, or axes='xy', got one "
     with pytest.raises(InvalidInput, match=f"{wish}{height:.3g} m off it$"):
         task(path=tilted)
     assert [one.axes for one in task(path=Task(tilted, axes="xy")).tasks] == ["xy"]
@@ -137,7 +137,7 @@ def test_a_planar_arm_refuses_poses_off_its_plane_or_tilted():
     assert along(start, end).tasks[0].axes == "xy+angle"
     high, down = Pose([0.3, 0.2, 0.5], end.quaternion), Pose.from_rpy([0.3, 0.2, 0.0], [np.pi, 0.0, 0.0])
     with pytest.raises(
-        InvalidInput, match=r"path: poses in the plane z = 0 m of Marcos 4R wanted, .* got one 0\.5 m off"
+        InvalidInput, match=r"path must have poses in the plane z = 0 m of Marcos 4R, .* got one 0\.5 m off"
     ):
         along(start, high)
     with pytest.raises(InvalidInput, match=r"axes='xy', got one tilted out of it by 3\.14 rad"):
@@ -218,9 +218,7 @@ def test_a_tool_whose_z_axis_lies_in_the_plane_has_no_angle_to_follow():
 @pytest.mark.parametrize("ends", [([2.0, 0.0], [1.0, 0.0]), ([2.0, 0.0, 1.0], [1.0, 0.0, 0.5])])
 def test_x_and_y_cannot_lead_a_planar_arm_in_a_vertical_plane(ends):
     arm = FOUR_LINKS.mounted(base=Pose.from_rpy([0.0, 0.0, 0.0], [1.5708, 0.0, 0.0]))
-    with pytest.raises(
-        InvalidInput, match=r"path: an arm in a plane that is not vertical wanted, .* got planar arm in"
-    ):
+    with pytest.raises(InvalidInput, match=r"path: the arm's plane must not be vertical, .* got planar arm in"):
         checked(arm, *ends)
 
 

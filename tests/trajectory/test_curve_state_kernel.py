@@ -1,4 +1,4 @@
-"""A program's state of a motion is that of its curve, with exact first derivatives, however rough the motion is."""
+"""A program's state of a motion is that of its curve, with exact first derivatives, also for rough motions."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def task_of(name, *objectives, **limits):
 
 
 def rough(task, size, seed=0):
-    """Return a motion whose samples lie at random near a smooth one, along the self-motion too."""
+    """Return a motion with samples at random near a smooth one, also along the self-motion."""
     rng = np.random.default_rng(seed)
     q = sample_starts(task, 1, rng)[0]
     near = q + size * rng.normal(size=q.shape)

@@ -1,4 +1,4 @@
-"""Stencils give the rates of a motion's differences, on cycles as well, and number what can move."""
+"""Stencils give the rates of a motion's differences, also on cycles, and number the unknowns."""
 
 from __future__ import annotations
 

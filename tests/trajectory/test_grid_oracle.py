@@ -1,4 +1,4 @@
-"""Laws of the grid oracle: it is never beaten on its grid, keeps every limit, and finds what the planner finds."""
+"""Laws of the grid oracle: it is the best on its grid, satisfies all limits, and finds the planner's optima."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def along_the_line():
 
 
 def captured(monkeypatch, name):
-    """Return a list that will hold the grids over which ``name`` makes its graph."""
+    """Return a list that collects the grids of the graphs that ``name`` makes."""
     grids, make = [], getattr(module, name)
 
     def recorded(task, grid, terms):
@@ -58,7 +58,7 @@ def every_motion(grid):
 
 
 def within(grid, q):
-    """Return which motions go no further in a step than the grid lets them."""
+    """Return which motions have steps within the grid's windows."""
     return (np.abs(np.diff(q, axis=1)) <= grid.windows[1:]).all(axis=(1, 2))
 
 
@@ -144,7 +144,7 @@ def test_the_planner_finds_nothing_that_the_oracle_does_not_know_of():
     assert oracle.labels[0] == plan.best.label
 
 
-def test_polishing_what_the_oracle_found_ends_at_every_optimum_of_the_planner():
+def test_refining_what_the_oracle_found_ends_at_every_optimum_of_the_planner():
     problem = pk.Tracking(tringali_3r(), LINE, objectives=[kinetic_energy], differences="backward")
     led = pk.plan(problem, starts=1, initial=problem.task.motion(along_the_line().q))
     reached = np.array([optimum.objective for optimum in led.optima])
@@ -264,7 +264,7 @@ def test_the_sum_of_objectives_counts():
 
 def test_more_redundancy_than_one_is_refused_by_name():
     task = task_of(line([2.5, 0.5], [1.0, 2.0], duration=1.0, samples=11), marcos_nr(4), objectives=[pk.joint_travel])
-    with pytest.raises(InvalidInput, match="redundancy 1 wanted, got 2"):
+    with pytest.raises(InvalidInput, match="redundancy must be 1, got 2"):
         grid_oracle(task)
 
 
@@ -273,7 +273,7 @@ def test_more_redundancy_than_one_is_refused_by_name():
     [
         ({"differences": "central"}, "got central differences"),
         ({"end_velocity": 0.0}, "got end_velocity=0"),
-        ({"objectives": [pk.joint_drift]}, "objective joint_drift: form 'integral' wanted"),
+        ({"objectives": [pk.joint_drift]}, "objective joint_drift: form must be 'integral'"),
         ({"objectives": [pk.jerk]}, "no further than accelerations"),
     ],
 )
@@ -309,7 +309,7 @@ def test_a_path_out_of_reach_is_refused_with_its_sample():
 
 
 def test_limits_that_no_way_keeps_are_named_with_the_sample():
-    with pytest.raises(Infeasible, match=r"no posture keeps the limits at sample \d+"):
+    with pytest.raises(Infeasible, match=r"no posture satisfies the limits at sample \d+"):
         grid_oracle(task_of(short(11), limits=Limits(position=0.05)), resolution=0.1)
     with pytest.raises(Infeasible, match=r"comes to sample \d+ of 11 .* within the limits"):
         grid_oracle(task_of(short(11), limits=Limits(velocity=0.05)), resolution=0.01)

@@ -1,4 +1,4 @@
-"""No false refusals, and clear ones quickly, by the user's own samples, with the limit, the joint or the obstacle."""
+"""Refusals are never false, quick if clear, and name the user's sample, the limit, the joint or the obstacle."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ POSITION = np.deg2rad([90, 120, 120])
 
 
 def refusal(*, samples=101, objective=pk.kinetic_energy, **settings):
-    """The error that a plan of a line ends with."""
+    """Return the error of a plan of a line."""
     path = tringali_2020.straight(samples)
     settings = {"differences": "backward", **settings}
     problem = pk.Tracking(pk.arms.tringali_3r(), path, objectives=[objective], **settings)
@@ -72,8 +72,12 @@ def test_an_obstacle_on_the_path_is_blamed_by_number_and_link():
         )
     assert error.limit == "clearance"
     assert "between link 3 and obstacle 2, a circle" in str(error)
-    assert re.search(r"no motion can keep the limits \(proved: no posture at sample \d+, [\d.]+ s, does\)", str(error))
-    assert re.search(r"; none of \d+ postures tried at sample \d+ keeps the limits; it may help: obstacles", str(error))
+    assert re.search(
+        r"no motion can satisfy the limits \(proved: no posture at sample \d+, [\d.]+ s, does\)", str(error)
+    )
+    assert re.search(
+        r"; none of \d+ postures tried at sample \d+ satisfies the limits; it may help: obstacles", str(error)
+    )
 
 
 def test_an_obstacle_without_which_there_is_a_motion_is_blamed_rather_than_joint_limits():
@@ -101,7 +105,7 @@ def test_a_cycle_of_too_few_samples_is_refused_by_their_number():
     problem = pk.Tracking(
         pk.arms.tringali_3r(), path, objectives=[pk.kinetic_energy], cyclic=True, differences="backward"
     )
-    with pytest.raises(pk.InvalidInput, match="path: at least 6 samples of a cyclic motion wanted, got 4"):
+    with pytest.raises(pk.InvalidInput, match="path must have at least 6 samples if the motion is cyclic, got 4"):
         pk.plan(problem)
 
 
@@ -110,9 +114,9 @@ def test_an_arm_without_masses_serves_kinematics_and_refuses_dynamics_by_name():
     planned = pk.plan(pk.Tracking(arm, path, objectives=[_effort], differences="backward"), starts=4)
     assert planned.best.status == "converged"
     for objective in (pk.kinetic_energy, pk.torque_norm, pk.peak_torque):
-        with pytest.raises(pk.InvalidInput, match=f"objective {objective.name}: an arm with masses wanted, bare has"):
+        with pytest.raises(pk.InvalidInput, match=f"objective {objective.name}: the arm must have masses, got bare"):
             pk.Tracking(arm, path, objectives=[objective], differences="backward")
-    with pytest.raises(pk.InvalidInput, match="torque limit: an arm with masses wanted, bare has links without"):
+    with pytest.raises(pk.InvalidInput, match="torque limit: the arm must have masses, got bare, which has"):
         pk.Tracking(arm, path, objectives=[_effort], limits=pk.Limits(torque=1.0), differences="backward")
 
 
@@ -122,7 +126,7 @@ def _effort(motion):
 
 
 def feasible_problem(seed, *, arm, plane, samples=41):
-    """A problem that is feasible by construction, and a motion that keeps its limits by 2 % of its ranges."""
+    """Return a feasible problem, and a motion that satisfies its limits by 2 % of their ranges."""
     rng = np.random.default_rng(seed)
     lower, upper = np.where(np.isfinite(arm.position_limits.T), arm.position_limits.T, [[-2.2], [2.2]])
     t = np.linspace(0.0, float(rng.uniform(0.8, 2.0)), samples)
@@ -178,7 +182,7 @@ def test_no_feasible_problem_in_space_is_refused(seed):
 
 
 def enumerate_postures(arm, point, angles):
-    """All postures of a planar arm of three joints whose tool is at a point, at the angles of its last link."""
+    """Return all postures of a planar arm of three joints with its tool at a point, by angles of its last link."""
     first, second, third = (float(np.linalg.norm(pose.position)) for pose in (*arm.placements[1:], arm.tool))
     wrist = point - third * np.stack([np.cos(angles), np.sin(angles)], axis=1)
     cosine = ((wrist**2).sum(axis=1) - first**2 - second**2) / (2 * first * second)
@@ -260,7 +264,7 @@ def test_velocities_of_chords_are_left_to_the_motions():
 
 
 def least_speed(jacobian, velocity):
-    """The least largest speed of a joint that gives the tool a velocity."""
+    """Return the least maximum joint speed that gives the tool a velocity."""
     joints = jacobian.shape[1]
     sides = np.block([[np.eye(joints), -np.ones((joints, 1))], [-np.eye(joints), -np.ones((joints, 1))]])
     solved = linprog(
@@ -336,7 +340,7 @@ def test_a_time_limit_without_a_result_names_limit_joint_and_sample():
         pk.plan(problem, time_limit=0.05, observe=False)
 
 
-# What is said of obstacles on the path before any search: which, where, and only where no motion can be feasible.
+# Warnings of obstacles on the path before any search
 
 
 ARM = pk.arms.tringali_3r()
@@ -358,7 +362,7 @@ def test_the_obstacle_the_link_and_the_sample_are_named_before_any_search(sample
 
 
 @pytest.mark.parametrize("seed", range(40))
-def test_it_is_said_where_every_motion_violates_the_clearance_and_only_there(seed):
+def test_a_warning_is_given_only_where_every_motion_violates_the_clearance(seed):
     rng = np.random.default_rng(seed)
     middle = POINTS[int(rng.integers(len(POINTS)))] + rng.normal(size=2) * 0.03
     radius, link_radius, smallest = (float(rng.uniform(0.001, 0.03)) for _ in range(3))
@@ -370,7 +374,7 @@ def test_it_is_said_where_every_motion_violates_the_clearance_and_only_there(see
     assert bool(caught) == (gap < smallest)
     motions = problem.decode(problem.sample_starts(6, rng))
     distances = clearance(problem.task.obstacles, link_nodes(ARM, motions.q), link_radius).min(axis=-1)
-    assert (distances <= gap + 1e-9).all()  # what the warning rests on: no motion is clearer than its tool
+    assert (distances <= gap + 1e-9).all()  # the reason of the warning: no motion is clearer than its tool
 
 
 def test_the_tool_is_where_with_tool_puts_it_and_not_at_the_flange():

@@ -1,4 +1,4 @@
-"""What a certified front must not depend on: units, the scale of an objective, the number of samples."""
+"""A certified front does not depend on units, the scale of an objective, or the number of samples."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ CHOICE = pk.Weights({"kinetic_energy": 0.4, "theirs": 0.6})
 
 
 def effort(factor):
-    """Squared torques, as in the library's norm, in whatever unit."""
+    """Return an objective of squared torques, as the library's norm, in any unit."""
 
     @pk.objective(unit="", form="integral", name="theirs")
     def theirs(motion):
@@ -27,7 +27,7 @@ def effort(factor):
 
 
 def tool_detour(factor):
-    """How far the second joint is from where it would be on a straight arm, squared: a length, in m² s or mm² s."""
+    """Return an objective of the second joint's squared distance from its place on a straight arm, m² s or mm² s."""
 
     @pk.objective(unit="", form="integral", name="theirs")
     def theirs(motion):
@@ -50,7 +50,7 @@ def front_of(other, samples=26, limits=LIMITS):
     return pk.epsilon_front(tracking(other, samples, limits), points=5, starts=12)
 
 
-# How an objective is made, the factor within, and what that makes of its value.
+# Objectives, their inner factor, and its effect on their value
 FORMS = {
     "a billion times as large": (effort, 1e9, 1e9),
     "a billionth as large": (effort, 1e-9, 1e-9),
@@ -112,7 +112,7 @@ def test_the_same_motion_is_chosen_whatever_the_unit(name, plain, scaled):
 
 @pytest.fixture(scope="module")
 def doubled():
-    """Fronts without limits, which hold at samples only, at 51 and at 101 samples."""
+    """Return fronts at 51 and at 101 samples, without limits, which are satisfied only at samples."""
     return [front_of(effort(1.0), samples, limits=None) for samples in (51, 101)]
 
 
@@ -124,7 +124,7 @@ def test_twice_as_many_samples_leave_every_point_a_critical_minimum(doubled):
 
 @pytest.mark.parametrize("end", [0, 1])
 def test_twice_as_many_samples_change_an_end_of_the_front_by_the_discretisation_alone(end, doubled):
-    """The finer optimum is no worse than the coarser one's motion on the finer samples, and the other way round."""
+    """The finer optimum is no worse than the coarser motion on the finer samples, and vice versa."""
     (coarse, coarser), (fine, finer) = ((front, front.problem.task) for front in doubled)
     objective = finer.objectives[end]
     best = [front.motions[int(front.objectives[:, end].argmin())] for front in (coarse, fine)]

@@ -1,4 +1,4 @@
-"""Peaks and kinks inside the interior point: where it ends is a minimum of the exact functions."""
+"""Peaks and kinks in the interior point: its result is a minimum of the exact functions."""
 
 from __future__ import annotations
 

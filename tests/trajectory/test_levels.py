@@ -1,4 +1,4 @@
-"""Levels of samples, coarse to fine, and what goes on from one to the next."""
+"""Levels of samples, coarse to fine, and the motions that continue on the next."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sequential quadratic programming beside the interior point, and on what only it can do."""
+"""Sequential quadratic programming, compared with the interior point and on functions that only it solves."""
 
 from dataclasses import replace
 
@@ -84,10 +84,10 @@ def test_both_solvers_agree_on_a_spatial_arm():
 
 def test_interior_points_refuse_functions_across_samples_by_name_before_any_work():
     task = problem_of(pk.kinetic_energy, pk.joint_drift).task
-    message = "solver: 'interior-point' wants functions of a sample, joint_drift relates samples: take 'sqp'"
+    message = r"solver must be 'sqp' for functions that relate samples \(joint_drift\), got 'interior-point'"
     with pytest.raises(pk.InvalidInput, match=message):
         check_solver(motion_program(task), "interior-point")
-    with pytest.raises(pk.InvalidInput, match="solver: 'interior-point'"):
+    with pytest.raises(pk.InvalidInput, match="got 'interior-point'"):
         find_optima(problem_of(pk.joint_drift).task, starts=10**6, seed=0, solver="interior-point")
     with pytest.raises(pk.InvalidInput, match="solver must be one of auto, interior-point, sqp, got 'newton'"):
         check_solver(motion_program(task), "newton")
@@ -111,7 +111,7 @@ def test_an_optimum_of_a_function_with_kinks_or_memory_is_critical_and_nothing_n
 
 
 def nearby(task, q, count):
-    """Motions on the path near one, by smooth steps of the self-motion of many sizes."""
+    """Return motions on the path near one, by smooth steps of the self-motion of many sizes."""
     rng = np.random.default_rng(0)
     at = linearise(motion_program(task), q)
     for _ in range(count):
@@ -141,7 +141,7 @@ def test_values_are_the_motions_and_slopes_those_of_differences(objectives):
 
 
 def first_order(at, along):
-    """How the totals change along a step of the self-motion, slacks and tops going where they have to."""
+    """Return the change of the totals along a step of the self-motion, with optimal slacks and epigraph variables."""
     from scipy.optimize import linprog
 
     unknowns, ties = at.unknowns, at.elastic
@@ -249,7 +249,7 @@ def test_constraints_of_every_form_hold():
     def slow(motion):
         return np.maximum(np.abs(motion.dq[..., 0]), np.abs(motion.dq[..., 2]))
 
-    free = pk.plan(problem_of(pk.kinetic_energy), starts=4).best  # the best of all, whatever the others find
+    free = pk.plan(problem_of(pk.kinetic_energy), starts=4).best  # the best of all optima
     for limit in (drift, swing, bent, slow):
         solution = pk.plan(problem_of(pk.kinetic_energy, constraints=[limit]), starts=2).best
         assert limit.violation(solution.motion) <= 1e-8
@@ -265,7 +265,7 @@ def test_a_choice_that_jumps_is_refused_by_name_and_one_that_only_has_a_kink_is_
     def bent(motion):
         return np.sum(np.where(motion.dq > 0, motion.dq, -2 * motion.dq), axis=-1)
 
-    with pytest.raises(pk.InvalidInput, match=r"jumping: jumps where the condition"):
+    with pytest.raises(pk.InvalidInput, match=r"jumping must have pieces that meet where the condition"):
         motion_program(problem_of(jumping).task)
     best = pk.plan(problem_of(bent), starts=2).best
     certificate = certify_motions(problem_of(bent).task, best.motion.q[None], np.array([best.objective]))

@@ -50,7 +50,7 @@ def test_no_way_through_the_grid_beats_the_plan_from_a_given_start(number):
 
 
 def some_arm(seed, *, limited=False):
-    """Return a planar arm of random links, and postures to go between."""
+    """Return a planar arm of random links, and two postures for a path."""
     rng = np.random.default_rng(1000 + seed)
     lengths, masses = rng.uniform(0.15, 0.5, 3), rng.uniform(0.3, 2.0, 3)
     limits = np.deg2rad(rng.uniform(100, 170, 3)) if limited else None
@@ -85,7 +85,7 @@ def test_a_function_that_fails_where_the_grid_probes_is_planned_for_without_its_
         original.task.arm, original.task.tasks, objectives=[strict], start=tringali_2021.START, differences="backward"
     )
     with pytest.raises(
-        InvalidInput, match="functions that bear NaN in rates wanted, got objective strict raised ValueError: nan given"
+        InvalidInput, match="functions must accept NaN in rates, got objective strict raised ValueError: nan given"
     ):
         grid_oracle(problem.task, quick=True)
     assert pk.plan(problem).best.objective < 1.001 * pk.plan(original).best.objective
@@ -216,7 +216,7 @@ def test_limits_that_cannot_hold_are_named_with_joint_and_sample():
 
 
 def least_energy(task, q0):
-    """The energy optimum near q0 by IPOPT over all joint angles, with dynamics in absolute link angles."""
+    """Return the energy optimum near q0 by IPOPT over all joint angles, with dynamics in absolute link angles."""
     lengths = np.array([0.176, 0.176, 0.1375])
     masses, centers = np.array([0.615, 0.615, 0.307]), np.array([0.0950, 0.0717, 0.0526])
     inertias = np.array([0.001811, 0.003173, 0.002103])

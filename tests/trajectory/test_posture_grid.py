@@ -1,4 +1,4 @@
-"""The grid of postures: edges are all pairs within the windows, windows the joints' pace within their limits."""
+"""The grid of postures: edges are all pairs within windows, windows the joints' pace within limits."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tests.task.tasks import task
 
 
 def random_grid(seed):
-    """Random nodes at three samples, joints periodic or not."""
+    """Return random nodes at three samples, with periodic joints or without."""
     rng = np.random.default_rng(seed)
     nodes = [rng.uniform(-np.pi, np.pi, (rng.integers(1, 15), 3)) for _ in range(3)]
     next_node = [np.append(np.arange(1, len(q)), -1) for q in nodes]

@@ -1,4 +1,4 @@
-"""Restarts: more starts, as long as they lead to better optima, and as long as better ones are likely unseen."""
+"""Restarts: more starts while they lead to better optima and better unseen ones are likely."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from problems import tringali_2020
 
 
 def ends(q, values, converged=True):
-    """What starts led to: themselves, with these values."""
+    """Return solutions that are the starts themselves, with these values."""
     return Solutions(
         x=q,
         objectives=np.array(values, dtype=float)[:, None],
@@ -37,14 +37,14 @@ def ends(q, values, converged=True):
 
 
 def policy_of(q, level):
-    """The policy of a plan whose grid was tried."""
+    """Return the policy of a plan whose grid was tried."""
     policy = restarts.RestartPolicy(level, q, 24, np.random.default_rng(0))
     policy.grid_tried = True
     return policy
 
 
 def starts_on(level, count):
-    """Starts of a level."""
+    """Return starts of a level."""
     return sample_starts(level, count, np.random.default_rng(0))
 
 
@@ -171,7 +171,7 @@ def test_where_the_next_level_has_no_starts_the_optima_of_the_first_go_on(monkey
     assert len(more) == 0
 
 
-# Basin hopping: the best optima disturbed and recombined; none is lost, and better ones are found.
+# Basin hopping: the best optima are perturbed and recombined
 
 
 def test_recombined_optima_are_near_none_that_there_is():
@@ -199,7 +199,7 @@ def test_where_no_pair_can_be_recombined_there_is_none(monkeypatch):
     assert basin_hopping._recombine(problem.task, q, np.random.default_rng(1)).shape == (0, *q.shape[1:])
 
 
-def test_an_optimum_that_cannot_be_disturbed_is_led_from_high_barriers_and_kept(monkeypatch):
+def test_an_optimum_that_cannot_be_perturbed_is_minimised_from_high_barriers_and_kept(monkeypatch):
     level = coarsest_level(tringali_2020.simulation_1().task)
     q = sample_starts(level, 1, np.random.default_rng(0))
     program = motion_program(level, objective_scales(level, q))
@@ -209,7 +209,7 @@ def test_an_optimum_that_cannot_be_disturbed_is_led_from_high_barriers_and_kept(
     assert joint_distance(level, ends.x[0], more.x).min() < 0.01
 
 
-def test_disturbing_the_best_loses_no_optimum_and_leads_to_better_ones():
+def test_perturbing_the_best_loses_no_optimum_and_leads_to_better_ones():
     problem = pk.Tracking(
         pk.Arm.planar(lengths=[0.4, 0.3, 0.3, 0.2], masses=[1.0] * 4, centers=[0.2, 0.15, 0.15, 0.1]),
         pk.line([1.0, 0.2], [-0.2, 0.5], duration=1.0, samples=26),

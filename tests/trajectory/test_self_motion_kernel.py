@@ -1,4 +1,4 @@
-"""Numerical steps on motions beside dense linear algebra: maps and their transposes, frames, retraction."""
+"""Numerical steps on motions, compared with dense linear algebra: maps, transposes, frames, retraction."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ seeds = st.integers(0, 1000)
 
 
 def stencil(rng):
-    """Neighbours and coefficients at every instant, and the unknowns of every sample, the first being fixed."""
+    """Return neighbours and coefficients at every instant, and the unknowns of every sample; the first is fixed."""
     neighbours = np.clip(np.arange(SAMPLES)[:, None] + [-1, 0, 1], 0, SAMPLES - 1)
     first_unknown = np.append(-1, FREE * np.arange(SAMPLES - 1))
     return neighbours, rng.normal(size=(ORDERS, SAMPLES, WIDTH)), first_unknown

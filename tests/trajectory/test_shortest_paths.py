@@ -1,4 +1,4 @@
-"""The best way through a graph of layers against all its ways."""
+"""The shortest path through a graph of layers, compared with all its paths."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Limits are tightened where motions exceed them between samples, and what is solved again keeps them."""
+"""Limits that motions exceed between samples are tightened, and the new motions satisfy them."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_refining_again_leaves_minima_as_they_are_or_betters_them(front):
 
 @pytest.mark.slow
 def test_five_objectives_with_a_peak_are_certified_for_limits_that_hold_between_samples():
-    """Straight ahead one of five may have to rise for the others: that is no optimum of a front."""
+    """In a fixed direction one of five may have to rise for the others, which is no optimum of a front."""
     goals = [pk.kinetic_energy, pk.torque_norm, pk.peak_torque, pk.joint_travel, pk.mechanical_energy]
     limits = pk.Limits(position=tringali_2020.POSITION, velocity=tringali_2020.VELOCITY)
     path = tringali_2020.straight(26)

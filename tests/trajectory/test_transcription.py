@@ -8,7 +8,7 @@ from problems import panda, tringali_2020
 
 
 def sample_inputs(program, q, factors, multipliers):
-    """Inputs of the evaluators at a motion, with multipliers of sums and rows."""
+    """Return inputs of the evaluators at a motion, with multipliers of sums and rows."""
     n, orders = program.task.arm.dof, len(program.stencil.coefficients)
     u = np.einsum("oik,ikj->oji", program.stencil.coefficients, q[program.stencil.neighbours]).reshape(orders * n, -1)
     inputs = program.inputs.copy()

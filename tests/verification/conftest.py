@@ -11,7 +11,7 @@ from studies.benchmarks.reliability.verifier.good_runs import make_run
 
 @pytest.fixture(scope="session")
 def good_run(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], tuple[Path, Any, Any]]:
-    """Return a function that gives the folder of a good run of a kind, its problem, and what it is verified against."""
+    """Return a function that returns the folder of a good run of a kind, its problem, and the target to verify with."""
     made: dict[str, tuple[Path, Any, Any]] = {}
 
     def get(kind: str) -> tuple[Path, Any, Any]:

@@ -1,4 +1,4 @@
-"""Runs that were edited, with digests made anew: refused in a line where they are opened, or told by the verifier."""
+"""Edited runs with new digests: refused in one line when they are opened, or reported by the verifier."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ from studies.benchmarks.reliability.verifier.faults import FAULTS
 
 OPENED = ("search", "certified", "plan", "closed loop")
 OFF_THE_PATH = {
-    "a joint off by 1e-6": r"motions: on the path of the problem wanted, got point \d+ \S+ m off it at sample 5 \(0.4",
-    "columns swapped": r"motions: on the path of the problem wanted, got point \d+ 0\.\d+ m off it at sample",
-    "names of joints swapped": r"motions: on the path of the problem wanted, got point \d+ 0\.\d+ m off it at sample",
-    "a joint of another name": r"motions: joints joint1, joint2, joint3 wanted, got joint1, joint2, wrist",
-    "times that go back": r"motions: the times of the problem's path wanted, got others",
-    "times stretched": r"motions: the times of the problem's path wanted, got others",
-    "a time shifted": r"motions: the times of the problem's path wanted, got others",
-    "a motion reversed": r"motions: on the path of the problem wanted, got point \d+ 0\.\d+ m off it at sample 0",
-    "not a number": "wanted finite q",
-    "a motion missing": "wanted the ids of front.parquet, got others",
-    "an id twice": "front ids: wanted each once",
-    "a dominated point": "wanted mutually non-dominated points, got 1",
-    "a jump in a loop": r"motions: a mean distance of \S+ m from the path wanted, got \S+ m",
-    "an error of a loop edited": r"motions: a mean distance of \S+ m from the path wanted, got \S+ m",
+    "a joint off by 1e-6": r"motions must be on the path of the problem, got point \d+ \S+ m off it at sample 5 \(0.4",
+    "columns swapped": r"motions must be on the path of the problem, got point \d+ 0\.\d+ m off it at sample",
+    "names of joints swapped": r"motions must be on the path of the problem, got point \d+ 0\.\d+ m off it at sample",
+    "a joint of another name": r"motions must have the joints joint1, joint2, joint3, got joint1, joint2, wrist",
+    "times that go back": r"motions must have the times of the problem's path, got others",
+    "times stretched": r"motions must have the times of the problem's path, got others",
+    "a time shifted": r"motions must have the times of the problem's path, got others",
+    "a motion reversed": r"motions must be on the path of the problem, got point \d+ 0\.\d+ m off it at sample 0",
+    "not a number": "must have finite q",
+    "a motion missing": "must have the ids of front.parquet, got others",
+    "an id twice": "front ids must be unique",
+    "a dominated point": "front points must be mutually non-dominated, got 1",
+    "a jump in a loop": r"motions must be at a mean distance of \S+ m from the path, got \S+ m",
+    "an error of a loop edited": r"motions must be at a mean distance of \S+ m from the path, got \S+ m",
 }
-"""Faults that are seen without verifying, and what is said."""
+"""Faults that are found without verifying, and their messages."""
 
 
 def opened(folder, problem, kind):
@@ -75,7 +75,7 @@ def test_every_command_refuses_motions_off_the_path_with_an_exit_code(good_run, 
     printed = capsys.readouterr()
     assert ended.value.code == (7 if verb == "verify" else 2)
     line = printed.out if verb == "verify" else printed.err
-    assert re.search("tracking at samples|motions: on the path of the problem wanted, got point", line)
+    assert re.search("tracking at samples|motions must be on the path of the problem, got point", line)
     assert "Traceback" not in printed.err
 
 
@@ -87,12 +87,12 @@ def test_no_file_but_the_runs_own_is_read_where_it_is_edited(good_run, tmp_path)
         assert len(pk.load_front(edited, problem)) == len(pk.load_front(folder, problem))
     content = json.loads((edited / RUN).read_text())
     for entries, words in (
-        ({**content, "format": 2}, "wanted format 1, got 2"),
-        ({**content, "objectives": []}, "wanted objectives and the digests"),
+        ({**content, "format": 2}, "must have format 1, got 2"),
+        ({**content, "objectives": []}, "must have objectives and the digests"),
         ({**content, "objectives": content["objectives"][::-1]}, None),
-        ({**content, "files": {**content["files"], "../escape": "0" * 64}}, "wanted objectives and the digests"),
-        ({**content, "files": {}}, "wanted objectives and the digests"),
-        ({**content, "holds": "a plan"}, "wanted a run with a front, got one that holds a plan"),
+        ({**content, "files": {**content["files"], "../escape": "0" * 64}}, "must have objectives and the digests"),
+        ({**content, "files": {}}, "must have objectives and the digests"),
+        ({**content, "holds": "a plan"}, "must be a run with a front, got one that holds a plan"),
     ):
         anew = {name: value for name, value in entries.items() if name not in ("format", "digest")}
         text = run_bytes(anew).decode()
@@ -109,5 +109,5 @@ def test_numbers_that_strict_json_has_not_are_refused(good_run, tmp_path, value)
     edited = edit(good_run("search")[0], tmp_path / "edited", lambda run: None)
     text = (edited / RUN).read_text()
     (edited / RUN).write_text(re.sub(r'"seed": 1\b', f'"seed": {value}', text))
-    with pytest.raises(InvalidRun, match=f"wanted strict JSON, got the number {value}"):
+    with pytest.raises(InvalidRun, match=f"must be strict JSON, got the number {value}"):
         pk.load_front(edited)

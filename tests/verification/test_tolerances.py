@@ -1,6 +1,6 @@
 """Every tolerance of the verifier: three times of it is caught, a third is not.
 
-The accepted values stand here a second time, so that a tolerance that is widened tenfold fails.
+The accepted values are written here a second time, so that a tolerance that is widened tenfold fails.
 """
 
 from __future__ import annotations
@@ -177,7 +177,7 @@ def loosen_the_active_limit(run, problem, amount):
 
 
 def leave_out_a_short_step(run, problem, amount):
-    """Make a step of a motion short, and leave it out of the duration."""
+    """Make one step of a motion short, and leave it out of the duration."""
     time = run.motions["time"][0]
     time[6:] -= time[6] - time[5] - amount
     run.table["duration"][0] = time[-1] - time[0] - amount
@@ -204,7 +204,7 @@ CASES = {
     "tightened": (1e-2, "certified", loosen_the_active_limit, "criticality by differences"),
     "rest": (1e-6, "point to point", leave_out_a_short_step, "objective duration"),
 }
-"""By tolerance: its value, the kind of run, what makes it wrong by an amount, and the check that must fail."""
+"""By tolerance: its value, the kind of run, the function that makes it wrong by an amount, and the failing check."""
 
 
 @pytest.mark.parametrize("name", [each.name for each in dataclasses.fields(VerificationTolerances)])

@@ -102,7 +102,7 @@ def test_the_command_prints_rows_and_ends_with_its_own_exit_code(good_run, tmp_p
     bad = subprocess.run([*command, edited], capture_output=True, text=True, check=False)
     assert (good.returncode, bad.returncode) == (0, 7)
     assert json.loads(good.stdout)["passed"] is True
-    assert "an id stands in the table twice" in bad.stdout
+    assert "an id is in the table twice" in bad.stdout
 
 
 def test_an_observer_learns_how_many_points_are_checked(good_run):
@@ -163,9 +163,9 @@ def test_the_command_shows_progress_on_stderr_with_and_without_a_terminal(termin
 
 
 def read_to_end(descriptor: int) -> str:
-    """Return what is written there until nobody can write any more."""
+    """Return the text written there until no writer is left."""
     content = b""
-    with suppress(OSError):  # a terminal that nobody holds any more
+    with suppress(OSError):  # a terminal without a holder
         while block := os.read(descriptor, 4096):
             content += block
     os.close(descriptor)
@@ -199,7 +199,7 @@ def test_integrals_with_kinks_are_right_as_they_are_stated(tmp_path):
     assert [(each.subject, each.detail) for each in verified.failures] == []
     motion = pk.load_front(tmp_path / "run", problem).motions[0]
     for objective in kinked:
-        curve = objective.function(motion.instants)  # what is stated is not that of the curve
+        curve = objective.function(motion.instants)  # the stated value is not the curve's
         assert motion.instants.integral(curve) != pytest.approx(objective(motion), rel=1e-9)
     of_curve = motion.instants.integral(pk.manipulability.function(motion.instants))
     assert pk.manipulability(motion) == pytest.approx(of_curve, rel=1e-12)

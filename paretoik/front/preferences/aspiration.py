@@ -1,4 +1,4 @@
-"""A preference by an aspiration: values that one would like to have."""
+"""Preferences by wishes: classes of objectives, and values to aspire to."""
 
 from __future__ import annotations
 
@@ -28,26 +28,30 @@ from paretoik.front.points import check_front, check_known, row_of
 from paretoik.inputs import check_call, is_integer, read_list, shown
 from paretoik.tables import html_representation
 
-# A preference by classification: from a point, what is to get better and what may get worse (NIMBUS).
+# A preference by classification: objectives that improve and objectives that may get worse (NIMBUS).
 
 
 @check_call
 @dataclass(frozen=True, init=False, eq=False)
 class Classify:
-    """Every objective in one class, seen from a ``current`` point (an id or a Choice): the classes of NIMBUS.
+    """Every objective in one class, seen from a current point: the classes of NIMBUS.
 
-    ``improve`` as far as possible; ``improve_to`` a value; ``keep`` no worse than it is; ``relax_to`` a value and no
-    worse; ``free`` to change. Of the points that keep to that the one is chosen with the least of
+    current: a point, given as id or Choice
+    improve, improve_to: objectives to improve as far as possible, or to a value
+    keep: objectives that get no worse
+    relax_to, free: objectives that may get worse down to a value, or freely
+
+    The chosen point satisfies the classes and has the least
 
         max (Z_i, i to improve; Z_j − a_j, j to improve to a value) + 1e-4 ΣZ,
 
     Z in shares of the stored ranges (Miettinen and Mäkelä 2006, European J. of Operational Research 170; 1999, NIMBUS;
-    they divide by nadir − utopian, a little more than the ranges nadir − ideal). The current point keeps to it too:
-    where it is chosen again, no other does better.
+    they divide by nadir − utopian, a little more than the ranges nadir − ideal). The current point satisfies the
+    classes too: if it is chosen again, no other does better.
 
-    ``Classify(choice, improve=["kinetic_energy"], relax_to={"torque_norm": 0.2})``. Raises InvalidInput where an
-    objective is in two classes, or none is to improve, or none may get worse; ``choose`` where one is in no class, or a
-    value is on the wrong side of the current one.
+    ``Classify(choice, improve=["kinetic_energy"], relax_to={"torque_norm": 0.2})``. Raises InvalidInput if an objective
+    is in two classes, or no objective is to improve, or no objective may get worse; ``choose`` raises it if an
+    objective is in no class, or a value is on the wrong side of the current one.
     """
 
     current: int
@@ -70,7 +74,7 @@ class Classify:
     ) -> None:
         assign = object.__setattr__
         if not isinstance(current, Choice) and not is_integer(current):
-            raise InvalidInput(f"current: a choice or an id wanted, got {shown(current)}")
+            raise InvalidInput(f"current must be a choice or an id, got {shown(current)}")
         assign(self, "current", current.id if isinstance(current, Choice) else int(current))
         for field, names in (("improve", improve), ("keep", keep), ("free", free)):
             assign(self, field, read_list(f"classify {field}", names, str, "a list of names"))
@@ -79,11 +83,11 @@ class Classify:
         names = [name for _, name in self._classes()]
         twice = [name for name in names if names.count(name) > 1]
         if twice:
-            raise InvalidInput(f"classify: wanted each objective in one class, got {twice[0]} in several")
+            raise InvalidInput(f"classify: each objective must be in one class, got {twice[0]} in several")
         if not self.improve and not self.improve_to:
-            raise InvalidInput("classify: wanted an objective to improve, or to improve_to a value, got none")
+            raise InvalidInput("classify: an objective must be in improve or improve_to, got none")
         if not self.relax_to and not self.free:
-            raise InvalidInput("classify: wanted an objective that may get worse (relax_to or free), got none")
+            raise InvalidInput("classify: an objective must be allowed to get worse (relax_to or free), got none")
 
     def __repr__(self) -> str:
         fields = ("improve", "improve_to", "keep", "relax_to", "free")
@@ -94,13 +98,13 @@ class Classify:
     _repr_html_ = html_representation
 
     def choose(self, front: Front) -> Choice:
-        """Return the best point that keeps to the classes; raises InvalidInput where these do not suit the front."""
+        """Return the best point that satisfies the classes; raises InvalidInput if these do not suit the front."""
         check_front(front)
         start = row_of(front, self.current, name="classify")
         check_known(front, "classify", [name for _, name in self._classes()])
         missing = set(front.names) - {name for _, name in self._classes()}
         if missing:
-            raise InvalidInput(f"classify: wanted every objective in a class, got {sorted(missing)[0]} in none")
+            raise InvalidInput(f"classify: every objective must be in a class, got {sorted(missing)[0]} in none")
         self._check_values(front, start)
         within = self._within(front, start)
         scores = self._scores(front)
@@ -120,7 +124,7 @@ class Classify:
                 yield field, name
 
     def _check_values(self, front: Front, start: int) -> None:
-        """Raise InvalidInput where a value to improve or relax to is not on its side of the current one."""
+        """Raise InvalidInput if a value to improve or relax to is on the wrong side of the current one."""
         for field, values, side in (("improve_to", self.improve_to, -1.0), ("relax_to", self.relax_to, 1.0)):
             for name, value in values.items():
                 axis = front.names.index(name)
@@ -128,10 +132,10 @@ class Classify:
                 if worse < 0 or (worse == 0 and field == "improve_to"):
                     wish = "better than" if field == "improve_to" else "no better than"
                     now = f"{front.objectives[start, axis]:.6g}"
-                    raise InvalidInput(f"classify {field}: wanted {name} {wish} the current {now}, got {value:g}")
+                    raise InvalidInput(f"classify {field}: {name} must be {wish} the current {now}, got {value:g}")
 
     def _within(self, front: Front, start: int) -> Mask:
-        """Mark the points that make nothing worse than its class allows."""
+        """Mark the points in which no objective is worse than its class allows."""
         limits = front.minimised[start].copy()
         for axis, name in enumerate(front.names):
             if name in self.free:
@@ -170,29 +174,29 @@ def _minimised(front: Front, axis: int, value: float) -> float:
 
 
 def _outcome(front: Front, start: int, row: int, others: int) -> str:
-    """Return what came of it in words; ``others`` is the number of points beside the current one that keep to it."""
+    """Return the result in words; ``others`` is the number of other points that satisfy the classes."""
     if row == start:
-        points = f"of the {others} others that keep to that none does better" if others else "no other keeps to that"
+        points = f"none of {others} others that satisfy this does better" if others else "no other point satisfies this"
         return f"{points}, so that it stays"
     change = compare(front, start, row)
     gains = amounts_in_words(front, change.gains, better=True)
     costs = amounts_in_words(front, change.costs, better=False)
-    return f"of {others} others that keep to that point {front.ids[row]} does best, with {gains} for {costs}"
+    return f"point {front.ids[row]} does best of {others} others that satisfy this, with {gains} for {costs}"
 
 
 @check_call
 @dataclass(frozen=True, init=False, eq=False)
 class Aspiration:
-    """Values of the objectives that one would like, by name, in their own units and sign; those not named are free.
+    """Values of the objectives to aspire to, by name, in their own units and sign; other objectives are free.
 
-    Chooses the least achievement function of Wierzbicki (1980; Miettinen 1999, section 3.5.2): max (Z_i − a_i) over the
-    named objectives + 1e-4 Σ (Z_i − a_i) over all, a_i the aspiration's share of the stored range, 0 where none is
-    named. Within the reachable set that is the point that betters the wishes the most, outside the one that misses them
-    the least, each measured where it is worst. Every point can be had so that gains, beside each other one, at least a
-    ten-thousandth of what it gives up. An objective without a range says nothing.
+    The chosen point has the least achievement function of Wierzbicki (1980; Miettinen 1999, section 3.5.2):
+    max (Z_i − a_i) over the named objectives + 1e-4 Σ (Z_i − a_i) over all; a_i is the aspiration as a share of the
+    stored range, 0 for other objectives. Within reach this point exceeds the wishes the most, out of reach it misses
+    them the least, each measured by its worst objective. Every point can be reached whose gains, compared with each
+    other point, are at least a ten-thousandth of its losses. An objective without a range has no effect.
 
-    ``Aspiration(kinetic_energy=0.05, torque_norm=0.1)``, or a mapping where a name is no identifier. Raises
-    InvalidInput where a value is no finite number, none is named, or a name comes twice.
+    ``Aspiration(kinetic_energy=0.05, torque_norm=0.1)``, or a mapping if a name is no identifier. Raises InvalidInput
+    if a value is no finite number, no objective is named, or a name is given twice.
     """
 
     values: Mapping[str, float]
@@ -200,7 +204,7 @@ class Aspiration:
     def __init__(self, mapping: Mapping[str, float] | None = None, /, **values: float) -> None:
         named = named_numbers("aspiration", mapping, values)
         if not named:
-            raise InvalidInput("aspiration: wanted a value for at least one objective, got none")
+            raise InvalidInput("aspiration: at least one objective must have a value, got none")
         object.__setattr__(self, "values", named)
 
     def __repr__(self) -> str:
@@ -209,7 +213,7 @@ class Aspiration:
     _repr_html_ = html_representation
 
     def choose(self, front: Front) -> Choice:
-        """Return the point with the least achievement function; raises InvalidInput where a name is no objective."""
+        """Return the point with the least achievement function; raises InvalidInput if a name is no objective."""
         check_front(front)
         check_known(front, "aspiration", self.values)
         axes = np.array([front.names.index(name) for name in self.values])
@@ -239,7 +243,7 @@ class Aspiration:
 
 
 def _shares(front: Front, wishes: Values) -> Values:
-    """Return where values stand in the stored ranges, 0 the best; 0 on a zero range, as of the points."""
+    """Return values as shares of the stored ranges: 0 is best; 0 on a zero range, as for points."""
     low, high = front.ranges.T
     distance = np.where(front.maximised, high - wishes, wishes - low)
     shares: Values = np.divide(distance, high - low, out=np.zeros_like(distance), where=high > low)
@@ -247,7 +251,7 @@ def _shares(front: Front, wishes: Values) -> Values:
 
 
 def _meets(front: Front, wishes: Values) -> Bool[np.ndarray, "points n_obj"]:
-    """Say which wishes which points meet, rounding aside."""
+    """Return which wishes each point meets, within rounding."""
     missed = front.minimised - np.where(front.maximised, -wishes, wishes) > OPTIONS.rounding * np.ptp(
         front.ranges, axis=1
     )
@@ -258,18 +262,18 @@ def _verdict(
     front: Front, row: int, wishes: Mapping[str, float], met_by: list[int], misses: Mapping[str, float], excess: Values
 ) -> str:
     words = list_words([_wish_in_words(front, name, value) for name, value in wishes.items()])
-    point, worst = f"of {len(front)} points point {front.ids[row]}", list(wishes)[int(excess.argmax())]
+    point, worst = f"point {front.ids[row]} of {len(front)}", list(wishes)[int(excess.argmax())]
     if not misses and excess.max() > -OPTIONS.rounding:
-        return f"The wish, {words}, is just within reach: {point} meets it and betters it nowhere."
+        return f"The wish, {words}, is just within reach: {point} meets it, but is not better in all of it."
     if not misses:
         return (
-            f"The wish, {words}, is within reach: {point} betters it by the most where it betters it least, "
+            f"The wish, {words}, is within reach: {point} has the largest margin in its worst objective, "
             f"{percent(-excess.max())} of the range, in {worst}."
         )
     missed = list_words([f"{name} by {quantity(front, name, amount)}" for name, amount in misses.items()])
     if met_by:
         return (
-            f"The wish, {words}, is within reach: point {met_by[0]} meets it, but {point} misses it by a trace alone, "
+            f"The wish, {words}, is within reach: point {met_by[0]} meets it, but {point} misses it only by a trace, "
             f"{missed}, and has a lower sum of shares."
         )
     return (

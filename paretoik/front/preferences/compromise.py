@@ -1,4 +1,4 @@
-"""The compromise: what the word means wherever this project says it."""
+"""Preferences for one point, for the knee and for the compromise, as this project means them everywhere."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from paretoik.tables import html_representation
 
 @dataclass(frozen=True)
 class Point:
-    """The point with an id, picked by hand: what ``front.select(12)`` means."""
+    """The point with an id, picked by hand, as by ``front.select(12)``."""
 
     point: int
 
     _repr_html_ = html_representation
 
     def choose(self, front: Front) -> Choice:
-        """Return the point; raises InvalidInput where the front does not have it."""
+        """Return the point; raises InvalidInput if the front does not have it."""
         row = row_of(front, self.point, name="select: point")
         return front.choice(row, f"Point {front.ids[row]} of {len(front)} was picked by its id.", preference=self)
 
@@ -38,34 +38,34 @@ class Point:
 @check_call
 @dataclass(frozen=True, kw_only=True)
 class Knee:
-    """The knee: the point from which any step costs the most beside what it gains.
+    """The knee: the point from which any step costs the most compared with its gain.
 
-    Of two objectives the point farthest below the straight line between the ends of the front, whatever the ranges (Das
-    1999, "On characterizing the 'knee' of the Pareto curve based on normal-boundary intersection").
-    Of more the point with the largest least trade-off: exchanging p for q costs Σ max(0, Z_q − Z_p) in shares and gains
-    Σ max(0, Z_p − Z_q); the least ratio of the two over all q is the least trade-off of p (Rachmawati and Srinivasan
-    2009, IEEE Trans. Evolutionary Computation 13(4), μ(x_i, S)). Where points are dense the nearest exchange gains
-    about what it costs, so that ratios are near 1 or below: the knee has the largest, whatever its size. A point that
-    is the best in every objective, rounding aside, is the knee.
+    With two objectives it is the point farthest below the straight line between the ends of the front, for any ranges
+    (Das 1999, "On characterizing the 'knee' of the Pareto curve based on normal-boundary intersection").
+    With more it is the point with the largest least trade-off: exchanging p for q costs Σ max(0, Z_q − Z_p) in shares
+    and gains Σ max(0, Z_p − Z_q); the least ratio of the two over all q is the least trade-off of p (Rachmawati and
+    Srinivasan 2009, IEEE Trans. Evolutionary Computation 13(4), μ(x_i, S)). If points are dense, the nearest exchange
+    gains about what it costs, so that ratios are near 1 or below: the knee has the largest, of any size. A point that
+    is the best in every objective, within rounding, is the knee.
 
-    ``choose`` raises InvalidInput where there is no knee: of one objective, and of two where no point lies below the
-    line (a straight or hollow front).
+    ``choose`` raises InvalidInput if there is no knee: with one objective, and with two if no point is below the line
+    (a straight or hollow front).
     """
 
     _repr_html_ = html_representation
 
     def choose(self, front: Front) -> Choice:
-        """Return the knee; raises InvalidInput where there is none."""
+        """Return the knee; raises InvalidInput if the front has no knee."""
         check_front(front)
         if len(front.names) == 1:
-            raise InvalidInput("knee: wanted two objectives or more, got one, whose best point is the answer")
+            raise InvalidInput("knee: there must be two objectives or more, got one, whose best point is the answer")
         best = (front.shares <= front.shares.min(axis=0) + OPTIONS.rounding).all(axis=1)
         if best.any():
             row = first_row(front, np.zeros(len(front)), best)
             words = (
                 "is as good as any: all are equal"
                 if best.all()
-                else "is the knee: it is the best in every objective, rounding aside"
+                else "is the knee: it is the best in every objective, within rounding"
             )
             return front.choice(row, f"{subject(front, row)} {words}.", preference=self)
         return self._below_line(front) if len(front.names) == 2 else self._least_trade_off(front)
@@ -75,8 +75,8 @@ class Knee:
         row = first_row(front, -depths)
         if depths[row] <= OPTIONS.rounding:
             raise InvalidInput(
-                f"knee: wanted a point below the straight line between the ends, got none among {len(front)}: "
-                "no knee; Compromise or Aspiration choose on such a front"
+                f"knee: a point must be below the straight line between the ends, got none among {len(front)}: "
+                "no knee; use Compromise or Aspiration"
             )
         ends = [first_row(front, front.shares[:, axis]) for axis in range(2)]
         return front.choice(
@@ -105,7 +105,7 @@ class Knee:
 
 
 def _depths(front: Front) -> Values:
-    """Return how far points lie below the line between the ends, 1 at the corner that is best in both objectives."""
+    """Return how far points are below the line between the ends, 1 at the corner that is best in both objectives."""
     shares = front.shares
     first, second = (shares[first_row(front, shares[:, axis])] for axis in range(2))
     width, height = second[0] - first[0], first[1] - second[1]  # both positive, as no point is the best in both
@@ -119,7 +119,7 @@ def _least_trade_offs(front: Front) -> Values:
 
 
 def _trade_offs(front: Front, row: int) -> Values:
-    """Return what each exchange of a row's point costs over what it gains; inf if it gains nothing."""
+    """Return the cost of each exchange of a row's point divided by its gain; inf without a gain."""
     shares = np.ascontiguousarray(front.shares.T)
     steps = shares - shares[:, row, None]
     steps[np.abs(steps) <= OPTIONS.rounding] = 0.0
@@ -138,9 +138,9 @@ class Compromise:
     """The compromise: the point whose hardest-hit objective gives up the least, as a share of its range.
 
     It has the least max Z + 1e-4 ΣZ, Z = (f − ideal)/(nadir − ideal) on the stored ranges: compromise programming with
-    the Chebyshev distance (Yu 1973; Zeleny 1973). Unlike the point of equal weights it exists on hollow fronts too,
-    where weights reach ends alone, and naming an objective twice does not move it (its augmentation aside). Of one
-    objective it is the best point.
+    the Chebyshev distance (Yu 1973; Zeleny 1973). Unlike the point of equal weights it exists on hollow fronts too, on
+    which weights reach only the ends, and naming an objective twice does not move it (except for the augmentation).
+    With one objective it is the best point.
     """
 
     _repr_html_ = html_representation
@@ -161,30 +161,30 @@ class Compromise:
 
 
 def score_shares(shares: Objectives) -> Values:
-    """Return what the compromise has least, of points by their shares of the ranges (points, n_obj)."""
-    columns = np.ascontiguousarray(shares.T)  # reducing rows of a few numbers takes NumPy ten times as long
+    """Return the scores that the compromise minimises, for points as shares of the ranges (points, n_obj)."""
+    columns = np.ascontiguousarray(shares.T)  # NumPy takes ten times as long to reduce rows of a few numbers
     scores: Values = columns.max(axis=0) + OPTIONS.augmentation * columns.sum(axis=0)
     return scores
 
 
 def compromise(front: Front) -> Choice:
-    """Return the compromise of a front (``Compromise``), which is kept nowhere.
+    """Return the compromise of a front (``Compromise``), without keeping the choice.
 
-    Raises Infeasible where the front is empty.
+    Raises Infeasible if the front is empty.
     """
     check_has_points(front, "compromise")
     return Compromise().choose(front)
 
 
-# The points of a front that pictures and recordings mark: the best of every objective, and the compromise.
+# Points that pictures and recordings mark: the best of every objective, and the compromise.
 
 
 def marked_rows(F: Objectives, ids: Ids) -> list[tuple[int, int | None]]:
-    """Return the best of every objective, minimised, as rows and axes, and the compromise, whose axis is None.
+    """Return (row, axis) of the best of every objective, minimised, and (row, None) of the compromise.
 
-    The compromise is that on the points' own ranges; of one objective it is the best point, and all.
+    The compromise is that on the points' own ranges; with one objective it is the best point, and the only entry.
     """
-    shares = np.array(F.T, order="C")  # a copy that becomes shares in place: a search does this in every generation
+    shares = np.array(F.T, order="C")  # a copy, changed in place: a search does this in every generation
     shares -= shares.min(axis=1, keepdims=True)
     width = shares.max(axis=1, keepdims=True)
     shares /= np.where(width > 0, width, 1.0)
@@ -194,7 +194,7 @@ def marked_rows(F: Objectives, ids: Ids) -> list[tuple[int, int | None]]:
 
 
 def best_rows(F: Objectives, ids: Ids) -> list[int]:
-    """Return the row of the best point of every objective, minimised; of equal ones that of the lowest id."""
+    """Return the row of the best point of every objective, minimised; the lowest id among equal ones."""
     return [_lowest(values, ids) for values in F.T]
 
 

@@ -1,4 +1,4 @@
-"""What users ask for as a preference, and its answer, checked."""
+"""Preferences that users ask for, and their answers, checked."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from paretoik.front.preferences.weights import Weights
 from paretoik.inputs import check_call, is_integer, likely_spelling, shown, user_function
 from paretoik.tables import html_representation
 
-# A preference by bounds: what must be kept, and which preference decides among the rest.
+# A preference by bounds, and by another preference that decides among the points within.
 
 
 @check_call
 @dataclass(frozen=True, init=False, eq=False)
 class Bounds:
-    """Bounds (lower, upper) of objectives by name, in their own units and sign, None where open, and what then decides.
+    """Bounds of objectives, and a preference that chooses among the points within them.
 
-    ``Bounds(kinetic_energy=(None, 0.05), then=Weights(torque_norm=1))``; without ``then`` the compromise among the
-    points within bounds is chosen (``Compromise``). Ranges stay those of the whole front. A mapping serves where a name
-    is no identifier.
+    bounds: (lower, upper) by name, in the objectives' own units and sign, with None for an open side; names that are no
+        identifiers need a mapping
+    then: preference that chooses, by default the compromise (``Compromise``); ranges stay those of the whole front
 
-    Raises InvalidInput for what is no pair of bounds; ``choose`` raises Infeasible where no point keeps them, which
-    says what point is nearest and by how much it misses what.
+    ``Bounds(kinetic_energy=(None, 0.05), then=Weights(torque_norm=1))``. Raises InvalidInput for other bounds than
+    pairs. ``choose`` raises Infeasible if no point satisfies them, and says which point is nearest and what it misses.
     """
 
     bounds: Mapping[str, Bound]
@@ -58,7 +58,7 @@ class Bounds:
     def choose(self, front: Front) -> Choice:
         """Return what the named preference chooses within bounds.
 
-        Raises InvalidInput where a name is no objective, and Infeasible where no point keeps the bounds.
+        Raises InvalidInput if a name is no objective, and Infeasible if no point satisfies the bounds.
         """
         check_front(front)
 
@@ -69,7 +69,7 @@ class Bounds:
         part = take(front, np.flatnonzero(within))
         choice = ask(self.then, part)
         count = f"all {len(front)}" if len(part) == len(front) else f"{len(part)} of {len(front)}"
-        verb = "keeps" if len(part) == 1 < len(front) else "keep"
+        verb = "has" if len(part) == 1 < len(front) else "have"
         return front.choice(
             row_of(front, choice.id),
             f"{count.capitalize()} points {verb} {_in_words(front, limits)}. {choice.verdict}",
@@ -80,7 +80,7 @@ class Bounds:
 
 
 def _out_of_bounds(front: Front, limits: Float[np.ndarray, "n_obj 2"]) -> Infeasible:
-    """Return the error that names the point nearest to the bounds, by the share of the range that it misses most."""
+    """Return the error with the point nearest to the bounds, by the largest share of a range that it misses."""
     low, high = limits.T
     missed = np.maximum(np.maximum(low - front.objectives, front.objectives - high), 0.0)
     width = np.ptp(front.ranges, axis=1)
@@ -95,7 +95,7 @@ def _out_of_bounds(front: Front, limits: Float[np.ndarray, "n_obj 2"]) -> Infeas
     ]
     motion: Any = None if front.motions is None else front.motions[row]
     return Infeasible(
-        f"bounds: wanted {_in_words(front, limits)}, got none of {len(front)} points with it; nearest is point "
+        f"bounds: a point must have {_in_words(front, limits)}, got none of {len(front)} points; nearest is point "
         f"{front.ids[row]}: {list_words(parts)}",
         motion=motion,
         limit=front.names[worst],
@@ -117,16 +117,16 @@ BY_NAME: dict[str, Callable[[], Preference]] = {"knee": Knee, "compromise": Comp
 
 
 def as_preference(wish: Any, *, name: str = "select") -> Preference:
-    """Return what a user asks for as a preference: one itself, its name, weights by objective, or the id of a point.
+    """Return a user's request (preference, name, weights by objective, or id) as a preference.
 
-    Raises InvalidInput, with what works, for anything else.
+    Raises InvalidInput, with valid requests, for anything else.
     """
     if isinstance(wish, str):
         if wish in BY_NAME:
             return BY_NAME[wish]()
         names = ", ".join(map(repr, BY_NAME))
         raise InvalidInput(
-            f"{name}: a preference wanted, by name {names}, got {shown(wish)}{likely_spelling(wish, BY_NAME)}; others "
+            f"{name}: must be a preference, by name {names}, got {shown(wish)}{likely_spelling(wish, BY_NAME)}; others "
             "take numbers or names, such as Weights(energy=1.0), Aspiration, Lexicographic, Bounds, Robust, Classify"
         )
     if isinstance(wish, Mapping):
@@ -135,23 +135,23 @@ def as_preference(wish: Any, *, name: str = "select") -> Preference:
         return Point(int(wish))
     if is_preference(wish):
         return wish
-    raise InvalidInput(f"{name}: a preference wanted, such as Weights(...), got {shown(wish)}")
+    raise InvalidInput(f"{name}: must be a preference, such as Weights(...), got {shown(wish)}")
 
 
 def ask(preference: Preference, front: Front) -> Choice:
-    """Return what a preference chooses of a front that has at least one point.
+    """Return the choice of a preference on a front with at least one point.
 
-    Raises InvalidInput where it fails, or returns anything but a choice of this front.
+    Raises InvalidInput if the preference fails, or returns anything but a choice of this front.
     """
     kind = type(preference).__name__
     with user_function(f"select: {kind}", InvalidInput):
         choice: object = preference.choose(front)
     if not isinstance(choice, Choice):
-        raise InvalidInput(f"select: wanted of {kind} a choice, front.choice(row, verdict), got {shown(choice)}")
+        raise InvalidInput(f"select: {kind} must return a choice, front.choice(row, verdict), got {shown(choice)}")
     rows = np.flatnonzero(front.ids == choice.id)
     if rows.tolist() != [choice.index] or not np.array_equal(front.objectives[rows[0]], choice.objectives):
         raise InvalidInput(
-            f"select: wanted of {kind} a point of the front that it was given, front.choice(row, verdict), "
+            f"select: {kind} must return a point of the given front, front.choice(row, verdict), "
             f"got point {choice.id} of another"
         )
     return choice if choice.preference is not None else replace(choice, preference=preference)

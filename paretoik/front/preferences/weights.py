@@ -1,4 +1,4 @@
-"""A preference by weights."""
+"""Preferences by order and by weights of the objectives."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ from paretoik.front.points import check_front, check_known
 from paretoik.inputs import check_call, finite_number, likely_spelling, shown
 from paretoik.tables import html_representation
 
-# A lexicographic preference: the first objective decides, the second among what is as good, and so on.
+# A lexicographic preference: the first objective decides, the second among equally good points, and so on.
 
 
 @check_call
 @dataclass(frozen=True, init=False, eq=False)
 class Lexicographic:
-    """Objectives in the order of their importance, each with how far from its best value is still as good.
+    """Objectives in the order of their importance, each with a tolerance around its best value.
 
-    Of all points those within the tolerance of the best first objective remain, of these those within that of the best
-    second one, and so on; of several that remain the one with the lowest sum of shares is chosen. Source: Miettinen
-    1999, section 4.2; tolerances as in its section 4.2.2.
+    Points within the tolerance of the best first objective remain, among these the points within that of the best
+    second one, and so on; if several remain, the one with the lowest sum of shares is chosen. Source: Miettinen 1999,
+    section 4.2; tolerances as in its section 4.2.2.
 
     ``Lexicographic("kinetic_energy", "torque_norm", tolerances={"kinetic_energy": 0.01})``: ``tolerances`` are in the
-    objective's own units, ``tolerance_shares`` are shares of its stored range; an objective has one of them or none,
-    which is 0. Without a tolerance a later objective decides only among equal values.
+    objective's own units, ``tolerance_shares`` are shares of its stored range. An objective has one of them, or else
+    tolerance 0: then later objectives decide only among equal values.
 
-    Raises InvalidInput where a name comes twice, none comes, or a tolerance is negative or of no such objective.
+    Raises InvalidInput if a name is given twice, no name is given, or a tolerance is negative or of another objective.
     """
 
     order: tuple[str, ...]
@@ -49,19 +49,19 @@ class Lexicographic:
     ) -> None:
         if not order or not all(isinstance(name, str) for name in order):
             raise InvalidInput(
-                'lexicographic: names of objectives wanted, the most important first, as in Lexicographic("duration", '
-                f'"energy"), got {shown(order[0] if len(order) == 1 else order)}'
+                "lexicographic: order must be names of objectives, the most important first, as in "
+                f'Lexicographic("duration", "energy"), got {shown(order[0] if len(order) == 1 else order)}'
             )
         twice = [name for name in order if order.count(name) > 1]
         if twice:
-            raise InvalidInput(f"lexicographic: wanted each objective once, got {twice[0]} twice")
+            raise InvalidInput(f"lexicographic must have each objective once, got {twice[0]} twice")
         amounts, shares = (
             named_numbers(
                 f"lexicographic {field}",
                 each,
                 {},
                 accept=lambda size: 0.0 <= size < np.inf,
-                requirement="a tolerance >= 0",
+                requirement="a finite number >= 0",
             )
             for field, each in (("tolerances", tolerances), ("tolerance_shares", tolerance_shares))
         )
@@ -69,13 +69,11 @@ class Lexicographic:
             for name in named.keys() - set(order):
                 hint = likely_spelling(name, order)
                 raise InvalidInput(
-                    f"lexicographic {field}: wanted those of {', '.join(order)}, got {shown(name)}{hint}"
+                    f"lexicographic {field} must have names among {', '.join(order)}, got {shown(name)}{hint}"
                 )
         both = [name for name in amounts if name in shares]
         if both:
-            raise InvalidInput(
-                f"lexicographic: wanted one tolerance for {both[0]}, got one in units and one as a share"
-            )
+            raise InvalidInput(f"lexicographic: {both[0]} must have one tolerance, got one in units and one as a share")
         assign = object.__setattr__
         assign(self, "order", order)
         assign(self, "tolerances", MappingProxyType(dict(amounts)))
@@ -90,7 +88,7 @@ class Lexicographic:
     _repr_html_ = html_representation
 
     def choose(self, front: Front) -> Choice:
-        """Return the point that the order leads to; raises InvalidInput where a name is no objective."""
+        """Return the point that the order leads to; raises InvalidInput if a name is no objective."""
         check_front(front)
         check_known(front, "lexicographic", self.order)
         among, words, remaining = np.ones(len(front), dtype=bool), [], {}
@@ -106,7 +104,7 @@ class Lexicographic:
         last = f"point {front.ids[row]}" + ", whose sum of shares is the lowest" * (remaining[name] > 1)
         return front.choice(
             row,
-            f"Of {len(front)} points {'; of these '.join(words)}: {last}.",
+            f"Among {len(front)} points, {'; among these, '.join(words)}: {last}.",
             preference=self,
             details={"remaining": remaining},
         )
@@ -127,15 +125,15 @@ def _step_in_words(front: Front, axis: int, best: float, tolerance: float, count
 class Weights:
     """Weights of the objectives, by name; an objective that is not named has weight 0.
 
-    Chooses as in Marcos et al. (2012), Eqs. 19 and 20: each objective is normalised by the front's stored range, and
-    the point with the smallest weighted sum (weights scaled to sum 1) wins; of ties the lowest sum of all shares, then
-    the best first objective, then the lowest id. The weights have no unit and need not sum to anything:
-    ``Weights(kinetic_energy=0.3, torque_norm=0.7)``, or a mapping where a name is no identifier.
+    The choice follows Marcos et al. (2012), Eqs. 19 and 20: each objective is normalised by the front's stored range,
+    and the point with the smallest weighted sum (weights scaled to sum 1) wins. Ties go to the lowest sum of all
+    shares, then to the best first objective, then to the lowest id. The weights have no unit and any sum:
+    ``Weights(kinetic_energy=0.3, torque_norm=0.7)``, or a mapping if a name is no identifier.
 
-    Weights reach points on the convex hull of the front alone, and the reason says how many others there are, which
-    ``Aspiration`` can reach.
+    Weights reach only points on the convex hull of the front. The reason says how many others there are;
+    ``Aspiration`` can reach these.
 
-    Raises InvalidInput where a weight is no finite number of at least 0, none is positive, or a name comes twice.
+    Raises InvalidInput if a weight is no finite number of at least 0, no weight is positive, or a name is given twice.
     """
 
     weights: Mapping[str, float]
@@ -149,7 +147,7 @@ class Weights:
     _repr_html_ = html_representation
 
     def choose(self, front: Front) -> Choice:
-        """Return the point with the smallest weighted sum; raises InvalidInput where a weight names no objective."""
+        """Return the point with the smallest weighted sum; raises InvalidInput if a weight names no objective."""
         check_front(front)
         weights = weights_by_axis(front, self.weights, "weights")
         sums = front.shares @ weights
@@ -174,12 +172,12 @@ def check_weights(kind: str, mapping: Mapping[str, float] | None, keywords: Mapp
         kind, mapping, keywords, accept=lambda weight: 0.0 <= weight < np.inf, requirement="a finite number >= 0"
     )
     if not any(weights.values()):
-        raise InvalidInput(f"{kind}: wanted at least one above zero, got {shown(dict(weights))}")
+        raise InvalidInput(f"{kind} must have at least one above zero, got {shown(dict(weights))}")
     return weights
 
 
 def weights_by_axis(front: Front, named: Mapping[str, float], kind: str) -> Values:
-    """Return the weights of a front's objectives, their sum 1; raises InvalidInput where one names no objective."""
+    """Return the weights of a front's objectives, their sum 1; raises InvalidInput if one names no objective."""
     check_known(front, kind, named)
     weights: Values = np.array([named.get(name, 0.0) for name in front.names])
     weights /= weights.max()  # so that the sum of huge weights stays finite
@@ -212,10 +210,10 @@ def _unreached(front: Front, row: int, unreached: list[int]) -> str:
 @check_call
 @dataclass(frozen=True, init=False, eq=False)
 class Robust:
-    """Weights that may each be wrong by a share ``uncertainty``, and the point regretted least whichever are right.
+    """Weights that may each be wrong by a share ``uncertainty``; the largest regret is minimised.
 
-    The regret of a point under weights v is what another has less in v·Z. Weights w (their sum 1) lie in the box
-    w(1 ± uncertainty); the regret is convex in them, so that it is largest at a vertex, and the point with the least
+    The regret of a point under weights v is how much less v·Z another point has. Weights w (their sum 1) are in the box
+    w(1 ± uncertainty). The regret is convex in them, so that it is largest at a vertex; the point with the least
     largest regret is chosen (min-max regret; Savage 1951; Kouvelis and Yu 1997).
 
     ``Robust(kinetic_energy=0.3, torque_norm=0.7, uncertainty=0.2)``. Raises InvalidInput for weights as ``Weights``
@@ -230,7 +228,7 @@ class Robust:
     ) -> None:
         number = finite_number("robust uncertainty", uncertainty)
         if not 0 <= number <= 1:
-            raise InvalidInput(f"robust uncertainty: wanted a share from 0 to 1, got {shown(uncertainty)}")
+            raise InvalidInput(f"robust uncertainty must be a share from 0 to 1, got {shown(uncertainty)}")
         object.__setattr__(self, "weights", check_weights("robust", mapping, weights))
         object.__setattr__(self, "uncertainty", number)
 
@@ -240,7 +238,7 @@ class Robust:
     _repr_html_ = html_representation
 
     def choose(self, front: Front) -> Choice:
-        """Return the point with the least largest regret; raises InvalidInput where a weight names no objective."""
+        """Return the point with the least largest regret; raises InvalidInput if a weight names no objective."""
         check_front(front)
         weights = weights_by_axis(front, self.weights, "robust")
         regrets, rivals = _largest_regrets(front.shares, weights, self.uncertainty)
@@ -248,14 +246,14 @@ class Robust:
         rival, regret = int(rivals[row]), float(regrets[row])
         worst = weights * (1 + self.uncertainty * np.sign(front.shares[row] - front.shares[rival]))
         text = (
-            f"{subject(front, row)} has the least largest regret, {regret:.3g}, where each of the weights "
+            f"{subject(front, row)} has the least largest regret, {regret:.3g}, if each of the weights "
             f"{weights_in_words(front, weights)} may be wrong by {100 * self.uncertainty:.3g}%"
         )
         text += (
-            f": at worst they are {weights_in_words(front, worst)}, and by these point {front.ids[rival]} "
-            "has a weighted sum that is less by so much."
+            f": at worst they are {weights_in_words(front, worst)}, and with these the weighted sum of point "
+            f"{front.ids[rival]} is less by that amount."
             if regret > 0
-            else ": whichever they are, it has the least weighted sum."
+            else ": for all of these it has the least weighted sum."
         )
         return front.choice(
             row,
@@ -273,9 +271,9 @@ class Robust:
 def _largest_regrets(
     shares: Objectives, weights: Float[np.ndarray, " n_obj"], uncertainty: float
 ) -> tuple[Values, np.ndarray]:
-    """Return the largest regret of every point over the vertices of the box, and the row of the point that has less.
+    """Return the largest regret of every point over the box, and the row of the point with less.
 
-    Against one rival it is the largest v·(Z_p − Z_q) over the box, w·d + x w·|d|: no vertex need be listed.
+    Against one rival it is the largest v·(Z_p − Z_q) over the box, w·d + x w·|d|, without a list of vertices.
     """
     regrets, rivals = np.empty(len(shares)), np.empty(len(shares), dtype=np.int64)
     for row, point in enumerate(shares):

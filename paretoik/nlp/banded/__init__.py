@@ -1,1 +1,1 @@
-"""The interior point method, compiled: one protocol of kernels, and a Newton matrix that is banded with a border."""
+"""The compiled interior-point method: the protocol of kernels and a Newton matrix that is banded with a border."""

@@ -1,7 +1,7 @@
-"""Systems whose matrix is banded with a border, [[A, B], [Bᵀ, C]]: those of Newton's method in time, compiled.
+"""Linear systems with a banded matrix and a border, [[A, B], [Bᵀ, C]], compiled: Newton's method over time.
 
-A (size, band) holds its lower half: A[i, d] is entry (i, i − d). The border couples what is far apart in time: the
-periodic boundary of a cycle, bounds on sums over all samples. With a band as wide as its size A is dense.
+A (size, band) contains its lower half: A[i, d] is entry (i, i − d). The border couples unknowns that are far apart in
+time: the periodic boundary of a cycle, bounds on sums over all samples. If the band is as wide as its size, A is dense.
 """
 
 from __future__ import annotations
@@ -11,14 +11,14 @@ import numpy as np
 from paretoik.compilation.numba_cache import compiled
 from paretoik.nlp.linear_algebra import substitute_lu
 
-PIVOT_TOLERANCE = 1e-14  # share of a diagonal entry that its pivot must keep
+PIVOT_TOLERANCE = 1e-14  # least pivot, as a share of its diagonal entry
 
 
 @compiled
 def factorise(A, B, C, L, X, S, negative):
-    """Factorise: L of A = L Lᵀ, X = A⁻¹ B and the triangles of S = C − Bᵀ X; return whether the inertia is right.
+    """Write L of A = L Lᵀ, X = A⁻¹ B and the factors of S = C − Bᵀ X; return whether the inertia is right.
 
-    A has to be positive definite, and S to have just ``negative`` negative eigenvalues.
+    The inertia is right if A is positive definite and S has exactly ``negative`` negative eigenvalues.
     """
     if not _cholesky(A, L):
         return False
@@ -33,7 +33,7 @@ def factorise(A, B, C, L, X, S, negative):
             for i in range(size):
                 total -= B[e, i] * X[b, i]
             S[e, b] = total
-    count = 0  # elimination without exchange: the border is definite block by block where the inertia is right
+    count = 0  # no pivoting: the border is definite block by block if the inertia is right
     for e in range(borders):
         if not abs(S[e, e]) > 0.0:
             return False
@@ -48,7 +48,7 @@ def factorise(A, B, C, L, X, S, negative):
 
 @compiled
 def solve(L, B, X, S, x):
-    """Overwrite x, first the banded part, then the border, with the solution for the factorised matrix."""
+    """Overwrite x (banded part, then border) with the solution of the factorised system."""
     size, borders = L.shape[0], S.shape[0]
     if borders:
         corner = np.empty(borders)
@@ -64,9 +64,9 @@ def solve(L, B, X, S, x):
         x[size + e] = corner[e]
 
 
-@compiled(level=3)  # which takes several columns at a time
+@compiled(level=3)  # this level vectorises over several columns
 def solve_columns(L, B, X, S, columns, count):
-    """Overwrite the first columns of a matrix as ``solve`` does each of them, to the same bits."""
+    """Overwrite the first columns of a matrix; each result equals that of ``solve`` to the bit."""
     size, borders = L.shape[0], S.shape[0]
     corner = np.empty((borders, count))
     for e in range(borders):

@@ -1,10 +1,11 @@
 """Elastic inequalities of an interior-point method, compiled.
 
-A constraint c ≥ 0 becomes c − s + t = r with s, t > 0 and a residual r that vanishes: the objective gets the barrier
-−μ log s − μ log t and the penalty times t. The multiplier of s is z, that of t is penalty − z. For a given c the best s
-and t are known (``slacks``); taken at every c, they leave r = 0, and constraints only add a smooth function of c, which
-tends to penalty · max(0, −c) as μ falls. Source: the exact penalty of Nocedal & Wright, Numerical Optimization,
-section 17.2, and their barrier, chapter 19.
+    minimise    f(x) + Σ (penalty · t − μ log s − μ log t)
+    subject to  c(x) − s + t = r,  s, t > 0,  and the residual r vanishes
+
+The multiplier of s is z, that of t is penalty − z. For a given c the best s and t are known (``slacks``). If they are
+used at every c, r = 0, and the constraints only add a smooth function of c, which tends to penalty · max(0, −c) as μ
+falls. Source: Nocedal & Wright, Numerical Optimization, section 17.2 (exact penalty) and chapter 19 (barrier).
 """
 
 from __future__ import annotations
@@ -13,13 +14,13 @@ import numpy as np
 
 from paretoik.compilation.numba_cache import compiled
 
-ASYMPTOTE = 1e6  # |penalty · c| / μ beyond which the exact root would lose its digits to cancellation
+ASYMPTOTE = 1e6  # |penalty · c| / μ above which the exact root loses its digits to cancellation
 MULTIPLIER_ROUNDING = 1e-15  # of the penalty: the least distance of z from 0 and from the penalty
 
 
 @compiled
 def slacks(c, mu, penalty):
-    """Return (s, t), the best for a constraint value."""
+    """Return the best slacks (s, t) for a constraint value."""
     root = np.sqrt((penalty * c) ** 2 + 4 * mu * mu)
     if c > 0:
         t = (2 * mu - penalty * c + root) / (2 * penalty) if penalty * c < ASYMPTOTE * mu else mu / penalty
@@ -30,7 +31,7 @@ def slacks(c, mu, penalty):
 
 @compiled
 def reset_slacks(c, mu, penalty, s, t, r):
-    """Write the best slacks; they leave no residual."""
+    """Write the best slacks; their residual is 0."""
     for i in range(len(c)):
         s[i], t[i] = slacks(c[i], mu, penalty)
         r[i] = 0.0
@@ -38,7 +39,7 @@ def reset_slacks(c, mu, penalty, s, t, r):
 
 @compiled
 def begin_slacks(c, mu, penalty, shortest, s, t, r):
-    """Write slacks of at least ``shortest``, whatever the violations, and the residuals that are left."""
+    """Write slacks of at least ``shortest``, for any violation, and their residuals."""
     for i in range(len(c)):
         t[i] = mu / penalty
         s[i] = max(c[i] + t[i], shortest)
@@ -47,7 +48,7 @@ def begin_slacks(c, mu, penalty, shortest, s, t, r):
 
 @compiled
 def step_slacks(c, s, t, ds, dt, length, trial_s, trial_t, trial_r):
-    """Write the slacks after a step, and the residuals where they are too long; none is shorter than c allows."""
+    """Write slacks after a step and their residuals (negative if too long); none is shorter than c allows."""
     for i in range(len(c)):
         trial_s[i], trial_t[i] = s[i] + length * ds[i], t[i] + length * dt[i]
         trial_r[i] = c[i] - trial_s[i] + trial_t[i]
@@ -58,7 +59,7 @@ def step_slacks(c, s, t, ds, dt, length, trial_s, trial_t, trial_r):
 
 @compiled
 def merit_terms(s, t, mu, penalty):
-    """Return what slacks add to the merit function, 0 where c is far from its bound except for the barrier."""
+    """Return the slacks' part of the merit function; far from its bound, c adds only the barrier."""
     total = 0.0
     for i in range(len(s)):
         total += penalty * t[i] - mu * np.log(s[i]) - mu * np.log(t[i] * penalty / mu)
@@ -74,9 +75,9 @@ def central_multipliers(s, mu, penalty, z):
 
 @compiled
 def approach_central_path(s, mu, penalty, factor, z):
-    """Bring multipliers within a factor of the central path, x being as good as rounding can tell.
+    """Bring multipliers within a factor of the central path; those within keep their digits.
 
-    Those that are already keep their digits.
+    This is for an x that rounding does not let improve.
     """
     for i in range(len(s)):
         central = mu / s[i]
@@ -85,7 +86,7 @@ def approach_central_path(s, mu, penalty, factor, z):
 
 @compiled
 def complementarity_and_violation(c, s, z, mu):
-    """Return (the largest |s z − μ|, the largest violation)."""
+    """Return the largest |s z − μ| and the largest violation."""
     complementarity, violation = 0.0, 0.0
     for i in range(len(c)):
         complementarity = max(complementarity, abs(s[i] * z[i] - mu))
@@ -95,7 +96,7 @@ def complementarity_and_violation(c, s, z, mu):
 
 @compiled
 def barrier_terms(s, t, r, z, mu, penalty, stiffness, force):
-    """Write each constraint's stiffness Σ in Newton's system, and the multiplier that its right side has for z."""
+    """Write each constraint's stiffness Σ in Newton's system and the force that replaces z on its right side."""
     for i in range(len(s)):
         w = penalty - z[i]
         stiffness[i] = 1.0 / (s[i] / z[i] + t[i] / w)
@@ -106,7 +107,7 @@ def barrier_terms(s, t, r, z, mu, penalty, stiffness, force):
 def newton_slacks(s, t, r, z, dz, dc, mu, penalty, ds, dt):
     """Write Newton's steps of the slacks: s z = μ and t (penalty − z) = μ, linearised.
 
-    The longer slack follows from dc − ds + dt = −r, where that rounds less.
+    The step of the longer slack follows from dc − ds + dt = −r, which rounds less.
     """
     for i in range(len(s)):
         w = penalty - z[i]
@@ -120,9 +121,9 @@ def newton_slacks(s, t, r, z, dz, dc, mu, penalty, ds, dt):
 
 @compiled
 def limit_implied_step(c, s, dc, mu, length, fraction):
-    """Return (slope of the merit terms along dc, the step length, at most ``length``, that keeps all s positive).
+    """Return the merit terms' slope along dc and the step length, at most ``length``, that keeps all s positive.
 
-    For slacks that follow c. Fraction to the boundary: Nocedal & Wright, Eq. 19.9.
+    This is for slacks that follow c. Fraction to the boundary: Nocedal & Wright, Eq. 19.9.
     """
     slope = 0.0
     for i in range(len(c)):
@@ -134,7 +135,7 @@ def limit_implied_step(c, s, dc, mu, length, fraction):
 
 @compiled
 def limit_step(s, t, ds, dt, mu, penalty, length, fraction):
-    """Return the same for slacks with steps of their own."""
+    """Return the same as ``limit_implied_step`` for slacks with their own steps."""
     slope = 0.0
     for i in range(len(s)):
         slope += penalty * dt[i] - mu * ds[i] / s[i] - mu * dt[i] / t[i]
@@ -147,9 +148,9 @@ def limit_step(s, t, ds, dt, mu, penalty, length, fraction):
 
 @compiled
 def step_multipliers(dz, s, t, mu, penalty, options, z):
-    """Move the multipliers by Newton's step while they stay positive, near the central path of the slacks ahead.
+    """Move multipliers by Newton's step; they stay positive and near the central path of the new slacks.
 
-    Wächter & Biegler 2006, Eq. 16.
+    Source: Wächter & Biegler 2006, Eq. 16.
     """
     fraction, spread, length = options.boundary_fraction, options.multiplier_range, 1.0
     for i in range(len(z)):

@@ -1,15 +1,15 @@
-"""A primal–dual interior-point method for nonlinear programs of every kind, compiled.
+"""A primal–dual interior-point method for general nonlinear programs, compiled.
 
     minimise    weights · F(x)
     subject to  h(x) = 0,  c(x) ≥ 0,  rows · F(x) ≤ upper
 
-Every iterate meets h(x) = 0: steps are taken in the null space of ∂h/∂x and retracted. Inequalities are elastic: an
-exact penalty, which grows until they hold, takes the place of a restoration phase (``elastic``). Steps are Newton's,
-with exact second derivatives, made positive definite where they are not, and guarded by a merit function. What a
-program is, and whether its Newton matrix is banded or dense, is up to its kernel (``kernel_steps``).
+Every iterate satisfies h(x) = 0: steps are taken in the null space of ∂h/∂x and retracted. Inequalities are elastic:
+an exact penalty, which grows until they are satisfied, replaces a restoration phase (``elastic``). Steps are Newton
+steps with exact second derivatives; the Hessian is made positive definite if it is not, and a filter with a merit
+function accepts the steps. The program's kernel defines its functions and a banded or dense Newton matrix (``kernel``).
 
-Source: Nocedal & Wright, Numerical Optimization, chapters 3, 15.3, 17 and 19; Wächter & Biegler 2006 for how the
-barrier falls.
+Source: Nocedal & Wright, Numerical Optimization, chapters 3, 15.3, 17 and 19; Wächter & Biegler 2006 for the barrier
+schedule.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ from paretoik.nlp.banded.newton import (
 from paretoik.nlp.linear_algebra import dot, finite_indices
 from paretoik.nlp.program import CONVERGED, INTERRUPTED, ITERATION_LIMIT, NO_PROGRESS, NOT_FINITE, SINGULAR, VIOLATED
 
-# The line search of the interior-point method with its filter, compiled.
+# Filter line search, compiled.
 
 
 @compiled
@@ -64,9 +64,9 @@ def search_line(
     kernel, work, x, dx, length, slope, before, theta, infeasible, weights, rows, upper, barrier, entries, options,
     trial, it
 ):  # fmt: skip
-    """Write the trial point of the longest step that the filter accepts; return (whether, merit, filter entries).
+    """Write the trial point of the longest accepted step; return (whether one is, merit, filter entries).
 
-    A step whose predicted decrease is rounding is tried whole or not at all.
+    A step whose predicted decrease is rounding is tried at full length only.
     """
     after, mu, penalty = before, barrier.mu, barrier.penalty
     for _ in range(1 if theta == 0.0 and is_negligible(slope, before, options) else options.halvings):
@@ -89,15 +89,15 @@ def search_line(
 
 @compiled
 def is_negligible(slope, before, options):
-    """Return whether the decrease of the merit function that a step predicts is rounding."""
+    """Return whether the predicted decrease of the merit function is rounding."""
     return -slope <= options.flat_decrease * (1 + abs(before))
 
 
 @compiled
 def _filter_accepts(theta, before, trial_theta, after, slope, length, infeasible, filter_, entries, options):
-    """Return whether a step may be taken, and the number of filter entries (Wächter & Biegler 2006, section 2.3).
+    """Return whether a step is accepted, and the number of filter entries (Wächter & Biegler 2006, section 2.3).
 
-    Without residuals this is Armijo's condition.
+    If there are no residuals, this is Armijo's condition.
     """
     margin, rounding = options.filter_margin, options.merit_rounding * abs(before)
     if not np.isfinite(after + trial_theta):
@@ -105,6 +105,7 @@ def _filter_accepts(theta, before, trial_theta, after, slope, length, infeasible
     for i in range(entries):
         if trial_theta >= (1 - margin) * filter_[i, 0] and after >= filter_[i, 1] - margin * filter_[i, 0]:
             return False, entries
+    # Eq. 19, the switching condition, then Armijo's (Eq. 20); else Eq. 18: a decrease of residual or merit
     if theta <= infeasible and length * (-slope) ** 2.3 >= theta**1.1 and slope <= 0.0:
         return after <= before + options.armijo * length * slope + rounding, entries
     if trial_theta <= (1 - margin) * theta or after <= before - margin * theta + rounding:
@@ -115,9 +116,10 @@ def _filter_accepts(theta, before, trial_theta, after, slope, length, infeasible
 
 @compiled(what="the interior-point method", seconds=25)
 def minimise(kernel, x, weights, rows, upper, options, stop):
-    """Minimise weights · F from x where rows · F ≤ upper, an infinite bound being none, until ``stop[0]`` is not 0.
+    """Minimise weights · F from x subject to rows · F ≤ upper, until ``stop[0]`` is not 0.
 
-    Returns (x, status, iterations, F, multipliers of c, then of the finite bounds, stationarity, worst violation).
+    An infinite bound is no bound. Returns (x, status, iterations, F, multipliers of c, then of the finite bounds,
+    stationarity, worst violation).
     """
     weights, problem = weights.copy(), refer(kernel)
     size, band, border, inequalities = dimensions(problem, x)
@@ -152,6 +154,7 @@ def _iterate(kernel, work, it, options, x, weights, rows, upper, border, stop):
         if not linearise(kernel, work, x):
             status = SINGULAR
             break
+        # errors and the test of convergence (Wächter & Biegler 2006, Eq. 5)
         mean = _multiplier_scale(kernel, it.z)
         stationarity = _stationarity(kernel, work, weights, rows, it) / mean
         complementarity, violation = complementarity_and_violation(it.c, it.s, it.z, barrier.mu)
@@ -162,13 +165,14 @@ def _iterate(kernel, work, it, options, x, weights, rows, upper, border, stop):
             break
         if iteration == options.iterations:
             break
-        if solved:
+        if solved:  # the next barrier or penalty (Eq. 7)
             stalled, entries = 0, 0
             hopeless, barrier = _next_subproblem(kernel, barrier, stationarity, complementarity, violation, it, options)
             if hopeless:
                 status = VIOLATED
                 break
             _smooth(kernel, work, it, barrier, x, weights, rows, upper)
+        # Newton's step and the filter line search along it
         delta = newton_step(kernel, work, weights, rows, barrier, options, border, delta, it)
         if not np.isfinite(delta):
             status = NO_PROGRESS
@@ -192,7 +196,7 @@ def _iterate(kernel, work, it, options, x, weights, rows, upper, border, stop):
                 status = NO_PROGRESS
                 break
             approach_central_path(it.s, barrier.mu, barrier.penalty, options.barrier_tolerance, it.z)
-        else:
+        else:  # in place of a restoration phase: clear the filter, or recentre the slacks
             restorations, lowest, delta = (0, theta, 0.0) if theta < 0.5 * lowest else (restorations + 1, lowest, 0.0)
             if entries == 0:
                 _recentre(it, barrier.mu, barrier.penalty)
@@ -202,7 +206,7 @@ def _iterate(kernel, work, it, options, x, weights, rows, upper, border, stop):
 
 @compiled
 def _begin(kernel, work, it, options, barrier, x, rows, upper):
-    """Restore and evaluate x; return (status, violation, residual up to which the merit function alone may decide)."""
+    """Restore and evaluate x; return (status, violation, largest residual for which only the merit decides)."""
     set_smoothing(kernel, work, barrier.mu)
     violation = restore(kernel, work, x)
     evaluate_all(kernel, work, x, rows, upper, it.bounds, it.objectives, it.c)
@@ -214,7 +218,7 @@ def _begin(kernel, work, it, options, barrier, x, rows, upper):
 
 @compiled
 def _begin_slacks(kernel, barrier, it, options):
-    """Write the first slacks and multipliers; return the sum of the residuals."""
+    """Write the first slacks and multipliers; return the sum of residuals."""
     if kernel.implied_slacks:
         reset_slacks(it.c, barrier.mu, barrier.penalty, it.s, it.t, it.r)
     else:
@@ -226,14 +230,14 @@ def _begin_slacks(kernel, barrier, it, options):
 
 @compiled
 def _recentre(it, mu, penalty):
-    """Write the best slacks, and the multipliers on the central path."""
+    """Write the best slacks and the multipliers on the central path."""
     reset_slacks(it.c, mu, penalty, it.s, it.t, it.r)
     central_multipliers(it.s, mu, penalty, it.z)
 
 
 @compiled
 def _smooth(kernel, work, it, barrier, x, weights, rows, upper):
-    """Smooth kinks as the barrier wants it, and evaluate and linearise again; do nothing where there are none."""
+    """Smooth kinks for the current barrier, then evaluate and linearise again; do nothing without kinks."""
     if set_smoothing(kernel, work, barrier.mu):
         evaluate_all(kernel, work, x, rows, upper, it.bounds, it.objectives, it.c)
         reset_slacks(it.c, barrier.mu, barrier.penalty, it.s, it.t, it.r)
@@ -243,14 +247,14 @@ def _smooth(kernel, work, it, barrier, x, weights, rows, upper):
 
 @compiled
 def _is_flat(slope, before, barrier, stalled, options):
-    """Return whether the merit function hardly falls along a step beside rounding or μ, or has not for several."""
+    """Return whether a step's predicted decrease is small relative to rounding or μ, or several steps stalled."""
     negligible = is_negligible(slope, before, options) or -slope <= options.flat_barrier * barrier.mu
     return negligible or stalled >= options.stalled_steps
 
 
 @compiled
 def _multiplier_scale(kernel, z):
-    """Return what errors are relative to: the mean of large multipliers (Wächter & Biegler 2006, Eq. 6)."""
+    """Return the scale of errors: the mean of large multipliers (Wächter & Biegler 2006, Eq. 6)."""
     total = 0.0
     for i in range(len(z)):
         total += z[i]
@@ -268,7 +272,7 @@ def _stationarity(kernel, work, weights, rows, it):
 
 @compiled
 def _subproblem_solved(barrier, stationarity, complementarity, flat, it, options):
-    """Wächter & Biegler 2006, Eq. 5; where nothing more can be gained, rounding is all that is left."""
+    """Return whether errors are small (Wächter & Biegler 2006, Eq. 5), or only rounding is left to gain."""
     tolerance, largest = options.barrier_tolerance * barrier.mu, 0.0
     for i in range(len(it.r)):
         largest = max(largest, abs(it.r[i]))
@@ -278,7 +282,7 @@ def _subproblem_solved(barrier, stationarity, complementarity, flat, it, options
 
 @compiled
 def _soft_violation(barrier, options):
-    """Return up to which a violation only says that the barrier is not yet low."""
+    """Return the largest violation that a barrier which is not yet low explains."""
     return options.soft_violation * barrier.mu / barrier.penalty
 
 
@@ -289,7 +293,7 @@ def _final_status(barrier, violation, options):
 
 @compiled
 def _next_subproblem(kernel, barrier, stationarity, complementarity, violation, it, options):
-    """Return whether the constraints cannot all hold, and the next subproblem: a higher penalty or a lower barrier."""
+    """Return whether the constraints cannot all be satisfied, and the next subproblem (penalty up or barrier down)."""
     mu, penalty, before, helpful = barrier
     if mu <= options.penalty_barrier and violation > _soft_violation(barrier, options):
         if violation <= 0.5 * before:
@@ -309,5 +313,5 @@ def _next_subproblem(kernel, barrier, stationarity, complementarity, violation, 
 
 @compiled
 def _next_barrier(mu, options):
-    """Wächter & Biegler 2006, Eq. 7."""
+    """Return the next μ (Wächter & Biegler 2006, Eq. 7)."""
     return max(options.last_barrier, min(options.barrier_factor * mu, mu**options.barrier_power))

@@ -1,17 +1,20 @@
-"""The steps of the interior-point method that depend on what is minimised; every class of kernels implements all.
+"""The program-dependent steps of the interior-point method; every class of kernels implements all of them.
 
 A kernel is a NamedTuple of arrays, passed by reference, that describes one program to compiled code:
 
     minimise    weights · F(x)
     subject to  h(x) = 0,  c(x) ≥ 0,  rows · F(x) ≤ upper
 
-The method walks along h(x) = 0: ``linearise`` finds a basis Z of the null space of ∂h/∂x, steps are Z · (reduced
+The method moves along h(x) = 0: ``linearise`` finds a basis Z of the null space of ∂h/∂x, steps are Z · (reduced
 step), and ``retract`` leads back. The Newton matrix, reduced to Z, is a banded block with a border, [[A, B], [Bᵀ, C]]:
-A (size, band) holds entry (i, i − d) at [i, d]; a dense matrix is one whose band is as wide as its size. numba chooses
-the implementation by the kernel's class when it compiles the method (``implement``), so that no call is indirect.
-Every kernel also says its ``longest_step``, in units of x, what ``penalty`` is usual, whether slacks are implied
-(``elastic``), and ``large_multiplier``, the mean of the multipliers beyond which errors count relative to it (Wächter &
-Biegler 2006, Eq. 5).
+A (size, band) contains entry (i, i − d) at [i, d]; the band of a dense matrix is as wide as its size. numba chooses
+the implementation by the kernel's class when it compiles the method (``implement``), so no call is indirect.
+Every kernel also has these fields:
+
+longest_step      longest step, in units of x
+penalty           usual penalty
+implied_slacks    whether slacks follow from c (``elastic``)
+large_multiplier  mean multiplier above which errors are relative to the mean (Wächter & Biegler 2006, Eq. 5)
 """
 
 from __future__ import annotations
@@ -27,7 +30,7 @@ JIT_OPTIONS = {"nogil": True, "error_model": "numpy", "no_cpython_wrapper": True
 
 
 def implement(step: Callable[..., Any], kernel_class: type) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Register the decorated function as what a step does for kernels of a class."""
+    """Register the decorated function as a step's implementation for a class of kernels."""
 
     def register(function: Callable[..., Any]) -> Callable[..., Any]:
         def choose(kernel: Any, *others: Any) -> Callable[..., Any] | None:
@@ -41,11 +44,11 @@ def implement(step: Callable[..., Any], kernel_class: type) -> Callable[[Callabl
 
 
 def dimensions(kernel: Any, x: Any) -> Any:
-    """Return (size, band, border) of the Newton matrix and how many inequalities c there are."""
+    """Return (size, band, border) of the Newton matrix and the number of inequalities c."""
 
 
 def objective_scale(kernel: Any, weights: Any) -> Any:
-    """Return the size of weights · F that penalty, barrier and tolerances are relative to."""
+    """Return the size of weights · F; penalty, barrier and tolerances are relative to it."""
 
 
 def allocate_workspace(kernel: Any, x: Any) -> Any:
@@ -53,7 +56,7 @@ def allocate_workspace(kernel: Any, x: Any) -> Any:
 
 
 def add_auxiliary(kernel: Any, work: Any, x: Any) -> Any:
-    """Return a copy of x with auxiliary unknowns that follow from it, if there are any."""
+    """Return a copy of x with the auxiliary unknowns, if any, that follow from it."""
 
 
 def remove_auxiliary(kernel: Any, x: Any) -> Any:
@@ -61,11 +64,11 @@ def remove_auxiliary(kernel: Any, x: Any) -> Any:
 
 
 def set_smoothing(kernel: Any, work: Any, mu: Any) -> Any:
-    """Smooth kinks as far as a barrier asks; return whether objectives and constraints depend on it."""
+    """Smooth kinks for a barrier μ; return whether objectives and constraints depend on it."""
 
 
 def restore(kernel: Any, work: Any, x: Any) -> Any:
-    """Move x onto h(x) = 0, in place; return the largest |h| that is left, 0 where it is there."""
+    """Move x onto h(x) = 0, in place; return the largest |h| that is left, 0 on success."""
 
 
 def evaluate(kernel: Any, work: Any, x: Any, F: Any, c: Any) -> Any:
@@ -73,23 +76,23 @@ def evaluate(kernel: Any, work: Any, x: Any, F: Any, c: Any) -> Any:
 
 
 def linearise(kernel: Any, work: Any, x: Any) -> Any:
-    """Prepare first derivatives and the basis Z at x; return False where ∂h/∂x has not full rank."""
+    """Prepare first derivatives and the basis Z at x; return False if ∂h/∂x lacks full rank."""
 
 
 def reduced_gradient(kernel: Any, work: Any, weights: Any, multipliers: Any, out: Any) -> Any:
-    """Write Zᵀ ∇(weights · F − multipliers · c); without any multipliers c is left out."""
+    """Write Zᵀ ∇(weights · F − multipliers · c); c is left out if there are no multipliers."""
 
 
 def prepare_multipliers(kernel: Any, work: Any, weights: Any) -> Any:
-    """Prepare the weights of the Hessian and the multipliers of h that belong to the gradient that was just reduced."""
+    """Prepare the Hessian's weights and the multipliers of h for the gradient that was reduced last."""
 
 
 def residual_norm(kernel: Any, residual: Any) -> Any:
-    """Return the norm of a reduced gradient that the tolerance of stationarity is for."""
+    """Return the norm of a reduced gradient; the stationarity tolerance bounds it."""
 
 
 def assemble(kernel: Any, work: Any, stiffness: Any, A: Any, B: Any, C: Any) -> Any:
-    """Write Zᵀ (∇²L + ∂cᵀ diag(stiffness) ∂c) Z; return the size of its diagonal, for multiples of the identity."""
+    """Write Zᵀ (∇²L + ∂cᵀ diag(stiffness) ∂c) Z; return its diagonal's size, the scale of δ I."""
 
 
 def expand_step(kernel: Any, work: Any, step: Any, dx: Any) -> Any:
@@ -101,12 +104,12 @@ def directional_derivatives(kernel: Any, work: Any, dx: Any, dF: Any, dc: Any) -
 
 
 def row_width(kernel: Any, work: Any) -> Any:
-    """Return how many entries rows of Zᵀ ∂c have at most."""
+    """Return the largest number of entries in a row of ∂c Z."""
 
 
 def constraint_rows(kernel: Any, work: Any, columns: Any, entries: Any) -> Any:
-    """Write the rows of ∂c Z where x was linearised: ``entries`` and their ``columns``; what is left over is 0 at 0."""
+    """Write the rows of ∂c Z at the linearised x: ``entries`` and their ``columns``; unused ones are 0 at column 0."""
 
 
 def retract(kernel: Any, work: Any, x: Any, dx: Any, length: Any, trial: Any) -> Any:
-    """Write the point of h = 0 that x + length · dx leads to; return whether it got there."""
+    """Write the point on h = 0 from x + length · dx; return whether it was reached."""

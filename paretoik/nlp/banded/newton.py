@@ -1,4 +1,4 @@
-"""What one iteration of the interior-point method works with, and how it is evaluated; compiled."""
+"""One iteration of the interior-point method: its arrays, evaluation and Newton step; compiled."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from paretoik.nlp.linear_algebra import clear, dot
 
 
 class Iteration(NamedTuple):
-    """What one iteration works with; bounds on objectives stand below the inequalities c of the kernel."""
+    """Arrays of one iteration; bounds on objectives follow the kernel's inequalities c."""
 
-    bounds: np.ndarray  # (bounds,) which rows have a finite bound
+    bounds: np.ndarray  # (bounds,) rows with a finite bound
     objectives: np.ndarray  # (objectives,)
     trial_objectives: np.ndarray
     objective_changes: np.ndarray  # along the step
@@ -34,7 +34,7 @@ class Iteration(NamedTuple):
     z: np.ndarray  # multipliers of c
     dz: np.ndarray
     stiffness: np.ndarray  # of the constraints in Newton's system
-    force: np.ndarray  # multipliers that its right side has in place of z
+    force: np.ndarray  # multipliers that replace z on its right side
     objective_weights: np.ndarray
     residual: np.ndarray  # (unknowns,) reduced gradient of the Lagrangian
     step: np.ndarray  # (unknowns + bounds,)
@@ -44,11 +44,11 @@ class Iteration(NamedTuple):
     L: np.ndarray
     X: np.ndarray
     S: np.ndarray
-    filter: np.ndarray  # (iterations + 1, 2) residuals and merits that no step may be worse than in both
+    filter: np.ndarray  # (iterations + 1, 2) residual and merit pairs: a step must be better in one of the two
 
 
 class Barrier(NamedTuple):
-    """The subproblem: barrier μ and penalty, and the violation at the penalty that last halved it."""
+    """The subproblem: barrier μ and penalty; the violation when last halved, and the penalty that halved it."""
 
     mu: float
     penalty: float
@@ -58,7 +58,7 @@ class Barrier(NamedTuple):
 
 @compiled
 def allocate_iteration(size, band, border, inequalities, objectives, bounds, iterations):
-    """Return the arrays of an iteration; ``bounds`` are the rows that have a finite one."""
+    """Return the arrays of an iteration; ``bounds`` are the rows with a finite bound."""
     constraints, borders = inequalities + len(bounds), border + len(bounds)
     by_objective, by_constraint = np.zeros((4, objectives)), np.zeros((16, constraints))
     F, trial_F, dF, objective_weights = by_objective[0], by_objective[1], by_objective[2], by_objective[3]
@@ -103,7 +103,7 @@ def evaluate_all(kernel, work, x, rows, upper, bounds, F, c):
 
 @compiled
 def accept_trial(it):
-    """Take the trial values."""
+    """Copy the trial values to the iterate."""
     for k in range(len(it.objectives)):
         it.objectives[k] = it.trial_objectives[k]
     for i in range(len(it.c)):
@@ -112,7 +112,7 @@ def accept_trial(it):
 
 @compiled
 def weigh_objectives(weights, rows, bounds, multipliers, out):
-    """Write weights + rowsᵀ · multipliers of the bounds, the last of all multipliers."""
+    """Write weights + rowsᵀ · (multipliers of the bounds, which are the last multipliers)."""
     inequalities = len(multipliers) - len(bounds)
     for k in range(len(weights)):
         out[k] = weights[k]
@@ -122,19 +122,22 @@ def weigh_objectives(weights, rows, bounds, multipliers, out):
 
 @compiled
 def residual_sum(r, options):
-    """Return Σ |r|, 0 where it is below what counts."""
+    """Return Σ |r| less its tolerance, at least 0."""
     total = 0.0
     for i in range(len(r)):
         total += abs(r[i])
     return 0.0 if total <= options.residual_tolerance else total - options.residual_tolerance
 
 
-# Newton's step of the interior-point method, and the direction in which it leads; compiled.
+# Newton's step of the interior-point method, slacks eliminated, along the null space Z; compiled.
+#
+#     [Zᵀ(∇²L + ∂cᵀ Σ ∂c) Z + δ I,  (rows ∂F Z)ᵀ] [d]       [Zᵀ ∇L]    Σ: stiffness of c, Σ_b: of the bounds,
+#     [rows ∂F Z,                   −1 / Σ_b    ] [y]  =  − [0    ]    ∇L with ``force`` in place of z
 
 
 @compiled
 def newton_step(kernel, work, weights, rows, barrier, options, border, delta, it):
-    """Write Newton's step; return what was added to the diagonal last, inf where no matrix serves."""
+    """Write Newton's step; return the next regularisation δ, inf if no matrix has the right inertia."""
     unknowns, inequalities = len(it.residual), len(it.c) - len(it.bounds)
     barrier_terms(it.s, it.t, it.r, it.z, barrier.mu, barrier.penalty, it.stiffness, it.force)
     clear(it.A)
@@ -142,7 +145,7 @@ def newton_step(kernel, work, weights, rows, barrier, options, border, delta, it
     clear(it.C)
     largest = assemble(kernel, work, it.stiffness, it.A, it.B, it.C)
     size = it.A.shape[0]
-    for e in range(len(it.bounds)):  # a bound stays an equation: its row of [rows ∂F, −1 / stiffness] is the border's
+    for e in range(len(it.bounds)):  # a bound stays an equation, a row [rows ∂F, −1 / stiffness] of the border
         reduced_gradient(kernel, work, rows[it.bounds[e]], it.force[:0], it.residual)
         for i in range(size):
             it.B[border + e, i] = it.residual[i]
@@ -161,10 +164,10 @@ def newton_step(kernel, work, weights, rows, barrier, options, border, delta, it
 
 @compiled
 def _factorise_definite(A, B, C, L, X, S, border, largest, least, delta):
-    """Factorise with the least of growing multiples of the identity that gives the right inertia; return that.
+    """Factorise with the first of growing multiples δ of the identity that gives the right inertia; return δ.
 
-    The first is a share ``least`` of the largest entry, or what was added before. Nocedal & Wright, algorithm 3.3.
-    Infinity says that none does: the matrix is not finite.
+    The first δ is a share ``least`` of ``largest``, or a quarter of the last one (Nocedal & Wright, algorithm 3.3).
+    Returns a 16th of the last δ if none is needed, inf if none serves: the matrix is not finite.
     """
     added, largest_entry = 0.0, largest
     for i in range(A.shape[0]):
@@ -183,7 +186,7 @@ def _factorise_definite(A, B, C, L, X, S, border, largest, least, delta):
 
 @compiled
 def search_direction(kernel, work, weights, rows, barrier, options, dx, it):
-    """Write the step in x and what changes along it; return how far it may go and the merit function's slope."""
+    """Write the step in x and the changes along it; return its largest length and the merit's slope."""
     largest = expand_step(kernel, work, it.step, dx)
     length = min(1.0, kernel.longest_step / max(largest, 1e-300))
     directional_derivatives(kernel, work, dx, it.objective_changes, it.dc)

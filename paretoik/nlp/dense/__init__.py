@@ -1,1 +1,1 @@
-"""Small dense programs for the interior point method: traced rows, the null space, and the kernel."""
+"""Small dense programs for the interior-point method: traced rows, null space and kernel."""

@@ -15,10 +15,10 @@ from paretoik.nlp.dense.dense_rows import DenseKernel
 
 
 def dense_kernel(program: AssembledRows, costs: Float[np.ndarray, "objectives unknowns"]) -> DenseKernel:
-    """Return rows and linear objectives as compiled code takes them; raise EvaluationFailed for too few unknowns."""
+    """Return rows and linear objectives for compiled code; raise EvaluationFailed for too few unknowns."""
     kernel = _kernel(program)
     if kernel.equalities > kernel.unknowns:
-        raise EvaluationFailed(f"program: at least {kernel.equalities} unknowns wanted, got {kernel.unknowns}")
+        raise EvaluationFailed(f"program must have at least {kernel.equalities} unknowns, got {kernel.unknowns}")
     return kernel._replace(objectives=np.ascontiguousarray(costs, dtype=float))
 
 
@@ -73,7 +73,7 @@ def _kernel(whole: AssembledRows) -> DenseKernel:
 
 
 def _concatenate_evaluators(parts: Sequence[Part]) -> dict[str, Any]:
-    """Return the code, constants, inputs and outputs of all evaluators, and a table of where each one's are."""
+    """Return the joined arrays of all evaluators and a table of where each one begins and ends."""
     arrays: list[list[np.ndarray]] = [[], [], [], []]
     ends, programs = np.zeros(4, dtype=np.int64), []
     for part in parts:

@@ -1,4 +1,4 @@
-"""The kernel whose Newton matrix is dense: small programs (``dense_program``)."""
+"""The kernel with a dense Newton matrix, for small programs (``dense_program``)."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from paretoik.nlp.linear_algebra import (
     triangularise,
 )
 
-__all__ = ["DenseKernel"]  # with the steps that this file implements for it
+__all__ = ["DenseKernel"]  # this file implements its steps
 
 
 @implement(steps.dimensions, DenseKernel)
@@ -40,7 +40,7 @@ def dimensions(kernel, x):
 
 @implement(steps.objective_scale, DenseKernel)
 def objective_scale(kernel, weights):
-    """Return the length of the gradient of weights · F, 1 where that is 0."""
+    """Return the length of the gradient of weights · F, or 1 if that is 0."""
     total = 0.0
     for j in range(kernel.unknowns):
         slope = 0.0
@@ -94,7 +94,7 @@ def remove_auxiliary(kernel, x):
 
 @implement(steps.set_smoothing, DenseKernel)
 def set_smoothing(kernel, work, mu):
-    """Return that nothing is smoothed."""
+    """Return False: nothing is smoothed."""
     return False
 
 
@@ -118,7 +118,7 @@ def evaluate(kernel, work, x, F, c):
 
 @implement(steps.linearise, DenseKernel)
 def linearise(kernel, work, x):
-    """Write first derivatives and the reflections that triangularise ∂hᵀ; return False where its rank is not full."""
+    """Write first derivatives and the reflections that triangularise ∂hᵀ; False if rank is deficient."""
     for j in range(kernel.unknowns):
         work.point[j] = x[j]
     first_derivatives(kernel, work, x, False)
@@ -130,7 +130,7 @@ def linearise(kernel, work, x):
 
 @implement(steps.reduced_gradient, DenseKernel)
 def reduced_gradient(kernel, work, weights, multipliers, out):
-    """Write the gradient of weights · F − multipliers · c along the null space; leave it, rotated, in the workspace."""
+    """Write ∇(weights · F − multipliers · c) along the null space; the workspace has all of it, rotated."""
     n, m = kernel.unknowns, kernel.equalities
     for j in range(n):
         work.gradient[j] = 0.0
@@ -151,7 +151,7 @@ def reduced_gradient(kernel, work, weights, multipliers, out):
 
 @implement(steps.prepare_multipliers, DenseKernel)
 def prepare_multipliers(kernel, work, weights):
-    """Write ν with ∂hᵀ ν = −(gradient across the null space)."""
+    """Write the multipliers ν of h: ∂hᵀ ν = −(gradient across the null space)."""
     for i in range(kernel.equalities):
         work.multipliers[i] = -work.gradient[i]
     back_substitute(work.triangle, work.multipliers)
@@ -165,7 +165,7 @@ def residual_norm(kernel, residual):
 
 @implement(steps.assemble, DenseKernel)
 def assemble(kernel, work, stiffness, A, B, C):
-    """Write the reduced Hessian of the Lagrangian and of the stiff constraints."""
+    """Write Zᵀ (∇²L + ∂cᵀ diag(stiffness) ∂c) Z; return the size of its diagonal."""
     n, m, hessian = kernel.unknowns, kernel.equalities, work.hessian
     for i in range(n):
         for j in range(n):
@@ -203,7 +203,7 @@ def _add_stiffness(kernel, first, stiffness, hessian):
 
 @implement(steps.expand_step, DenseKernel)
 def expand_step(kernel, work, step, dx):
-    """Write the change of x; return its largest entry."""
+    """Write dx = Z · step; return its largest entry."""
     m, largest = kernel.equalities, 0.0
     for j in range(kernel.unknowns):
         dx[j] = step[j - m] if j >= m else 0.0
@@ -229,7 +229,7 @@ def directional_derivatives(kernel, work, dx, dF, dc):
 
 @implement(steps.row_width, DenseKernel)
 def row_width(kernel, work):
-    """Return the number of unknowns along the equalities."""
+    """Return the number of columns of the null space."""
     return kernel.unknowns - kernel.equalities
 
 
@@ -249,7 +249,7 @@ def constraint_rows(kernel, work, columns, entries):
 
 @implement(steps.retract, DenseKernel)
 def retract(kernel, work, x, dx, length, trial):
-    """Write the point of h = 0 that a step leads to, by Newton's method across the null space at x."""
+    """Write the point on h = 0 from a step, by Newton steps across the null space at x."""
     m, n = kernel.equalities, kernel.unknowns
     for j in range(n):
         trial[j] = x[j] + length * dx[j]

@@ -1,4 +1,7 @@
-"""Small dense programs, along the null space of their equalities.
+"""Small dense programs with steps along the null space of their equalities.
+
+    minimise    weights · F(z),  F(z) = costs · z
+    subject to  h(z) = 0,  c(z) ≥ 0
 
 A step goes along an orthonormal basis of the null space of the equalities' Jacobian; Gauss–Newton steps with that
 Jacobian's pseudoinverse lead back to the equalities. Source: Nocedal & Wright, Numerical Optimization, section 15.3.
@@ -23,17 +26,17 @@ from paretoik.nlp.program import dense_rows
 if TYPE_CHECKING:
     from paretoik.nlp.dense.dense_rows import DenseKernel
 
-# Equalities and inequalities of smooth programs with their first and second derivatives.
-#
-# Those of small programs are traced once; those of large ones are assembled from them, each of a few of the unknowns.
+# Equalities and inequalities of smooth programs with their first and second derivatives. Small programs are traced
+# once; large ones are assembled from them, each a function of a few of the unknowns.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TracedRows:
     """Equalities and inequalities of a few unknowns and parameters; made with ``trace_rows``.
 
-    ``values`` computes h, then c; ``jacobian_entries`` the Jacobian's entries at ``jacobian_pattern`` (rows, columns);
-    ``hessian_entries``, of weights too, those of the weighted sum's Hessian at ``hessian_pattern``, its lower triangle.
+    values: evaluator of h, then c
+    jacobian_entries: evaluator of the Jacobian's entries at jacobian_pattern (rows, columns)
+    hessian_entries: evaluator of the weighted sum's Hessian, lower triangle, at hessian_pattern; takes weights too
     """
 
     unknowns: int
@@ -46,18 +49,18 @@ class TracedRows:
     hessian_pattern: tuple[np.ndarray, np.ndarray]
 
     def at(self, parameters: Sequence[float] | np.ndarray = ()) -> AssembledRows:
-        """Return the rows alone, for values of their parameters."""
+        """Return these rows as a program, for values of their parameters."""
         values = np.array([parameters], dtype=float)
         part = Part(program=self, where=np.arange(self.unknowns)[None], parameters=values)
         return AssembledRows(unknowns=self.unknowns, parts=(part,))
 
 
 Statement = Callable[[list[Any], list[Any]], tuple[list[Any], list[Any]]]
-"""Of unknowns and parameters: the equalities and the inequalities."""
+"""A function of (unknowns, parameters) that returns (equalities, inequalities)."""
 
 
 def trace_rows(unknowns: int, parameters: int, statement: Statement) -> TracedRows:
-    """Trace a statement once, for all values of its parameters."""
+    """Return the traced rows of a statement, for all values of its parameters."""
     tape = Tape()
     z, p = [tape.input() for _ in range(unknowns)], [tape.input() for _ in range(parameters)]
     equalities, inequalities = statement(z, p)
@@ -92,14 +95,14 @@ def _pattern(entries: Iterable[tuple[int, int]]) -> tuple[np.ndarray, np.ndarray
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Part:
-    """Rows in several lanes: of the unknowns ``where`` (lanes, unknowns of the part), each with parameters."""
+    """Rows in several lanes, each of the unknowns ``where`` and with its own parameters."""
 
     program: TracedRows
     where: Int[np.ndarray, "lanes unknowns"]
     parameters: Float[np.ndarray, "lanes parameters"]
 
     def run(self, evaluator: Evaluator, z: np.ndarray, weights: np.ndarray | None) -> np.ndarray:
-        """Return what one of its evaluators gives in every lane, (outputs, lanes)."""
+        """Return the results (outputs, lanes) of one of its evaluators."""
         rows = self.program.equalities + self.program.inequalities
         factors = np.zeros((rows, len(self.where))) if weights is None else weights
         return evaluator(np.concatenate([z[self.where].T, self.parameters.T, factors]))
@@ -107,9 +110,9 @@ class Part:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AssembledRows:
-    """Equalities h(z) = 0 and inequalities c(z) ≥ 0 of unknowns of the order of 1, with derivatives.
+    """Equalities h(z) = 0 and inequalities c(z) ≥ 0 with derivatives; unknowns are of the order of 1.
 
-    They are those of parts: the equalities of all in order, then the inequalities of all, lane by lane.
+    Rows come from the parts: first the equalities of all parts, then the inequalities of all, lane by lane.
     """
 
     unknowns: int
@@ -150,12 +153,12 @@ class AssembledRows:
         return hessian
 
 
-EQUALITY_TOLERANCE = 1e-13  # of an equality that holds
+EQUALITY_TOLERANCE = 1e-13  # of a satisfied equality
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DenseProgram:
-    """Equalities and inequalities of unknowns z, and objectives F = costs · z."""
+    """A program with equalities and inequalities of unknowns z and objectives F = costs · z."""
 
     rows: AssembledRows
     costs: Float[np.ndarray, "objectives unknowns"]
@@ -175,7 +178,7 @@ class DenseProgram:
 
     @property
     def kernel(self) -> DenseKernel:
-        """The program as compiled solvers take it."""
+        """The program for compiled solvers."""
         from paretoik.nlp.dense.dense_arrays import dense_kernel  # here: numba
 
         return dense_kernel(self.rows, self.costs)
@@ -195,12 +198,12 @@ class DenseProgram:
     def linearise(self, x: Float[np.ndarray, " unknowns"]) -> DenseLinearisation:
         """Return the program to first order at a point.
 
-        Raises EvaluationFailed where a row or a derivative is not finite, or too few unknowns move the equalities.
+        Raises EvaluationFailed if a row or a derivative is not finite, or too few unknowns affect the equalities.
         """
         equalities, inequalities = self.rows.rows(x)
         jacobian = self.rows.jacobian(x)
         if not all(np.isfinite(part).all() for part in (equalities, inequalities, jacobian)):
-            raise EvaluationFailed("program: finite rows and derivatives wanted, got others")
+            raise EvaluationFailed("program must have finite rows and derivatives, got others")
         basis, pseudoinverse = null_space(jacobian[: len(equalities)])
         return DenseLinearisation(
             program=self,
@@ -216,7 +219,7 @@ class DenseProgram:
         )
 
     def kinks_at(self, x: Float[np.ndarray, " unknowns"]) -> tuple[str, ...]:
-        """Return nothing: all kinks have unknowns of their own."""
+        """Return nothing: all kinks have their own unknowns."""
         return ()
 
     def distance(
@@ -228,7 +231,7 @@ class DenseProgram:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DenseLinearisation:
-    """A dense program to first order at z: a step y leads along ``basis`` (unknowns, columns), to z + basis · y."""
+    """A dense program to first order at z: a step y leads to z + basis · y."""
 
     program: DenseProgram
     x: Float[np.ndarray, " unknowns"]
@@ -272,7 +275,7 @@ class DenseLinearisation:
         return dense_rows(self.basis.T @ hessian @ self.basis)
 
     def retract(self, step: Float[np.ndarray, " columns"]) -> Float[np.ndarray, " unknowns"] | None:
-        """Return the point that a step leads to, back on the equalities, or nearer to them; None if not finite."""
+        """Return the point that a step leads to, on or nearer to the equalities; None if not finite."""
         x = self.x + self.basis @ step
         for _ in range(6):  # Gauss–Newton steps with one Jacobian
             equalities = self.program.rows.rows(x)[0]
@@ -295,13 +298,13 @@ def null_space(
 ) -> tuple[Float[np.ndarray, "unknowns columns"], Float[np.ndarray, "unknowns equalities"]]:
     """Return an orthonormal basis of the null space and the pseudoinverse, by QR decomposition.
 
-    Unknowns in no equality stay by themselves. Raises EvaluationFailed where too few unknowns move the equalities.
+    Each unknown in no equality is a basis vector. Raises EvaluationFailed if too few unknowns affect the equalities.
     """
     rows, size = jacobian.shape
     nonzero = jacobian.any(axis=0)
     count = int(np.count_nonzero(nonzero))
     if count < rows:
-        raise EvaluationFailed(f"program: {rows} unknowns that move its equalities wanted, got {count}")
+        raise EvaluationFailed(f"program must have at least {rows} unknowns that affect its equalities, got {count}")
     orthogonal, upper = np.linalg.qr(jacobian[:, nonzero].T, mode="complete")
     basis, pseudoinverse = np.zeros((size, size - rows)), np.zeros((size, rows))
     basis[nonzero, : count - rows] = orthogonal[:, rows:]

@@ -1,7 +1,7 @@
-"""Small programs as compiled code takes them, and the evaluation of their rows.
+"""Small programs as arrays for compiled code, and the evaluation of their rows.
 
-A program is made of parts, each a few functions of a few unknowns, the same at several places (``assembled``). Its
-objectives are linear: F(x) = ``objectives`` · x. First and second derivatives are lists of entries, one a place.
+A program consists of parts. Each part is a few functions of a few unknowns, the same at several places
+(``AssembledRows``). Objectives are linear: F(x) = objectives · x. Derivatives are lists of entries, one per place.
 """
 
 from __future__ import annotations
@@ -18,11 +18,12 @@ VALUE, FIRST, SECOND = 0, 1, 2
 
 
 class DenseKernel(NamedTuple):
-    """A program of parts. Rows are those of h, then those of c.
+    """A program of parts; its rows are h, then c.
 
-    ``programs`` (parts, 3, 10) are the beginnings and ends of code, constants, inputs and outputs of each part's
-    values, first and second derivatives, its registers and outputs; ``parts`` (parts, 8) its places, unknowns,
-    parameters, rows, whether it has equalities, and where its ``where``, ``parameters`` and rows begin.
+    programs: (parts, 3, 10) for values, first and second derivatives: beginnings and ends of code, constants, inputs
+        and outputs, then numbers of registers and outputs
+    parts: (parts, 8) places, unknowns, parameters, rows, whether it has equalities, and where its ``where``,
+        ``parameters`` and rows begin
     """
 
     unknowns: int
@@ -57,7 +58,7 @@ class DenseKernel(NamedTuple):
 
 
 class DenseWorkspace(NamedTuple):
-    """What the steps write."""
+    """Arrays that the steps write."""
 
     inputs: np.ndarray  # inputs of a part's program
     space: np.ndarray  # its registers
@@ -65,7 +66,7 @@ class DenseWorkspace(NamedTuple):
     first: np.ndarray
     second: np.ndarray
     values: np.ndarray  # (rows,)
-    multipliers: np.ndarray  # (rows,) of h, then those of c, negative
+    multipliers: np.ndarray  # (rows,) of h, then negative ones of c
     reflectors: np.ndarray  # (equalities, unknowns)
     triangle: np.ndarray  # (equalities, equalities): R of ∂hᵀ = Y R
     jacobian: np.ndarray  # (equalities, unknowns)
@@ -79,7 +80,7 @@ class DenseWorkspace(NamedTuple):
 
 @compiled
 def run_part(kernel, work, x, p, which, out):
-    """Run one program of a part at x, of the multipliers where it is the second derivatives."""
+    """Run one program of a part at x; second derivatives also read the multipliers."""
     places, unknowns, parameters, rows = kernel.parts[p, 0], kernel.parts[p, 1], kernel.parts[p, 2], kernel.parts[p, 3]
     where, parameter, first = kernel.parts[p, 5], kernel.parts[p, 6], kernel.parts[p, 7]
     inputs = work.inputs[: (unknowns + parameters + rows) * places]
@@ -108,7 +109,7 @@ def run_part(kernel, work, x, p, which, out):
 
 @compiled
 def evaluate_rows(kernel, work, x, equalities_only):
-    """Write the values of h and c, or of h alone."""
+    """Write the values of h and c, or only of h."""
     for p in range(len(kernel.parts)):
         if equalities_only and not kernel.parts[p, 4]:
             continue
@@ -120,7 +121,7 @@ def evaluate_rows(kernel, work, x, equalities_only):
 
 @compiled
 def equality_error(kernel, work):
-    """Return the largest |h|, inf where one is not finite."""
+    """Return the largest |h|, inf if one is not finite."""
     worst = 0.0
     for i in range(kernel.equalities):
         if not np.isfinite(work.values[i]):
@@ -131,7 +132,7 @@ def equality_error(kernel, work):
 
 @compiled
 def first_derivatives(kernel, work, x, equalities_only):
-    """Write the entries of ∂h and ∂c, or those of parts with equalities, and ∂h as a matrix."""
+    """Write the entries of ∂h and ∂c (or only of parts with equalities) and ∂h as a matrix."""
     for p in range(len(kernel.parts)):
         if not equalities_only or kernel.parts[p, 4]:
             run_part(kernel, work, x, p, FIRST, work.first[kernel.begin_first[p] : kernel.begin_first[p + 1]])
@@ -145,12 +146,14 @@ def first_derivatives(kernel, work, x, equalities_only):
                     work.jacobian[kernel.first_row[e], kernel.first_column[e]] += work.first[e]
 
 
-# Levenberg and Marquardt's method for the equalities of small programs, compiled.
+# Levenberg–Marquardt method for the equalities of small programs, compiled.
+#
+#     minimise    ‖h + ∂h d‖² + λ ‖d‖²,  so that d = −∂hᵀ (∂h ∂hᵀ + λ I)⁻¹ h
 
 
 @compiled
 def restore_equalities(kernel, work, x):
-    """Move x onto h(x) = 0 by Levenberg & Marquardt's method (Nocedal & Wright, section 10.3); return what is left."""
+    """Move x onto h(x) = 0 (Nocedal & Wright, section 10.3); return the largest |h| left, 0 on success."""
     damping = 0.0
     evaluate_rows(kernel, work, x, True)
     error = equality_error(kernel, work)
@@ -189,7 +192,7 @@ def restore_equalities(kernel, work, x):
 
 @compiled
 def _damped_step(kernel, work, damping):
-    """Write ∂hᵀ (∂h ∂hᵀ + damping · I)⁻¹ h, the damping relative to the mean of the diagonal; False where singular."""
+    """Write ∂hᵀ (∂h ∂hᵀ + damping · I)⁻¹ h, damping relative to the mean diagonal; False if singular."""
     m, n = kernel.equalities, kernel.unknowns
     trace = 0.0
     for i in range(m):

@@ -1,8 +1,11 @@
-"""The optimum of a goal near that of another one: predicted to third order, then corrected; compiled.
+"""The optimum of a goal from that of a similar goal, predicted and then corrected; compiled.
 
-Predicted by the quadratic models of all objectives, each with its own Hessian, and the linear ones of the limits: their
-optimum by Newton's method, each step of which is a parametric quadratic program. Corrected by one such program with the
-Hessian of the Lagrangian a time.
+    minimise    weights · F(x)
+    subject to  h(x) = 0,  c(x) ≥ 0,  rows · F(x) ≤ upper
+
+The prediction is the optimum of quadratic models of all objectives, each with its own Hessian, and linear models of the
+limits. Newton's method finds it to third order; each of its steps is a parametric quadratic program. Each correction is
+one such program with the Hessian of the Lagrangian.
 """
 
 from __future__ import annotations
@@ -34,7 +37,7 @@ from paretoik.nlp.parametric_qp.solution import QpOptions
 
 
 class CorrectionOptions(NamedTuple):
-    """What counts as an optimum, and how it is sought; see ``pareto.continuation.ContinuationOptions``."""
+    """Tolerances and steps of corrections; see ``pareto.continuation.ContinuationOptions``."""
 
     residual: float
     violation: float
@@ -47,9 +50,9 @@ class CorrectionOptions(NamedTuple):
 
 @compiled(what="the continuation of optima", seconds=20)
 def correct(kernel, x, multipliers, weights, rows, upper, options):
-    """Return (point, multipliers, F, corrections, changes, whether the optimum was found) of a goal near a guess.
+    """Return (point, multipliers, F, corrections, changes, whether it was found): the optimum near a guess.
 
-    The goal is to minimise weights · F where rows · F ≤ upper; multipliers are those of c, then of these bounds.
+    The goal: minimise weights · F subject to rows · F ≤ upper. Multipliers are those of c, then of these bounds.
     """
     problem = refer(kernel)
     work = allocate_workspace(problem, x)
@@ -64,7 +67,7 @@ def correct(kernel, x, multipliers, weights, rows, upper, options):
 
 @compiled
 def _correct(kernel, work, model, x, y, weights, rows, upper, options):
-    """Correct x in place; return the multipliers, corrections, changes, and whether the optimum was found."""
+    """Correct x in place; return multipliers, corrections, changes and whether the optimum was found."""
     trial, dx, factors, changes, last_length = x.copy(), np.zeros(x.shape), np.zeros(len(weights)), 0, np.inf
     if not to_first_order(kernel, work, x, model):
         return y, 0, changes, False
@@ -109,7 +112,7 @@ def _largest(step):
 
 @compiled
 def _is_optimal(kernel, work, model, y, weights, rows, upper, factors, options):
-    """Return whether stationarity, complementarity and constraints hold."""
+    """Return whether stationarity, complementarity and constraints are satisfied."""
     limits, total, worst = len(model.c), 0.0, 0.0
     weigh(weights, rows, y, factors)
     for k in range(len(factors)):

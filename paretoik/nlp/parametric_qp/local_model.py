@@ -1,8 +1,8 @@
-"""A program to second order at a point, along h(x) = 0, as a kernel has it; compiled.
+"""A second-order model of a kernel's program at a point, along h(x) = 0; compiled.
 
-    F(d) ≈ F + ∂F d + ½ dᵀ Fₖ'' d for every objective by itself,  c(d) ≈ c + ∂c d
+    Fₖ(d) ≈ Fₖ + ∂Fₖ d + ½ dᵀ Fₖ'' d for every objective k,  c(d) ≈ c + ∂c d
 
-The second derivatives of an objective have the curvature of h(x) = 0 in them, that of its own multipliers, so that they
+The second derivatives of an objective include the curvature of h(x) = 0 with the objective's own multipliers, so they
 are those of F at the point that a step leads to.
 """
 
@@ -31,7 +31,7 @@ from paretoik.nlp.parametric_qp.solution import solve_from
 
 
 class LocalModel(NamedTuple):
-    """The program at a point; of each matrix [[A, Bᵀ], [B, C]] A is banded (``bordered_cholesky``)."""
+    """The program at a point; in each matrix [[A, Bᵀ], [B, C]], A is banded (``banded.cholesky``)."""
 
     objectives: np.ndarray  # (objectives,)
     gradients: np.ndarray  # (objectives, unknowns)
@@ -90,13 +90,13 @@ def to_first_order(kernel, work, x, model):
 
 @compiled
 def lagrangian_hessian(kernel, work, weights, multipliers, model):
-    """Write the Hessian of weights · F − multipliers · c where x was linearised."""
+    """Write the Hessian of weights · F − multipliers · c at the linearised x."""
     _hessian(kernel, work, weights, multipliers, 0, model)
 
 
 @compiled
 def objective_hessians(kernel, work, model):
-    """Write the Hessian of every objective by itself."""
+    """Write the Hessian of every objective."""
     for k in range(len(model.objectives)):
         _choose(model.unit, k)
         _hessian(kernel, work, model.unit, model.stiffness, 1 + k, model)
@@ -121,7 +121,7 @@ def _hessian(kernel, work, weights, multipliers, which, model):
 
 @compiled
 def add_product(model, which, factor, vector, out):
-    """Add a multiple of a matrix of the model times a vector."""
+    """Add factor · matrix · vector to ``out``, for one matrix of the model."""
     A, B, C = model.A[which], model.B[which], model.C[which]
     (size, band), border = A.shape, len(C)
     for i in range(size):
@@ -140,7 +140,7 @@ def add_product(model, which, factor, vector, out):
 
 @compiled(what="the derivatives of a program", seconds=10)
 def first_order(kernel, x, objectives):
-    """Return (F, ∂F, c, columns and entries of the rows of ∂c, whether they are finite and h has full rank) at x."""
+    """Return (F, ∂F, c, columns and entries of ∂c, whether finite and ∂h of full rank) at x."""
     problem = refer(kernel)
     work = allocate_workspace(problem, x)
     point = add_auxiliary(problem, refer(work), x)
@@ -150,17 +150,23 @@ def first_order(kernel, x, objectives):
     return model.objectives, model.gradients, model.c, model.columns, model.entries, regular
 
 
-# The optimum of the quadratic models of objectives and the linear ones of limits at a point; compiled.
+# The optimum of quadratic models of objectives and linear models of limits; compiled.
 #
-# By Newton's method, each step of which is a parametric quadratic program.
+#     minimise    weights · F(d)                                 F(d), c(d): the models at a point
+#     subject to  c(d) ≥ 0,  rows · F(d) ≤ upper
+#
+# Newton's method: each step p is a parametric quadratic program with the Lagrangian's Hessian H and the models at d:
+#
+#     minimise    ½ pᵀH p + gᵀp
+#     subject to  c(d) + ∂c p ≥ 0,  upper − rows · (F(d) + ∂F p) ≥ 0
 
 
 @compiled
 def lead_to_optimum(model, initial, step, y, weights, rows, upper, predictions, options):
-    """Lead a step to the optimum of the model, in place; return its multipliers, whether there is one, and changes.
+    """Move a step to the optimum of the model, in place; return (multipliers, whether there is one, changes).
 
-    The Hessian of the Lagrangian is that of objectives with ``initial`` weights. With them, the first of so many
-    ``predictions``, steps of Newton's method, is by it alone.
+    ``model`` has the Hessian of the Lagrangian for ``initial`` weights of the objectives; if the weights stay the same,
+    Newton's first step uses only that. ``predictions``: largest number of Newton steps.
     """
     n, limits = model.gradients.shape[1], len(model.c)
     changes, last_multipliers = 0, y
@@ -192,7 +198,7 @@ def lead_to_optimum(model, initial, step, y, weights, rows, upper, predictions, 
 
 @compiled
 def weigh(weights, rows, y, factors):
-    """Write weights + rowsᵀ y: what the Lagrangian multiplies the objectives with."""
+    """Write weights + rowsᵀ y, the weights of the objectives in the Lagrangian."""
     limits = len(y) - len(rows)
     for k in range(len(weights)):
         factors[k] = weights[k]
@@ -202,7 +208,7 @@ def weigh(weights, rows, y, factors):
 
 @compiled
 def _weigh_hessian(model, weighed, initial, A, B, C):
-    """Write the Hessian of the Lagrangian with other weights of objectives; nothing where they have not changed."""
+    """Write the Lagrangian's Hessian for other weights of objectives, if they have changed."""
     if norm(weighed - initial) == 0.0:
         return
     for i in range(A.shape[0]):
@@ -226,9 +232,9 @@ def _entry(entries, weighed, initial):
 
 @compiled
 def _move_model(model, step, weights, rows, upper, initial, gradients, values, gradient):
-    """Write gradients of objectives, the gradient of the goal, limits and bounds of the model at a step.
+    """Write objectives' gradients, the goal's gradient, and values of limits and bounds of the model at a step.
 
-    The curvature of limits, that of the Lagrangian beyond the objectives', is in the gradient of the goal.
+    The goal's gradient includes the curvature of limits: the Lagrangian's Hessian less the objectives' Hessians.
     """
     n, limits = len(step), len(model.c)
     objectives, moved = model.objectives.copy(), norm(step) > 0.0
@@ -252,7 +258,7 @@ def _move_model(model, step, weights, rows, upper, initial, gradients, values, g
 
 @compiled
 def move_objectives(model, step, gradients, objectives):
-    """Write gradients and values of the objectives' models at a step; values are those at 0 before."""
+    """Write gradients and values of the objectives' models at a step; on input, values are those at 0."""
     moved = norm(step) > 0.0
     for k in range(len(objectives)):
         for j in range(len(step)):
@@ -265,7 +271,7 @@ def move_objectives(model, step, gradients, objectives):
 
 @compiled
 def limit_change(model, i, step):
-    """Return ∂c step of a limit."""
+    """Return the change ∂c · step of a limit."""
     total = 0.0
     for b in range(model.entries.shape[1]):
         total += model.entries[i, b] * step[model.columns[i, b]]

@@ -1,9 +1,11 @@
-"""The optimum of a goal predicted from that of another one: derivatives are taken there alone; compiled.
+"""The optimum of a goal, predicted from derivatives at the optimum of another goal; compiled.
 
-By the quadratic models of all objectives, each with its own Hessian, and the linear ones of the limits. What they miss
-of the values at the point that they predict is added to them, and they are solved anew: so objectives err by the fourth
-power of the step, where the models alone err by the third. Source: Nocedal & Wright 2006, section 18.3, second-order
-correction.
+    minimise    weights · F(d)                                 F(d): quadratic models, each with its own Hessian
+    subject to  c(d) ≥ 0,  rows · F(d) ≤ upper                 c(d): linear models of the limits
+
+The errors of the models' values at the predicted point are added to the models, which are then solved again: errors of
+objectives fall from the third to the fourth power of the step. Source: Nocedal & Wright 2006, section 18.3,
+second-order correction.
 """
 
 from __future__ import annotations
@@ -37,7 +39,7 @@ from paretoik.nlp.parametric_qp.solution import QpOptions
 
 
 class PredictionOptions(NamedTuple):
-    """How an optimum is predicted; see ``pareto.continuation.ContinuationOptions``."""
+    """Settings of predictions; see ``pareto.continuation.ContinuationOptions``."""
 
     predictions: int
     predicted: float
@@ -49,9 +51,9 @@ class PredictionOptions(NamedTuple):
 
 @compiled(what="the prediction of optima", seconds=20)
 def predict(kernel, x, multipliers, weights, rows, upper, options):
-    """Return (point, multipliers, whether there is one): the optimum of a goal by the models at that of another one.
+    """Return (point, multipliers, whether it exists): a goal's optimum by models at another goal's optimum.
 
-    Arguments are those of ``correct``. Values are taken at what is predicted, derivatives at x alone.
+    Arguments are those of ``correct``. Values are taken at predicted points, derivatives only at x.
     """
     problem = refer(kernel)
     work = allocate_workspace(problem, x)
@@ -65,7 +67,7 @@ def predict(kernel, x, multipliers, weights, rows, upper, options):
 
 @compiled
 def _predict(kernel, work, model, x, y, weights, rows, upper, options):
-    """Return the point that is predicted, the multipliers there, and whether there is such a point."""
+    """Return the predicted point, its multipliers, and whether it exists."""
     trial, dx, factors = x.copy(), np.zeros(x.shape), np.zeros(len(weights))
     if not to_first_order(kernel, work, x, model):
         return x, y, False
@@ -90,7 +92,7 @@ def _predict(kernel, work, model, x, y, weights, rows, upper, options):
 
 @compiled
 def _update_values(model, step, objectives, c, rows, upper, moved_upper):
-    """Give the models at a step the values there: those of limits in place, those of objectives in their bounds."""
+    """Shift the models to the values at a step: limits in place, objectives in their bounds."""
     predicted, gradients = model.objectives.copy(), model.gradients.copy()
     move_objectives(model, step, gradients, predicted)
     for e in range(len(rows)):
@@ -103,7 +105,7 @@ def _update_values(model, step, objectives, c, rows, upper, moved_upper):
 
 @compiled
 def _bounds_missed(objectives, rows, upper):
-    """Return by how much objectives exceed their bounds at most; 0 where they do not."""
+    """Return the largest excess of objectives over their bounds, at least 0."""
     largest = 0.0
     for e in range(len(rows)):
         excess = -upper[e]
@@ -115,7 +117,7 @@ def _bounds_missed(objectives, rows, upper):
 
 @compiled
 def _limits_missed(model, c, step, options):
-    """Return whether a limit is exceeded by more than a share of what so long a step could change it by."""
+    """Return whether a limit is exceeded by more than a share of its largest change."""
     worst, length = 0.0, norm(step)
     for i in range(len(c)):
         worst = max(worst, -c[i] - options.missed * length * norm(model.entries[i]))

@@ -1,14 +1,14 @@
-"""A quadratic program solved from a guess of its multipliers: its optimum followed while its data change; compiled.
+"""A parametric quadratic program: its optimum is followed from a guess of multipliers; compiled.
 
     minimise    ½ dᵀH d + gᵀd
     subject to  c + A d ≥ 0
 
-With gradient Aᵀy and no slack where y > 0 the step d = 0 and the multipliers y ≥ 0 are optimal. From these data to the
-true ones the optimum moves in straight pieces; where one ends a constraint is added or dropped. Near the answer there
-are few pieces. H has to be positive definite along the active constraints only: where dropping one would leave
-negative curvature, the optimum ends, and so does the homotopy; where it is flat, the step is as short as it can be.
+The step d = 0 and the multipliers y ≥ 0 are optimal for the gradient Aᵀy and slacks that are 0 if y > 0. From these
+data to the true ones the optimum moves in straight pieces; at the end of a piece a constraint is added or dropped. Near
+the solution there are few pieces. H must be positive definite only along the active constraints: if dropping one leaves
+negative curvature, the optimum ends, and so does the homotopy; if curvature is 0, the step is as short as possible.
 Source: Best 1996, An algorithm for the solution of the parametric quadratic programming problem; Ferreau, Bock & Diehl
-2008. The system of a piece is solved by the Schur complement of what is active (``working_set``).
+2008. The Schur complement of the active constraints solves the system of a piece (``working_set``).
 """
 
 from __future__ import annotations
@@ -37,22 +37,22 @@ from paretoik.nlp.parametric_qp.working_set import (
 
 
 class QpOptions(NamedTuple):
-    """Tolerances; none has a unit, rows of A being divided by their lengths and H and g by that of g.
+    """Tolerances without unit: rows of A have length one; H and g are divided by ‖g‖.
 
-    More than so many ``changes`` of the active set are taken for cycling; after ``updates`` the matrix is factorised
-    anew.
+    changes: largest number of changes of the active set; more count as cycling
+    updates: number of updates before the matrix is factorised again
     """
 
     changes: int = 100
     updates: int = 24
-    dependent: float = 1e-10  # share of a row that is not a combination of the active ones: what counts as none
-    rate: float = 1e-13  # by which a slack or a multiplier falls: less is rounding
-    lift: float = 1e-4  # of slacks at the beginning, each by another multiple of it from 1 to 2: ties would cycle
-    end: float = 1e-9  # of the homotopy: a remaining share that is as good as none
+    dependent: float = 1e-10  # largest share of a row outside the span of active rows that counts as 0
+    rate: float = 1e-13  # at which a slack or a multiplier falls: a lower rate is rounding
+    lift: float = 1e-4  # of the first slacks, each by its own multiple from 1 to 2: ties could cycle
+    end: float = 1e-9  # of the homotopy: a smaller remaining share counts as 0
 
 
 class QpHomotopy(NamedTuple):
-    """Where the optimum is, how data change, and how it moves."""
+    """The optimum, the rates of the data, and the rates of the optimum."""
 
     step: np.ndarray
     multipliers: np.ndarray
@@ -66,11 +66,14 @@ class QpHomotopy(NamedTuple):
 
 @compiled(what="the parametric quadratic program", seconds=5)
 def solve_from(A, B, C, gradient, columns, entries, dense, values, multipliers, options):
-    """Return (step, multipliers, share of the homotopy, changes of the active set) up to where the optimum is followed.
+    """Return (step, multipliers, share of the homotopy, changes of the active set) of a quadratic program.
 
-    H is [[A, Bᵀ], [B, C]], A banded (``bordered_cholesky``). Row i of the constraints has ``entries``[i] at
-    ``columns``[i]; the ``dense`` ones follow. Those with positive ``multipliers``, the guess, have to be independent. A
-    share below 1 says that the optimum ends there: constraints cannot all hold, or curvature becomes negative.
+        minimise    ½ dᵀH d + gᵀd,  H = [[A, Bᵀ], [B, C]] with A banded (``banded.cholesky``)
+        subject to  values + [rows] d ≥ 0
+
+    Row i has ``entries``[i] at ``columns``[i]; the ``dense`` rows follow. Rows with a positive guess in ``multipliers``
+    must be independent. A share below 1 means that the optimum ends there: constraints cannot all be satisfied, or
+    curvature becomes negative.
     """
     entries, dense, values, scale = entries.copy(), dense.copy(), values.copy(), max(norm(gradient), 1e-300)
     lengths = _divide_by_lengths(entries, dense, values)
@@ -87,7 +90,7 @@ def solve_from(A, B, C, gradient, columns, entries, dense, values, multipliers, 
 
 @compiled
 def _divide_by_lengths(entries, dense, values):
-    """Divide constraints by the lengths of their rows; return these."""
+    """Divide constraints by the lengths of their rows; return the lengths."""
     limits = len(entries)
     lengths = np.empty(len(values))
     for i in range(len(values)):
@@ -101,7 +104,7 @@ def _divide_by_lengths(entries, dense, values):
 
 @compiled
 def _begin(program, lengths, multipliers, scale, options):
-    """Return the homotopy from the data that the guess is the answer to."""
+    """Return the homotopy; it begins at the data for which the guess is optimal."""
     n, count = len(program.gradient), len(lengths)
     homotopy = QpHomotopy(
         np.zeros(n), np.zeros(count), np.zeros(count), np.zeros(n), np.zeros(count), np.zeros(n), np.zeros(count),
@@ -124,7 +127,7 @@ def _begin(program, lengths, multipliers, scale, options):
 
 @compiled
 def _follow(program, work, homotopy, scale, options):
-    """Follow the optimum to the true data, or to where it ends; return the share of the homotopy and the changes."""
+    """Follow the optimum to the true data or its end; return the homotopy's share and the changes."""
     share, changes = 0.0, 0
     for i in range(len(homotopy.multipliers)):
         work.is_active[i] = homotopy.multipliers[i] > 0.0
@@ -158,7 +161,7 @@ def _slack_rates(program, work, homotopy):
 
 @compiled
 def _next_change(work, homotopy, remaining, options):
-    """Return how far the piece goes, at most ``remaining``, the constraint that ends it or −1, and if it is dropped."""
+    """Return the piece's length, the constraint that ends it (−1: none), and whether it is dropped."""
     length, row, dropped = remaining, -1, False
     for i in range(len(homotopy.slacks)):
         if not work.is_active[i] and homotopy.slack_rates[i] < -options.rate:
@@ -186,17 +189,17 @@ def _advance(work, homotopy, length):
 
 @compiled
 def _drop(work, homotopy, row):
-    """Drop an active constraint; return whether the optimum may go on without."""
+    """Drop an active constraint; return whether the optimum continues without it."""
     homotopy.multipliers[row], homotopy.slacks[row] = 0.0, 0.0
     if is_definite_without(work, row):
         drop_constraint(work, row)
         return True
-    return regularise_without(work, row)  # flat or negative: regularised it is definite, or it is not
+    return regularise_without(work, row)  # no or negative curvature: the regularised K decides
 
 
 @compiled
 def _add(program, work, homotopy, row, options):
-    """Add a constraint, in place of one that it depends on if it does; return whether they can all hold."""
+    """Add a constraint, replacing one if it depends on active ones; return whether all can be satisfied."""
     remainder = project_row(program, work, row, homotopy.multiplier_rates)
     homotopy.slacks[row] = 0.0
     if remainder <= options.dependent:

@@ -1,4 +1,4 @@
-"""A quadratic program in arrays, and what its rows do; compiled."""
+"""A quadratic program in arrays, its rows, and its working set; compiled."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from paretoik.nlp.linear_algebra import clear, factorise_lu, solve_lu
 
 # The Hessian of a quadratic program, made definite by its active rows, and its factors; compiled.
 #
-# K = H + ρ Σ aᵢaᵢᵀ, a sum over active rows, is positive definite where H is so along them and ρ is large. With the
-# sparse rows alone it is banded, and factorised so; where that does not make it definite, all rows count and it is
-# dense. Where H is flat along the rows it is regularised from then on: nothing moves that way by itself. Source:
+# K = H + ρ Σ aᵢaᵢᵀ over active rows is positive definite if H is positive definite along them and ρ is large. With only
+# the sparse rows K is banded and is factorised as such; if that K is not definite, all rows count and K is dense. If H
+# has no curvature along the rows, it is regularised from then on: the optimum does not move that way by itself. Source:
 # Nocedal & Wright, section 17.4.
 
 
 class AugmentationOptions(NamedTuple):
-    """How K becomes definite; ρ and what is added have no unit: they are in sizes of H, its largest diagonal entry."""
+    """How K becomes definite; ρ and the regularisation are relative to the largest diagonal entry of H."""
 
-    stiffness: tuple[float, ...] = (1.0, 1e3, 1e3, 1e6, 1e6)  # ρ, tried in turn: a larger one costs digits
-    dense: int = 2  # the first of these that all rows count with
-    flat: int = 4  # the one that H is regularised with
-    regularisation: float = 1e-6  # what is added to the diagonal of H then: far below any curvature that counts
+    stiffness: tuple[float, ...] = (1.0, 1e3, 1e3, 1e6, 1e6)  # ρ, tried in order: a larger one costs digits
+    dense: int = 2  # index of the first ρ with all rows
+    flat: int = 4  # index of the ρ with a regularised H
+    regularisation: float = 1e-6  # then added to the diagonal of H: far below any curvature that counts
 
 
 HESSIAN_OPTIONS = AugmentationOptions()
@@ -32,7 +32,7 @@ IS_DENSE, IS_REGULARISED = 0, 1  # places in the flags
 
 
 class AugmentedHessian(NamedTuple):
-    """K and its factors, banded with a border (``bordered_cholesky``) and dense."""
+    """K and its factors, banded with a border (``banded.cholesky``) and dense."""
 
     A: np.ndarray
     B: np.ndarray
@@ -40,9 +40,9 @@ class AugmentedHessian(NamedTuple):
     L: np.ndarray
     X: np.ndarray
     S: np.ndarray
-    full: np.ndarray  # (unknowns, unknowns), a band as wide as the matrix
+    full: np.ndarray  # (unknowns, unknowns): the band is as wide as the matrix
     full_factor: np.ndarray
-    no_border: np.ndarray  # (0, unknowns): that of the dense matrix
+    no_border: np.ndarray  # (0, unknowns): border of the dense matrix
     flags: np.ndarray
 
 
@@ -66,7 +66,7 @@ def allocate_augmented_hessian(n, band, border):
 
 @compiled
 def factorise_augmented_hessian(program, hessian, is_active, scale):
-    """Factorise K with the first ρ that makes it definite, H over ``scale``; return this ρ, −1 where none does."""
+    """Factorise K for H / ``scale`` with the first ρ that makes it definite; return ρ, or −1 if none does."""
     size = 0.0
     for i in range(len(program.A)):
         size = max(size, abs(program.A[i, 0]) / scale)
@@ -108,7 +108,7 @@ def _factorise(program, hessian, is_active, rho, delta, is_dense, scale):
 
 @compiled
 def _stiffen(program, hessian, is_active, rho, is_dense):
-    """Add ρ aaᵀ of the active rows, the dense ones only where K is dense."""
+    """Add ρ aaᵀ of the active rows; dense rows only if K is dense."""
     size, limits = len(program.A), len(program.entries)
     matrix = hessian.full if is_dense else hessian.A
     for i in range(limits):
@@ -130,7 +130,7 @@ def _stiffen(program, hessian, is_active, rho, is_dense):
 
 @compiled
 def _has_all_columns(columns):
-    """Return whether the entries of a row are those of the first unknowns, in order."""
+    """Return whether a row's entries are those of the first unknowns in order."""
     in_order = True
     for k in range(len(columns)):
         in_order &= columns[k] == k
@@ -139,7 +139,7 @@ def _has_all_columns(columns):
 
 @compiled(level=3)
 def _add_square(matrix, rho, row):
-    """Add ρ aaᵀ of a row whose entries are those of the first unknowns to the lower half of a K without a border."""
+    """Add ρ aaᵀ of a row over the first unknowns to a K without border."""
     for i in range(len(row)):
         factor = rho * row[i]
         for d in range(i + 1):
@@ -148,7 +148,7 @@ def _add_square(matrix, rho, row):
 
 @compiled
 def _add_entry(hessian, is_dense, size, row, column, value):
-    """Add to an entry of the lower half of K."""
+    """Add a value to an entry of the lower half of K."""
     if is_dense:
         hessian.full[row, row - column] += value
     elif row < size:
@@ -163,7 +163,7 @@ def _add_entry(hessian, is_dense, size, row, column, value):
 
 @compiled
 def solve_augmented_columns(hessian, columns, count):
-    """Overwrite the first columns of a matrix as ``solve_augmented_hessian`` does each of them."""
+    """Overwrite the first columns of a matrix with K⁻¹ · columns."""
     if hessian.flags[IS_DENSE]:
         solve_columns(hessian.full_factor, hessian.no_border, hessian.no_border, hessian.no_border, columns, count)
     else:
@@ -180,7 +180,7 @@ def solve_augmented_hessian(hessian, x):
 
 
 class QuadraticProgram(NamedTuple):
-    """½ dᵀH d + gᵀd and constraints c + A d ≥ 0: sparse rows, then dense ones; all rows have length one."""
+    """Minimise ½ dᵀH d + gᵀd subject to c + A d ≥ 0: sparse rows, then dense ones, all of length one."""
 
     A: np.ndarray  # (size, band), lower half of H
     B: np.ndarray  # (border, size)
@@ -237,7 +237,7 @@ def write_column(program, i, matrix, column):
 
 @compiled(level=3)
 def column_products(program, i, matrix, first, count, products):
-    """Write the products of row i and the columns of a matrix from ``first`` to before ``count``."""
+    """Write the products of row i with columns ``first`` to ``count`` − 1 of a matrix."""
     limits = len(program.entries)
     for w in range(first, count):
         products[w] = 0.0
@@ -255,21 +255,20 @@ def _add_products(factor, row, first, count, products):
         products[w] += factor * row[w]
 
 
-# The optimality system of a quadratic program on its active constraints, which come and go; compiled.
+# The optimality system of a quadratic program for its current active constraints; compiled.
 #
 #     [H, −Aᵀ] [d]   [r]
 #     [A,   0] [y] = [b]
 #
-# With K = H + ρ Σ aᵢaᵢᵀ (``augmented_hessian``), d = K⁻¹(r + Aᵀŷ) and A K⁻¹ Aᵀ ŷ = b − A K⁻¹ r, ŷ = y + ρ b. A row
-# that is dropped stays, its ŷ being the ρ aᵀd that K has too much of, until K is factorised anew. Source: Nocedal &
-# Wright, sections 16.2 and 17.4; Gill, Murray, Saunders & Wright 1990, A Schur-complement method for sparse quadratic
-# programming.
+# With K = H + ρ Σ aᵢaᵢᵀ (``AugmentedHessian``), d = K⁻¹(r + Aᵀŷ) and A K⁻¹ Aᵀ ŷ = b − A K⁻¹ r, ŷ = y + ρ b. A dropped
+# row stays until K is factorised again; its ŷ = ρ aᵀd then removes its part of K. Source: Nocedal & Wright, sections
+# 16.2 and 17.4; Gill, Murray, Saunders & Wright 1990, A Schur-complement method for sparse quadratic programming.
 
 
 class WorkingSetOptions(NamedTuple):
-    """Tolerance of the test that a row may be dropped."""
+    """Tolerance of the test whether a row may be dropped."""
 
-    curvature: float = 1e-13  # along the row, a share of its ρ: less is rounding
+    curvature: float = 1e-13  # along the row, as a share of its ρ: less is rounding
 
 
 OPTIONS = WorkingSetOptions()
@@ -284,12 +283,12 @@ class WorkingSet(NamedTuple):
     stiffness: np.ndarray  # (capacity,): ρ of rows in K, else 0
     solved: np.ndarray  # (capacity, unknowns): K⁻¹ a
     schur: np.ndarray  # (capacity, capacity)
-    factors: np.ndarray  # of it, with row exchanges
+    factors: np.ndarray  # LU factors of schur, with row exchanges
     exchanges: np.ndarray
     right: np.ndarray  # (capacity,)
     vector: np.ndarray  # (unknowns,)
     columns: np.ndarray  # (unknowns, capacity)
-    position: np.ndarray  # (constraints,): in the rows, −1 for none
+    position: np.ndarray  # (constraints,): place in rows, −1 for none
     is_active: np.ndarray  # (constraints,)
     counts: np.ndarray  # rows, and changes since K was factorised
 
@@ -317,7 +316,7 @@ def allocate_working_set(n, band, border, constraints, updates):
 
 @compiled
 def factorise_working_set(program, work, scale):
-    """Factorise K of the active rows and its Schur complement, H over ``scale``; return whether K is definite."""
+    """Factorise K (for H / ``scale``) and the Schur complement of the active rows; return whether K is definite."""
     count = 0
     for i in range(len(work.is_active)):
         work.position[i] = -1
@@ -334,7 +333,7 @@ def factorise_working_set(program, work, scale):
 
 @compiled
 def _append_active(program, work, rho):
-    """Append all active rows to an empty Schur complement: as ``_append`` does each, many at a time."""
+    """Append all active rows to an empty Schur complement: ``_append`` for many rows at a time."""
     count = 0
     for i in range(len(work.is_active)):
         if work.is_active[i]:
@@ -379,7 +378,7 @@ def _factorise_schur(work):
 
 @compiled
 def solve_working_set(program, work, gradient_rate, value_rate, step_rate, multiplier_rates):
-    """Write d and y for r = −``gradient_rate`` and b = −``value_rate``; y is 0 where nothing is active."""
+    """Write d and y for r = −``gradient_rate`` and b = −``value_rate``; y of inactive rows is 0."""
     count, vector = work.counts[ROWS], work.vector
     for j in range(len(vector)):
         vector[j] = -gradient_rate[j]
@@ -403,7 +402,7 @@ def solve_working_set(program, work, gradient_rate, value_rate, step_rate, multi
 
 @compiled
 def project_row(program, work, row, multipliers):
-    """Write the y that make A_activeᵀ y nearest to a row by K⁻¹; return the share of the row that they do not make."""
+    """Write y with A_activeᵀ y nearest to a row in the K⁻¹ norm; return the rest's share."""
     count, vector = work.counts[ROWS], work.vector
     write_row(program, row, vector)
     solve_augmented_hessian(work.hessian, vector)
@@ -422,7 +421,7 @@ def project_row(program, work, row, multipliers):
 
 @compiled
 def is_definite_without(work, row):
-    """Return whether curvature stays positive without an active row, by Haynsworth's inertia formula."""
+    """Return whether curvature stays positive without an active row (Haynsworth's inertia formula)."""
     place = work.position[row]
     for w in range(work.counts[ROWS]):
         work.right[w] = w == place
@@ -432,17 +431,17 @@ def is_definite_without(work, row):
 
 @compiled
 def regularise_without(work, row):
-    """Make an active constraint inactive and have H regularised at the update; return False where it is already."""
+    """Drop an active constraint and regularise H at the update; return False if H is regularised already."""
     if work.hessian.flags[IS_REGULARISED]:
         return False
     work.is_active[row], work.hessian.flags[IS_REGULARISED] = False, True
-    work.counts[CHANGES] = len(work.rows)  # more than any number of updates: K is factorised anew
+    work.counts[CHANGES] = len(work.rows)  # more than any number of updates: factorise K again
     return True
 
 
 @compiled
 def add_constraint(program, work, row):
-    """Make a constraint active; the system is to be updated then."""
+    """Make a constraint active; the caller must then update the system."""
     work.is_active[row] = True
     work.counts[CHANGES] += 1
     if work.position[row] < 0:
@@ -451,7 +450,7 @@ def add_constraint(program, work, row):
 
 @compiled
 def drop_constraint(work, row):
-    """Make an active constraint inactive; the system is to be updated then."""
+    """Make an active constraint inactive; the caller must then update the system."""
     place = work.position[row]
     work.is_active[row] = False
     work.counts[CHANGES] += 1
@@ -461,7 +460,7 @@ def drop_constraint(work, row):
 
 @compiled
 def update_working_set(program, work, updates, scale):
-    """Factorise the system after constraints came or went, K too after ``updates``; return whether it is definite."""
+    """Factorise the system after changes, also K after more than ``updates``; return whether it is definite."""
     if work.counts[CHANGES] <= updates and _factorise_schur(work):
         return True
     return factorise_working_set(program, work, scale)
@@ -469,7 +468,7 @@ def update_working_set(program, work, updates, scale):
 
 @compiled
 def _remove(work, place):
-    """Remove a row from the Schur complement, the last one taking its place."""
+    """Remove a row from the Schur complement; the last row takes its place."""
     last = work.counts[ROWS] - 1
     work.position[work.rows[place]] = -1
     if place != last:

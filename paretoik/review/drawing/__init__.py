@@ -1,1 +1,1 @@
-"""What a recording shows: scenes, panels, charts and words, drawn with Rerun."""
+"""The content of a recording: scenes, panels, charts and words, drawn with Rerun."""

@@ -1,4 +1,4 @@
-"""Where arms are drawn in a recording: on axes of their own where they are planar, else in space, in their workcell."""
+"""Views of arms in a recording: flat axes for a planar arm, otherwise the workcell in space."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from paretoik.review.palette import MARKS, SCENES, SCREEN, VIEWS, Colour
 from paretoik.review.recording.messages import Workcell
 from paretoik.task.obstacles import Capsule, Circle, Obstacle, Sphere
 
-# How obstacles are drawn: as hatched outlines where the arm moves in a plane, as bodies in space.
+# Obstacles: hatched outlines in the plane, bodies in space.
 
 
 def hatch(corners: Polyline, *, gap: float) -> list[Float[np.ndarray, "2 2"]]:
@@ -40,7 +40,7 @@ def hatch(corners: Polyline, *, gap: float) -> list[Float[np.ndarray, "2 2"]]:
 
 
 def bodies(obstacles: Sequence[Obstacle], low: Vector3, high: Vector3) -> list[tuple[str, Any]]:
-    """Return obstacles in space as archetypes by number; those without end reach beyond ``low`` and ``high``."""
+    """Return obstacles in space as numbered archetypes; unbounded ones reach beyond ``low`` and ``high``."""
     colour, fill = SCREEN.obstacle_body, rr.components.FillMode.Solid
     length = 1.2 * float(np.linalg.norm(high - low))
     drawn: list[tuple[str, Any]] = []
@@ -80,7 +80,7 @@ def bodies(obstacles: Sequence[Obstacle], low: Vector3, high: Vector3) -> list[t
 
 
 def extent(obstacle: Obstacle) -> Float[np.ndarray, "corners 3"]:
-    """Return points [m] that an obstacle lies between, as far as it ends."""
+    """Return points [m] that enclose the bounded part of an obstacle."""
     if isinstance(obstacle, Circle):
         return np.array([[*(obstacle.center + sign * obstacle.radius), 0.0] for sign in (-1, 1)])
     if isinstance(obstacle, Sphere):
@@ -105,12 +105,12 @@ def turn_of_z(axis: Vector3) -> np.ndarray:
     return quaternion / np.linalg.norm(quaternion)
 
 
-# The surfaces of links in space, translucent: what obstacles must stay clear of, and what runs inside can be seen.
+# The surfaces of links in space: translucent, so that what runs inside a link stays visible.
 
 
 @dataclass(frozen=True, kw_only=True)
 class LinkHulls:
-    """Capsules of a ``radius`` [m] around links: their lines alone are never hidden by them."""
+    """Capsules of a ``radius`` [m] around links; they never hide the lines of links."""
 
     radius: float
 
@@ -121,7 +121,7 @@ class LinkHulls:
         columns: Sequence[rr.TimeColumn],
         links: Float[np.ndarray, "rows nodes 3"],
     ) -> None:
-        """Draw the links of each posture, a row of ``columns`` each."""
+        """Draw the links of each posture; one row of ``columns`` per posture."""
         self._log_style(recording, entity)
         capsules = _capsules(links)
         per_row = [len(capsules["lengths"]) // len(links)] * len(links)
@@ -140,7 +140,7 @@ class LinkHulls:
 
 
 def _capsules(links: Float[np.ndarray, "rows nodes 3"]) -> dict[str, Any]:
-    """Return the fields of the capsules of all rows, those of one posture after those of the one before."""
+    """Return the fields of the capsules of all rows, posture after posture."""
     axes = np.diff(links, axis=1)
     lengths = np.linalg.norm(axes, axis=2)
     is_link = (lengths > SCENES.shortest * lengths.max()).any(axis=0)
@@ -156,7 +156,7 @@ Links = Float[np.ndarray, "rows nodes 3"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ArmDrawing:
-    """The view at ``entity`` of a workcell; it holds all ``nodes`` (nodes, 3) [m] of arms."""
+    """The view at ``entity`` of a workcell; it shows all ``nodes`` (nodes, 3) [m] of arms."""
 
     entity: str
     workcell: Workcell
@@ -192,12 +192,12 @@ class ArmDrawing:
             self.meshes.log(recording, self.entity)
 
     def strips(self, lines: Sequence[np.ndarray], colour: Any, radius: float, order: float, **more: Any) -> Any:
-        """Return lines (points, 3) [m] as they are drawn, ``radius`` in pixels, above what has a lower ``order``."""
+        """Return lines (points, 3) [m] as drawn: ``radius`` in pixels, above everything of a lower ``order``."""
         placed = [self.place(line) for line in lines]
         return self._kinds[0](placed, colors=colour, radii=rr.Radius.ui_points(radius), **self._order(order), **more)
 
     def points(self, places: np.ndarray, colour: Any, radius: float, order: float, **more: Any) -> Any:
-        """Return points (points, 3) [m] as they are drawn, ``radius`` in pixels."""
+        """Return points (points, 3) [m] as drawn: ``radius`` in pixels."""
         radii = rr.Radius.ui_points(radius)
         return self._kinds[1](self.place(places), colors=colour, radii=radii, **self._order(order), **more)
 
@@ -209,10 +209,10 @@ class ArmDrawing:
         links: Links,
         axis: int | None,
     ) -> None:
-        """Draw an arm in each posture of ``links``, a row of ``columns`` each.
+        """Draw an arm in each posture of ``links``; one row of ``columns`` per posture.
 
-        The chosen one, without an ``axis``, has its links' width too and is drawn on those of axes, each of which is
-        drawn on those before.
+        The chosen arm has no ``axis``. It also has the width of its links and is drawn above the arms that have an
+        axis; among these, a later one is drawn above an earlier one.
         """
         placed, (rows, nodes, _) = self.place(links), links.shape
         kind, dots = self._kinds
@@ -230,7 +230,7 @@ class ArmDrawing:
         links: Float[np.ndarray, "nodes 3"],
         axis: int | None,
     ) -> None:
-        """Draw an arm in a posture at the current time, as ``send_arms`` does."""
+        """Draw an arm in one posture at the current time, as ``send_arms`` does."""
         placed = self.place(links)
         kind, dots = self._kinds
         for part in self._log_style(recording, layer, len(links), axis):
@@ -260,11 +260,11 @@ class ArmDrawing:
 
     @property
     def _kinds(self) -> tuple[Any, Any]:
-        """The kinds of strips and points, in the plane or in space."""
+        """The archetypes of strips and points, in the plane or in space."""
         return (rr.LineStrips2D, rr.Points2D) if self.planar else (rr.LineStrips3D, rr.Points3D)
 
     def place(self, points: np.ndarray) -> np.ndarray:
-        """Return where points (..., 3) [m] lie on the view."""
+        """Return the positions on the view of points (..., 3) [m]."""
         return self._canvas.place(points[..., :2]) if self.planar else points
 
     @property
@@ -274,7 +274,7 @@ class ArmDrawing:
 
     @cached_property
     def meshes(self) -> ArmMeshes | None:
-        """The arm's meshes, where it has any."""
+        """The arm's meshes; None if it has none."""
         return None if self.planar else find_meshes(self.workcell.arm, self._mesh_root)
 
     @property
@@ -283,17 +283,17 @@ class ArmDrawing:
 
     @property
     def _hulls(self) -> LinkHulls | None:
-        """The surfaces of links in space, where they have any width; in the plane a wide line is enough."""
+        """The surfaces of links in space, if links have a width; in the plane a wide line is enough."""
         return LinkHulls(radius=self.workcell.link_radius) if self._width and not self.planar else None
 
     @property
     def _width(self) -> float:
-        """Half the width of links as drawn; 0 where they have none."""
+        """Half the drawn width of links; 0 if links have no width."""
         scale = self._canvas.width / float(self._canvas.high[0] - self._canvas.low[0]) if self.planar else 1.0
         return scale * self.workcell.link_radius
 
     def _order(self, order: float) -> dict[str, float]:
-        """Return what is drawn above what, which only the plane knows."""
+        """Return the drawing order, which only exists in the plane."""
         return {"draw_order": order} if self.planar else {}
 
     def _log_obstacles(self, recording: rr.RecordingStream) -> None:
@@ -314,7 +314,7 @@ class ArmDrawing:
                 recording.log(f"{entity}/{part}", self.strips(in_space, colour, radius, -2.0), static=True)
 
     def _log_base(self, recording: rr.RecordingStream) -> None:
-        """Mark where the arm is mounted: the ground sign of mechanics, or in space a foot."""
+        """Mark the base of the arm: the ground sign of mechanics in the plane, a foot in space."""
         base = self.workcell.arm.base
         if self.planar:
             foot = [[(0, 0), (-9, 14), (9, 14), (0, 0)], [(-15, 14), (15, 14)]]
@@ -338,12 +338,12 @@ class ArmDrawing:
 
     @property
     def _foot_turn(self) -> Float[np.ndarray, "2 2"]:
-        """Return the quarter turns of the ground sign: it stands downwards, unless first links would cover it."""
+        """Return the quarter turns of the ground sign: it points down, unless first links would cover it."""
         base = self.workcell.arm.base.position
         first = self.nodes[1:][np.linalg.norm(self.nodes[:-1] - base, axis=1) < 1e-9] - base
         links = (first[:, :2] / np.maximum(np.linalg.norm(first[:, :2], axis=1), 1e-12)[:, None]) * (1.0, -1.0)
         turns = [np.linalg.matrix_power(np.array([[0.0, 1.0], [-1.0, 0.0]]), number) for number in (0, 1, 3, 2)]
-        nearest = [float((links @ turn[1]).max(initial=-1.0)) for turn in turns]  # the cosine to where it stands
+        nearest = [float((links @ turn[1]).max(initial=-1.0)) for turn in turns]  # the cosine to its direction
         return turns[0] if nearest[0] < SCENES.covered else turns[int(np.argmin(nearest))]
 
     def _log_places(self, recording: rr.RecordingStream) -> None:
@@ -363,22 +363,22 @@ class ArmDrawing:
             recording.log(f"{self.entity}/directions/heads/names", self._names(self._arrow_names, ends), static=True)
 
     def _names(self, names: Sequence[str], places: Float[np.ndarray, "names 3"]) -> Any:
-        """Return the names of places [m], in the plane off the arms, the arrows and all names before them."""
+        """Return the names of places [m]; in the plane they avoid arms, arrows and all earlier names."""
         if not self.planar:
             return self.points(places, SCREEN.target, 0.0, 1.0, labels=names, show_labels=True)
         start, *_ = named = list(self.workcell.places.values())
         shares = np.linspace(0.0, 1.0, 12)[:, None, None]
         arrows = (start + shares * (self._arrow_ends - start)).reshape(-1, 3)
-        links = self.nodes[:-1] + shares * np.diff(self.nodes, axis=0)  # of one posture after the other
+        links = self.nodes[:-1] + shares * np.diff(self.nodes, axis=0)  # posture after posture
         others = self.place(np.concatenate([links.reshape(-1, 3), arrows]))
         words, marks = [*self.workcell.places, *self._arrow_names], self.place(np.array([*named, *self._arrow_ends]))
         middles = separate_label_places(self._canvas, marks, words, others)
         return labels(names, middles[[words.index(name) for name in names]], SCREEN.target)
 
     def _targets(self) -> Any:
-        """Return the paths to follow: below what the tool does a wide line, in space beads on its string.
+        """Return the paths to follow: a wide line below other lines in the plane, beads along the path in space.
 
-        There two lines in one place would flicker through each other, whatever their widths.
+        In space two lines in one place would flicker, whatever their widths.
         """
         paths = self.workcell.paths
         if self.planar:
@@ -388,7 +388,7 @@ class ArmDrawing:
 
     @property
     def _arrow_ends(self) -> np.ndarray:
-        """Where arrows along the directions end."""
+        """End points of the arrows along the directions."""
         cell = self.workcell
         start = next(iter(cell.places.values()), np.zeros(3))
         return np.asarray(start + 0.3 * float(np.ptp(self.nodes, axis=0).max()) * cell.directions)
@@ -399,7 +399,7 @@ class ArmDrawing:
 
     @cached_property
     def _extent(self) -> np.ndarray:
-        """Points (points, 3) [m] that are to be seen."""
+        """Points (points, 3) [m] that must be visible."""
         cell = self.workcell
         around = [each for each in map(extent, cell.obstacles) if self.planar or np.ptp(each, axis=0).all()]
         seen = [self.nodes, cell.arm.base.position[None], *cell.paths, *(place[None] for place in cell.places.values())]
@@ -417,7 +417,7 @@ class ArmDrawing:
 
 
 def beads(path: Float[np.ndarray, "samples 3"], *, gap: float) -> Float[np.ndarray, "beads 3"]:
-    """Return points along a path, its two ends among them, evenly and about a ``gap`` apart.
+    """Return points evenly along a path, about a ``gap`` apart, including its two ends.
 
     >>> beads(np.array([[0.0, 0, 0], [1, 0, 0]]), gap=0.5)[:, 0].tolist()
     [0.0, 0.5, 1.0]
@@ -427,11 +427,11 @@ def beads(path: Float[np.ndarray, "samples 3"], *, gap: float) -> Float[np.ndarr
     return np.stack([np.interp(places, lengths, path[:, axis]) for axis in range(3)], axis=1)
 
 
-# Where a tool is to be, marked around the tool of an arm, and whether an arm on top leaves others to be seen.
+# The mark of a tool's target, and whether a solid arm hides another one.
 
 
 def target_mark(drawing: ArmDrawing, place: Float[np.ndarray, " 3"]) -> Any:
-    """Return the mark of a place [m] that a tool on it does not cover: in the plane a ring, in space a cross."""
+    """Return the mark of a target [m] that the tool does not cover: a ring in the plane, a cross in space."""
     if drawing.planar:
         turn = np.linspace(0.0, 2 * np.pi, 49)
         ring = drawing.place(place) + MARKS.target_ring * np.stack([np.cos(turn), np.sin(turn)], axis=1)
@@ -441,7 +441,7 @@ def target_mark(drawing: ArmDrawing, place: Float[np.ndarray, " 3"]) -> Any:
 
 
 def is_seen_beside(drawing: ArmDrawing, distance: float) -> bool:
-    """Say whether a thin arm at a ``distance`` [m] from a solid one is seen beside it, in space at an average depth."""
+    """Return whether a thin arm at a ``distance`` [m] from a solid one is visible; in space at an average depth."""
     if drawing.planar:
         origin, unit = drawing.place(np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]))
         return bool(distance * np.linalg.norm(unit - origin) > MARKS.solid_arm)

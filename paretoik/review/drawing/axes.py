@@ -1,7 +1,7 @@
-"""Axes drawn by hand: Rerun has no scatter view, so a plane with a frame, ticks and labels stands in for one.
+"""Axes drawn by hand: Rerun has no scatter view, so a plane with a frame, ticks and labels replaces it.
 
 A canvas maps a window of data onto a flat view whose second axis points down. Lengths on it are pixels of a viewer of
-1600 by 900, where text has its fixed size on the screen.
+1600 by 900. Text has a fixed size on the screen.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from jaxtyping import Float, Int
 from paretoik.arrays import Mask, Objectives, Values
 from paretoik.review.palette import DRAWING, SCREEN, VIEWS, Colour, even_rows
 
-# Words as the viewer can show them: it ends at a character that its only font (Inter) has not.
+# Text as the viewer can show it: it stops at a character that its only font (Inter) does not have.
 
 
 SYMBOLS = frozenset("•…–—“”‰€−×·≤≥≈≠→←↑↓∂∞√∫∑●■▲○◆″°")
@@ -47,7 +47,7 @@ def unbroken_units(words: str, units: Sequence[str]) -> str:
 
 
 def entity_names(names: Sequence[str]) -> list[str]:
-    """Return `names` as parts of entity paths: drawable, and still different from each other.
+    """Return `names` as parts of entity paths: drawable, and still unique.
 
     >>> entity_names(["能", "量", "jerk"])
     ['?', '? (2)', 'jerk']
@@ -71,16 +71,16 @@ def _is_drawable(character: str) -> bool:
 class TextSize:
     """Sizes of labels and margins around a canvas [pixels], as the viewer draws them.
 
-    Numbers end ``gap`` before the frame, the name of the axis upwards has its middle ``rise`` above it: enough that
-    none touches where a smaller window draws the frame by a tenth smaller, and words as large as ever.
+    ``rise`` and ``gap`` keep words apart in a smaller window too, which draws the frame a tenth smaller but words at
+    the same size.
     """
 
     line: float = 20.0
     character: float = 6.5
-    padding: float = 8.0  # of the box behind a label, left and right together
+    padding: float = 8.0  # of the box behind a label, left plus right
     drop: float = 12.0  # from a label's point down to its middle
-    gap: float = 8.0
-    rise: float = 21.0
+    gap: float = 8.0  # between numbers and the frame
+    rise: float = 21.0  # of the middle of the vertical axis label above the frame
     left: float = 74.0
     right: float = 22.0
     top: float = 34.0
@@ -94,12 +94,7 @@ Ticks = Float[np.ndarray, " _"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Canvas:
-    """A window (lower and upper corner) of a plane with a label an axis, ``width`` by ``height`` large at ``origin``.
-
-    ``ticked`` says which axes have ticks and their label; without, a neighbour has them. ``label_drop`` moves the label
-    below further down, out of a neighbour's way; no label reaches beyond the ``right_edge`` of the view, no number of a
-    tick below farther than ``overhang`` beyond the frame. Right of the frame ``side_room`` [pixels] are free.
-    """
+    """A window (corners ``low`` and ``high``) of a plane, drawn at ``origin`` with one label per axis."""
 
     low: Values
     high: Values
@@ -107,26 +102,26 @@ class Canvas:
     width: float = 500.0
     height: float = 390.0
     origin: Values = field(default_factory=lambda: np.zeros(2))
-    ticked: tuple[bool, bool] = (True, True)
-    label_drop: float = 0.0
-    right_edge: float = np.inf
-    overhang: float = np.inf
-    side_room: float = 0.0
+    ticked: tuple[bool, bool] = (True, True)  # which axes have ticks and a label; a neighbour has the others
+    label_drop: float = 0.0  # how far the lower label is moved down, away from a neighbour
+    right_edge: float = np.inf  # of the view: no label reaches beyond it
+    overhang: float = np.inf  # how far a number of a lower tick may reach beyond the frame
+    side_room: float = 0.0  # free space to the right of the frame [pixels]
 
     def place(self, points: np.ndarray) -> np.ndarray:
-        """Return where `points` (..., 2) lie on the view."""
+        """Return the positions on the view of `points` (..., 2)."""
         share = (points - self.low) / (self.high - self.low)
         x, y = self.origin[0] + share[..., 0] * self.width, self.origin[1] + (1.0 - share[..., 1]) * self.height
         return np.stack([x, y], axis=-1)
 
     def shows(self, points: np.ndarray) -> Mask:
-        """Say which of `points` (points, 2) lie in the window; NaN never does."""
+        """Return which of `points` (points, 2) are in the window; NaN never is."""
         share = (points - self.low) / (self.high - self.low)
         inside: Mask = (np.abs(share - 0.5) <= 0.5).all(axis=-1)
         return inside
 
     def fits(self, points: np.ndarray) -> bool:
-        """Say whether all `points` (points, 2) lie in the window and fill more than half of either side."""
+        """Return whether all `points` (points, 2) are in the window and fill more than half of each side."""
         return bool(self.shows(points).all() and (np.ptp(points, axis=0) > 0.5 * (self.high - self.low)).all())
 
     def bounds(self, *, right: float = TEXT.right) -> rrb.VisualBounds2D:
@@ -137,12 +132,12 @@ class Canvas:
 
     @property
     def upper_label_end(self) -> float:
-        """Where the label of the axis upwards ends, above the frame."""
+        """The end of the vertical axis label, above the frame."""
         return float(self.upper_label_middle[0] + 0.5 * text_width(self.labels[1]))
 
     @property
     def upper_label_middle(self) -> Values:
-        """The middle of the label of the axis upwards."""
+        """The middle of the vertical axis label."""
         across = 0.5 * text_width(self.labels[1]) - 0.8 * TEXT.left
         return np.asarray(self.origin + np.array([across, -TEXT.rise]))
 
@@ -172,7 +167,7 @@ class Canvas:
         return upright[np.array(fits, dtype=bool)], _countable(level, self.labels[1])
 
     def _labels(self, across: Ticks, along: Ticks) -> tuple[list[str], np.ndarray]:
-        """Return the words of ticks and axes, and where their middles are."""
+        """Return the words of ticks and axes, and their middles."""
         words, places = list[str](), list[np.ndarray]()
         (x, y), (width, height) = self.origin, (self.width, self.height)
         if self.ticked[0]:
@@ -187,7 +182,7 @@ class Canvas:
             tick_labels = tick_words(along)
             for word, place in zip(tick_labels, tick_places, strict=True):
                 middle = place - (0.5 * text_width(word) + TEXT.gap, 0.0)
-                if not _is_covered(word, middle, words, places):  # in the corner, by the first tick below
+                if not _is_covered(word, middle, words, places):  # in the corner, by the first horizontal tick
                     words.append(word)
                     places.append(middle)
             words.append(self.labels[1])
@@ -210,7 +205,7 @@ def labels(
 
 
 def _is_covered(word: str, middle: np.ndarray, words: Sequence[str], places: Sequence[np.ndarray]) -> bool:
-    """Say whether the label of a word would overlap one of others, around their middles."""
+    """Return whether the label of a word would overlap another label, given all middles."""
     return any(
         abs(middle[0] - place[0]) < 0.5 * (text_width(word) + text_width(other)) + TEXT.padding
         and abs(middle[1] - place[1]) < 0.8 * TEXT.line
@@ -229,7 +224,7 @@ def tick_text(tick: float) -> str:
 
 
 def tick_words(ticks: Ticks) -> list[str]:
-    """Return the words of ticks; of those too close for their digits the first, and how far the others lie above it.
+    """Return the words of ticks; if too close for their digits, the first and the offsets of the others.
 
     >>> tick_words(np.array([7698.38, 7698.3801]))
     ['7698.38', '+0.0001']
@@ -241,7 +236,7 @@ def tick_words(ticks: Ticks) -> list[str]:
 
 
 def _countable(ticks: Ticks, label: str) -> Ticks:
-    """Return the ticks of an axis; of one that counts the whole ones alone."""
+    """Return the ticks of an axis; only whole ones if it counts."""
     return ticks[np.abs(ticks - ticks.round()) < 1e-9] if label.startswith(COUNTED) else ticks
 
 
@@ -257,9 +252,9 @@ def window(points: np.ndarray, *, margin: float = 0.06) -> tuple[Values, Values]
 
 
 def axis_ranges(low: Values, high: Values) -> Values:
-    """Return the ranges of axes from `low` to `high`: of values that do not change a tenth of them, of zeros 1.
+    """Return the ranges of axes from `low` to `high`; for a constant, a tenth of it, and for zeros 1.
 
-    Values so small that their differences are subnormal count as zeros: nothing can be placed between them.
+    Values with subnormal differences count as zeros: nothing can be placed between them.
 
     >>> axis_ranges(np.array([2.0, 5.0, 0.0, 2e-200]), np.array([3.0, 5.0, 0.0, 3e-200])).tolist()
     [1.0, 0.5, 1.0, 1e-200]
@@ -278,7 +273,7 @@ def equal_window(points: np.ndarray, *, width: float, height: float) -> tuple[Va
 
 
 def fitting_ticks(low: float, high: float, *, room: float, size: Callable[[float], float], largest: int = 6) -> Values:
-    """Return round ticks inside [low, high] whose labels, ``size(tick)`` pixels each, all fit into ``room``."""
+    """Return round ticks in [low, high] whose labels, ``size(tick)`` pixels each, all fit into ``room``."""
     for count in range(largest, 1, -1):
         ticks = nice_ticks(low, high, count=count)
         if len(ticks) < 2 or max(map(size, ticks)) + 0.8 * TEXT.line <= room * (ticks[1] - ticks[0]) / (high - low):
@@ -287,14 +282,14 @@ def fitting_ticks(low: float, high: float, *, room: float, size: Callable[[float
 
 
 def nice_ticks(low: float, high: float, *, count: int = 5) -> Values:
-    """Return multiples of 1, 2 or 5 times a power of ten inside [low, high], about `count` at most."""
+    """Return multiples of 1, 2 or 5 times a power of ten in [low, high], about `count` at most."""
     step = _nice_step((high - low) / count)
     ticks: Values = np.arange(np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9) + 1) * step
     return ticks + 0.0  # no tick at minus zero
 
 
 def round_ends(low: float, high: float, *, count: int = 40) -> tuple[float, float]:
-    """Return the nearest ends around [low, high] that are multiples of a round step, about a `count`-th of it.
+    """Return the nearest multiples of a round step around [low, high]; the step is about a `count`-th of it.
 
     >>> round_ends(721.3, 1629.4)
     (700.0, 1650.0)
@@ -304,17 +299,17 @@ def round_ends(low: float, high: float, *, count: int = 40) -> tuple[float, floa
 
 
 def _nice_step(rough: float) -> float:
-    """Return 1, 2 or 5 times a power of ten that is hardly less than `rough`."""
+    """Return 1, 2 or 5 times a power of ten, at least `rough` except for rounding."""
     power = 10.0 ** np.floor(np.log10(rough))
     return float(power * next(factor for factor in (1.0, 2.0, 5.0, 10.0) if factor * power >= 0.999 * rough))
 
 
-# Parallel coordinates: an axis an objective beside each other, and a line a point across them.
+# Parallel coordinates: one axis per objective, and one line per point across them.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ParallelAxes:
-    """The axes of objectives with ``labels`` between the values ``low`` and ``high`` (n_obj,), drawn at ``entity``."""
+    """The axes of objectives with ``labels`` between ``low`` and ``high`` (n_obj,), drawn at ``entity``."""
 
     entity: str
     labels: tuple[str, ...]
@@ -323,7 +318,7 @@ class ParallelAxes:
 
     @staticmethod
     def around(entity: str, labels: tuple[str, ...], shown: Objectives) -> ParallelAxes:
-        """Return axes that hold all of `shown` (points, n_obj), at least one point; inner ones have round ends."""
+        """Return axes that contain all of `shown` (points, n_obj), at least one point; inner ones have round ends."""
         low, high = shown.min(axis=0), shown.max(axis=0)
         margin = 0.04 * axis_ranges(low, high)
         low, high = low - margin, high + margin
@@ -340,9 +335,9 @@ class ParallelAxes:
         )
 
     def log(self, recording: rr.RecordingStream, *, static: bool) -> None:
-        """Draw axes, ticks and labels: numbers on the outer sides alone, as lines run between axes.
+        """Draw axes, ticks and labels; numbers are only on the outer sides, as lines run between axes.
 
-        Inner axes have ticks and numbers where they end alone.
+        Inner axes have ticks and numbers only at their ends.
         """
         strips, words, places = list[np.ndarray](), list[str](), list[tuple[float, float]]()
         for axis, (x, low, high) in enumerate(zip(self._x, self.low, self.high, strict=True)):
@@ -367,7 +362,7 @@ class ParallelAxes:
         recording.log(f"{self.entity}/axes/labels", labels(words, np.array(places)), static=static)
 
     def lines(self, F: Objectives, colour: Colour, radius: float, order: float) -> rr.LineStrips2D:
-        """Return a line a point of F (points, n_obj), evenly picked ones of many."""
+        """Return one line per point of F (points, n_obj), evenly picked ones of many."""
         finite = F[np.isfinite(F).all(axis=1)]
         inside = finite[((finite >= self.low) & (finite <= self.high)).all(axis=1)]
         heights = self._upwards(inside[drawn_rows(len(inside))], self.low, self.high)
@@ -397,11 +392,11 @@ class ParallelAxes:
 
     @property
     def _stagger(self) -> float:
-        """How far every second label is moved up, where neighbours would overlap."""
+        """How far every second label is moved up if neighbours would overlap."""
         room = VIEWS.chart[0] / len(self.labels)
         return TEXT.line if TEXT.character * max(map(len, self.labels)) > room - 10.0 else 0.0
 
 
 def drawn_rows(count: int) -> Int[np.ndarray, " rows"]:
-    """Return the rows of so many points that have a line."""
+    """Return the rows, among ``count`` points, that have a line."""
     return even_rows(count, DRAWING.parallel_lines)

@@ -1,6 +1,6 @@
-"""Curves over a search or a motion, drawn by hand: a series view is empty while the other timeline plays.
+"""Curves over a search or a motion, drawn by hand: a series view is empty while another timeline plays.
 
-The curves are there on every timeline; a cursor moves along them on the one that is theirs.
+The curves are visible on every timeline; a cursor moves along them on their own one.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from paretoik.review.palette import DRAWING, MARKS, SCREEN, VIEWS, Colour
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LimitLine:
-    """A limit over ``instants``: its ``values``, the name of what it limits, "" of everything, and its colour.
+    """A limit over ``instants``: its ``values``, the name of the limited joint ("" for all joints), and its colours.
 
-    The dashes of one that several share have their ``colours`` in turn.
+    If several joints share a limit, its dashes alternate between their ``colours``.
     """
 
     instants: Times
@@ -34,11 +34,12 @@ class LimitLine:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Chart:
-    """Named curves over instants, drawn at ``entity`` on axes that hold all of ``shown`` and the limits that are near.
+    """Named curves over instants, drawn at ``entity`` on axes that contain all of ``shown`` and the nearby limits.
 
-    ``shown`` are (points, 2), what will ever be drawn; values that are not finite are left out. Values that are nothing
-    beside limits and the ``usual`` ones are 0: axes then hold all limits, and usual values where no limit differs from
-    0. With ``dots`` instants have no order, and no lines join them. A curve of one point is a dot, too.
+    ``shown``: all points (points, 2) that will ever be drawn; non-finite values are left out. Values that are
+    negligible compared with limits and the ``usual`` ones count as 0: axes then contain all limits, and the usual
+    values if all limits are 0. With ``dots`` instants have no order, and no lines join them. A curve of one point is
+    also a dot.
     """
 
     entity: str
@@ -79,7 +80,7 @@ class Chart:
 
     def draw(self, recording: rr.RecordingStream, instants: Times, curves: Series, *, static: bool = False) -> None:
         """Draw curves (curves, instants) and their names, at the current time or for all times."""
-        low, high = self.canvas.low, self.canvas.high  # what leaves the picture runs along its edge
+        low, high = self.canvas.low, self.canvas.high  # what leaves the picture follows its edge
         strips = [self.canvas.place(np.clip(_finite_points(instants, curve), low, high)) for curve in curves]
         recording.log(f"{self.entity}/curves", *self._lines(strips), self._dots(strips), static=static)
         if len(curves) > 1:
@@ -89,27 +90,27 @@ class Chart:
             )
 
     def _lines(self, strips: Sequence[np.ndarray]) -> list[rr.LineStrips2D]:
-        """Return curves as lines, none where instants have no order."""
+        """Return curves as lines; none if instants have no order."""
         if self.dots:
             return []
         radii = rr.Radius.ui_points(MARKS.line / 2)
         return [rr.LineStrips2D(strips, colors=list(self.colours), radii=radii, draw_order=1.0)]
 
     def _dots(self, strips: Sequence[np.ndarray]) -> rr.Points2D:
-        """Return the points of curves as dots where no line shows them."""
+        """Return the points of curves as dots if no line shows them."""
         dotted = [strip if self.dots or len(strip) == 1 else strip[:0] for strip in strips]
         colours = [colour for colour, strip in zip(self.colours, dotted, strict=True) for _ in strip]
         radius = rr.Radius.ui_points(2.2 if max(map(len, dotted)) > MARKS.many_dots else 3.2)
-        order = 1.0 if self.dots else 3.0  # a dot alone is seen on the cursor
+        order = 1.0 if self.dots else 3.0  # a single dot is visible on the cursor
         return rr.Points2D(np.concatenate(dotted), colors=colours, radii=radius, draw_order=order)
 
     def log_cursor(self, recording: rr.RecordingStream, instant: float) -> None:
-        """Let a line stand at an instant, at the current time."""
+        """Draw a line at an instant, at the current time."""
         self._log_cursor_style(recording)
         recording.log(f"{self.entity}/cursor", rr.LineStrips2D.from_fields(strips=self._cursors(np.array([instant]))))
 
     def send_cursor(self, recording: rr.RecordingStream, columns: Sequence[rr.TimeColumn], instants: Times) -> None:
-        """Let a line stand at each of `instants` in turn, one row of `columns` an instant."""
+        """Draw a line at each of `instants`; one row of `columns` per instant."""
         self._log_cursor_style(recording)
         strips = rr.LineStrips2D.columns(strips=self._cursors(instants))
         recording.send_columns(f"{self.entity}/cursor", columns, strips)
@@ -124,12 +125,12 @@ class Chart:
 
     @cached_property
     def canvas(self) -> Canvas:
-        """Where the chart is drawn."""
+        """The canvas of the chart."""
         points = self.shown[np.isfinite(self.shown).all(axis=-1)]
         low, high = window(self._with_limits(points) if len(points) else np.array([[0.0, 0.0], [1.0, 1.0]]))
         if len(points) and np.ptp(points[:, 0]) > 0:
             low[0], high[0] = points[:, 0].min(), points[:, 0].max()
-            if self.dots:  # whole ones, not those on the frame by half
+            if self.dots:  # whole dots, not cut by the frame
                 margin = MARKS.dot_margin * (high[0] - low[0])
                 low[0], high[0] = low[0] - margin, high[0] + margin
         width = self.total[0] - TEXT.left - self._right
@@ -137,9 +138,9 @@ class Chart:
         return Canvas(low=low, high=high, labels=self.labels, width=width, height=height)
 
     def _with_limits(self, points: np.ndarray) -> np.ndarray:
-        """Return points and those of limits that are not too far from them.
+        """Return points together with the values of nearby limits.
 
-        Of values that are 0 all limits, and the usual values where no limit differs from 0.
+        If all values are 0, return all limits, and the usual values if all limits are 0.
         """
         low, high = points[:, 1].min(), points[:, 1].max()
         size, limits = max(abs(low), abs(high)), self._limit_values
@@ -162,7 +163,7 @@ class Chart:
         return bool(inside.any())
 
     def _dashes(self, limit: LimitLine) -> list[np.ndarray]:
-        """Return a limit as dashes, cut where it leaves the picture."""
+        """Return a limit as dashes, cut at the edge of the picture."""
         low, high = self.canvas.low, self.canvas.high
         count = int(self.canvas.width / MARKS.dash)
         x = np.linspace(low[0], high[0], count + 1)
@@ -174,9 +175,9 @@ class Chart:
         return [placed[i : i + 2] for i in range(0, count, 2) if seen[i] and seen[i + 1]]
 
     def _name_places(self, ends: Sequence[float]) -> Values:
-        """Return the middles of names: right of the ends of their curves, as many columns as it takes."""
+        """Return the middles of names, right of the ends of their curves, in as many columns as needed."""
         highest = -0.4 * TEXT.line
-        lowest = highest + self.canvas.height  # further down are the words of ticks
+        lowest = highest + self.canvas.height  # below are the words of ticks
         moved = _spread_labels(ends, gap=TEXT.line / self._name_columns, highest=highest, lowest=lowest)
         longest = text_width(max(self.names, key=len))
         order = np.argsort(np.argsort(moved, kind="stable"), kind="stable")
@@ -196,15 +197,15 @@ class Chart:
         return min(0.5 * self.total[0], 16.0 + (text_width(max(self.names, key=len)) + 8.0) * self._name_columns)
 
     def _fitting(self, words: str, shorter: str) -> str:
-        """Return words, or shorter ones where there is no room for them."""
+        """Return words, or shorter ones if they do not fit."""
         room = int((self.canvas.width - text_width(self.labels[1]) + 30.0) / TEXT.character)
         return words if len(words) <= room else shorter
 
 
 def fit_below_tabs(charts: Sequence[Chart], names_before: Sequence[str] = ()) -> list[Chart]:
-    """Return charts that are tabs below a view, those that become tabs of a tab lower by its row of names.
+    """Return charts that are tabs below a view; nested tabs are lower by their row of names.
 
-    Further tabs before them have ``names_before``.
+    ``names_before``: names of further tabs before them.
     """
     names = [*names_before, *(screen_text(chart.title) for chart in charts)]
     nested = nested_tabs(names, VIEWS.panels[0])[len(names_before) :]
@@ -213,7 +214,7 @@ def fit_below_tabs(charts: Sequence[Chart], names_before: Sequence[str] = ()) ->
 
 
 def _far_limits(limits: Sequence[LimitLine]) -> str:
-    """Return limits in words, those of one name together."""
+    """Return limits in words, grouped by name."""
     by_name: dict[str, list[str]] = {}
     for limit in limits:
         finite = limit.values[np.isfinite(limit.values)]
@@ -231,12 +232,12 @@ def _finite_points(instants: Times, curve: Times) -> np.ndarray:
 def _spread_labels(
     places: Sequence[float], *, gap: float, highest: float = -np.inf, lowest: float = np.inf
 ) -> list[float]:
-    """Return `places` moved by the smallest squares that leave neighbours at least a distance of `gap`, in their order.
+    """Return `places`, in their order, with the smallest squared moves that keep neighbours at least `gap` apart.
 
-    So those that crowd each other lie about the same middle as before, and others stay. None is further up than
-    ``highest`` where that leaves enough room, none further down than ``lowest``.
+    Crowded labels keep their common middle, and others stay. None is above ``highest`` if there is enough space, and
+    none is below ``lowest``.
     """
-    from scipy.optimize import isotonic_regression  # here: it takes its time
+    from scipy.optimize import isotonic_regression  # here: it loads slowly
 
     order, steps = np.argsort(places, kind="stable"), gap * np.arange(len(places))
     offsets = isotonic_regression(np.array(places, dtype=float)[order] - steps).x

@@ -1,6 +1,6 @@
-"""A chosen motion, or two beside each other, as a layer over the recording of a run.
+"""A chosen motion, or two to compare, as a layer over the recording of a run.
 
-It has a layout of its own, in which the recording's views are a second tab.
+The layer has its own layout, in which the recording's views are a second tab.
 """
 
 from __future__ import annotations
@@ -40,18 +40,18 @@ from paretoik.runs.file_replacement import only_writer, replace_file
 from paretoik.runs.files import RECORDING, read_plain_file
 from paretoik.runs.folder import check_no_run
 
-# A recording that is there already: its identity, entities, timelines and layout, to be shown beside a choice.
+# An existing recording: its identity, entities, timelines and layout, to be shown next to a choice.
 
 
-ROOTS: tuple[Literal["choice", "compared"], ...] = ("choice", "compared")  # of what was chosen since
-OF_RERUN = ("log_time", "log_tick")  # timelines that it adds itself
+ROOTS: tuple[Literal["choice", "compared"], ...] = ("choice", "compared")  # entities of later choices
+OF_RERUN = ("log_time", "log_tick")  # timelines that Rerun adds itself
 ORIGIN, VIEWPORT_ROOT = "ViewBlueprint:space_origin", "ViewportBlueprint:root_container"
 VIEWS_OF_LAYOUTS = ("/container/**", "/view/**")  # entities of layouts, without panels
 
 
 @dataclass(frozen=True, kw_only=True)
 class RecordedTimeline:
-    """A timeline that counts or measures time, from its ``begin`` on, a number or nanoseconds."""
+    """A timeline that counts or measures time, from ``begin`` on (a number or nanoseconds)."""
 
     kind: Literal["sequence", "duration"]
     begin: int
@@ -63,7 +63,7 @@ class RecordedTimeline:
 
 
 class RecordedTab(rrb.Container):
-    """The views of a recording's layout as they were drawn, with all names and sizes, below their ``root``."""
+    """The views of a recording's layout as drawn, with all names and sizes, below their ``root``."""
 
     def __init__(self, root: UUID, chunks: Iterable[rr.chunk.Chunk]) -> None:
         super().__init__(kind=rrb.components.ContainerKind.Vertical, name=None)
@@ -78,8 +78,8 @@ class RecordedTab(rrb.Container):
 class RecordedRun:
     """A recording: application, identity, entities, timelines by name, and its layout.
 
-    The layout is that which it had before anything was chosen: a ``root`` container, None where it had no layout, and
-    the ``chunks`` of its containers and views.
+    The layout is the one before any choice: a ``root`` container, None if there was no layout, and the ``chunks`` of
+    its containers and views.
     """
 
     application: str
@@ -96,12 +96,12 @@ class RecordedRun:
         return timelines[0] if timelines else "generation"
 
     def tab(self) -> RecordedTab | None:
-        """Return the views of the run as one tab; None where it had no layout."""
+        """Return the views of the run as one tab; None if it had no layout."""
         return None if self.root is None else RecordedTab(self.root, self.chunks)
 
 
 def read_recorded(file: Path) -> RecordedRun:
-    """Return what a recording has but for choices made since; raises InvalidInput where it cannot be read."""
+    """Return a recording without later choices; raises InvalidInput if it cannot be read."""
     entities: set[str] = set()
     timelines: dict[str, RecordedTimeline] = {}
     try:
@@ -113,7 +113,7 @@ def read_recorded(file: Path) -> RecordedRun:
         root, chunks = _layout(reader)
     except (OSError, RuntimeError, ValueError) as fault:
         cause = (str(fault).splitlines() or [type(fault).__name__])[0]
-        raise InvalidInput(f"{file}: wanted a recording of a run, got {cause}") from fault
+        raise InvalidInput(f"{file}: must be a recording of a run, got {cause}") from fault
     return RecordedRun(
         application=store.application_id,
         identity=store.recording_id,
@@ -130,7 +130,7 @@ def layouts_without_choice(reader: rr.chunk.RrdReader) -> list[rr.chunk.StoreEnt
 
 
 def _timelines(chunk: rr.chunk.Chunk, former: dict[str, RecordedTimeline]) -> dict[str, RecordedTimeline]:
-    """Return the timelines of a chunk, from where they begin in it or before."""
+    """Return the timelines of a chunk with their earliest beginning."""
     names = [name for name in chunk.timeline_names if name not in OF_RERUN]
     if not names or chunk.is_empty:
         return {}
@@ -145,7 +145,7 @@ def _timelines(chunk: rr.chunk.Chunk, former: dict[str, RecordedTimeline]) -> di
 
 
 def _layout(reader: rr.chunk.RrdReader) -> tuple[UUID | None, tuple[rr.chunk.Chunk, ...]]:
-    """Return the root container of the layout before anything was chosen, and the chunks of its parts."""
+    """Return the root container of the layout before any choice, and the chunks of its parts."""
     for layout in layouts_without_choice(reader)[:1]:
         roots = _values(reader.stream(store=layout), VIEWPORT_ROOT)
         chunks = tuple(reader.stream(store=layout).filter(content=VIEWS_OF_LAYOUTS).to_chunks())
@@ -154,12 +154,12 @@ def _layout(reader: rr.chunk.RrdReader) -> tuple[UUID | None, tuple[rr.chunk.Chu
 
 
 def _shows_choice(reader: rr.chunk.RrdReader, layout: rr.chunk.StoreEntry) -> bool:
-    """Say whether a layout has a view of a choice."""
+    """Return whether a layout has a view of a choice."""
     return any(origin.strip("/").split("/")[0] in ROOTS for origin in _values(reader.stream(store=layout), ORIGIN))
 
 
 def _values(chunks: Iterable[rr.chunk.Chunk], component: str) -> list[Any]:
-    """Return all values of a component of a layout, in the order in which they stand there."""
+    """Return all values of a component of a layout, in their order."""
     batches = (chunk.to_record_batch() for chunk in chunks)
     columns = [batch.column(component).to_pylist() for batch in batches if component in batch.schema.names]
     return [value for column in columns for row in column for value in row or ()]
@@ -169,9 +169,9 @@ def _values(chunks: Iterable[rr.chunk.Chunk], component: str) -> list[Any]:
 class ChoiceLayer:
     """One choice of a front, or two, with their motions on the timeline ``motion``.
 
-    On all others of the ``recorded`` run, if there is one, the arms stand still. ``names`` are what the choices are
-    called, by default points with their ids. Axes hold the motions of points ``around`` them, too. The layout is for a
-    viewer so many pixels wide, ``width``. Where it ``predicts``, the legend says how predictions are drawn.
+    On all other timelines of the ``recorded`` run, if there is one, the arms stand still. ``names``: names of the
+    choices, by default points with their ids. Axes also contain the motions of points ``around`` them. ``width``: width
+    of the viewer [pixels]. If it ``predicts``, the legend explains how predictions are drawn.
     """
 
     front: Front
@@ -183,7 +183,7 @@ class ChoiceLayer:
     predicts: bool = False
 
     def log(self, stream: rr.RecordingStream) -> None:
-        """Draw the front with the choices, what is to be known of them, and their arms."""
+        """Draw the front with the choices, their texts, and their arms."""
         self.log_front(stream)
         self.log_choices(stream)
 
@@ -202,9 +202,9 @@ class ChoiceLayer:
             )
 
     def log_choices(self, stream: rr.RecordingStream, times: Times = NO_TIMES) -> None:
-        """Draw the choices, for all times, and their arms along their motions, at ``times`` too.
+        """Draw the choices, for all times, and their arms along their motions, also at ``times``.
 
-        Where that was done before with other choices of the layer, what is drawn now takes their place.
+        A later call for other choices of the layer replaces what an earlier call drew.
         """
         for root, choice, point, motions in zip(ROOTS, self.choices, self._points, self._motions, strict=False):
             self.scene.log_points(
@@ -227,7 +227,7 @@ class ChoiceLayer:
                 self._log_motion(stream, motions, point, times)
 
     def log_prediction(self, stream: rr.RecordingStream, prediction: Prediction | None) -> None:
-        """Draw where a move is expected to lead, for all times, in grey; None removes it."""
+        """Draw the expected result of a move, for all times, in grey; None removes it."""
         F = np.zeros((0, len(self.front.names))) if prediction is None else prediction.objectives[None]
         self.scene.log_points(stream, "predicted", F, self._canvases, static=True)
         if self._parallel is not None:
@@ -238,7 +238,7 @@ class ChoiceLayer:
             self._motions[0].log_predicted(stream, motion)
 
     def _log_motion(self, stream: rr.RecordingStream, motions: MotionScene, point: RecordedPoint, times: Times) -> None:
-        """Let the arm of a point move, and stand still on the recording's timelines."""
+        """Draw the moving arm of a point; it stands still on the recording's timelines."""
         assert point.motion is not None
         motions.log(stream)
         begins = {} if self.recorded is None else {name: each.first for name, each in self.recorded.timelines.items()}
@@ -249,7 +249,7 @@ class ChoiceLayer:
         motions.send_motion(stream, point, times)
 
     def blueprint(self) -> rrb.Blueprint:
-        """Return the layout, with the views of the recorded run, if there is one, as a second tab."""
+        """Return the layout; the views of the recorded run, if any, are a second tab."""
         arms = [
             (motions.view(), [chart.view() for chart in motions.charts.values()])
             for motions in self._motions
@@ -261,7 +261,7 @@ class ChoiceLayer:
         ]
         below: list[rrb.View] = [] if self._parallel is None else [self._parallel.view()]
         front = self.scene.view() if self._canvases else None
-        name = " beside ".join(self._names)
+        name = " and ".join(self._names)
         tab = None if self.recorded is None else self.recorded.tab()
         narrow = self.width < VIEWS.width
         return choice_blueprint(
@@ -278,13 +278,13 @@ class ChoiceLayer:
 
     @property
     def _timeline(self) -> str:
-        """The timeline that plays: that of the motion, of arms that stand still that of the recorded run."""
+        """The timeline that plays: the motion's, or the recorded run's if arms stand still."""
         stands = self.recorded is not None and not is_moving(self._points)
         return self.recorded.timeline if stands and self.recorded is not None else "motion"
 
     @property
     def scene(self) -> SearchScene:
-        """How the front is drawn."""
+        """The style of the front."""
         front = self.front
         return SearchScene(
             names=tuple(front.names), units=tuple(front.units), maximised=tuple(front.maximised), root=(ROOTS[0],)
@@ -304,7 +304,7 @@ class ChoiceLayer:
 
     @cached_property
     def _motions(self) -> list[MotionScene | None]:
-        """The arms of the choices, on the same axes; None without a workcell or motions."""
+        """The arms of the choices on the same axes; None without a workcell or motions."""
         cell = workcell_of_front(self.front)
         if cell is None or any(point.motion is None for point in self._points):
             return [None] * len(self.choices)
@@ -335,15 +335,15 @@ class ChoiceLayer:
 
 # The recording of a run with the choice that was made on its front.
 #
-# What Rerun writes goes through a pipe into memory: on a full disk its file sink may hang. A new file replaces the
-# recording once it has been read back, or not at all.
+# Rerun's output goes through a pipe into memory, because its file sink may hang on a full disk. A new file replaces the
+# recording only after it has been read back.
 
 
 BLOCK = 1 << 20  # bytes read from a pipe at once
 
 
 class RecordedLayout(rrb.Blueprint):
-    """The layout that a recording had before anything was chosen, to be written again as it was."""
+    """The layout of a recording before any choice, to be written again unchanged."""
 
     def __init__(self, chunks: rr.chunk.LazyChunkStream) -> None:
         super().__init__()
@@ -354,29 +354,30 @@ class RecordedLayout(rrb.Blueprint):
 
 
 def show_choice_in_recording(front: Front, *, moved: Choice | None = None, source: Path | None = None) -> None:
-    """Let the recording in a front's run folder open on the present choice, or as it was made where there is none.
+    """Make the recording in a front's run folder open on the present choice.
 
-    A point that was ``moved`` to is shown beside the present choice, or alone where there is none or another run's
-    recording is the ``source``. Nothing is done for a closed loop, whose motion is its recording's anyhow. A recording
-    that cannot be read or replaced stays as it is, with a warning: the choice, or point, is kept elsewhere.
+    Without a choice it opens as recorded. A point that was ``moved`` to is shown next to the present choice, or without
+    it if there is none or if the ``source`` is another run's recording. Nothing is done for a closed loop: its motion
+    is already in its recording. A recording that cannot be read or replaced stays unchanged, with a warning: the
+    choice, or point, is kept elsewhere.
     """
     if front.folder is None or is_loop(front):
         return
     recording = front.folder / RECORDING
     source = recording if source is None else source
     try:
-        with only_writer(front.folder):  # so that of several choices the recording has the last
+        with only_writer(front.folder):  # so that the recording shows the last of several choices
             check_no_run(front.folder)
-            read_plain_file(source)  # no link, whose target would stay as it is
+            read_plain_file(source)  # not a link, whose target would stay unchanged
             point = front.choices.chosen
-            if point is not None and point.point not in front:  # of a newer front, whoever chose it
+            if point is not None and point.point not in front:  # of a newer front
                 return
             recorded = _read_whole(source)
             shown = {each.id: each for each in (chosen(front), moved) if each is not None}
             choice, compare = (*shown.values(), None, None)[:2]
             content = recording_with_choice(front, choice, recording=source, compare=compare)
             replace_file(recording, content, check=lambda file: _check_holds(file, recorded))
-    except Exception as fault:  # it is a view, and may fail in any way
+    except Exception as fault:  # a view may fail in any way
         cause = str(fault) if isinstance(fault, ParetoikError) else f"{recording}: {type(fault).__name__}: {fault}"
         what = "choice" if moved is None else "point"
         text = f"the recording stays as it was, the {what} is kept: {' '.join(cause.split())}"
@@ -386,9 +387,10 @@ def show_choice_in_recording(front: Front, *, moved: Choice | None = None, sourc
 def recording_with_choice(
     front: Front, choice: Choice | None, *, recording: Path, compare: Choice | None = None
 ) -> bytes:
-    """Return the content of a recording that opens on a choice, beside it another one, in place of one it may have.
+    """Return the content of a recording that opens on a choice, with another one next to it if given.
 
-    Without a choice it opens as it was made. Raises InvalidInput where the recording cannot be read.
+    It replaces an earlier choice. Without a choice it opens as recorded. Raises InvalidInput if the recording cannot be
+    read.
     """
     recorded = read_recorded(recording)
     reader = rr.chunk.RrdReader(recording)
@@ -409,7 +411,7 @@ def recording_with_choice(
 
 @contextmanager
 def _stream_into(content: bytearray, recorded: RecordedRun) -> Iterator[rr.RecordingStream]:
-    """Yield a stream of the same recording, all of which stands in ``content`` at the end."""
+    """Yield a stream of the same recording; ``content`` has all of it at the end."""
     source, sink = os.pipe()
 
     def drain() -> None:
@@ -432,18 +434,18 @@ def _stream_into(content: bytearray, recorded: RecordedRun) -> Iterator[rr.Recor
 
 
 def _read_whole(recording: Path) -> RecordedRun:
-    """Return what a recording has; raises InvalidInput for one that was cut off, of which some can be read."""
+    """Return a recording; raises InvalidInput if it was cut off, although some of it is readable."""
     with warnings.catch_warnings():
         warnings.simplefilter("error", RerunWarning)
         try:
             return read_recorded(recording)
         except RerunWarning as fault:
-            raise InvalidInput(f"{recording}: wanted a whole recording, got one that was cut off") from fault
+            raise InvalidInput(f"{recording}: must be a complete recording, got one that was cut off") from fault
 
 
 def _check_holds(file: Path, former: RecordedRun) -> None:
-    """Raise InvalidInput unless a recording has all that the former one has."""
+    """Raise InvalidInput unless a recording contains everything of the former one."""
     recorded = _read_whole(file)
     if recorded != former:
         missing = sorted(former.entities - recorded.entities)
-        raise InvalidInput(f"{file}: wanted all of the former recording, got one without {missing[:1]}")
+        raise InvalidInput(f"{file}: must have everything of the former recording, got one without {missing[:1]}")

@@ -1,4 +1,4 @@
-"""Where pairs of objectives are drawn: one view that holds a scatter of each, ticks at its outer edges alone."""
+"""The panels of pairs of objectives: one view with a scatter per pair, ticks only at its outer edges."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ from paretoik.review.recording.recorder import Generation, Population
 
 
 Layer = Literal["population", "final", "front", "chosen", "looked_at", "choice", "compared", "predicted"]
-LAYERS: dict[Layer, tuple[Colour, float, float]] = {  # colour, radius, which is drawn above which
+LAYERS: dict[Layer, tuple[Colour, float, float]] = {  # colour, radius, drawing order
     "population": (SCREEN.population, 2.2, 1.0),
     "final": (SCREEN.final, 2.6, 0.5),
     "front": (SCREEN.front, 3.2, 2.0),
     "chosen": (SCREEN.chosen, 6.5, 4.0),
-    "looked_at": (SCREEN.arm, 4.0, 4.5),  # as its arm; smaller, so that an end or a choice below it stays seen
+    "looked_at": (SCREEN.arm, 4.0, 4.5),  # as its arm; smaller, so that a best or chosen point below it stays visible
     "choice": (SCREEN.chosen, 6.5, 4.0),
     "compared": (SCREEN.compared, 6.5, 3.5),
     "predicted": (SCREEN.predicted, 5.5, 2.9),
@@ -38,7 +38,7 @@ LAYERS: dict[Layer, tuple[Colour, float, float]] = {  # colour, radius, which is
 
 
 def layer_points(layer: Layer, places: np.ndarray, hovered: Sequence[str] | None) -> rr.Points2D:
-    """Return the points of a layer at places (points, 2) [pixels], with what is said of them under the mouse."""
+    """Return the points of a layer at places (points, 2) [pixels], with their words under the mouse."""
     colour, radius, order = LAYERS[layer]
     radii = rr.Radius.ui_points(radius)
     return rr.Points2D(places, colors=colour, radii=radii, labels=hovered, show_labels=False, draw_order=order)
@@ -59,11 +59,11 @@ def log_ends(
     of: str = "",
     taken: Float[np.ndarray, "area 2"] | None = None,
 ) -> None:
-    """Mark the best points of the objectives called ``names`` at their ``places`` (points, 2), at the current time.
+    """Mark the best points of the objectives ``names`` at their ``places`` (points, 2), at the current time.
 
-    Of those that lie on each other, or on the chosen one, every mark is a ring around the next. The names of those that
-    are one point stand beside it, off ``others`` (points, 2) and what is ``taken`` [pixels], unless the former are
-    None. ``of`` says whose ids they have.
+    If several coincide, or one coincides with the chosen one, each mark is a ring around the next. A point that is best
+    in several objectives has their names next to it, off ``others`` (points, 2) and what is ``taken`` [pixels]; without
+    ``others`` no names are drawn. ``of`` says whose ids the points have.
     """
     ends = [row for row, point in enumerate(points) if point.axis is not None]
     chosen = {point.id for point in points if point.axis is None}
@@ -82,7 +82,7 @@ def log_ends(
     recording.log([*entity, "ends"], markers)
     if others is None:
         return
-    for number in range(max(1, len(names) // 2)):  # as many as there can be
+    for number in range(max(1, len(names) // 2)):  # the largest possible number of labels
         shown, rows = list(shared)[number : number + 1], list(shared.values())[number : number + 1]
         everything = np.concatenate([places[rows], others, places])
         log_name(recording, [*entity, "ends", f"names_{number}"], canvas, shown, everything, SCREEN.text, taken=taken)
@@ -91,14 +91,14 @@ def log_ends(
 def ring_radii(
     at: Float[np.ndarray, "points 2"], marks: Sequence[int], chosen: Sequence[int]
 ) -> Float[np.ndarray, " marks"]:
-    """Return the radii of marks [pixels] at their places among those of points: wider by a ring for each on top."""
+    """Return the radii of marks [pixels] at their places; each mark on top adds a ring."""
     apart = np.linalg.norm(at[list(marks), None] - at[[*marks, *chosen]], axis=2)
     on_top = np.triu(apart < MARKS.end, k=1).sum(axis=1)  # a later mark is drawn above, the chosen point above all
     return np.asarray(MARKS.end + MARKS.ring * on_top, dtype=float)
 
 
 def best_words(points: Sequence[RecordedPoint], row: int, names: Sequence[str]) -> str:
-    """Return what the point of a row is best in, a line an objective."""
+    """Return the objectives in which a row's point is best, one per line."""
     same = [point.axis for point in points if point.axis is not None and point.id == points[row].id]
     return "\n".join(f"best {screen_text(names[axis])}" for axis in same)
 
@@ -108,18 +108,18 @@ Pair = tuple[int, int]
 
 @dataclass(frozen=True, kw_only=True)
 class Panels:
-    """The panels of objectives with ``labels``: for each pair, first across and second upwards, its cell in a grid."""
+    """The panels of objectives with ``labels``: each pair (horizontal, vertical) and its cell in a grid."""
 
     labels: tuple[str, ...]
 
     @property
     def pairs(self) -> list[Pair]:
-        """All pairs up to five objectives, neighbours beyond; none of one."""
+        """All pairs for up to five objectives, only neighbours for more; none for one objective."""
         n_obj = len(self.labels)
         return list(combinations(range(n_obj), 2) if n_obj <= DRAWING.matrix else pairwise(range(n_obj)))
 
     def canvases(self, shown: Objectives) -> list[Canvas]:
-        """Return a canvas a pair whose windows hold `shown`, none where it has no finite point."""
+        """Return one canvas per pair, scaled to show `shown`; none if it has no finite point."""
         shown = shown[np.isfinite(shown).all(axis=1)]
         if len(shown) == 0 or not self.pairs:
             return []
@@ -127,7 +127,7 @@ class Panels:
         return [self._canvas(number, low, high) for number, (low, high) in enumerate(corners)]
 
     def bounds(self) -> rrb.VisualBounds2D:
-        """Return the bounds of the view that holds all panels."""
+        """Return the bounds of the view that contains all panels."""
         canvases = [self._canvas(number, np.zeros(2), np.ones(2)) for number in range(len(self.pairs))]
         right = max(canvas.origin[0] + canvas.width for canvas in canvases) + TEXT.right
         bottom = max(canvas.origin[1] + canvas.height for canvas in canvases) + TEXT.bottom + self._stagger
@@ -166,7 +166,7 @@ class Panels:
 
     @property
     def _stagger(self) -> float:
-        """How far every second label below is moved down, where neighbours would overlap."""
+        """How far every second label below is moved down if neighbours would overlap."""
         count = len(self.labels) - 1
         if not 1 < count < DRAWING.matrix:
             return 0.0
@@ -175,7 +175,7 @@ class Panels:
 
 
 def outside_panels(pairs: Sequence[Pair], canvases: Sequence[Canvas], points: Objectives) -> int:
-    """Return how many points (points, n_obj) at least one of the panels does not show; none where there are none."""
+    """Return how many points (points, n_obj) at least one panel does not show; 0 without panels."""
     seen = [canvas.shows(points[:, list(pair)]) for pair, canvas in zip(pairs, canvases, strict=False)]
     return int((~np.all(seen, axis=0)).sum()) if seen else 0
 
@@ -183,7 +183,7 @@ def outside_panels(pairs: Sequence[Pair], canvases: Sequence[Canvas], points: Ob
 def normalised(F: Objectives, reference: Population) -> Objectives:
     """Return points as shares of the ranges of a front.
 
-    Where a front has but one value this is in the middle, as all its points are best, and others are infinitely far.
+    If a front has only one value in an objective, its points are in the middle and other points are infinitely far.
     """
     low, width = reference.min(axis=0), np.ptp(reference, axis=0)
     without_range = np.where(low == F, 0.5, np.copysign(np.inf, F - low))
@@ -192,9 +192,9 @@ def normalised(F: Objectives, reference: Population) -> Objectives:
 
 
 def replay_window(fronts: Sequence[Float[np.ndarray, "_ n_obj"]]) -> Objectives:
-    """Return corners (2, n_obj) around the last of `fronts` and, as far as they are near, those before it.
+    """Return corners (2, n_obj) around the last of `fronts` and, if they are near, the earlier ones.
 
-    An early front may lie far off; the window reaches at most one and a half of the final range beyond the final one.
+    An early front may be far away; the window reaches at most 1.5 final ranges beyond the final front.
     """
     everything, front = np.concatenate(fronts), fronts[-1]
     low, high = front.min(axis=0), front.max(axis=0)
@@ -202,14 +202,14 @@ def replay_window(fronts: Sequence[Float[np.ndarray, "_ n_obj"]]) -> Objectives:
     return np.stack([np.maximum(everything.min(axis=0), low - reach), np.minimum(everything.max(axis=0), high + reach)])
 
 
-# What lines a panel of two objectives shows: bounds ε of a sweep, and where refined points came from.
+# The lines in a panel of two objectives: bounds ε of a sweep, and moves of refined points.
 
 
 @dataclass(frozen=True, kw_only=True)
 class PanelLines:
-    """The lines of generations of a ``timeline``: levels have bounds, refinements moves, others none.
+    """The lines of generations of a ``timeline``: levels have bounds, refinements have moves, others none.
 
-    Names and units are those of the objectives, ``maximised`` says which are.
+    Names, units and ``maximised`` describe the objectives.
     """
 
     names: tuple[str, ...]
@@ -227,7 +227,7 @@ class PanelLines:
             log_bounds(recording, [*entity, "epsilon"], self._bounds(canvas, pair, generation))
 
     def points(self, canvas: Canvas, pair: Pair, generation: Generation) -> Float[np.ndarray, "points 2"]:
-        """Return points [pixels] all over those lines and what is said of them, for labels to keep off them."""
+        """Return points [pixels] on those lines and their words, which labels must avoid."""
         if self.timeline == "refinement":
             return line_points(self._moves(canvas, pair, generation))
         return bound_points(self._bounds(canvas, pair, generation)) if self.timeline == "level" else np.zeros((0, 2))
@@ -245,7 +245,7 @@ class PanelLines:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Bound:
-    """A bound ε as a line across a panel, and what is said beside its end, all [pixels]."""
+    """A bound ε as a line across a panel, and the words at its end, all [pixels]."""
 
     ends: Float[np.ndarray, "2 2"]
     words: str
@@ -258,9 +258,9 @@ def bounds_in(
     labelled: tuple[tuple[str, str], tuple[str, str]],
     maximised: tuple[bool, bool],
 ) -> list[Bound]:
-    """Return the finite bounds of the two objectives of a panel that it shows; none where ``epsilon`` is None.
+    """Return the finite bounds of the two objectives of a panel that it shows; none if ``epsilon`` is None.
 
-    ``labelled`` are names and units. What a bound is stands beside its line, off the other line and what that is.
+    ``labelled`` are names and units. The words of a bound are next to its line and avoid the other line and its words.
     """
     lines, words = list[np.ndarray](), list[str]()
     for axis in range(2) if epsilon is not None else ():
@@ -274,7 +274,7 @@ def bounds_in(
         lines.append(canvas.place(line))
         words.append(f"ε: {name} {sense} {bound:.4g} {unit}".rstrip())
     bounds = list[Bound]()
-    for number, ends in reversed(list(enumerate(lines))):  # words beside an upright line have more places
+    for number, ends in reversed(list(enumerate(lines))):  # words next to a vertical line have more places
         others = [line_points(other[None]) for other in lines[:number] + lines[number + 1 :]]
         areas = [label_area(bound.middle, bound.words) for bound in bounds]
         taken = np.concatenate([np.zeros((0, 2)), *others, *areas])
@@ -285,7 +285,7 @@ def bounds_in(
 
 
 def log_bounds(recording: rr.RecordingStream, entity: Sequence[str], bounds: Sequence[Bound]) -> None:
-    """Draw the bounds of a panel at the current time, with what they are."""
+    """Draw the bounds of a panel at the current time, with their words."""
     ends, words = [bound.ends for bound in bounds], [bound.words for bound in bounds]
     lines = rr.LineStrips2D(ends, colors=SCREEN.epsilon, radii=rr.Radius.ui_points(1.0), draw_order=0.5)
     recording.log(list(entity), lines)
@@ -294,7 +294,7 @@ def log_bounds(recording: rr.RecordingStream, entity: Sequence[str], bounds: Seq
 
 
 def bound_points(bounds: Sequence[Bound]) -> Float[np.ndarray, "points 2"]:
-    """Return points along bounds and all over what is said of them [pixels]: other labels are to keep off them."""
+    """Return points along bounds and on their words [pixels], which other labels must avoid."""
     areas = [label_area(bound.middle, bound.words) for bound in bounds]
     return np.concatenate([line_points(np.array([bound.ends for bound in bounds]).reshape(-1, 2, 2)), *areas])
 
@@ -302,14 +302,15 @@ def bound_points(bounds: Sequence[Bound]) -> Float[np.ndarray, "points 2"]:
 def _end_label_place(
     canvas: Canvas, ends: Float[np.ndarray, "2 2"], words: str, others: Float[np.ndarray, "marks 2"]
 ) -> Float[np.ndarray, " 2"]:
-    """Return the middle of words beside a line across a panel that covers fewest of ``others``, within the frame.
+    """Return the middle of the words of a line in a panel that cover the fewest of ``others``, within the frame.
 
-    Of such that nearest to where the line ends, on the side that has more room; on the line where neither has enough.
+    Among these, take the one nearest the end of the line, on the side with more space; on the line if neither side has
+    enough.
     """
     half = np.array([0.5 * text_width(words) + 8.0, half_size(words)[1]])
     offset, middle = half + np.array([6.0, 4.0]), canvas.origin + 0.5 * np.array([canvas.width, canvas.height])
     inwards = np.where(ends[-1] > middle, -1.0, 1.0)
-    across = np.abs(ends[1] - ends[0]) < 1e-9  # the axis along which a line has two sides
+    across = np.abs(ends[1] - ends[0]) < 1e-9  # the axis across the line
     last, first = ends[-1] + inwards * offset, ends[0] + np.where(across, inwards, -inwards) * offset
     places = last + np.linspace(0.0, 1.0, MARKS.label_grid)[:, None] * (first - last)
     middles = np.stack([places, places - 2.0 * across * inwards * offset], axis=1).reshape(-1, 2)
@@ -321,7 +322,7 @@ def _end_label_place(
 
 
 def moves_in(canvas: Canvas, origins: Objectives | None, front: Objectives) -> Float[np.ndarray, "moves 2 2"]:
-    """Return from where each point (points, 2) was to where it is, as lines [pixels]; none without origins."""
+    """Return the move of each point (points, 2) from its origin as a line [pixels]; none without origins."""
     origins = front[:0] if origins is None else origins
     seen = canvas.shows(origins) & canvas.shows(front[: len(origins)])
     return np.stack([canvas.place(origins[seen]), canvas.place(front[: len(origins)][seen])], axis=1)

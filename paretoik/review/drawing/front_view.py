@@ -1,4 +1,4 @@
-"""The Rerun viewer in a notebook, on a front: what is selected there is known here, and its motion is shown."""
+"""The Rerun viewer in a notebook, on a front: Python knows the selected points and shows their motions."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ from paretoik.review.drawing.motion import motion_frames
 from paretoik.review.palette import DRAWING, VIEWS, even_rows
 from paretoik.review.recording.messages import front_point
 
-if TYPE_CHECKING:  # it wants an extra
+if TYPE_CHECKING:  # it needs an extra
     from paretoik.review.drawing.preference_sliders import Kind, SliderWish
 
 PACKAGES = "rerun_notebook", "anywidget"
-ASSET = "RERUN_NOTEBOOK_ASSET"  # where the browser gets the viewer from; by default the Rerun company's server
+ASSET = "RERUN_NOTEBOOK_ASSET"  # source of the viewer for the browser; by default the Rerun company's server
 ROOT = ROOTS[0]
 
 
@@ -43,7 +43,7 @@ class FrontView:
         self._choice = pick_point(front, None, name="view", otherwise=compromise)
         self._selected: Ids = np.zeros(0, dtype=np.int64)
         self._callbacks = list[Callable[[Ids], object]]()
-        self._times = np.zeros(0)  # of all motions that were shown
+        self._times = np.zeros(0)  # of all motions shown so far
         around = tuple(front_point(front, row) for row in even_rows(len(front), DRAWING.walk).tolist())
         self._layer = ChoiceLayer(
             front=front,
@@ -74,7 +74,7 @@ class FrontView:
 
     @property
     def selected(self) -> Ids:
-        """The ids of the points that were selected last; none where something else was."""
+        """The ids of the points of the last selection; empty if something else was selected."""
         return self._selected
 
     @property
@@ -83,12 +83,12 @@ class FrontView:
         return self._choice
 
     def on_select(self, callback: Callable[[Ids], object]) -> None:
-        """Have a function called with the ids of every selection from now on.
+        """Register a function that is called with the ids of every later selection.
 
-        Raises InvalidInput for what cannot be called.
+        Raises InvalidInput if it is not callable.
         """
         if not callable(callback):
-            raise InvalidInput(f"on_select: a function wanted, got {shown(callback)}")
+            raise InvalidInput(f"on_select: must be a function, got {shown(callback)}")
         self._callbacks.append(callback)
 
     def show(self, point: int | Choice) -> None:
@@ -102,7 +102,7 @@ class FrontView:
         self._draw(None, "idle", f"point {self._choice.id}: drag a slider to what should get better")
 
     def _predict(self, wish: SliderWish) -> None:
-        """Draw where the move that is wished for is expected to lead; say why where it is not known."""
+        """Draw the expected result of the desired move, or give the reason if it is unknown."""
         try:
             prediction = self._front.predict(self._choice, improve=wish.improve, to=wish.to, hold=wish.hold)
         except ParetoikError as error:
@@ -111,7 +111,7 @@ class FrontView:
             self._draw(prediction, "predicted", "predicted, not certified: release to move there")
 
     def _move(self, wish: SliderWish) -> None:
-        """Move to the certified point, show it, and select it; say why where there is none."""
+        """Move to the certified point, show it, and select it, or give the reason if there is none."""
         try:
             moved = self._front.navigate(self._choice, improve=wish.improve, to=wish.to, hold=wish.hold)
         except ParetoikError as error:
@@ -133,7 +133,7 @@ class FrontView:
         self.sliders.show(self._front, self._choice, kind, words, prediction)
 
     def __repr__(self) -> str:
-        """Return in a line what is shown and selected."""
+        """Return a line about what is shown and selected."""
         return f"FrontView of {len(self._front)} points: shows {self._choice.id}, selected {self._selected.tolist()}"
 
     def _ipython_display_(self) -> None:
@@ -143,14 +143,14 @@ class FrontView:
         self.viewer.display()
 
     def _log_choice(self) -> None:
-        """Draw the choice at all times that anything was drawn at before, so that nothing of that is left."""
+        """Draw the choice at all times at which something was drawn before, to replace all of it."""
         motion = self._choice.motion
         if getattr(motion, "time", None) is not None:
             self._times = np.union1d(self._times, motion_frames(np.asarray(motion.time) - motion.time[0]))
         self._layer.log_choices(self._stream, self._times)
 
     def _receive(self, event: Any) -> None:
-        """Take in an event of the viewer."""
+        """Handle an event of the viewer."""
         if event.type != "selection_change":
             return
         items = [item for item in event.items if item.type == "entity"]
@@ -166,9 +166,9 @@ class FrontView:
             callback(self._selected)
 
     def _ids_of(self, item: Any) -> Ids:
-        """Return the ids of the points that an entity draws, or of the one that an instance of it stands for."""
+        """Return the ids of the points that an entity, or one instance of it, represents."""
         first, *_, last = parts = item.entity_path.strip("/").split("/")
-        if not first.startswith(ROOT) or "predicted" in parts:  # what is predicted is no point
+        if not first.startswith(ROOT) or "predicted" in parts:  # a prediction is not a point
             return np.zeros(0, dtype=np.int64)
         ids = self._front.ids
         if last == "front" and "parallel" in parts[1:2]:
@@ -192,15 +192,15 @@ def open_view(
     width: int | Literal["auto"],
     height: int | Literal["auto"],
 ) -> FrontView:
-    """Return the view that ``front.view`` promises."""
+    """Return the view that ``front.view`` documents."""
     for package in PACKAGES:
         if find_spec(package) is None:
             raise InvalidInput(
-                f'view: the package {package.replace("_", "-")} wanted (pip install "paretoik[notebook]"), got none'
+                f'view: the package {package.replace("_", "-")} must be installed: pip install "paretoik[notebook]"'
             )
     check_has_points(front, "view")
     os.environ.setdefault(ASSET, "serve-local")  # before the package is loaded
-    with redirect_stdout(io.StringIO()):  # where it says that it serves
+    with redirect_stdout(io.StringIO()):  # the server prints that it serves
         from rerun.notebook import Viewer
 
     def viewer(stream: rr.RecordingStream) -> Viewer:

@@ -1,4 +1,4 @@
-"""Where the label of a mark covers least of what else is drawn, and the line that joins the two."""
+"""The place of a mark's label that covers least of what else is drawn, and the line between the two."""
 
 from __future__ import annotations
 
@@ -24,21 +24,15 @@ from paretoik.review.outlines import (
 )
 from paretoik.review.palette import MARKS, Colour
 
-# How large the labels of marks are, as the viewer draws them: words on a plate, whose letters differ in width.
+# The sizes of labels as the viewer draws them: words on a plate, in letters of different widths.
 
 
 @dataclass(frozen=True, kw_only=True)
 class LabelOptions:
-    """Sizes of labels [pixels], measured in pictures of the viewer.
+    """Sizes of labels [pixels], measured in pictures of the viewer."""
 
-    ``letters`` are widths of letters as shares of the ``height`` of the viewer's font, Inter; capitals, figures and
-    letters that are in none of the groups have the ``usual`` one. Lines are ``line`` apart, and the plate is larger
-    than the words by ``padding`` across and upwards. A label takes ``reserve`` times as much of a frame that a smaller
-    window draws smaller, since it is as large as ever.
-    """
-
-    height: float = 12.5
-    letters: tuple[tuple[float, str], ...] = (
+    height: float = 12.5  # of the viewer's font, Inter
+    letters: tuple[tuple[float, str], ...] = (  # widths of groups of letters, as shares of the height
         (0.24, "ijlI'"),
         (0.28, " .,:;!·"),
         (0.365, "frt()[]{}/|"),
@@ -48,10 +42,10 @@ class LabelOptions:
         (0.74, "CDGHNOQU"),
         (0.87, "mwMW%@↑"),
     )
-    usual: float = 0.61
-    line: float = 15.0
-    padding: tuple[float, float] = (11.0, 8.0)
-    reserve: float = 1.06
+    usual: float = 0.61  # width of letters that are in none of the groups
+    line: float = 15.0  # distance between lines
+    padding: tuple[float, float] = (11.0, 8.0)  # how much larger the plate is than the words, across and upwards
+    reserve: float = 1.06  # factor of a label's size: a smaller window draws the frame smaller, but not the label
 
 
 LABEL = LabelOptions()
@@ -70,12 +64,12 @@ def half_size(words: str) -> Float[np.ndarray, " 2"]:
 
 
 def below_first(words: str) -> float:
-    """Return how far the middle of words lies below that of their first line [pixels]."""
+    """Return how far the middle of words is below the middle of their first line [pixels]."""
     return 0.5 * LABEL.line * words.count("\n")
 
 
 def _width(line: str) -> float:
-    """Return how wide a line of words is [pixels]."""
+    """Return the width of a line of words [pixels]."""
     shares = (next((share for share, group in LABEL.letters if letter in group), LABEL.usual) for letter in line)
     return LABEL.height * sum(shares)
 
@@ -87,9 +81,9 @@ DrawnLabel: TypeAlias = tuple[rr.Points2D, rr.LineStrips2D]  # the words, and th
 def label_place(
     canvas: Canvas, mark: Float[np.ndarray, " 2"], words: str, others: Float[np.ndarray, "marks 2"]
 ) -> Float[np.ndarray, " 2"]:
-    """Return the middle of the label of a `mark` that covers fewest of ``others``, all [pixels]; the nearest of such.
+    """Return the nearest middle of a `mark`'s label that covers the fewest of ``others``, all [pixels].
 
-    It lies within the frame wherever that has room.
+    It is within the frame if there is space.
     """
     half = half_size(words)
     height = 2.0 * float(half[1]) + MARKS.label_gap
@@ -102,7 +96,7 @@ def label_place(
 def separate_label_places(
     canvas: Canvas, marks: Float[np.ndarray, "marks 2"], words: Sequence[str], others: Float[np.ndarray, "others 2"]
 ) -> Float[np.ndarray, "marks 2"]:
-    """Return the middles of the labels of ``marks`` [pixels] off ``others``, each off the labels before it, too."""
+    """Return the middles of the labels of ``marks`` [pixels], which avoid ``others`` and earlier labels."""
     middles = np.zeros((len(marks), 2))
     for row, mark in enumerate(marks):
         middles[row] = label_place(canvas, mark, words[row], others)
@@ -117,10 +111,10 @@ def joined_label_place(
     others: Float[np.ndarray, "marks 2"],
     lines: Lines = NO_LINES,
 ) -> Float[np.ndarray, " 2"]:
-    """Return the middle of the label of a `mark` that a line joins to it: where beside it none is free, farther off.
+    """Return the middle of a `mark`'s label; if no place next to the mark is free, it is farther away, with a line.
 
-    Farther off are all places in the frame, then those of the margins, where the name of the axis upwards alone is. The
-    line crosses none of ``lines`` and touches none of ``others`` where that can be.
+    Farther places are first all those in the frame, then those of the margins, which only contain the vertical axis
+    label. If possible, the line crosses none of ``lines`` and touches none of ``others``.
     """
     others = np.concatenate([others, _title_area(canvas)])
     half, near = half_size(words), label_place(canvas, mark, words, others)
@@ -139,19 +133,19 @@ def joined_label_place(
 def label_points(
     canvas: Canvas, mark: Float[np.ndarray, " 2"], words: str, others: Float[np.ndarray, "marks 2"]
 ) -> Float[np.ndarray, "area 2"]:
-    """Return points all over the joined label of a `mark`, for others to keep clear of."""
+    """Return points on the joined label of a `mark`, which others must avoid."""
     return label_area(joined_label_place(canvas, mark, words, others), words)
 
 
 def label_lines(mark: Float[np.ndarray, " 2"], middle: Float[np.ndarray, " 2"], words: str) -> Lines:
-    """Return the line from a `mark` to its label, and the label's diagonals, for other lines not to cross."""
+    """Return the line from a `mark` to its label, and the label's diagonals, which other lines must not cross."""
     half = half_size(words)
     across = half * [1.0, -1.0]
     return np.array([[mark, middle], [middle - half, middle + half], [middle - across, middle + across]])
 
 
 def label_area(middle: Float[np.ndarray, " 2"], words: str) -> Float[np.ndarray, "area 2"]:
-    """Return points all over a label around its `middle`."""
+    """Return points on a label around its `middle`."""
     grid = np.stack(np.meshgrid(np.linspace(-1.0, 1.0, 9), np.linspace(-1.0, 1.0, 3)), axis=-1).reshape(-1, 2)
     return np.asarray(middle + plate_half(words) * grid)
 
@@ -163,9 +157,9 @@ def named_area(
     avoided: Objectives | None,
     taken: Float[np.ndarray, "taken 2"] | None = None,
 ) -> tuple[Float[np.ndarray, "area 2"], Lines]:
-    """Return what is ``taken`` [pixels] with the label of a point off it and off what is ``avoided``, and its lines.
+    """Return ``taken`` [pixels] plus the label of a point, which avoids it and ``avoided``, and the label's lines.
 
-    Of a point that is not shown, or None, there is no label.
+    A point that is not shown, or None, has no label.
     """
     area = np.zeros((0, 2)) if taken is None else taken
     if labelled is None or not canvas.shows(labelled[0][None, columns])[0]:
@@ -180,7 +174,7 @@ def named_area(
 def joined_label(
     canvas: Canvas, mark: np.ndarray, words: str, others: np.ndarray, colour: Colour, lines: Lines = NO_LINES
 ) -> DrawnLabel:
-    """Return the label of a `mark` at the best place for it, and where that is farther off a line to it."""
+    """Return the label of a `mark` at its best place, with a line to it if it is farther away."""
     middle, half = joined_label_place(canvas, mark, words, others, lines), half_size(words)
     within = plate_half(words) - MARKS.overlap
     tip = np.clip(mark, middle - within, middle + within)
@@ -190,12 +184,12 @@ def joined_label(
 
 
 def no_label() -> DrawnLabel:
-    """Return what takes a label away."""
+    """Return what removes a label."""
     return rr.Points2D([]), rr.LineStrips2D([])
 
 
 def line_points(ends: Float[np.ndarray, "lines 2 2"]) -> Float[np.ndarray, "points 2"]:
-    """Return points along lines [pixels], so near each other that no label lies between two of them."""
+    """Return points along lines [pixels], so close that no label fits between two of them."""
     shares = np.linspace(0.0, 1.0, MARKS.line_points)[:, None]
     return np.concatenate([np.zeros((0, 2)), *(start + shares * (end - start) for start, end in ends)])
 
@@ -211,10 +205,10 @@ def log_name(
     taken: Float[np.ndarray, "area 2"] | None = None,
     lines: Lines = NO_LINES,
 ) -> None:
-    """Label the first of some places, off all of them, with the first of ``words``; without, take its label away.
+    """Label the first of some places with the first of ``words`` and avoid all places; without words, remove the label.
 
-    It has none where the `canvas` does not show its place. What is ``taken`` [pixels] belongs to other labels or lines;
-    the line to it crosses none of ``lines`` where that can be.
+    There is no label if the `canvas` does not show the place. ``taken`` [pixels] belongs to other labels or lines; if
+    possible, the label's line crosses none of ``lines``.
     """
     at, label = canvas.place(places), no_label()
     if words and canvas.shows(places[:1])[0]:
@@ -224,12 +218,12 @@ def log_name(
 
 
 def _has_line(mark: Float[np.ndarray, " 2"], edge: Float[np.ndarray, " 2"]) -> bool:
-    """Say whether a line joins a mark to the nearest edge of its label."""
+    """Return whether a line joins a mark to the nearest edge of its label."""
     return bool(np.linalg.norm(edge - mark) > MARKS.leader)
 
 
 def _frame_places(canvas: Canvas, half: Float[np.ndarray, " 2"]) -> Float[np.ndarray, "places 2"]:
-    """Return where a label of half a size lies within the frame."""
+    """Return places of a label of half a size within the frame."""
     low, high = _frame_corners(canvas, half)
     return places_between(low, high, MARKS.label_grid) if (low <= high).all() else np.zeros((0, 2))
 
@@ -237,24 +231,24 @@ def _frame_places(canvas: Canvas, half: Float[np.ndarray, " 2"]) -> Float[np.nda
 def _frame_corners(
     canvas: Canvas, half: Float[np.ndarray, " 2"]
 ) -> tuple[Float[np.ndarray, " 2"], Float[np.ndarray, " 2"]]:
-    """Return the corners of all places where a label of half a size lies within the frame and off it."""
+    """Return the corners of all places of a label of half a size, within the frame and outside it."""
     inset = half + MARKS.frame_gap
     return canvas.origin + inset, canvas.origin + np.array([canvas.width, canvas.height]) - inset
 
 
 def _is_inside(canvas: Canvas, middles: Float[np.ndarray, "places 2"], half: Float[np.ndarray, " 2"]) -> Mask:
-    """Say of which places a label of half a size lies within the frame."""
+    """Return at which places a label of half a size is within the frame."""
     low, high = _frame_corners(canvas, half)
     return np.asarray(((middles >= low - 1e-9) & (middles <= high + 1e-9)).all(axis=1))
 
 
 def _title_area(canvas: Canvas) -> Float[np.ndarray, "area 2"]:
-    """Return points all over what the axis upwards is called."""
+    """Return points on the vertical axis label."""
     return label_area(canvas.upper_label_middle, canvas.labels[1]) if canvas.ticked[1] else np.zeros((0, 2))
 
 
 def _margin_places(canvas: Canvas, half: Float[np.ndarray, " 2"]) -> Float[np.ndarray, "places 2"]:
-    """Return where a label lies above the frame, beside what the axis upwards is called, or right of it."""
+    """Return places of a label above the frame, next to the vertical axis label, or right of the frame."""
     (x, y), right = canvas.origin, canvas.origin[0] + canvas.width
     title_end = canvas.upper_label_middle[0] + half_size(canvas.labels[1])[0]
     begin = max(x, title_end + MARKS.title_gap) if canvas.ticked[1] else x

@@ -1,4 +1,4 @@
-"""The layout of a recording in the viewer: a legend above the front, the arm, and words beside each other."""
+"""The layout of a recording in the viewer: legend, front and charts, arm and joints, words."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ import rerun.blueprint as rrb
 from paretoik.review.drawing.axes import TEXT, labels, text_width
 from paretoik.review.palette import DRAWING, SCREEN, VIEWS, Colour
 
-# Tabs of views whose names can all be read.
+# Tabs of views whose names are all readable.
 
 
 Group: TypeAlias = tuple[str, list[int]]  # the name of a tab, and the numbers of its views
 
 
 def fitting_tabs(views: Sequence[rrb.View], width: float) -> rrb.Tabs:
-    """Return views as tabs in a column so many pixels wide.
+    """Return views as tabs in a column of a ``width`` [pixels].
 
-    Where their names do not fit, they lose their units, which their axes have; then views whose names begin with one
-    word become tabs of a tab, which is called that; at last the longest names are cut.
+    If their names do not fit, they lose their units, which their axes have. Then views whose names begin with the same
+    word become nested tabs with this word as their name. Last, the longest names are cut.
     """
     names, groups = _arrange([str(view.name) for view in views], width)
     tabs = list[rrb.View | rrb.Tabs]()
@@ -39,13 +39,13 @@ def fitting_tabs(views: Sequence[rrb.View], width: float) -> rrb.Tabs:
 
 
 def nested_tabs(names: Sequence[str], width: float) -> list[bool]:
-    """Say which views of these names become tabs of a tab in a column so many pixels wide, below two rows of names."""
+    """Return which views of these names become nested tabs, below two rows of names, in a column of a width."""
     nested = {number for _, members in _arrange(names, width)[1] if len(members) > 1 for number in members}
     return [number in nested for number in range(len(names))]
 
 
 def _arrange(names: Sequence[str], width: float) -> tuple[list[str], list[Group]]:
-    """Return the names of views as they are shown, and the tabs."""
+    """Return the shown names of views, and the tabs."""
     room, shown = width - VIEWS.tab_controls, list(names)
     if _width(shown) > room:
         shown = [_without_unit(name) for name in shown]
@@ -65,7 +65,7 @@ def _width(names: Sequence[str]) -> float:
 
 
 def _without_unit(name: str) -> str:
-    """Return a name without what stands in brackets.
+    """Return a name without the part in brackets.
 
     >>> _without_unit("best speed [m/s] ↑")
     'best speed ↑'
@@ -79,7 +79,7 @@ def _first_word(name: str) -> str:
 
 
 def _grouped(groups: Sequence[Group], names: Sequence[str], word: str) -> list[Group]:
-    """Return groups in which the views whose names begin with a word are one, called that, where its first was."""
+    """Return groups; views whose names begin with a word form one, at the place of the first."""
     members = [number for number, name in enumerate(names) if _first_word(name) == word]
     joined: list[Group] = []
     for group in groups:
@@ -90,7 +90,7 @@ def _grouped(groups: Sequence[Group], names: Sequence[str], word: str) -> list[G
     return joined
 
 
-# The legend of a recording: what is drawn in which colour, in a strip above everything else.
+# The legend of a recording: the meaning of each colour, in a strip above everything else.
 
 
 BULLET = "● "
@@ -98,7 +98,7 @@ BULLET = "● "
 
 @dataclass(frozen=True, kw_only=True)
 class Legend:
-    """Words and the colours of what they name, at ``entity``, in rows so many pixels wide."""
+    """Words and the colours of what they name, at ``entity``, in rows of a width [pixels]."""
 
     entity: str
     entries: Sequence[tuple[str, Colour]]
@@ -113,7 +113,7 @@ class Legend:
 
     @property
     def height(self) -> float:
-        """How high the strip is [pixels]."""
+        """The height of the strip [pixels]."""
         return self._row * (1 + max(row for row, _ in self._places()))
 
     def log(self, recording: rr.RecordingStream) -> None:
@@ -131,7 +131,7 @@ class Legend:
         return 1.5 * TEXT.line
 
     def _places(self) -> list[tuple[int, float]]:
-        """Return the row of each entry, and where it begins."""
+        """Return the row of each entry, and its beginning."""
         places, row, x = list[tuple[int, float]](), 0, 24.0
         for word, _ in self.entries:
             width = text_width(BULLET + word) + 36.0  # wider than needed, for smaller windows
@@ -142,7 +142,7 @@ class Legend:
         return places
 
 
-TEXT_ENTITY = "text"  # entity of what is said of the point shown
+TEXT_ENTITY = "text"  # entity of the text about the point shown
 WHY = "notes/why"  # entity of the reason of the choice
 
 
@@ -150,8 +150,8 @@ WHY = "notes/why"  # entity of the reason of the choice
 class Layout:
     """The views of a recording: the ``front`` above its ``charts``, the ``arm`` above its ``joints``, then ``texts``.
 
-    ``timeline`` is the one that plays, from ``start`` on, or from its beginning, so many ``frames`` a second of one
-    that counts; ``further`` views are tabs beside all of these.
+    ``timeline`` is the one that plays, from ``start`` or from its beginning; ``frames`` is its speed per second if it
+    counts. ``further`` views are tabs next to all of these.
     """
 
     legend: Legend
@@ -219,9 +219,9 @@ def choice_blueprint(
     narrow: bool = False,
     timeline: str = "motion",
 ) -> rrb.Blueprint:
-    """Return the layout of a choice, or of two beside each other, on a common time; ``recorded`` may be a second tab.
+    """Return the layout of one choice, or of two side by side, on a common time; ``recorded`` may be a second tab.
 
-    Of one, words stand beside the arm; of two, or where the viewer is ``narrow``, below the front.
+    The words of one choice are next to the arm; those of two, or in a ``narrow`` viewer, below the front.
     """
     if len(texts) == 1 and not narrow:
         arm, joints = arms[0] if arms else (None, ())
@@ -243,12 +243,12 @@ def choice_blueprint(
 
 
 def text_view(name: str) -> rrb.View:
-    """Return the view of what is said of the point shown."""
+    """Return the view of the text about the point shown."""
     return rrb.TextDocumentView(origin=TEXT_ENTITY, name=name)
 
 
 def note_view() -> rrb.View:
-    """Return the view of what was left out."""
+    """Return the view of the note about what was left out."""
     return rrb.TextDocumentView(origin="notes/left_out", name="left out")
 
 

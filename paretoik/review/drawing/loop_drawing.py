@@ -1,4 +1,4 @@
-"""The recording of a closed loop that is over: every step at its sample of the motion, and the searches of some."""
+"""The recording of a finished closed loop: every step at its sample of the motion, and some searches."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ from paretoik.review.recording.recorder import Generation, SearchedStep
 from paretoik.review.words import counted
 from paretoik.robot.kinematics import link_nodes
 
-# How the search of one control step is drawn: its generations, and the arm of every individual of the last.
+# The search of one control step: its generations, and the arm of every individual of the last one.
 #
-# It stands on two timelines of its own, ``generation`` and ``individual``; on the others its last generation is there
-# from the end of its step on.
+# It has two timelines of its own, ``generation`` and ``individual``; the other timelines show its last generation from
+# the end of its step on.
 
 
 POPULATION, ARMS, PATH = "population", "arms of the front", "path to follow"
@@ -61,7 +61,7 @@ class StepScene:
     workcell: Workcell | None = None
 
     def view(self) -> rrb.Container:
-        """Return the views: the fronts, and beside them the arm, below a legend."""
+        """Return the views: the fronts, with the arm next to them, below a legend."""
         arm = self._drawing.view(f"{ARMS if self._shows_arms else 'arm'}, step {self.step.sample}")
         text = rrb.TextDocumentView(origin=f"{self._root}/text", name="generation, individual")
         shown = [*([self._scene.view()] if self._canvases else []), arm, text]
@@ -70,7 +70,7 @@ class StepScene:
         return rrb.Vertical(self._legend.view(), views, row_shares=shares, name=f"search of step {self.step.sample}")
 
     def log(self, recording: rr.RecordingStream, end: Mapping[str, float]) -> None:
-        """Log the search; its last generation also stands at the ``end`` of the step on other timelines, by name."""
+        """Log the search; its last generation is also shown at the ``end`` of the step on other timelines, by name."""
         self._legend.log(recording)
         self._scene.log_axes(recording, self._canvases, static=True)
         self._drawing.log_workcell(recording)
@@ -133,7 +133,7 @@ class StepScene:
         self._drawing.log_arm(recording, "chosen", links, None)
 
     def _generation_text(self, number: int) -> str:
-        """Return what is to be known of a generation, and of the individual that the weights choose."""
+        """Return the text of a generation, and of the individual that the weights choose."""
         objectives, front = self.step.objectives[number], self.step.fronts[number]
         alive = np.isfinite(objectives).all(axis=1)
         shown = normalised(objectives[alive], objectives[front]) if len(front) else objectives[alive]
@@ -182,7 +182,7 @@ class StepScene:
 
     @cached_property
     def _shows_population(self) -> bool:
-        """Whether any individual that is not on the front of its generation lies inside the axes."""
+        """Whether any individual outside the front of its generation is inside the axes."""
         panels = list(zip(self._scene.panels.pairs, self._canvases, strict=False))
         for objectives, front in zip(self.step.objectives, self.step.fronts, strict=True):
             others = np.delete(objectives, front, axis=0)
@@ -193,12 +193,12 @@ class StepScene:
 
     @cached_property
     def _shows_arms(self) -> bool:
-        """Whether in any generation an arm of the front is seen beside the chosen one."""
+        """Whether in any generation an arm of the front is visible next to the chosen one."""
         numbers = range(len(self.step.fronts))
         return is_seen_beside(self._drawing, max(map(self._distance, numbers), default=0.0))
 
     def _distance(self, number: int) -> float:
-        """Return how far nodes of the arms of a front are from those of the chosen one, at most [m]."""
+        """Return the largest distance of nodes of a front's arms from the chosen arm [m]."""
         front = self.step.fronts[number]
         if not len(front):
             return 0.0
@@ -224,7 +224,7 @@ class StepScene:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FinishedLoop:
-    """A closed loop: its steps as the generations of a ``search``, at whose end is its motion."""
+    """A closed loop: its steps as the generations of a ``search``, followed by its motion."""
 
     search: RecordedSearch
 
@@ -238,7 +238,7 @@ class FinishedLoop:
         stream.reset_time()
         self._send_motion(stream)
         if self._searches and self._steps:
-            for timeline in ("generation", "individual"):  # of searched steps: the loop stands still meanwhile
+            for timeline in ("generation", "individual"):  # of searched steps: the loop does not move meanwhile
                 stream.set_time(timeline, sequence=0)
             self._log_step(
                 stream, self._opening or self._steps[-1], search_hint([each.step.sample for each in self._searches])
@@ -255,7 +255,7 @@ class FinishedLoop:
             self._motions.log(stream)
 
     def _log_beginning(self, stream: rr.RecordingStream) -> None:
-        """Say at step 0, beside its picture and in it, why it has no front; cursors stand at the first that has one."""
+        """Explain at step 0 why it has no front, next to its picture and in it; cursors start at the first front."""
         if not self._steps or self._steps[0].number == 0:
             return
         self._set_time(stream, 0)
@@ -272,12 +272,12 @@ class FinishedLoop:
             stream.set_time(timeline, duration=seconds)
 
     def _times_of(self, step: int) -> dict[str, float]:
-        """Return when a step ends, on the timeline of the motion if there is one."""
+        """Return the end time of a step on the timeline of the motion, if there is one."""
         motion = None if self._point is None else self._point.motion
         return {} if motion is None else {"motion": float(motion.time[step])}
 
     def _log_step(self, stream: rr.RecordingStream, generation: Generation, hint: str = "") -> None:
-        """Draw a step at the current time, with what is to be known of it, a hint first."""
+        """Draw a step at the current time with its text, which begins with a hint."""
         choice, opening = self.search.end.choice, None if self._opening is None else self._opening.number
         words = [hint, text_of(self.search.scene, generation)]
         if choice is not None:
@@ -286,7 +286,7 @@ class FinishedLoop:
         self._views.log_generation(stream, generation, "\n\n".join(filter(None, words)))
 
     def _send_motion(self, stream: rr.RecordingStream) -> None:
-        """Let the arm move, a sample a step; before the first it stands at its start."""
+        """Move the arm, one sample per step; before the first sample it is at its start."""
         point = self._point
         if self._motions is None or point is None or point.motion is None:
             return
@@ -305,9 +305,9 @@ class FinishedLoop:
 
     @cached_property
     def _opening(self) -> Generation | None:
-        """The step that the recording opens on: the first whose search was recorded, else that of the widest front.
+        """The step that the recording opens on: the first with a recorded search, or the one with the widest front.
 
-        The widest has the largest product of ranges among those in which every objective varies.
+        The widest front has the largest product of ranges among those in which every objective varies.
         """
         recorded = {each.sample for each in self.search.end.searched}
         steps = [each for each in self._steps if each.number in recorded]

@@ -1,4 +1,4 @@
-"""The recording of directional maxima: the polygon grows, and the arm stands in each maximising posture."""
+"""The recording of directional maxima: the polygon grows, and the arm takes each maximising posture."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from paretoik.review.words import run_text
 from paretoik.robot.kinematics import link_nodes
 from paretoik.task.limits import JOINT_UNITS
 
-# The panel of directional maxima: their vectors, in the plane as a polygon, in space as rays.
+# The panel of directional maxima: vectors that form a polygon in the plane, rays in space.
 
 
 ENTITY = "maxima"
@@ -54,7 +54,7 @@ class MaximaPanel:
         )
 
     def log(self, recording: rr.RecordingStream) -> None:
-        """Draw axes, and behind all that follows all maxima, for all times."""
+        """Draw axes and, behind everything else, all maxima, for all times."""
         if self.planar:
             self._canvas.log(recording, f"{ENTITY}/axes", static=True)
         else:
@@ -70,7 +70,7 @@ class MaximaPanel:
         recording.log(f"{ENTITY}/origin", origin, static=True)
 
     def log_until(self, recording: rr.RecordingStream, count: int) -> None:
-        """Draw the first so many maxima, the last of them as the chosen one."""
+        """Draw the first ``count`` maxima; the last of them is the chosen one."""
         tips = self.tips[:count]
         is_reached = np.isfinite(tips).all(axis=1)
         recording.log(f"{ENTITY}/rays", self._rays(count, SCREEN.front, 0.6))
@@ -85,7 +85,7 @@ class MaximaPanel:
         recording.log(f"{ENTITY}/chosen/name", *self._name(chosen, f"direction {count}"))
 
     def _name(self, tip: np.ndarray, words: str) -> Sequence[Any]:
-        """Return the name of a tip (0 or 1, 3), in the plane off all rays and corners."""
+        """Return the name of a tip (0 or 1, 3); in the plane it avoids all rays and corners."""
         if not len(tip):
             return no_label() if self.planar else [rr.Points3D([])]
         if not self.planar:
@@ -98,12 +98,12 @@ class MaximaPanel:
 
     @property
     def planar(self) -> bool:
-        """Whether the maxima lie in a plane."""
+        """Whether the maxima are in a plane."""
         return self.end.directions.shape[1] == 2
 
     @cached_property
     def tips(self) -> np.ndarray:
-        """The maxima as vectors (directions, 3), NaN where none was found."""
+        """The maxima as vectors (directions, 3), NaN if none was found."""
         vectors = self.end.values[:, None] * self.end.directions
         return np.pad(vectors, ((0, 0), (0, 3 - vectors.shape[1])))
 
@@ -113,7 +113,7 @@ class MaximaPanel:
         return self._strips(rays, colour, radius, 0.8)
 
     def _outline(self, count: int, colour: Colour, radius: float, order: float) -> Any:
-        """Return the polygon through the first so many maxima, closed where these are all; in space none."""
+        """Return the polygon through the first ``count`` maxima, closed if these are all; none in space."""
         tips = self.tips[:count]
         tips = tips[np.isfinite(tips).all(axis=1)]
         if not self.planar or len(tips) < 2:
@@ -141,7 +141,7 @@ class MaximaPanel:
 
     @property
     def _labels(self) -> tuple[str, str, str]:
-        along = f"{self.scene.word} along " if self.planar else ""  # in space labels are short, to be in sight
+        along = f"{self.scene.word} along " if self.planar else ""  # in space short labels stay visible
         x, y, z = (f"{along}{axis} [{self.scene.unit}]" for axis in "xyz")
         return x, y, z
 
@@ -157,11 +157,11 @@ class MaximaPanel:
         return Ground.around(self._seen, labels=self._labels)
 
 
-# What is said of a directional maximum beside its pictures, in Markdown.
+# The text of a directional maximum, in Markdown.
 
 
 def maximum_text(scene: MaximaScene, end: MaximaEnd, number: int) -> str:
-    """Return what is to be known of the maximum along a direction, by its number from 1."""
+    """Return the text of the maximum along a direction, by its number from 1."""
     row, arm = number - 1, scene.workcell.arm
     value, direction = end.values[row], end.directions[row]
     lines = [
@@ -201,13 +201,13 @@ def maximum_text(scene: MaximaScene, end: MaximaEnd, number: int) -> str:
 
 
 def _without_dust(value: float, all_values: np.ndarray) -> float:
-    """Return a value, 0 where it is but rounding beside the largest of all."""
+    """Return a value, or 0 if it is only rounding compared with the largest of all."""
     return 0.0 if abs(value) <= DRAWING.rounding * float(np.nanmax(np.abs(all_values))) else float(value)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FinishedMaxima:
-    """Directional maxima on the timeline ``direction``, from 1 on; ``note`` says what was left out."""
+    """Directional maxima on the timeline ``direction``, from 1 on; ``note``: what was left out."""
 
     scene: MaximaScene
     messages: Sequence[object]
@@ -236,7 +236,7 @@ class FinishedMaxima:
         stream.send_blueprint(self._layout.blueprint())
 
     def _log_direction(self, stream: rr.RecordingStream, number: int) -> None:
-        """Draw the maximum along a direction, by its number, behind it those before it."""
+        """Draw the maximum along a direction, by its number, with the earlier ones behind it."""
         self._panel.log_until(stream, number)
         words = maximum_text(self.scene, self.end, number)
         stream.log(TEXT, rr.TextDocument(words, media_type="text/markdown"))
@@ -265,7 +265,7 @@ class FinishedMaxima:
 
     @property
     def _place(self) -> np.ndarray:
-        """Where the tool is [m]."""
+        """The position of the tool [m]."""
         return next(iter(self.scene.workcell.places.values()))
 
     @cached_property
@@ -281,7 +281,7 @@ class FinishedMaxima:
 
     @cached_property
     def _charts(self) -> list[DrawnChart]:
-        """The maxima over the directions, then what joints and motors do in each."""
+        """The charts over the directions: the maxima, then joints and motors."""
         end, cell, names = self.end, self.scene.workcell, self.scene.workcell.arm.joint_names
         label = f"highest {self.scene.word} [{self.scene.unit}]"
         charts = [self._chart("maximum", label, end.values[None], [self.scene.word])]
@@ -306,7 +306,7 @@ class FinishedMaxima:
 
     @property
     def _capability(self) -> list[LimitLine]:
-        """What the motors let each joint do, over the directions."""
+        """The joint limits that the motors allow, over the directions."""
         numbers = np.arange(1.0, len(self.end) + 1)
         return [
             LimitLine(instants=numbers, values=values[:, joint], name=name, colours=[SCREEN.joint(joint)])
@@ -351,5 +351,5 @@ class FinishedMaxima:
 
 
 def _motors(values: np.ndarray) -> np.ndarray:
-    """Return what motors do (directions, motors, dof) as curves (motors · dof, directions)."""
+    """Return motor values (directions, motors, dof) as curves (motors · dof, directions)."""
     return np.asarray(values.reshape(len(values), -1).T)

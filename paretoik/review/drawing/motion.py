@@ -1,4 +1,4 @@
-"""How motions are drawn in a recording: arms along their path, and what their joints do over time."""
+"""Motions in a recording: arms along their path, and joint quantities over time."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from paretoik.review.recording.messages import RecordedMotion, RecordedPoint, Wo
 from paretoik.robot.kinematics import joint_scales, link_nodes
 from paretoik.task.limits import JOINT_UNITS, usual_ranges
 
-# Charts of what joints do along a motion, with their limits drawn in.
+# Charts of joint quantities along a motion, with their limits.
 
 
 CurvedMotion = tuple[np.ndarray, Mapping[str, np.ndarray]]  # times (time,), and (time, dof) by kind
@@ -29,9 +29,9 @@ OF_MASSES = ("torque", "power")
 
 
 def joint_charts(root: str, cell: Workcell, motions: Sequence[CurvedMotion]) -> dict[str, Chart]:
-    """Return a chart a kind of quantity at entities below ``root``, wide enough for all ``motions``, times with curves.
+    """Return one chart per kind of quantity, at entities below ``root``; each fits all ``motions``.
 
-    Accelerations and powers are drawn where they are limited, of arms without masses neither torques nor powers.
+    Accelerations and powers are only drawn if they are limited; torques and powers only if the arm has masses.
     """
     charts = {}
     sliding = is_sliding(cell.arm)
@@ -59,7 +59,7 @@ def joint_charts(root: str, cell: Workcell, motions: Sequence[CurvedMotion]) -> 
 def posture_chart(
     cell: Workcell, values: Values, postures: Float[np.ndarray, "points dof"], label: str
 ) -> tuple[Chart, np.ndarray, np.ndarray]:
-    """Return the joint positions of postures (points, dof) over values of an objective, as a chart and its curves."""
+    """Return the chart of joint positions (points, dof) over values of an objective, and its curves."""
     chart = Chart(
         entity="postures",
         dots=True,
@@ -78,9 +78,9 @@ def posture_chart(
 
 
 def limit_lines(cell: Workcell, kind: str, end: float) -> list[LimitLine]:
-    """Return the limits of a kind up to the time ``end`` [s], each once: one that joints share has all their colours.
+    """Return the limits of a kind up to ``end`` [s], each once: a shared limit has the colours of all its joints.
 
-    What every joint has is drawn in one colour.
+    A limit that all joints share has one colour.
     """
     if kind not in cell.bounds:
         return []
@@ -100,7 +100,7 @@ def limit_lines(cell: Workcell, kind: str, end: float) -> list[LimitLine]:
 
 
 def _shared(limits: Float[np.ndarray, "time dof"]) -> list[tuple[Times, list[int]]]:
-    """Return the different finite limits among those of joints, each with the numbers of its joints."""
+    """Return the different finite limits of joints, each with the numbers of its joints."""
     joints: dict[bytes, list[int]] = {}
     for number, values in enumerate(limits.T):
         if np.isfinite(values).any():
@@ -112,17 +112,17 @@ def _points(time: Times, values: Float[np.ndarray, "time dof"]) -> np.ndarray:
     return np.stack([np.repeat(time, values.shape[1]), values.ravel()], axis=1)
 
 
-# The timeline ``replay``: one generation after the other, and in those that have motions the arm moves.
+# The timeline ``replay``: one generation after another; the arm moves in generations with motions.
 
 
 @dataclass(frozen=True, kw_only=True)
 class ReplayOptions:
-    """How long [s] a generation lasts that moves, and one that does not; how many move at most, and samples of each."""
+    """Durations and sizes of the timeline ``replay``."""
 
-    moving: float = 1.0
-    standing: float = 0.1
-    generations: int = 60
-    samples: int = 41
+    moving: float = 1.0  # duration of a generation that moves [s]
+    standing: float = 0.1  # duration of a generation that does not move [s]
+    generations: int = 60  # most generations that move
+    samples: int = 41  # most samples of each motion
 
 
 OPTIONS = ReplayOptions()
@@ -130,7 +130,7 @@ OPTIONS = ReplayOptions()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ReplayClock:
-    """When each of some generations begins [s], which of them move, and when all are over."""
+    """The beginnings of generations [s], the generations that move, and the end of the last one."""
 
     begins: Times
     moving: frozenset[int]
@@ -138,7 +138,7 @@ class ReplayClock:
 
     @staticmethod
     def of(generations: Sequence[Sequence[RecordedPoint]]) -> ReplayClock:
-        """Return the clock of the points of generations: those that move are spread evenly over those with motions."""
+        """Return the clock of the points of generations; those that move are spread evenly over those with motions."""
         able = [i for i, points in enumerate(generations) if is_moving(points)]
         moving = frozenset(able[i] for i in even_rows(len(able), OPTIONS.generations))
         lengths = [OPTIONS.moving if i in moving else OPTIONS.standing for i in range(len(generations))]
@@ -147,7 +147,7 @@ class ReplayClock:
 
 
 def replay_times(point: RecordedPoint, points: Sequence[RecordedPoint], begin: float) -> tuple[np.ndarray, Times]:
-    """Return rows of a point's motion and when the arm is there, so that the longest of ``points`` takes its slot."""
+    """Return rows of a motion and the times of the arm there; the longest of ``points`` fills its time slot."""
     motion = point.motion
     assert motion is not None
     longest = max(float(each.motion.time[-1] - each.motion.time[0]) for each in points if each.motion is not None)
@@ -157,12 +157,12 @@ def replay_times(point: RecordedPoint, points: Sequence[RecordedPoint], begin: f
 
 
 def is_moving(points: Sequence[RecordedPoint]) -> bool:
-    """Say whether points have motions in which an arm does not stand still."""
+    """Return whether points have motions in which an arm moves."""
     return any(point.motion is not None and not point.motion.is_standing for point in points)
 
 
 def has_motions(points: Sequence[RecordedPoint]) -> bool:
-    """Say whether points have motions."""
+    """Return whether points have motions."""
     return any(point.motion is not None for point in points)
 
 
@@ -172,10 +172,10 @@ NO_TIMES = np.zeros(0)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MotionScene:
-    """Motions of a workcell's arm, of the best points of the objectives called ``names`` and of a chosen one.
+    """Motions of a workcell's arm: the best points of the objectives ``names``, and a chosen point.
 
-    Axes hold all motions of ``points``, at least one of the chosen. Everything is drawn at entities that begin with
-    ``root``; those of other points than the chosen have a ``prefix`` and a name.
+    Axes contain all motions of ``points``, which include at least one chosen point. All entities begin with ``root``;
+    those of points that are not chosen have a ``prefix`` and a name.
     """
 
     workcell: Workcell
@@ -205,9 +205,9 @@ class MotionScene:
     def log_whole(
         self, recording: rr.RecordingStream, points: Sequence[RecordedPoint], *, row: int | None = None
     ) -> None:
-        """Draw motions of points as wholes at the current time: paths, and of the chosen one ghosts and curves.
+        """Draw motions of points at the current time: paths, and the chosen one's ghosts and curves.
 
-        Their arms stand at a ``row`` of their samples, by default at half the time.
+        Their arms are at a ``row`` of their samples, by default at half the time.
         """
         for point in points:
             if point.motion is None:
@@ -218,7 +218,7 @@ class MotionScene:
                 f"{self.drawing.entity}/{self.layer(point)}",
             )
             chosen = point.axis is None
-            if not point.motion.is_standing and (chosen or not self.workcell.paths):  # what follows one has the same
+            if not point.motion.is_standing and (chosen or not self.workcell.paths):  # on a path all share it
                 colour, width = (SCREEN.path, 1.4) if chosen else (SCREEN.end(point.axis or 0), 1.0)
                 recording.log(f"{layer}/path", drawing.strips([links[:, -1]], colour, width, 1.0))
             if chosen:
@@ -230,9 +230,9 @@ class MotionScene:
             self._log_posture(recording, point, len(links) // 2 if row is None else row)
 
     def log_predicted(self, recording: rr.RecordingStream, motion: RecordedMotion | None) -> None:
-        """Draw postures of a motion that is predicted, for all times, and the path of what follows none.
+        """Draw postures of a predicted motion, for all times, and its tool path if none is to be followed.
 
-        Nothing where there is no motion.
+        Draw nothing without a motion.
         """
         links = np.zeros((0, 2, 3)) if motion is None else self._links(motion.q)
         ghosts = list(links[even_rows(len(links), SCREEN.ghosts)]) if len(links) else []
@@ -254,7 +254,7 @@ class MotionScene:
         columns: Sequence[rr.TimeColumn],
         rows: np.ndarray | None = None,
     ) -> None:
-        """Let the arm of a point move: a row of ``columns`` a sample of its motion, or of its ``rows``."""
+        """Move the arm of a point: one row of ``columns`` per sample of its motion, or of its ``rows``."""
         motion = point.motion
         if motion is None:
             return
@@ -272,10 +272,10 @@ class MotionScene:
         *,
         charts: Sequence[Chart] = (),
     ) -> None:
-        """Let the arm of a point move on the timeline ``motion``, between its samples too, and at ``times`` [s].
+        """Move the arm of a point on the timeline ``motion``, also between its samples and at ``times`` [s].
 
-        Between samples joints move evenly. What joints of the chosen point do is logged at the samples; cursors of
-        further ``charts`` move with it.
+        Joints are interpolated linearly between samples. The chosen point's joint quantities are logged at the samples;
+        cursors of further ``charts`` move along.
         """
         motion = point.motion
         if motion is None or motion.is_standing:
@@ -293,7 +293,7 @@ class MotionScene:
     def send_series(
         self, recording: rr.RecordingStream, point: RecordedPoint, columns: Sequence[rr.TimeColumn]
     ) -> None:
-        """Keep what the joints of a point do exactly, a row of ``columns`` a sample."""
+        """Record the exact joint quantities of a point, one row of ``columns`` per sample."""
         if point.motion is None:
             return
         for kind, values in self._curves(point.motion).items():
@@ -310,25 +310,25 @@ class MotionScene:
         q: Float[np.ndarray, "rows dof"],
         axis: int | None,
     ) -> None:
-        """Let the arm of a layer stand in postures, a row of ``columns`` each; the chosen one, without axis, solid."""
+        """Draw the arm of a layer in postures, one row of ``columns`` each; the chosen one, without axis, is solid."""
         self.drawing.send_arms(recording, layer, columns, self._links(q), axis)
         if axis is None and self.drawing.meshes is not None:
             self.drawing.meshes.send(recording, columns, q)
 
     def layer(self, point: RecordedPoint) -> str:
-        """Return the part of entity paths that a point's arm has."""
+        """Return the part of entity paths that belongs to a point's arm."""
         return CHOSEN if point.axis is None else self.prefix + entity_names(self.names)[point.axis]
 
     @cached_property
     def drawing(self) -> ArmDrawing:
-        """Where arms are drawn."""
+        """The drawing of arms."""
         motions = [point.motion for point in self.points if point.motion is not None]
         picked = [motion.q[even_rows(len(motion.q), SCREEN.ghosts)] for motion in motions]
         nodes = self._links(np.concatenate(picked)).reshape(-1, 3)
         return ArmDrawing(entity=f"{self.root}arm", workcell=self.workcell, nodes=nodes)
 
     def _log_posture(self, recording: rr.RecordingStream, point: RecordedPoint, row: int) -> None:
-        """Let the arm of a point stand at a sample of its motion, at the current time."""
+        """Draw the arm of a point at a sample of its motion, at the current time."""
         motion = point.motion
         assert motion is not None
         self.drawing.log_arm(recording, self.layer(point), self._links(motion.q[row : row + 1])[0], point.axis)
@@ -354,7 +354,7 @@ class MotionScene:
 
 
 def motion_frames(samples: Times) -> Float[np.ndarray, " frames"]:
-    """Return the times of samples [s], and so many between them that an arm is nowhere seen to lag behind.
+    """Return the times of samples [s], with enough times between them that an arm never visibly lags.
 
     >>> motion_frames(np.array([0.0, 1.0]))[[0, 25, -1]].tolist()
     [0.0, 0.25, 1.0]

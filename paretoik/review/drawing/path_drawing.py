@@ -1,4 +1,4 @@
-"""The recording of a tool path: the path, the tool that moves along it, its speed and its distance to the target."""
+"""The recording of a tool path: the path, the moving tool, its speed and its distance to the target."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ ENTITY = "path"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FinishedPath:
-    """A tool path on the timeline ``motion`` [s]; ``note`` says what was left out."""
+    """A tool path on the timeline ``motion`` [s]; ``note``: what was left out."""
 
     scene: PathScene
     messages: Sequence[object]
@@ -81,13 +81,13 @@ class FinishedPath:
 
     @cached_property
     def _points(self) -> np.ndarray:
-        """All that is drawn of the path."""
+        """All drawn points of the path."""
         reference = self.end.tool[:0] if self.end.reference is None else self.end.reference
         return np.concatenate([self.end.tool, reference, self.scene.start[None], self.scene.target[None]])
 
     @cached_property
     def _canvas(self) -> Canvas:
-        """The plane of the path, a metre as long either way."""
+        """The plane of the path, with equal scales on both axes."""
         width, height = VIEWS.panels[0] - 100.0, VIEWS.panels[1] - 110.0
         low, high = window(self._points)
         scale = max((high - low) / (width, height))

@@ -1,4 +1,4 @@
-"""The recording of a plan: its levels with their starts, and at the end its optima and their motions."""
+"""The recording of a plan: its levels with their starts, then its optima and their motions."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ from paretoik.review.recording.messages import (
 from paretoik.review.words import counted, run_text
 from paretoik.task.limits import JOINT_UNITS
 
-# What is said of a plan beside its pictures, in Markdown.
+# The texts of a plan, in Markdown.
 
 
 def level_text(panel: PlanPanel, level: PlannedLevel) -> str:
-    """Return what is to be known of a level."""
+    """Return the text of a level."""
     scene, motions = panel.scene, level.motions
     lines = [f"# Level {level.number}: {level.samples} samples", _level_counts(level)]
     if beyond := panel.beyond(level):
@@ -43,7 +43,7 @@ def level_text(panel: PlanPanel, level: PlannedLevel) -> str:
     if len(panel.levels) > 1:
         lines.append("Values of different levels are not comparable: a motion of other samples has another value.")
     if level.least_violating is not None:
-        lines += ["", "What the least-violating one breaks:", "", *broken_lines(level.least_violating)]
+        lines += ["", "Constraints broken by the least-violating motion:", "", *broken_lines(level.least_violating)]
         return screen_text("\n".join(lines))
     lines += ["", "## Optima of the level", ""]
     for place, value in enumerate(level.optima[: DRAWING.optima]):
@@ -54,7 +54,7 @@ def level_text(panel: PlanPanel, level: PlannedLevel) -> str:
 
 
 def _level_counts(level: PlannedLevel) -> str:
-    """Return what the starts of a level led to, by numbers."""
+    """Return the results of the starts of a level in numbers."""
     starts, failed = counted(len(level.starts), "start"), int((~np.isfinite(level.ends)).sum())
     if level.least_violating is not None:
         return f"{starts}; none led to a motion that keeps all limits. The arm shows the least-violating one."
@@ -63,7 +63,7 @@ def _level_counts(level: PlannedLevel) -> str:
 
 
 def start_text(scene: PlannedScene, level: PlannedLevel, row: int) -> str:
-    """Return what is to be known of the start of a level at a row."""
+    """Return the text of the start of a level at a row."""
     optimum = int(level.motions.optimum[row])
     lines = [
         f"# Start {row + 1} of the {len(level.starts)} of level {level.number}, {level.samples} samples",
@@ -81,7 +81,7 @@ def start_text(scene: PlannedScene, level: PlannedLevel, row: int) -> str:
 
 
 def optimum_text(scene: PlannedScene, optima: Sequence[PlannedOptimum], place: int, count: int) -> str:
-    """Return what is to be known of a final optimum, of ``count`` in all."""
+    """Return the text of a final optimum, of ``count`` in all."""
     optimum, best = optima[place], optima[0]
     value, least = float(optimum.point.objectives[0]), float(best.point.objectives[0])
     lines = [
@@ -101,7 +101,7 @@ def optimum_text(scene: PlannedScene, optima: Sequence[PlannedOptimum], place: i
 
 
 def plan_end_text(scene: PlannedScene, end: PlanEnd, first: int, starts: int) -> str:
-    """Return what is to be known of a plan whose ``first`` level had so many starts, and all together ``starts``."""
+    """Return the text of a plan whose ``first`` level had ``first`` starts; all levels had ``starts``."""
     lines = [optimum_text(scene, end.optima, 0, len(end.optima)), "", "## Optima", ""]
     lines += [
         ", ".join(
@@ -121,9 +121,9 @@ def plan_end_text(scene: PlannedScene, end: PlanEnd, first: int, starts: int) ->
 
 
 def _twin_words(scene: PlannedScene, optima: Sequence[PlannedOptimum], place: int) -> str:
-    """Return in what an optimum differs from the first before it whose value and branch read the same; "" of none.
+    """Return how an optimum differs from an earlier one whose value and branch look the same; "" if there is none.
 
-    That is the largest difference of a joint at a sample, with its sign.
+    This is the largest difference of a joint at a sample, with its sign.
     """
     words = [(_value(scene, each.point.objectives[0]), each.branch) for each in optima[: place + 1]]
     twin = words.index(words[place])
@@ -145,7 +145,7 @@ def _start_counts(first: int, starts: int) -> str:
 
 
 def _branch(optimum: PlannedOptimum) -> str:
-    return f"`{optimum.branch}`"  # as it is: Markdown strikes out what stands between tildes
+    return f"`{optimum.branch}`"  # as code: Markdown would strike out text between tildes
 
 
 def _further(count: int) -> list[str]:
@@ -162,11 +162,11 @@ DISTINCT = "distinct optima of the level so far"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FinishedPlan:
-    """The levels of a plan and its ``end``, None where it has none yet.
+    """The levels of a plan and its ``end``, None if it has none yet.
 
-    Timelines: ``level``, the last of which are the optima; ``start``, on which one start comes after the other with
-    what it led to; ``optimum``, along the optima if there are several; ``motion``, along which the best moves;
-    ``replay``, on which the best of each level moves in turn. ``note`` says what was left out.
+    Timelines: ``level``, whose last instants are the optima; ``start``, one start after another with its result;
+    ``optimum``, along the optima if there are several; ``motion``, along which the best moves; ``replay``, on which the
+    best of each level moves, one after another. ``note``: what was left out.
     """
 
     scene: PlannedScene
@@ -217,7 +217,7 @@ class FinishedPlan:
             self._motions.log_whole(stream, self._bests[place])
 
     def _log_end(self, stream: rr.RecordingStream, end: PlanEnd) -> None:
-        """Draw the optima, which stand at the end of all timelines."""
+        """Draw the optima, which are shown at the end of all timelines."""
         stream.reset_time()
         stream.set_time("level", sequence=self._last_number)
         self._at_the_end(stream)
@@ -234,21 +234,21 @@ class FinishedPlan:
             self._motions.log_whole(stream, self._best)
 
     def _end_text(self, end: PlanEnd, starts: int) -> str:
-        """Return what is to be known of the end: its optima, or why there is none."""
+        """Return the text of the end: its optima, or why there is none."""
         nearest, scene = end.least_violating, self.scene
         if nearest is None:
             return plan_end_text(scene, end, self._lasts[0] if self._lasts else 0, starts)
         return infeasible_text((scene.name,), (scene.unit,), nearest, scene.workcell, "No feasible motion")
 
     def _at_the_end(self, stream: rr.RecordingStream) -> None:
-        """Let what follows stand at the end of ``replay``, and on ``motion`` and ``optimum``."""
+        """Set the time to the end of ``replay``, and to ``motion`` and ``optimum``."""
         stream.set_time("replay", duration=self._clock.end)
         stream.set_time("motion", duration=0.0)
         if self._count > 1:
             stream.set_time("optimum", sequence=0)
 
     def _send_motions(self, stream: rr.RecordingStream, motions: MotionScene) -> None:
-        """Let the best arm move: on ``motion`` that of the end, on ``replay`` that of every level in turn."""
+        """Move the best arm: the final one on ``motion``, that of every level on ``replay``."""
         stream.reset_time()
         for point in self._best:
             motions.send_motion(stream, point)
@@ -259,7 +259,7 @@ class FinishedPlan:
                 motions.send(stream, point, [rr.TimeColumn("replay", duration=times)], rows)
 
     def _log_starts(self, stream: rr.RecordingStream, motions: MotionScene) -> None:
-        """Show one start after the other: its motion, and beside it what it led to."""
+        """Show one start after another: its motion, and next to it its result."""
         for number, level, row, points in self._walk:
             stream.reset_time()
             stream.set_time("start", sequence=number)
@@ -271,13 +271,13 @@ class FinishedPlan:
             motions.log_whole(stream, points)
 
     def _log_optima(self, stream: rr.RecordingStream, motions: MotionScene) -> None:
-        """Walk along the optima."""
+        """Show one optimum after another."""
         optima = () if self.end is None or self._count < 2 else self.end.optima[: DRAWING.walk]
         for place, optimum in enumerate(optima):
             stream.reset_time()
             stream.set_time("optimum", sequence=place)
             self._panel.log_optimum(stream, place)
-            if place:  # at the first all of them are told
+            if place:  # the first one shows the text of all
                 self._log_text(stream, optimum_text(self.scene, optima, place, self._count))
             motions.log_whole(stream, [optimum.point])
 
@@ -300,7 +300,7 @@ class FinishedPlan:
 
     @cached_property
     def _bests(self) -> list[tuple[RecordedPoint, ...]]:
-        """The best optimum of each level as a point, none where it has none."""
+        """The best optimum of each level as a point; none if it has none."""
         return [
             tuple(_point(0, level.optima[0], level.motions.time, q) for q in level.motions.optima[:1])
             for level in self.messages
@@ -308,7 +308,7 @@ class FinishedPlan:
 
     @property
     def _best(self) -> tuple[RecordedPoint, ...]:
-        """The best optimum of the plan, the least-violating motion where it has none, or the best of its last level."""
+        """The best optimum of the plan; otherwise the least-violating motion, or the best of the last level."""
         nearest = None if self.end is None else self.end.least_violating
         if self.end is not None and self.end.optima:
             return (self.end.optima[0].point,)
@@ -318,7 +318,7 @@ class FinishedPlan:
 
     @cached_property
     def _walk(self) -> list[tuple[int, PlannedLevel, int, tuple[RecordedPoint, RecordedPoint]]]:
-        """Number, level and row of the starts that are shown one by one, each with what it led to as points."""
+        """Number, level and row of the starts that are shown one by one, each with its result, as points."""
         rows = [(level, row) for level in self.messages for row in range(len(level.starts))]
         picked = even_rows(len(rows), DRAWING.starts).tolist()
         return [(place + 1, *rows[place], _start_and_end(*rows[place])) for place in picked]
@@ -330,7 +330,7 @@ class FinishedPlan:
     @property
     def _note(self) -> str:
         left_out = len(self._panel.starts) - len(self._walk)
-        words = f"Of {len(self._panel.starts)} starts {len(self._walk)} are shown one by one." if left_out else ""
+        words = f"{len(self._walk)} of {len(self._panel.starts)} starts are shown one by one." if left_out else ""
         return " ".join(filter(None, (self.note, words)))
 
     @cached_property
@@ -339,7 +339,7 @@ class FinishedPlan:
 
     @cached_property
     def _motions(self) -> MotionScene | None:
-        """The arms; None where there is no motion yet."""
+        """The arms; None if there is no motion yet."""
         optima = () if self.end is None else [each.point for each in self.end.optima[: DRAWING.walk]]
         points = [*optima, *self._best, *(point for points in self._bests for point in points)]
         if not points:
@@ -349,7 +349,7 @@ class FinishedPlan:
 
     @cached_property
     def _charts(self) -> list[DrawnChart]:
-        """The best so far, and how many distinct optima there are so far, over the starts of each level."""
+        """The best and the number of distinct optima so far, over the starts of each level."""
         if not np.isfinite(self._panel.ends).any():
             return []
         label = screen_label(f"best {self.scene.name} of the level so far", self.scene.unit, self.scene.maximised)
@@ -361,7 +361,7 @@ class FinishedPlan:
         ]
 
     def _over_starts(self, curves: Iterator[np.ndarray]) -> Iterator[np.ndarray]:
-        """Yield the curve of each level over the starts of all levels, NaN at those of others."""
+        """Yield the curve of each level over the starts of all levels; NaN at other levels."""
         for last, curve in zip(self._lasts, curves, strict=True):
             whole = np.full(self._lasts[-1], np.nan)
             whole[last - len(curve) : last] = curve
@@ -369,7 +369,7 @@ class FinishedPlan:
 
     @property
     def _instants(self) -> np.ndarray:
-        """Where starts stand in charts: around the number of their level."""
+        """Places of starts in charts: around the number of their level."""
         return self._panel.across - 0.5
 
     def _chart(self, name: str, title: str, label: str, curves: Sequence[np.ndarray]) -> DrawnChart:
@@ -410,7 +410,7 @@ def _point(place: int, value: float, time: np.ndarray, q: np.ndarray, axis: int 
 
 
 def _start_and_end(level: PlannedLevel, row: int) -> tuple[RecordedPoint, RecordedPoint]:
-    """Return a start as a point beside the chosen one, and what it led to as that."""
+    """Return a start as a point to compare, and its result as the chosen one."""
     motions = level.motions
     start = _point(row, level.starts[row], motions.time, motions.starts[row], axis=0)
     return start, _point(row, level.ends[row], motions.time, motions.ends[row])

@@ -1,4 +1,4 @@
-"""The panel of a plan: the objective at every start, at what it led to, and at the optima, level by level."""
+"""The panel of a plan: the objective at every start, at its result, and at the optima, level by level."""
 
 from __future__ import annotations
 
@@ -23,10 +23,9 @@ BEST = "best"  # name of the best point
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlanPanel:
-    """A band a level with its starts beside each other in the order of the search, and one of the final ``optima``.
+    """One band per level, with its starts in the order of the search, and one band of the final ``optima``.
 
-    Across, a band is one wide, and what it holds stands off its borders. What is too far off is drawn as dashes at the
-    edge.
+    A band has width 1, and its marks keep off its borders. Values that are too far away are dashes at the edge.
     """
 
     scene: PlannedScene
@@ -41,7 +40,7 @@ class PlanPanel:
         )
 
     def log(self, recording: rr.RecordingStream) -> None:
-        """Draw axes, where levels begin, and the final optima, for all times."""
+        """Draw axes, the beginnings of levels, and the final optima, for all times."""
         self.canvas.log(recording, ENTITY, static=True)
         self._log_bands(recording)
         lines = rr.LineStrips2D(self._value_lines, colors=SCREEN.final, radii=rr.Radius.ui_points(0.7), draw_order=0.5)
@@ -50,10 +49,10 @@ class PlanPanel:
     def log_until(
         self, recording: rr.RecordingStream, count: int, *, ended: bool = False, looked_at: int | None = None
     ) -> None:
-        """Draw the first so many starts with what they led to, the best of the level, where all ``ended`` the optima.
+        """Draw the first ``count`` starts with their results and the best of the level; the optima if all ``ended``.
 
-        Labels keep off the cursor of the start ``looked_at``, by its number from 1. Values of other levels, whose
-        samples are others, are no better or worse.
+        Labels avoid the cursor of the start ``looked_at``, by its number from 1. Values of other levels are not
+        comparable, because these have other samples.
         """
         across = self.across[:count]
         starts, ends = self.starts[:count], self.ends[:count]
@@ -63,7 +62,7 @@ class PlanPanel:
         self._log_points(recording, "ends", across[~failed], ends[~failed], SCREEN.front, 3.2, 2.0)
         places = self._places if ended else np.zeros(0)
         self._log_points(recording, "optima", places, self._final[: len(places)], SCREEN.front, 4.5, 3.0)
-        where, best = np.zeros(0), np.zeros(0)  # a level that led to no optimum has no best
+        where, best = np.zeros(0), np.zeros(0)  # a level without an optimum has no best
         if ended and len(places):
             where, best = places[:1], self._final[:1]
         elif np.isfinite(ends[first:]).any():
@@ -78,14 +77,14 @@ class PlanPanel:
         self._log_none_looked_at(recording)
 
     def log_start(self, recording: rr.RecordingStream, number: int) -> None:
-        """Mark a start by its number, from 1, and what it led to."""
+        """Mark a start by its number, from 1, and its result."""
         cursor = rr.LineStrips2D(
             [self._cursor(number)], colors=SCREEN.text, radii=rr.Radius.ui_points(0.8), draw_order=0.8
         )
         recording.log(f"{ENTITY}/cursor", cursor)
 
     def log_optimum(self, recording: rr.RecordingStream, place: int) -> None:
-        """Mark a final optimum that is looked at by its place; the best, which is marked anyway, stays the best."""
+        """Mark a final optimum that is looked at, by its place; the best is already marked and stays the best."""
         if place == 0:
             self._log_none_looked_at(recording)
             return
@@ -106,18 +105,18 @@ class PlanPanel:
 
     @cached_property
     def ends(self) -> Values:
-        """The objective at what all starts led to (starts,), NaN where that is no optimum."""
+        """The objective at the results of all starts (starts,), NaN if a result is not an optimum."""
         return np.concatenate([np.zeros(0), *(level.ends for level in self.levels)])
 
     @cached_property
     def across(self) -> Values:
-        """Where all starts stand (starts,): in the band of their level."""
+        """The horizontal places of all starts (starts,), in the band of their level."""
         bands = [self._across_band(place, len(level.starts)) for place, level in enumerate(self.levels)]
         return np.concatenate([np.zeros(0), *bands])
 
     @cached_property
     def canvas(self) -> Canvas:
-        """Where the panel is drawn."""
+        """The canvas of the panel."""
         optima = np.concatenate([self._final, *(level.optima[:1] for level in self.levels)])
         reached = self.ends[np.isfinite(self.ends)]
         far = (
@@ -142,7 +141,7 @@ class PlanPanel:
         return Canvas(low=low_corner, high=high_corner, labels=("", label), ticked=(False, True))
 
     def beyond(self, level: PlannedLevel) -> int:
-        """Return how many of a level's starts are too far off and at the edge."""
+        """Return how many of a level's starts are too far away, at the edge."""
         return int(sum(not self._is_near(value) for value in level.starts))
 
     @property
@@ -155,17 +154,17 @@ class PlanPanel:
 
     @property
     def _places(self) -> Values:
-        """Where the final optima stand across."""
+        """The horizontal places of the final optima."""
         return self._across_band(len(self.levels), len(self._final))
 
     def _across_band(self, place: int, count: int) -> Values:
-        """Return where so many marks stand in the band at a place, whole ones, none on a border by half."""
+        """Return ``count`` places of marks in a band; no mark crosses a border."""
         margin = min(MARKS.band_margin * self._end / self.canvas.width, 0.25)
         shares = (np.arange(count) + 0.5) / max(count, 1)
         return np.asarray(place + margin + (1.0 - 2.0 * margin) * shares)
 
     def _first(self, count: int) -> int:
-        """Return the row of the first start of the level that the last of so many starts belongs to."""
+        """Return the row of the first start of the level to which the last of ``count`` starts belongs."""
         borders = np.cumsum([0, *(len(level.starts) for level in self.levels)])
         return int(borders[borders < count].max(initial=0))
 
@@ -183,7 +182,7 @@ class PlanPanel:
         values: Values,
         colour: Colour,
     ) -> None:
-        """Draw starts: those that the axes show as dots, the others as dashes that point to where they lie."""
+        """Draw starts: as dots in the axes, otherwise as dashes that point towards them."""
         near = (values >= self.canvas.low[1]) & (values <= self.canvas.high[1])
         self._log_points(recording, layer, across[near], values[near], colour, MARKS.start, 1.0)
         strips = list[np.ndarray]()
@@ -227,7 +226,7 @@ class PlanPanel:
         colour: Colour,
         lines: Sequence[np.ndarray] = (),
     ) -> None:
-        """Name a point, off all that is drawn, further ``lines`` [pixels], and the name of the best if another one."""
+        """Name a point, off everything drawn, further ``lines`` [pixels], and the name of the best if another point."""
         canvas, others = self.canvas, np.concatenate([self._drawn, line_points(np.array(lines).reshape(-1, 2, 2))])
         low, high = canvas.low[1], canvas.high[1]
         mark = canvas.place(np.array([across, np.clip(value, low, high)]))
@@ -238,7 +237,7 @@ class PlanPanel:
 
     @cached_property
     def _drawn(self) -> Float[np.ndarray, "points 2"]:
-        """Points [pixels] on starts, what they led to, optima, the lines of their values, and borders of levels."""
+        """Points [pixels] on starts, results, optima, their value lines, and borders of levels."""
         canvas = self.canvas
         x = np.concatenate([self.across, self.across, self._places])
         values = np.concatenate([self.starts, self.ends, self._final])
@@ -266,7 +265,7 @@ class PlanPanel:
         return self.canvas.place(np.array([(x, self.canvas.low[1]), (x, self.canvas.high[1])]))
 
     def _log_bands(self, recording: rr.RecordingStream) -> None:
-        """Draw the borders between bands, and below each what it holds."""
+        """Draw the borders between bands, and the name of each below it."""
         canvas, bands = self.canvas, np.arange(int(self._end))
         style = rr.LineStrips2D(self._borders, colors=SCREEN.frame, radii=rr.Radius.ui_points(0.7), draw_order=0.2)
         recording.log(f"{ENTITY}/levels/lines", style, static=True)

@@ -1,4 +1,4 @@
-"""What is said of a point of a front beside its picture, in Markdown."""
+"""The text of a point of a front, in Markdown."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from paretoik.review.words import counted, named_unit, run_text, value_text
 from paretoik.search.maximin import dominates
 from paretoik.task.limits import JOINT_UNITS, limit_ranges
 
-# Limits of joints that a motion breaks, in words: a method may know none of them, and what it does then shows.
+# Joint limits that a motion breaks, in words: a method may not know them, and its result then shows it.
 
 
 def broken_limits(cell: Workcell, motion: RecordedMotion) -> list[str]:
-    """Return a line of Markdown for every limit of a joint that a motion breaks, by how much it breaks it at most."""
+    """Return a line of Markdown for every joint limit that a motion breaks, with the largest excess."""
     lines = list[str]()
     for kind, values in joint_curves(cell, motion).items():
         if kind not in cell.bounds:
@@ -40,7 +40,7 @@ def broken_limits(cell: Workcell, motion: RecordedMotion) -> list[str]:
 
 
 def _broken(time: np.ndarray, values: np.ndarray, bounds: Float[np.ndarray, "time 2"], unit: str) -> str:
-    """Return how curve values break their bounds, "" where they keep them."""
+    """Return how curve values break their bounds, "" if they satisfy them."""
     low, high = bounds.T
     excess = np.maximum(values - high, low - values)
     over = excess > DRAWING.limit_tolerance * limit_ranges(low, high)
@@ -63,13 +63,13 @@ def _bounds_at(cell: Workcell, kind: str, motion: RecordedMotion) -> Float[np.nd
     return np.asarray(bounds[rows])
 
 
-# What is said, in Markdown, of a run that found nothing feasible: the reason, and what the least-violating breaks.
+# The text, in Markdown, of a run without a feasible result: the reason, and the broken constraints.
 
 
 def infeasible_text(
     names: Sequence[str], units: Sequence[str], nearest: LeastViolating, cell: Workcell | None, heading: str
 ) -> str:
-    """Return why a run has no result, and what its least-violating motion breaks, limits of joints in their units.
+    """Return why a run has no result, and what its least-violating motion breaks; joint limits have their units.
 
     ``names`` and ``units`` are those of the objectives.
     """
@@ -97,9 +97,9 @@ NO_RANGE = "One point has no range to have a share of: it is drawn in the middle
 
 
 def choice_text(front: Front, choice: Choice, *, title: str = "chosen", whole: bool = True) -> str:
-    """Return what is to be known of a choice: its reason, objectives, certificate, exchange rates, and the run.
+    """Return the text of a choice: its reason, objectives, certificate, exchange rates, and the run.
 
-    Of a reason that is not told ``whole`` only the first sentence.
+    Only the first sentence of the reason is included unless ``whole``.
     """
     sentences = _sentences(choice.reason)
     short = (
@@ -111,7 +111,7 @@ def choice_text(front: Front, choice: Choice, *, title: str = "chosen", whole: b
 
 
 def reason_text(choice: Choice) -> str:
-    """Return the reason of a choice, a line a sentence."""
+    """Return the reason of a choice, one line per sentence."""
     lines = [f"- {sentence}" for sentence in _sentences(choice.reason)]
     return screen_text("\n".join([f"# Why point {choice.id}", "", *lines]))
 
@@ -126,7 +126,7 @@ def _sentences(words: str) -> list[str]:
 
 
 def point_text(front: Front, row: int, *, chosen: Choice | None) -> str:
-    """Return what is to be known of any point of a front."""
+    """Return the text of any point of a front."""
     if chosen is not None and chosen.index == row:
         return choice_text(front, chosen, whole=False)
     return _point_text(front, row, f"number {row + 1} of {len(front)} along the front", "")
@@ -156,10 +156,10 @@ def text_of(
     outside: int = 0,
     end: str = "the final front",
 ) -> str:
-    """Return what is to be known of a generation and its compromise, or of a step of a closed loop.
+    """Return the text of a generation and its compromise, or of a step of a closed loop.
 
-    ``moved`` is the generation whose motions are shown with it, ``outside`` how many individuals lie outside the axes,
-    which show what is near the ``end``.
+    ``moved``: the generation whose motions are shown with it. ``outside``: number of individuals outside the axes,
+    which show the neighbourhood of the ``end``.
     """
     if scene.timeline == "step":
         return screen_text(_step_text(scene, generation))
@@ -170,16 +170,16 @@ def text_of(
 
 
 def outside_text(outside: int, count: int, what: str) -> list[str]:
-    """Return how many of ``count`` individuals lie outside the axes, which show ``what``, where there are some."""
+    """Return how many of ``count`` individuals are outside the axes, which show ``what``; nothing if none are."""
     verb = "lies" if outside == 1 else "lie"
     words = f"{outside} of {counted(count, 'individual')} {verb} outside the axes, which show what is near {what}."
     return ["", words] if outside else []
 
 
 def better_but_infeasible(scene: SearchScene, population: Population, front: Objectives) -> str:
-    """Return how many individuals of a search dominate its front and are not on it: these are not feasible.
+    """Return how many individuals dominate the front without being on it; these are infeasible.
 
-    "" where there are none.
+    "" if there are none.
     """
     if scene.timeline != "generation" or not len(front):
         return ""
@@ -219,7 +219,7 @@ def _generation_text(scene: SearchScene, generation: Generation, moved: int | No
 
 
 def beginning_text(first: int) -> str:
-    """Return what is to be known of a closed loop before its ``first`` step."""
+    """Return the text of a closed loop before its ``first`` step."""
     return (
         f"# Step 0\n\nThe arm stands where it begins: nothing was searched for, so there is no front. "
         f"The first is that of step {first}."
@@ -227,13 +227,13 @@ def beginning_text(first: int) -> str:
 
 
 def search_hint(searched: Sequence[int]) -> str:
-    """Return where the timelines of searched steps are to be seen."""
+    """Return where the timelines of searched steps are visible."""
     tabs = " and ".join(f"\u201csearch of step {step}\u201d" for step in searched)
     return f"**This timeline moves {tabs}: open that tab above the legend.**"
 
 
 def loop_guide(searched: Sequence[int], opening: int | None) -> str:
-    """Return where the search of each of some steps is to be seen, and from which step on the loop is played."""
+    """Return where the search of each given step is visible, and from which step on the loop is played."""
     lines = [
         f"- The search of step {step} has a tab, \u201csearch of step {step}\u201d, above the legend; the timelines "
         "generation and individual move it and leave all else as it is."
@@ -248,7 +248,7 @@ def loop_guide(searched: Sequence[int], opening: int | None) -> str:
 
 
 def _bounds(scene: SearchScene, generation: Generation) -> list[str]:
-    """Return what a level of a sweep bounds."""
+    """Return the bounds of a level of a sweep."""
     if generation.epsilon is None:
         return []
     bounds = [
@@ -264,10 +264,10 @@ def _bounds(scene: SearchScene, generation: Generation) -> list[str]:
 
 
 def _named(scene: SearchScene, generation: Generation, number: int) -> str:
-    """Return what a point is called; those of a sweep are numbered anew at its end."""
+    """Return the name of a point; those of a sweep get new numbers at its end."""
     if scene.timeline != "level":
         return f"point {number}"
-    return f"point {number} of level {generation.number} (the final front numbers its points anew)"
+    return f"point {number} of level {generation.number} (the final front renumbers its points)"
 
 
 def _why_empty(generation: Generation) -> str:
@@ -281,7 +281,13 @@ def _why_empty(generation: Generation) -> str:
     if generation.least_violating is None:
         return words
     return "\n".join(
-        [words, "", "What the least-violating one so far breaks:", "", *broken_lines(generation.least_violating)]
+        [
+            words,
+            "",
+            "Constraints broken by the least-violating individual so far:",
+            "",
+            *broken_lines(generation.least_violating),
+        ]
     )
 
 
@@ -350,7 +356,7 @@ def _rates(front: Front, row: int) -> str:
 
 
 def range_text(low: float, high: float, unit: str) -> str:
-    """Return a range in words; of one whose ends have the same digits how far it reaches above its lower end.
+    """Return a range in words; if its ends have the same digits, the upper end is relative to the lower one.
 
     >>> range_text(1.0, 2.0, "m"), range_text(1.0, 1.0 + 1e-9, "m"), range_text(1.0, 1.0, "m")
     ('1 to 2 m', '1 m to 1e-09 m above that', '1 m alone')

@@ -1,5 +1,5 @@
-// Sliders of objectives, the better end to the right. Dragging asks for predictions, one at a time and the newest next;
-// release asks for the certified point.
+// Sliders of objectives, with the better end on the right. Dragging requests predictions, one at a time and only the
+// newest; release requests the certified point.
 
 const digits = (value) => Number(value.toPrecision(4)).toString();
 const withUnit = (value, unit) => `${digits(value)} ${unit}`.trim();
@@ -33,9 +33,9 @@ function render({ model, el }) {
   words.setAttribute("role", "status");
   el.append(...rows.map((each) => each.row), words);
   let sent = 0;
-  let asked = null; // the newest wish, while another one is being answered
+  let asked = null; // the newest wish while another one is being answered
   let dragged = null; // the axis under the pointer
-  let released = null; // the axis whose move is under way, during which nothing can be dragged
+  let released = null; // the axis whose move is in progress; meanwhile nothing can be dragged
 
   const share = (objective, value) =>
     objective.best === objective.worst ? 1 : (value - objective.worst) / (objective.best - objective.worst);
@@ -95,7 +95,7 @@ function render({ model, el }) {
     const last = answered && asked === null ? released : null;
     if (last !== null) released = null;
     show();
-    if (last !== null) rows[last].slider.focus(); // which it loses while it cannot be dragged
+    if (last !== null) rows[last].slider.focus(); // a slider loses the focus while it cannot be dragged
     if (answered && asked !== null) send(asked);
   };
   model.on("change:state", update);

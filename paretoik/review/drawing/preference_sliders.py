@@ -19,7 +19,7 @@ HERE = Path(__file__).parent
 
 @dataclass(frozen=True, kw_only=True)
 class SliderWish:
-    """Objective ``improve`` at ``to`` in its own unit, while those on ``hold`` get no worse."""
+    """Objective ``improve`` at ``to`` in its own unit; those on ``hold`` must not get worse."""
 
     improve: str
     to: float
@@ -27,9 +27,9 @@ class SliderWish:
 
 
 class PreferenceSliders(anywidget.AnyWidget):
-    """A slider an objective of a front, from its worst to its best value there, at those of a choice.
+    """One slider per objective of a front, from its worst to its best value, at the values of a choice.
 
-    ``drag`` and ``release`` are called with a ``SliderWish``, ``cancel`` when a slider is back where it was.
+    ``drag`` and ``release`` are called with a ``SliderWish``; ``cancel`` is called when a slider is back at its start.
     """
 
     _esm = HERE / "preference_sliders.js"
@@ -51,12 +51,12 @@ class PreferenceSliders(anywidget.AnyWidget):
         self.on_msg(self._receive)
 
     def show(self, front: Front, choice: Choice, kind: Kind, words: str, prediction: Prediction | None = None) -> None:
-        """Stand at a choice of a front and say what happened; values of a prediction are shown as such."""
+        """Show a choice of a front and a message; values of a prediction are shown as such."""
         self._front, self._choice = front, choice
         self.state = self._state(choice, kind, words, prediction)
 
     def _receive(self, _: Any, message: dict[str, Any], __: Any) -> None:
-        """Take in what the browser says, and let it know that this was answered."""
+        """Handle a message of the browser, and confirm it."""
         names = self._front.names
         improve, hold = names[message["axis"]], tuple(names[axis] for axis in message["hold"])
         wish = SliderWish(improve=improve, to=float(message["to"]), hold=hold)
@@ -66,7 +66,7 @@ class PreferenceSliders(anywidget.AnyWidget):
                 self._cancel()
             else:
                 {"drag": self._drag, "release": self._release}[message["kind"]](wish)
-        except BaseException as error:  # a browser without an answer would wait for it
+        except BaseException as error:  # a browser without an answer would keep waiting
             self.show(self._front, self._choice, "refused", str(error) or type(error).__name__)
             raise
 
@@ -86,7 +86,7 @@ class PreferenceSliders(anywidget.AnyWidget):
         ]
         movable = len(front.names) > 1 and front.certificates is not None and hasattr(front.problem, "navigate")
         if not movable:
-            words = "These sliders want a certified front with its problem at hand, such as refine(front)."
+            words = "These sliders need a certified front with its problem, such as refine(front)."
         return {
             "objectives": objectives,
             "kind": kind,

@@ -1,4 +1,4 @@
-"""The recording of resolved motions: arms along their path, and over time what their method did."""
+"""The recording of resolved motions: arms along their path, and the traces of their method over time."""
 
 from __future__ import annotations
 
@@ -25,21 +25,21 @@ from paretoik.review.words import run_text
 from paretoik.robot.arm import Arm
 from paretoik.task.limits import JOINT_UNITS
 
-# What is said of a resolved motion beside its pictures, in Markdown.
+# The text of a resolved motion, in Markdown.
 
 
 STATUSES = {
     "done": "done, neither damped nor cut short",
     "damped": "damped, near a singularity",
-    "shortened": "shortened: whole, it would move a joint by more than 1 rad or 1 m",
-    "held": "held: no velocities do what the task wants",
+    "shortened": "shortened: the full step would move a joint by more than 1 rad or 1 m",
+    "held": "held: no joint velocities achieve the task",
     "limited": "limited: the task gives way to limits",
     "missed": "missed: the step does not end on the path",
 }
 
 
 def motion_text(scene: ResolvedScene, traces: RecordedTraces, end: ResolutionEnd) -> str:
-    """Return what is to be known of a motion: its errors, the limits it breaks, its steps, and its method."""
+    """Return the text of a motion: its errors, the limits it breaks, its steps, and its method."""
     worst = int(traces.error.argmax())
     lines = [
         f"# {scene.method}" + (f", {traces.name} ({traces.point.id + 1} of {end.count})" if end.count > 1 else ""),
@@ -62,7 +62,7 @@ def motion_text(scene: ResolvedScene, traces: RecordedTraces, end: ResolutionEnd
 
 
 def _limits(scene: ResolvedScene, traces: RecordedTraces) -> list[str]:
-    """Return which limits of joints a motion breaks, or that it keeps them; nothing where there are none."""
+    """Return which joint limits a motion breaks, or that it keeps them; nothing without limits."""
     assert traces.point.motion is not None
     if not scene.workcell.bounds:
         return []
@@ -71,7 +71,7 @@ def _limits(scene: ResolvedScene, traces: RecordedTraces) -> list[str]:
 
 
 def speed_unit(arm: Arm) -> str:
-    """Return the unit of joint speeds, of two where an arm turns and slides."""
+    """Return the unit of joint speeds; both units if an arm has both kinds of joints."""
     return joint_units(arm, JOINT_UNITS["velocity"])
 
 
@@ -82,7 +82,7 @@ def damping_unit(scene: ResolvedScene) -> str:
 
 
 def _method(scene: ResolvedScene, traces: RecordedTraces, end: ResolutionEnd) -> list[str]:
-    """Return the numbers of the method with their units; of one that each motion has another of, that of this one."""
+    """Return the method's numbers with their units; numbers that vary between motions are this motion's."""
     units = {
         "damping": damping_unit(scene),
         "region": damping_unit(scene),
@@ -107,13 +107,13 @@ def _is_numeric(value: list[object]) -> bool:
 
 
 def step_text(traces: RecordedTraces, step: int) -> str:
-    """Return what begins at a step."""
+    """Return the text about a new status at a step."""
     status = str(traces.status[step])
     return screen_text(f"**From {traces.time[step]:.4g} s on: {STATUSES.get(status, status)}**")
 
 
 def _value(value: object) -> str:
-    """Return a setting in words; of a criterion its objective and gain."""
+    """Return a setting in words; a criterion with its objective and gain."""
     if isinstance(value, dict):
         return ", ".join(f"{name} {_value(each)}" for name, each in value.items())
     if isinstance(value, list):
@@ -123,10 +123,10 @@ def _value(value: object) -> str:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FinishedResolution:
-    """Resolved motions: the first of them drawn solid, some of the others beside it.
+    """Resolved motions: the first one is solid, with some of the others next to it.
 
-    Timelines: ``motion``, along which all of them move, and of several ``solution``, which walks along them. ``note``
-    says what was left out.
+    Timelines: ``motion``, along which all of them move, and ``solution``, if there are several, which shows one after
+    another. ``note``: what was left out.
     """
 
     scene: ResolvedScene
@@ -158,7 +158,7 @@ class FinishedResolution:
         stream.send_blueprint(self._layout.blueprint())
 
     def _log_whole(self, stream: rr.RecordingStream, traces: RecordedTraces, points: Sequence[RecordedPoint]) -> None:
-        """Draw a motion as the chosen one at the current time, with the words and the criteria that are its own."""
+        """Draw a motion as the chosen one at the current time, with its own text and criteria."""
         self._motions.log_whole(stream, points)
         self._log_text(stream, motion_text(self.scene, traces, self.end))
         for chart, instants, curves in self._charts_of_criteria(traces):
@@ -169,7 +169,7 @@ class FinishedResolution:
             chart.log_cursor(stream, float(traces.time[len(traces.time) // 2]))
 
     def _log_marks(self, stream: rr.RecordingStream, traces: RecordedTraces) -> None:
-        """Mark on the curve of errors the samples whose step was not simply done."""
+        """Mark on the error curve the samples whose step has another status than done."""
         chart, _, _ = self._charts[0]
         rows = np.flatnonzero(traces.status != "done") + 1
         places = np.stack([traces.time[rows], _logarithm(traces.error)[rows]], axis=1)
@@ -179,12 +179,12 @@ class FinishedResolution:
         stream.log(f"{chart.entity}/marks", marks)
 
     def _send_motions(self, stream: rr.RecordingStream) -> None:
-        """Let the arms move, and cursors with them."""
+        """Move the arms and the cursors."""
         for point in self._points:
             self._motions.send_motion(stream, point, charts=self._all_charts)
 
     def _log_events(self, stream: rr.RecordingStream, traces: RecordedTraces) -> None:
-        """Say, while the arm moves, what begins at a step: where its status is another than that of the one before."""
+        """Show, while the arm moves, each step whose status differs from that of the previous step."""
         words = motion_text(self.scene, traces, self.end)
         changes = np.flatnonzero(traces.status[1:] != traces.status[:-1]) + 1
         first = [0] if traces.status[0] != "done" else []
@@ -198,13 +198,13 @@ class FinishedResolution:
 
     @cached_property
     def _thin_motions(self) -> list[RecordedTraces]:
-        """Motions that are drawn beside the first one, a colour each."""
+        """The motions next to the first one, one colour each."""
         others = list(self.end.motions[1:])
         return [others[place] for place in even_rows(len(others), len(SCREEN.ends))]
 
     @cached_property
     def _points(self) -> list[RecordedPoint]:
-        """The first motion, and those beside it, as points with their colours' axes."""
+        """The first motion and those next to it, as points whose axes give their colours."""
         thin = [replace(each.point, axis=axis) for axis, each in enumerate(self._thin_motions)]
         return [self.end.motions[0].point, *thin]
 
@@ -216,12 +216,12 @@ class FinishedResolution:
 
     @cached_property
     def _charts(self) -> list[DrawnChart]:
-        """Charts with a curve of each motion that is drawn: the task error first."""
+        """Charts with one curve per drawn motion; the task error is first."""
         shown, unit = [self.end.motions[0], *self._thin_motions], self.scene.error_unit
         exponent = np.log10(max(self.scene.tolerance, DRAWING.least_error))
         tolerance = self._limit(exponent, "tolerance" if len(shown) > 1 else "", SCREEN.limit)
         errors = [_logarithm(each.error) for each in shown]
-        moving = [np.append(curve[1:2], curve[1:]) for curve in errors]  # at its start an arm is often exact
+        moving = [np.append(curve[1:2], curve[1:]) for curve in errors]  # at its start an arm often has no error
         error = self._chart("error", f"log10 of the task error [{unit}]", errors, [tolerance], moving)
         error = replace(error[0], total=VIEWS.panels), error[1], error[2]
         speeds, damping = speed_unit(self.scene.workcell.arm), damping_unit(self.scene)
@@ -243,7 +243,7 @@ class FinishedResolution:
         return charts
 
     def _charts_of_criteria(self, traces: RecordedTraces) -> Iterator[DrawnChart]:
-        """Yield the chart of the speeds that each criterion adds, of one motion."""
+        """Yield the chart of a motion's speeds due to each criterion."""
         if self._criteria_chart is not None:
             curves = np.stack([_steps(curve) for curve in traces.criteria.T])
             yield self._criteria_chart, traces.time, curves
@@ -278,7 +278,7 @@ class FinishedResolution:
         limits: Sequence[LimitLine] = (),
         seen: Sequence[np.ndarray] | None = None,
     ) -> DrawnChart:
-        """Return a chart with a curve a motion, on axes that hold those or what is to be ``seen`` of them."""
+        """Return a chart with one curve per motion, on axes that contain those, or only ``seen``."""
         time = self.end.motions[0].time
         chart = Chart(
             entity=f"charts/{name}",
@@ -298,7 +298,7 @@ class FinishedResolution:
     @property
     def _note(self) -> str:
         recorded = len(self.end.motions)
-        words = f"Of {self.end.count} motions {recorded} are shown." if recorded < self.end.count else ""
+        words = f"{recorded} of {self.end.count} motions are shown." if recorded < self.end.count else ""
         return " ".join(filter(None, (self.note, words)))
 
     @cached_property
@@ -324,5 +324,5 @@ def _logarithm(errors: np.ndarray) -> np.ndarray:
 
 
 def _steps(values: np.ndarray) -> np.ndarray:
-    """Return what is known of steps at samples: that of a step at its end, of the first also at its beginning."""
+    """Return step values at samples: each at the end of its step, the first also at the beginning."""
     return np.concatenate([values[:1], values])

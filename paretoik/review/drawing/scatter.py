@@ -1,4 +1,4 @@
-"""How a search is drawn in a recording: a scatter of every pair of objectives, and parallel coordinates of all."""
+"""The drawing of a search: a scatter of every pair of objectives, and parallel coordinates of all."""
 
 from __future__ import annotations
 
@@ -34,12 +34,11 @@ from paretoik.review.recording.recorder import Generation, Population
 
 @dataclass(frozen=True, kw_only=True)
 class SearchScene:
-    """Names and units of the objectives, and which are maximised: what every generation is drawn with.
+    """Names, units and senses of the objectives, for drawing every generation below the entity ``root``.
 
-    ``timeline`` says what they are: generations, levels of an ε-sweep, a front before and after it was refined, or the
-    steps of a closed loop. These have no hypervolume, and each is drawn as shares of its own front's ranges: from one
-    to the next objectives can change by orders of magnitude.
-    Points are drawn below the entity ``root``.
+    ``timeline`` says what generations are: generations, levels of an ε-sweep, a front before and after refinement, or
+    steps of a closed loop. Steps have no hypervolume, and each is drawn as shares of its own front's ranges, because
+    objectives can change by orders of magnitude between steps.
     """
 
     names: tuple[str, ...]
@@ -59,19 +58,19 @@ class SearchScene:
         return entity_names(self.names)
 
     def canvases(self, shown: Objectives) -> list[Canvas]:
-        """Return a canvas a pair of objectives whose windows hold `shown`, none where it has no finite point."""
+        """Return one canvas per pair of objectives, scaled to show `shown`; none if it has no finite point."""
         if self.timeline == "step" and np.isfinite(shown).all(axis=1).any():
             shown = np.array([[0.0], [1.0]]) * np.ones(len(self.names))
         return self.panels.canvases(shown)
 
     def fits(self, canvases: Sequence[Canvas], shown: Objectives) -> bool:
-        """Say whether `shown` can be drawn on `canvases` as they are."""
+        """Return whether `shown` fits the present `canvases`."""
         if self.timeline == "step":
             return bool(canvases)
         return bool(canvases) and all(canvas.fits(shown[:, list(pair)]) for pair, canvas in self._panels(canvases))
 
     def view(self, *, without: Sequence[str] = ()) -> rrb.View:
-        """Return the view of all pairs, its layers of entities that are called ``without`` left out."""
+        """Return the view of all pairs without the layers of the entities in ``without``."""
         left_out = [
             f"- {'/'.join(map(_escape, [*self._panel(pair), name]))}" for pair in self.panels.pairs for name in without
         ]
@@ -79,7 +78,7 @@ class SearchScene:
         return self.panels.view(rr.new_entity_path([*self.root, "front"]), ["+ $origin/**", *left_out], name)
 
     def parallel_axes(self, shown: Objectives) -> ParallelAxes | None:
-        """Return axes for parallel coordinates, from three objectives on."""
+        """Return axes for parallel coordinates, for three or more objectives."""
         shown = shown[np.isfinite(shown).all(axis=1)]
         if len(self.names) < DRAWING.parallel or not len(shown):
             return None
@@ -102,9 +101,9 @@ class SearchScene:
         named: bool = False,
         behind: Population | None = None,
     ) -> None:
-        """Draw `generation` at the current time, its front with ids if `named`, and keep its numbers exactly.
+        """Draw `generation` at the current time, its front with ids if `named`, and record its exact numbers.
 
-        Labels keep off the points ``behind`` it, too.
+        Labels also avoid the points ``behind`` it.
         """
         reference = generation.front if self.timeline == "step" else None
         self.log_points(recording, "population", generation.population, canvases, reference=reference)
@@ -115,7 +114,7 @@ class SearchScene:
             self._lines.log(recording, self._panel(pair), canvas, pair, generation)
         if generation.chosen is not None:
             self.log_points(recording, "chosen", generation.chosen[None], canvases, reference=reference)
-        of = f" of level {generation.number}" if self.timeline == "level" else ""  # the final front numbers anew
+        of = f" of level {generation.number}" if self.timeline == "level" else ""  # the final front renumbers
         everything = [generation.front, generation.population, *([] if behind is None else [behind])]
         taken = self.line_points(generation, canvases)
         self.log_marked(recording, generation.points, canvases, of=of, avoided=np.concatenate(everything), taken=taken)
@@ -125,7 +124,7 @@ class SearchScene:
             self.log_lines(recording, parallel, generation.front, chosen, reference=reference)
 
     def log_note(self, recording: rr.RecordingStream, canvases: Sequence[Canvas], words: str) -> None:
-        """Say in the middle of every panel why it has no points, at the current time; without words, no longer."""
+        """Explain in the middle of every panel why it has no points, at the current time; without words, stop."""
         for pair, canvas in self._panels(canvases):
             middle = canvas.origin + 0.5 * np.array([canvas.width, canvas.height])
             recording.log([*self._panel(pair), "note"], labels([words], middle[None]) if words else rr.Points2D([]))
@@ -153,9 +152,9 @@ class SearchScene:
     ) -> None:
         """Draw points as a layer of every panel, normalised by the ranges of a ``reference`` front if there is one.
 
-        Points outside a window are not drawn, but their numbers are kept with the others. Where points are ``named``,
-        ``of`` says whose ids they have. What is chosen or looked at has its label, ``words`` or its name, where it
-        covers least of the points ``avoided``, of what is ``taken`` [pixels] and of the label of the one ``labelled``.
+        Points outside a window are not drawn, but their numbers are recorded. If points are ``named``, ``of`` says
+        whose ids they have. A chosen point or one that is looked at has a label, ``words`` or its name, which covers
+        least of the points ``avoided``, of what is ``taken`` [pixels] and of the label of the point ``labelled``.
         """
         colour, _, order = LAYERS[layer]
         drawn = F if reference is None else normalised(F, reference)
@@ -189,7 +188,7 @@ class SearchScene:
     ) -> None:
         """Draw the best points of the objectives in their colours, and the chosen one.
 
-        Their labels are off what is to be ``avoided`` and what is ``taken`` [pixels]. ``of`` says whose ids they have.
+        Their labels avoid ``avoided`` and ``taken`` [pixels]. ``of`` says whose ids they have.
         """
         ends = any(point.axis is not None for point in points)
         for pair, canvas in self._panels(canvases) if ends else ():
@@ -226,10 +225,10 @@ class SearchScene:
         marked: Sequence[RecordedPoint] = (),
         taken: Float[np.ndarray, "area 2"] | None = None,
     ) -> None:
-        """Mark a point that is looked at, beside the chosen one and the best of the objectives.
+        """Mark a point that is looked at, next to the chosen one and the best of the objectives.
 
-        Its label is off what is to be ``avoided``, what is ``taken`` and that of the chosen one among those that are
-        ``marked``; where it is the chosen one it has that.
+        Its label is off ``avoided``, ``taken`` and the label of the chosen one among the ``marked`` points; if it is
+        the chosen point, it keeps that label.
         """
         F, ids = point.objectives[None], np.array([point.id])
         chosen = [row for row, each in enumerate(marked) if each.axis is None]
@@ -259,7 +258,7 @@ class SearchScene:
         *,
         reference: Population | None = None,
     ) -> None:
-        """Draw a front, and on top its chosen point, in parallel coordinates."""
+        """Draw a front in parallel coordinates, with its chosen point on top."""
         drawn = front if reference is None else normalised(front, reference)
         recording.log(f"{parallel.entity}/front", parallel.lines(drawn, SCREEN.front, 0.6, 1.0))
         if chosen is not None:
@@ -289,7 +288,7 @@ class SearchScene:
         return best
 
     def _panels(self, canvases: Sequence[Canvas]) -> list[tuple[Pair, Canvas]]:
-        """Return each pair with its canvas; before there is a finite point there are none."""
+        """Return each pair with its canvas; none before the first finite point."""
         return list(zip(self.panels.pairs, canvases, strict=True)) if canvases else []
 
     def _panel(self, pair: Pair) -> list[str]:

@@ -1,4 +1,4 @@
-"""How a search went, over its generations or steps: as charts at its end, as time series while it goes on."""
+"""The course of a search over its generations or steps: charts at its end, time series while it runs."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from paretoik.review.palette import MARKS, SCREEN, VIEWS, Colour
 from paretoik.review.recording.messages import Workcell
 from paretoik.review.recording.recorder import Generation, SearchedFront, SearchEnd
 
-# What the legend of a recording says.
+# The legend of a recording.
 
 
 Entry = tuple[str, Colour]
@@ -40,9 +40,9 @@ def search_entries(
     walked: bool = False,
     postures: str = "",
 ) -> list[Entry]:
-    """Return what is drawn of a search in which colour, with the points that are ``walked`` along if there are some.
+    """Return the names and colours in a search's drawing; with entries for the point looked at if ``walked``.
 
-    ``postures`` says which are drawn behind arms that stand still, "" where none are.
+    ``postures``: name of those drawn behind arms that stand still, "" for none.
     """
     loop = scene.timeline == "step"
     behind = {"level": "dominated", "refinement": "before"}.get(scene.timeline, "population")
@@ -62,9 +62,9 @@ def search_entries(
 
 
 def plan_entries(motions: MotionScene | None, *, optima: int = 2, feasible: bool = True) -> list[Entry]:
-    """Return what is drawn of a plan in which colour, also of one without a feasible motion.
+    """Return the names and colours in a plan's drawing, with or without a feasible motion.
 
-    Of several ``optima`` one is looked at; a single one is the best.
+    If there are several ``optima``, one is looked at; a single one is the best.
     """
     entries: list[Entry] = [
         ("start", SCREEN.population),
@@ -83,7 +83,7 @@ def plan_entries(motions: MotionScene | None, *, optima: int = 2, feasible: bool
 
 
 def resolution_entries(motions: MotionScene, first: str, others: Sequence[str]) -> list[Entry]:
-    """Return what is drawn of resolved motions in which colour; the ``first`` is drawn solid."""
+    """Return the names and colours in a drawing of resolved motions; the ``first`` one is solid."""
     named: list[Entry] = [(first, SCREEN.arm)] if others else []
     named += [(name, SCREEN.end(axis)) for axis, name in enumerate(others)]
     arm = f"arm of {first}, or of the motion looked at" if others else "arm"
@@ -91,7 +91,7 @@ def resolution_entries(motions: MotionScene, first: str, others: Sequence[str]) 
 
 
 def maxima_entries(cell: Workcell, word: str) -> list[Entry]:
-    """Return what is drawn of directional maxima in which colour."""
+    """Return the names and colours in a drawing of directional maxima."""
     entries: list[Entry] = [
         (f"highest {word}s so far", SCREEN.front),
         ("this direction", SCREEN.chosen),
@@ -106,9 +106,9 @@ def maxima_entries(cell: Workcell, word: str) -> list[Entry]:
 
 
 def motion_entries(motions: MotionScene, arm: str = "arm", *, postures: str = "") -> list[Entry]:
-    """Return what is drawn of motions in which colour; ``arm`` says whose is drawn solid.
+    """Return the names and colours in a drawing of motions; ``arm``: name of the solid arm.
 
-    ``postures`` says which are drawn behind arms that stand still, "" where none are.
+    ``postures``: name of those drawn behind arms that stand still, "" for none.
     """
     cell = motions.workcell
     entries: list[Entry] = [(arm, SCREEN.arm)]
@@ -132,7 +132,7 @@ def motion_entries(motions: MotionScene, arm: str = "arm", *, postures: str = ""
 
 
 def choice_entries(names: Sequence[str], motions: MotionScene | None, *, predicts: bool = False) -> list[Entry]:
-    """Return what is drawn of one or two choices in which colour, and of predictions where there are some."""
+    """Return the names and colours in a drawing of one or two choices, and of predictions if there are any."""
     colours = (SCREEN.chosen, SCREEN.compared)
     marked: list[Entry] = [(name, colour) for name, colour in zip(names, colours, strict=False)]
     marked += [("predicted, not certified", SCREEN.predicted)] if predicts else []
@@ -144,9 +144,9 @@ DrawnChart = tuple[Chart, np.ndarray, np.ndarray]  # with its instants and curve
 
 
 def search_charts(scene: SearchScene, generations: Sequence[Generation]) -> list[DrawnChart]:
-    """Return the hypervolume over the generations, the best values and the sizes; with one objective its best first.
+    """Return the charts over the generations: hypervolume, best values and sizes; a single objective's best is first.
 
-    Of steps, each objective of the chosen points between the best and the worst of the step's front.
+    For steps: each objective of the chosen points, between the best and the worst of the step's front.
     """
     with_front = [generation for generation in generations if len(generation.front)]
     if not with_front:
@@ -184,13 +184,13 @@ def search_charts(scene: SearchScene, generations: Sequence[Generation]) -> list
 
 
 def fit_drawn_charts(drawn: Sequence[DrawnChart], names_before: Sequence[str] = ()) -> list[DrawnChart]:
-    """Return charts as ``fit_below_tabs`` does, with what is drawn in them."""
+    """Return charts as ``fit_below_tabs`` does, with their instants and curves."""
     charts = fit_below_tabs([chart for chart, _, _ in drawn], names_before)
     return [(chart, instants, curves) for chart, (_, instants, curves) in zip(charts, drawn, strict=True)]
 
 
 def series_views(scene: SearchScene) -> list[rrb.View]:
-    """Return time series, which can grow: hypervolume, chosen and best values, sizes."""
+    """Return growing time series: hypervolume, chosen and best values, sizes."""
     kinds = ["best"] if scene.timeline != "step" else ["chosen", "best"]
     volume = [rrb.TimeSeriesView(origin="search/hypervolume", name=screen_text(f"hypervolume [{scene.volume_unit}]"))]
     views = [
@@ -244,7 +244,7 @@ def _step_chart(scene: SearchScene, axis: int, numbers: Times, steps: Sequence[G
     curves = np.stack([ranges[:, 0], ranges[:, 1], chosen])
     names, colours = ["best", "worst", "chosen"], [*BEST_WORST, SCREEN.chosen]
     apart, whole = np.nanmax(np.ptp(ranges, axis=1), initial=0.0), np.nanmax(curves) - np.nanmin(curves)
-    if apart < MARKS.line * whole / VIEWS.chart[1]:  # they would lie under each other
+    if apart < MARKS.line * whole / VIEWS.chart[1]:  # the curves would overlap
         words = f"chosen {scene.label(axis)}; best and worst of a step at most {apart:.2g} apart"
         chart, *_ = _chart(scene, f"chosen_{axis}", words, numbers, curves[2:], names[2:], colours[2:])
         return replace(chart, title=scene.label(axis)), numbers, curves[2:]
@@ -275,12 +275,12 @@ def _number(value: float | None) -> float:
     return float("nan") if value is None else value
 
 
-# What recordings of finished searches and closed loops share: where fronts and their charts are drawn.
+# Shared parts of recordings of finished searches and closed loops: views of fronts and their charts.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RecordedSearch:
-    """All ``generations`` of a search, or steps of a closed loop, and its ``end``; ``note`` says what was left out."""
+    """All ``generations`` of a search, or steps of a closed loop, and its ``end``; ``note``: what was left out."""
 
     scene: SearchScene
     recorded: SearchedFront
@@ -291,7 +291,7 @@ class RecordedSearch:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FrontViews:
-    """The views of a search's fronts, on axes that hold all of ``shown``, and of how it went; ``note`` is its note."""
+    """The views of a search's fronts, on axes that contain all of ``shown``, its charts, and its ``note``."""
 
     search: RecordedSearch
     shown: Objectives
@@ -309,7 +309,7 @@ class FrontViews:
             stream.log("notes/left_out", rr.TextDocument(self.note), static=True)
 
     def log_generation(self, stream: rr.RecordingStream, generation: Generation, words: str) -> None:
-        """Draw a generation or step at the current time, with what is said of it."""
+        """Draw a generation or step at the current time, with its text."""
         final = None if self.search.end.front is None else self.search.end.front.objectives
         behind = None if self.search.scene.timeline == "step" else final
         self.search.scene.log_generation(stream, generation, self.canvases, self.parallel, behind=behind)
@@ -318,32 +318,32 @@ class FrontViews:
         self.log_cursors(stream, generation.number)
 
     def log_note(self, stream: rr.RecordingStream, words: str) -> None:
-        """Say where points would be why there are none, at the current time; without words, no longer."""
+        """Explain in the panels why they have no points, at the current time; without words, stop."""
         self.search.scene.log_note(stream, self.canvases, words)
 
     def log_cursors(self, stream: rr.RecordingStream, number: int) -> None:
-        """Let the cursors of charts stand at a generation or step, at the current time."""
+        """Draw the cursors of charts at a generation or step, at the current time."""
         for chart, _, _ in self._charts:
             chart.log_cursor(stream, float(number))
 
     def outside(self, generation: Generation) -> int:
-        """Return how many individuals of a generation lie outside the axes of at least one panel."""
+        """Return how many individuals of a generation are outside the axes of at least one panel."""
         return outside_panels(self.search.scene.panels.pairs, self.canvases, generation.population)
 
     @property
     def front(self) -> rrb.View | None:
-        """The view of all pairs of objectives; None where nothing finite is shown."""
+        """The view of all pairs of objectives; None if nothing finite is shown."""
         return self.search.scene.view() if self.canvases else None
 
     @property
     def charts(self) -> list[rrb.View]:
-        """The views below that of the front."""
+        """The views below the front."""
         parallel = [] if self.parallel is None else [self.parallel.view()]
         return [*parallel, *(chart.view() for chart, _, _ in self._charts)]
 
     @property
     def notes(self) -> list[rrb.View]:
-        """The view of the note, where there is one."""
+        """The view of the note, if there is one."""
         return [note_view()] if self.note else []
 
     @cached_property
@@ -353,7 +353,7 @@ class FrontViews:
 
     @cached_property
     def parallel(self) -> ParallelAxes | None:
-        """The axes of parallel coordinates, from three objectives on."""
+        """The axes of parallel coordinates, for three or more objectives."""
         return self.search.scene.parallel_axes(self.shown)
 
     @cached_property

@@ -1,4 +1,4 @@
-"""How a search is recorded: generations as they come, and at the end all of them on common axes, with motions."""
+"""The recording of a search: generations as they come, then all on common axes, with motions."""
 
 from __future__ import annotations
 
@@ -52,16 +52,16 @@ from paretoik.review.recording.messages import LeastViolating, RecordedPoint, en
 from paretoik.review.recording.recorder import Generation, RecorderOptions, SearchedFront, SearchEnd
 from paretoik.search.maximin import greedy_order, scaled, starting_points
 
-# The recording of a search that is over: all generations on common axes, at their end the front and its motions.
+# The recording of a finished search: all generations on common axes, then the front and its motions.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FinishedSearch:
-    """A ``search`` that is over.
+    """A finished ``search``.
 
     Four timelines: that of its generations or levels; ``motion``, along which the last motions move, if they do;
-    ``replay``, on which the motions of one generation come after those of the other; ``point``, which walks along the
-    last front, if it has several. What is seen at the end stands on all of them.
+    ``replay``, on which the motions of the generations follow each other; ``point``, which shows the points of the last
+    front one by one, if it has several. All of them show the end.
     """
 
     search: RecordedSearch
@@ -82,13 +82,13 @@ class FinishedSearch:
             self._log_nearest(stream, self._nearest)
         stream.reset_time()
         self._send_motions(stream)
-        if self._end.front is not None and len(self._walk) > 1:  # one point alone is seen anyway
+        if self._end.front is not None and len(self._walk) > 1:  # a single point is visible anyway
             self._log_walk(stream, self._end.front)
         stream.reset_time()
         stream.send_blueprint(self._layout.blueprint())
 
     def _log_still(self, stream: rr.RecordingStream) -> None:
-        """Draw what does not change: axes, charts, the workcell, the last front behind all others."""
+        """Draw what does not change: axes, charts, the workcell, and the last front behind all others."""
         self._views.log(stream)
         self._layout.legend.log(stream)
         if self._end.front is not None:
@@ -117,7 +117,7 @@ class FinishedSearch:
 
     @cached_property
     def _moved(self) -> list[int | None]:
-        """The generation whose motions are shown with each: itself where it has the points of these."""
+        """The generation whose motions are shown with each generation; itself if the points are the same."""
         moved, shown = list[int | None](), None
         for each in self._generations:
             shown = each if has_motions(each.points) else shown
@@ -126,7 +126,7 @@ class FinishedSearch:
         return moved
 
     def _at_the_end(self, stream: rr.RecordingStream) -> None:
-        """Let what follows stand at the end, on all timelines."""
+        """Set the time to the end, on all timelines."""
         last = self._generations[-1].number if self._generations else 0
         stream.set_time(self.search.scene.timeline, sequence=last)
         stream.set_time("replay", duration=self._clock.end)
@@ -152,13 +152,13 @@ class FinishedSearch:
             self._postures[0].log_cursor(stream, float(self._end.choice.objectives[0]))
 
     def _log_words(self, stream: rr.RecordingStream, front: Front, words: str) -> None:
-        """Say what is to be known of a point, and of the individuals behind the front that look better than it."""
+        """Show the text of a point, and the number of individuals behind the front that look better."""
         for last in self._generations[-1:]:
             words += f"\n\n{better_but_infeasible(self.search.scene, last.population, front.objectives)}"
         stream.log(TEXT, rr.TextDocument(words.rstrip(), media_type="text/markdown"))
 
     def _log_nearest(self, stream: rr.RecordingStream, nearest: LeastViolating) -> None:
-        """Say what is broken where nothing is feasible, and show the motion that breaks least."""
+        """Show what is broken if nothing is feasible, and the motion that breaks least."""
         self._at_the_end(stream)
         scene, canvases = self.search.scene, self._views.canvases
         words = infeasible_text(scene.names, scene.units, nearest, self.search.recorded.workcell, "No feasible point")
@@ -168,7 +168,7 @@ class FinishedSearch:
             self._motions.log_whole(stream, self._end_points)
 
     def _send_motions(self, stream: rr.RecordingStream) -> None:
-        """Let arms move: on ``motion`` those of the end, on ``replay`` those of every generation that has some."""
+        """Move arms: the final ones on ``motion``, those of every generation with motions on ``replay``."""
         if self._motions is None:
             return
         for point in self._end_points:
@@ -183,7 +183,7 @@ class FinishedSearch:
                     self._motions.send(stream, point, [rr.TimeColumn("replay", duration=times)], rows)
 
     def _log_walk(self, stream: rr.RecordingStream, front: Front) -> None:
-        """Walk along the front: at every point its motion, and what is known of it."""
+        """Show the points along the front one by one: the motion and text of each."""
         for number, point in enumerate(self._walk):
             stream.reset_time()
             stream.set_time("point", sequence=number)
@@ -205,7 +205,7 @@ class FinishedSearch:
 
     @cached_property
     def _walk(self) -> list[RecordedPoint]:
-        """Points along the last front, the chosen one among them."""
+        """Points along the last front, including the chosen one."""
         front, choice = self._end.front, self._end.choice
         if front is None or not len(front):
             return []
@@ -215,25 +215,25 @@ class FinishedSearch:
 
     @cached_property
     def _drawn(self) -> Objectives:
-        """What is drawn of the end, and of the last generation behind it."""
+        """All drawn points of the end, and of the last generation behind it."""
         front = [] if self._end.front is None else [self._end.front.objectives]
         return np.concatenate([*front, *(each.population for each in self._generations[-1:])])
 
     @cached_property
     def _lines(self) -> Float[np.ndarray, "points 2"]:
-        """Points [pixels] on the lines of the last generation, which stand at the end."""
+        """Points [pixels] on the lines of the last generation, which are visible at the end."""
         last = self._generations[-1:]
         return self.search.scene.line_points(last[0], self._views.canvases) if last else np.zeros((0, 2))
 
     @property
     def _note(self) -> str:
         walked, whole = len(self._walk), 0 if self._end.front is None else len(self._end.front)
-        words = f"Of {whole} points {walked} are on the timeline point." if walked < whole else ""
+        words = f"{walked} of {whole} points are on the timeline point." if walked < whole else ""
         return " ".join(filter(None, (self.search.note, words)))
 
     @cached_property
     def _end_points(self) -> tuple[RecordedPoint, ...]:
-        """The points drawn for themselves at the end: of the front, the least-violating, or the last generation's."""
+        """The individually drawn points at the end: of the front, the least-violating, or the last generation's."""
         if self._end.front is not None:
             return end_points(self._end.front, self._end.choice)
         if self._nearest is not None:
@@ -245,12 +245,12 @@ class FinishedSearch:
     def _shown(self) -> Objectives:
         fronts = [each.front for each in self._generations]
         fronts += [] if self._end.front is None else [self._end.front.objectives]
-        if fronts and len(fronts[-1]) and self.search.scene.timeline != "refinement":  # of which both are looked at
+        if fronts and len(fronts[-1]) and self.search.scene.timeline != "refinement":  # both fronts are looked at
             return replay_window(fronts)
         shown = np.concatenate([np.empty((0, len(self.search.scene.names))), *fronts])
         if len(shown):
             return shown
-        return np.concatenate([shown, *(each.population for each in self._generations[-1:])])  # none is feasible
+        return np.concatenate([shown, *(each.population for each in self._generations[-1:])])  # nothing is feasible
 
     @property
     def _generations(self) -> Sequence[Generation]:
@@ -262,12 +262,12 @@ class FinishedSearch:
 
     @property
     def _nearest(self) -> LeastViolating | None:
-        """What comes nearest to being feasible, where nothing is."""
+        """The least-violating point if nothing is feasible."""
         return self._end.least_violating
 
     @property
     def _chosen_words(self) -> str:
-        """What the point is that is drawn solid at the end."""
+        """The name of the solid point at the end."""
         if self._nearest is not None:
             return "least-violating"
         return CHOSEN if self._end.front is not None and self._end.choice is not None else "compromise"
@@ -290,7 +290,7 @@ class FinishedSearch:
 
     @cached_property
     def _postures(self) -> DrawnChart | None:
-        """The joints along the front, where arms stand still and would show straight lines over time."""
+        """The joints along the front if arms stand still, since curves over time would be straight lines."""
         cell, front = self.search.recorded.workcell, self._end.front
         standing = all(point.motion is not None and point.motion.is_standing for point in self._end_points)
         if cell is None or front is None or not self._end_points or not standing or front.motions is None:
@@ -321,15 +321,15 @@ class FinishedSearch:
         )
 
 
-# What is kept of a generation whose front has more points than a picture can show, and its hypervolume.
+# Reduction of fronts with more points than a picture can show, and their hypervolume.
 
 
 OPTIONS = HypervolumeOptions(share=0.25)
-"""The process that records has time that the run has not."""
+"""Share of the time: unlike the run, the recording process has time to spare."""
 
 
 class FrontReduction:
-    """Reduces generations of a search, whose objectives are ``maximised`` or not, to at most so many ``points``."""
+    """Reduces generations of a search, whose objectives may be ``maximised``, to at most ``points`` points."""
 
     def __init__(self, *, maximised: tuple[bool, ...], points: int) -> None:
         self._signs = np.where(maximised, -1.0, 1.0)
@@ -337,7 +337,7 @@ class FrontReduction:
         self._hypervolume = HypervolumeCurve(OPTIONS)
 
     def reduce(self, generation: Generation) -> Generation:
-        """Return a generation with points that MaxiMin spreads over its front, the ends among them."""
+        """Return a generation with points that MaxiMin spreads over its front, including the best of each objective."""
         volume, front = generation.hypervolume, generation.front
         if volume is None and generation.reference is not None:
             reference = generation.reference * self._signs
@@ -351,15 +351,15 @@ class FrontReduction:
 
 
 def reduction_note(generations: Sequence[Generation]) -> str:
-    """Return in words what was left out of the fronts of generations, "" for nothing."""
+    """Return a note about what was left out of the fronts of generations, "" for nothing."""
     reduced = [len(each.front) for each in generations if each.size is not None and each.size > len(each.front)]
     if not reduced:
         return ""
-    return f"Of a front on the way {max(reduced)} points are drawn at most, spread over it, its ends among them."
+    return f"At most {max(reduced)} points of an intermediate front are drawn, spread over it, with its ends."
 
 
 def spread_rows(F: Objectives, count: int) -> Int[np.ndarray, " rows"]:
-    """Return in their order the rows of so many points of a front, minimised: the best of each objective, and MaxiMin.
+    """Return, in order, ``count`` rows of a minimised front: the best of each objective, then by MaxiMin.
 
     Marcos et al. (2012); see ``search.maximin``.
     """
@@ -390,11 +390,11 @@ class Recording:
         log_styles(self._scene, stream)
 
     def reduce(self, generation: Generation) -> Generation:
-        """Return a generation with at most so many points as are drawn, and its hypervolume."""
+        """Return a generation with at most as many points as are drawn, and its hypervolume."""
         return self._reduction.reduce(generation)
 
     def record(self, generation: Generation) -> None:
-        """Draw a generation while the search goes on."""
+        """Draw a generation while the search runs."""
         stream, scene = self._stream, self._scene
         stream.set_time(scene.timeline, sequence=generation.number)
         shown = generation.front if len(generation.front) else generation.population
@@ -415,10 +415,10 @@ class Recording:
             self._motions.log_whole(stream, generation.points)
 
     def finish(self, generations: Sequence[Generation], end: SearchEnd | None, note: str) -> None:
-        """Draw everything on common axes, at the end the front and the motion of the choice, and a note if any.
+        """Draw everything on common axes, finally the front and the motion of the choice, and a note if any.
 
-        Without a front each generation stands at its own sample of the motion, and the search of some is shown beside
-        them. Without an end the last generation is the end.
+        Without a front each generation is at its own sample of the motion, and some searches are shown next to them.
+        Without an end the last generation is the end.
         """
         end = SearchEnd(front=None) if end is None else end
         note = " ".join(filter(None, (note, reduction_note(generations))))
@@ -427,7 +427,7 @@ class Recording:
         kind(search=search).log(self._stream)
 
     def _begin_motions(self, generation: Generation) -> bool:
-        """Draw the workcell once there are motions; say whether that was now."""
+        """Draw the workcell when motions first appear; return whether that was now."""
         cell, points = self._recorded.workcell, generation.points
         if self._motions is not None or cell is None or not has_motions(points):
             return False

@@ -1,4 +1,4 @@
-"""Arms of URDF files as their meshes, where all of these are at hand."""
+"""Arms of URDF files as meshes, if all their files are available."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from paretoik.review.palette import DRAWING, SCENES, SCREEN, VIEWS
 from paretoik.robot.arm import Arm
 from paretoik.robot.pose import Pose
 
-# The eye on a scene in space: as near as it may be while all that is to be seen lies in its view.
+# The eye on a scene in space: as near as possible while everything is in view.
 
 
 def fitting_eye(points: Float[np.ndarray, "points 3"]) -> rrb.EyeControls3D:
-    """Return the eye that sees all of some points, as large as its view allows.
+    """Return the nearest eye from which all points are visible.
 
-    A point at p across and z deep is in sight from the distance d where |p - c| <= h (d + z), with h half the view and
-    c its middle: the least distance follows from the points that bind on either side.
+    A point at p across and z deep is visible from the distance d if |p - c| <= h (d + z), with h half the view and c
+    its middle: the least distance follows from the binding points on each side.
     """
     axes, half = _camera_axes(), half_view()
     middle = points.mean(axis=0)
@@ -42,7 +42,7 @@ def fitting_eye(points: Float[np.ndarray, "points 3"]) -> rrb.EyeControls3D:
 
 
 def half_view() -> Float[np.ndarray, " 2"]:
-    """Return half the width and height of what is seen at distance 1, less what labels need at the margins."""
+    """Return half the width and height of the view at distance 1, minus margins for labels."""
     width, height = VIEWS.panels[0], VIEWS.panels[1] - VIEWS.title
     whole = np.tan(np.radians(SCENES.field_of_view) / 2) * np.array([width / height, 1.0])
     return np.asarray(whole * (1.0 - 2.0 * np.array(SCENES.label_margin) / (width, height)))
@@ -56,7 +56,7 @@ def _camera_axes() -> Float[np.ndarray, "3 3"]:
     return np.stack([right, np.cross(right, away), away])
 
 
-# Axes of a scene in space: a ground with a grid and ticks in metres, and a measured upright.
+# Axes of a scene in space: a ground with a grid and ticks in metres, and a vertical scale.
 
 
 METRES = ("x [m]", "y [m]", "z [m]")
@@ -64,10 +64,9 @@ METRES = ("x [m]", "y [m]", "z [m]")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Ground:
-    """The box from ``low`` to ``high`` (3,) [m] that a scene fills, with a grid of ``step`` [m] below it.
+    """The box from ``low`` to ``high`` (3,) [m] around a scene, with a grid of ``step`` [m] below it.
 
-    ``seen`` are points that its view is to show. ``labels`` are those of its axes, which may count something else than
-    metres.
+    ``seen``: points that its view must show. ``labels``: those of its axes, which may be in another unit than metres.
     """
 
     low: Vector3
@@ -78,9 +77,10 @@ class Ground:
 
     @staticmethod
     def around(points: np.ndarray, *, labels: tuple[str, str, str] = METRES) -> Ground:
-        """Return the ground of points (points, 3), its corners on round lengths.
+        """Return the ground of points (points, 3), its corners at round lengths.
 
-        It lies at 0 where all is above, or nearly all: what dips below it by less than half a step is seen through it.
+        It is at 0 if all, or nearly all, is above: parts that reach less than half a step below it are visible through
+        it.
         """
         low, high = points.min(axis=0), points.max(axis=0)
         width = max(float((high - low).max()), 1e-6)
@@ -114,7 +114,7 @@ class Ground:
         recording.log(f"{entity}/labels", text, static=True)
 
     def eye(self) -> rrb.EyeControls3D:
-        """Look at everything from in front, from the right and from above, its labels in sight."""
+        """Return an eye in front, to the right and above that sees everything with its labels."""
         corners = np.array(
             [(x, y, self.low[2]) for x in (self.low[0], self.high[0]) for y in (self.low[1], self.high[1])]
         )
@@ -122,7 +122,7 @@ class Ground:
 
     @cached_property
     def _labels(self) -> tuple[Float[np.ndarray, "labels 3"], list[str]]:
-        """The places and words of ticks, the names of the three axes last."""
+        """The places and words of ticks; the names of the three axes are last."""
         (x0, y0, z0), (x1, y1, z1) = self.low, self.high
         inner = (self._ticks(axis)[1:-1] for axis in range(2))
         x, y = (ticks[:: 2 if len(ticks) > SCENES.ground_ticks else 1] for ticks in inner)
@@ -144,14 +144,14 @@ PACKAGE = "package://"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ArmMeshes:
-    """The meshes of an arm, at the entities ``root`` and ``root``_joints; its frames' names begin with ``root`` too."""
+    """The meshes of an arm, at entities ``root`` and ``root``_joints; frame names also begin with ``root``."""
 
     arm: Arm
     tree: UrdfTree
     root: str
 
     def log(self, recording: rr.RecordingStream, scene: str) -> None:
-        """Log the meshes, and where they stand in the view at entity ``scene``."""
+        """Log the meshes, and their frame in the view at entity ``scene``."""
         self.tree.log_urdf_to_recording(recording=recording)
         joints = self.tree.joints()
         (root,) = {joint.parent_link for joint in joints} - {joint.child_link for joint in joints}
@@ -162,14 +162,14 @@ class ArmMeshes:
             frames = [self.arm.frames.get(link) for link in (joint.parent_link, joint.child_link)]
             if joint.name in self.arm.joint_names or joint.joint_type == "fixed" or None in frames:
                 continue
-            parent, child = (frame.pose for frame in frames if frame is not None)  # of a joint that does not move
+            parent, child = (frame.pose for frame in frames if frame is not None)  # of a fixed joint
             transform = _transform(
                 parent.inverse() @ child, self.root + joint.parent_link, self.root + joint.child_link
             )
             recording.log(f"{self.root}_joints/{joint.name}", transform, static=True)
 
     def log_posture(self, recording: rr.RecordingStream, q: Float[np.ndarray, " dof"]) -> None:
-        """Log where links are at a posture, at the current time."""
+        """Log the poses of links at a posture, at the current time."""
         for joint in self.tree.joints():
             if joint.name in self.arm.joint_names:
                 value = float(q[self.arm.joint_names.index(joint.name)])
@@ -178,7 +178,7 @@ class ArmMeshes:
     def send(
         self, recording: rr.RecordingStream, columns: Sequence[rr.TimeColumn], q: Float[np.ndarray, "rows dof"]
     ) -> None:
-        """Log where links are at joint positions, a row of ``columns`` each."""
+        """Log the poses of links at joint positions, one row of ``columns`` each."""
         for joint in self.tree.joints():
             if joint.name in self.arm.joint_names:
                 values = q[:, self.arm.joint_names.index(joint.name)].tolist()
@@ -187,7 +187,7 @@ class ArmMeshes:
 
 
 def find_meshes(arm: Arm, root: str) -> ArmMeshes | None:
-    """Return the meshes of an arm's URDF; None where it has none, one is missing, or they are too large together."""
+    """Return the meshes of an arm's URDF; None if it has none, one is missing, or they are too large together."""
     if arm.source is None or not arm.source.is_file() or not arm.frames:
         return None
     try:
@@ -195,7 +195,7 @@ def find_meshes(arm: Arm, root: str) -> ArmMeshes | None:
     except (OSError, ElementTree.ParseError):
         return None
     for link in description.getroot().iter("link"):
-        for collision in link.findall("collision"):  # what is for looking at is drawn
+        for collision in link.findall("collision"):  # only visual meshes are drawn
             link.remove(collision)
     size = 0
     meshes = list(description.getroot().iter("mesh"))
@@ -207,7 +207,7 @@ def find_meshes(arm: Arm, root: str) -> ArmMeshes | None:
         mesh.set("filename", str(file))
     if not meshes or size > DRAWING.mesh_bytes:
         return None
-    with tempfile.TemporaryDirectory() as folder:  # Rerun finds packages by the environment alone
+    with tempfile.TemporaryDirectory() as folder:  # Rerun only finds packages through the environment
         resolved = Path(folder) / arm.source.name
         description.write(resolved)
         try:
@@ -217,13 +217,13 @@ def find_meshes(arm: Arm, root: str) -> ArmMeshes | None:
                 frame_prefix=root,
                 static_transform_entity_path=f"{root}_joints/fixed",
             )
-        except Exception:  # what Rerun's reader refuses is drawn as lines
+        except Exception:  # meshes that Rerun cannot read are drawn as lines
             return None
     return ArmMeshes(arm=arm, tree=tree, root=root)
 
 
 def _find(name: str, source: Path) -> Path | None:
-    """Return the file of a mesh: beside the URDF, or in a package around it or on the search paths."""
+    """Return the file of a mesh: next to the URDF, or in a package around it or on the search paths."""
     if not name.startswith(PACKAGE):
         candidates = [source.parent / name.removeprefix("file://")]
     else:

@@ -1,4 +1,4 @@
-"""Recordings that are drawn whole at their end, from few messages or none."""
+"""Recordings that are drawn completely at their end, from few messages or none."""
 
 from __future__ import annotations
 
@@ -16,31 +16,31 @@ from paretoik.review.recording.recorder import RecorderOptions
 
 @runtime_checkable
 class WholeScene(Protocol):
-    """A scene that says which class, as "module:Class", draws its messages and its end."""
+    """A scene that names the class, as "module:Class", that draws its messages and its end."""
 
     finished_by: ClassVar[str]
 
 
 @runtime_checkable
 class Finished(Protocol):
-    """Messages and their end as they are drawn."""
+    """Messages and their end, ready to be drawn."""
 
     def log(self, stream: rr.RecordingStream) -> None:
         """Draw everything."""
 
 
 class WholeRecording:
-    """Draws a scene once it is over, by whatever end; errors of Rerun are raised. See ``recording_file.Drawing``."""
+    """Draws a finished scene, however it ended; errors of Rerun are raised. See ``recording_file.Drawing``."""
 
     def __init__(self, scene: WholeScene, stream: rr.RecordingStream, options: RecorderOptions) -> None:
         self._scene, self._stream = scene, stream
 
     def reduce(self, message: Any) -> Any:
-        """Return the message: there are few."""
+        """Return the message unchanged: there are few."""
         return message
 
     def record(self, message: Any) -> None:
-        """Draw nothing yet: nobody watches."""
+        """Draw nothing yet: nobody is watching."""
 
     def finish(self, messages: Sequence[Any], end: Any, note: str) -> None:
         """Draw all messages with their end, if there is one, and a note if any."""

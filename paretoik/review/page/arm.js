@@ -1,4 +1,4 @@
-// The arm: a picture in the plane or in space, that is played along its motion and can be turned.
+// The arm: a picture in the plane or in space that plays its motion and can be turned.
 const scene = data.motions && data.motions.arm;
 const view = { yaw: -0.9, pitch: 0.45, channels: null, sample: 0, playing: false, begun: 0 };
 const PICTURE = { width: 560, height: 430, margin: 46 };
@@ -8,7 +8,7 @@ const svgTag = (tag, attributes) => {
   return element;
 };
 
-/** Where a point lies on the picture, before it is scaled: itself in the plane, seen from a side in space. */
+/** Return a point of the picture before scaling: unchanged in the plane, a projection in space. */
 function project(point) {
   if (scene.planar) return [point[0], point[1]];
   const [c, s] = [Math.cos(view.yaw), Math.sin(view.yaw)],
@@ -17,7 +17,7 @@ function project(point) {
   return [c * point[0] + s * point[1], cp * point[2] + sp * depth];
 }
 
-/** The scale and the middle that show everything, of a turning view the ball about it. */
+/** Return the scale and middle that show everything; a turning view shows the enclosing ball. */
 function frame() {
   const middle = scene.low.map((low, k) => 0.5 * (low + scene.high[k])),
     size = scene.low.map((low, k) => scene.high[k] - low);
@@ -41,7 +41,7 @@ const pathOf = (points, place) =>
     )
     .join(" ");
 
-/** Ticks at round numbers, about five on an axis. */
+/** Return ticks at round numbers, about five per axis. */
 function ticks(low, high) {
   const rough = (high - low) / 5 || 1,
     power = 10 ** Math.floor(Math.log10(rough));
@@ -98,7 +98,7 @@ function drawAxes(svg, place) {
   });
 }
 
-/** The nodes of the arm at a sample, base first. */
+/** Return the nodes of the arm at a sample, base first. */
 function nodesAt(sample) {
   const size = scene.planar ? 2 : 3,
     first = view.channels.length - size * scene.nodes;
@@ -169,7 +169,7 @@ function scaleOf(place) {
   return Math.hypot(...place(one).map((value, k) => value - place(none)[k]));
 }
 
-/** How fast or strong the posture is along its directions, as arrows from the tool; those of one unit share a scale. */
+/** Draw the speed or force along each direction as an arrow from the tool; equal units share a scale. */
 function drawArrows(place) {
   const tool = nodesAt(0).at(-1),
     largest = {},
@@ -252,14 +252,14 @@ function makePlayer() {
   byId("play").addEventListener("click", () => setPlaying(!view.playing));
 }
 
-/** The motion of a point, or why there is none. */
+/** Show the motion of a point, or why there is none. */
 async function showMotion(row) {
   const block = data.motions && data.blocks[data.ids[row]];
   const without = !data.motions
     ? "This front has no motions."
     : block
       ? ""
-      : "The motion of this point is left out for the size of the page; the run has it.";
+      : "The motion of this point is left out to limit the size of the page; the run has it.";
   byId("no-motion").textContent = without;
   byId("arm-box").hidden = !block || !scene;
   byId("curves").hidden = !block;
@@ -268,7 +268,7 @@ async function showMotion(row) {
     return;
   }
   const channels = await unpack(block);
-  if (row !== state.row) return; // another one was selected meanwhile
+  if (row !== state.row) return; // another point was selected in the meantime
   view.channels = channels;
   if (scene) drawArm();
   byId("player").hidden = data.motions.standing;

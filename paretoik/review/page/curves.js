@@ -3,7 +3,7 @@ function showPoint(row) {
   byId("point-id").textContent = data.ids[row];
   byId("point-mark").textContent = mark(row);
   const table = byId("point-values");
-  const share = (k) => (data.nearest ? [] : [`${Math.round(100 * data.shares[row][k])} %`]); // of a front alone
+  const share = (k) => (data.nearest ? [] : [`${Math.round(100 * data.shares[row][k])} %`]); // only for a front
   table.replaceChildren(tableRow(["objective", "value", ...(data.nearest ? [] : ["from the best"])], true));
   data.objectives.forEach((each, k) =>
     table.append(tableRow([each.name, withUnit(data.values[row][k], each.unit), ...share(k)])),
@@ -11,11 +11,11 @@ function showPoint(row) {
   if (byId("rates")) showRates(row);
 }
 
-/** What one unit of each objective costs in every other, all else fixed. */
+/** Show what one unit of each objective costs in every other, all else fixed. */
 function showRates(row) {
   const table = make("table"),
     intervals = data.rates[row];
-  const certified = intervals.some((costs, i) => costs.some((pair, j) => i !== j && pair[0] !== null)); // by itself: 1
+  const certified = intervals.some((costs, i) => costs.some((pair, j) => i !== j && pair[0] !== null)); // diagonal: 1
   if (!certified) {
     byId("rates").replaceChildren(make("p", "Not certified at this point.", { class: "hint" }));
     return;
@@ -36,7 +36,7 @@ function rate(pair) {
   return high - low <= 1e-3 * high ? number(low) : `${number(low)} to ${number(high)}`;
 }
 
-/** The limits of a joint as lines: the times at which they change, and their values. */
+/** Return the limits of a joint as lines: the times of their changes, and their values. */
 function limitLines(kind, joint, time) {
   const limits = data.motions.limits && data.motions.limits[kind];
   if (!limits) return [];
@@ -122,7 +122,7 @@ function drawCurves(channels) {
   byId("no-motion").textContent = words + (notes.length ? ` Too far away to be drawn: ${notes.join("; ")}.` : "");
 }
 
-/** A line that stands at the time of the arm's picture. */
+/** Move the line at the time of the arm's picture. */
 function moveCursor(seconds) {
   if (!byId("curves").layout) return;
   const shape = {
@@ -138,7 +138,7 @@ function moveCursor(seconds) {
   Plotly.relayout("curves", { shapes: [shape] });
 }
 
-/** An arm that stands still has numbers instead of curves. */
+/** Show the numbers of an arm that stands still, instead of curves. */
 function writePosture(channels) {
   const { joints, quantities } = data.motions,
     table = make("table");
@@ -157,7 +157,7 @@ function writePosture(channels) {
   byId("curves").replaceChildren(table);
 }
 
-/** The steps of a closed loop: the chosen values between the best and the worst of each step's front. */
+/** Draw the steps of a closed loop: chosen values between the best and the worst of each step's front. */
 function drawSteps() {
   if (!data.steps) return;
   byId("steps-section").hidden = false;

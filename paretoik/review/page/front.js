@@ -1,6 +1,6 @@
-// The front: all pairs of objectives up to five, parallel coordinates from three on, filters and the table.
+// The front: all pairs of up to five objectives, parallel coordinates for three or more, filters and the table.
 const many = data.objectives.length;
-const ZOOM = { uirevision: "front" }; // what the reader zoomed into stays where another point is selected
+const ZOOM = { uirevision: "front" }; // keeps the zoom when another point is selected
 
 function describe(row) {
   const lines = [`<b>point ${data.ids[row]}</b>` + (mark(row) ? ` (${plain(mark(row))})` : "")];
@@ -16,7 +16,7 @@ const mark = (row) => data.marks[data.ids[row]] || "";
 const visible = () => data.ids.map((_, row) => row).filter((row) => state.shown[row]);
 const column = (rows, k) => rows.map((row) => data.values[row][k]);
 
-/** The groups of points that look alike, the later above the former. */
+/** Return the groups of points with the same look; later groups are drawn above earlier ones. */
 function groups() {
   const rows = visible();
   const marked = (word) => rows.filter((row) => mark(row).includes(word));
@@ -57,7 +57,7 @@ function points(x, y, group, more) {
   };
 }
 
-/** Where the plot of a pair stands: below one another by the second objective, beside one another by the first. */
+/** Return the cells of pairs: rows by the second objective, columns by the first. */
 function pairs() {
   const cells = [];
   for (let j = 1; j < many; j++) for (let i = 0; i < j; i++) cells.push({ i, j, name: `${j * 10 + i}` });
@@ -79,7 +79,7 @@ function scatter() {
       domain: span(i),
       anchor: `y${name}`,
       showticklabels: j === many - 1,
-      ticklabeloverflow: many > 2 ? "hide past domain" : "allow", // off the numbers of a neighbour
+      ticklabeloverflow: many > 2 ? "hide past domain" : "allow", // keep off the numbers of a neighbour
       matches: `x${(many - 1) * 10 + i}`,
     });
     axes[`yaxis${name}`] = axis(i === 0 ? y : "", {
@@ -104,7 +104,7 @@ function scatter() {
   Plotly.react("front", traces, layout(many === 2 ? 460 : 150 + 215 * size, { ...axes, ...ZOOM }), CONFIG);
 }
 
-/** Two objectives: neighbours on one branch of optima are joined. */
+/** Join neighbours on one branch of optima, for two objectives. */
 function lines(i, j, name) {
   return (data.branches || []).map((ids) => {
     const rows = ids.map((id) => rowOf.get(id)).filter((row) => state.shown[row]);
@@ -129,7 +129,7 @@ function values() {
   Plotly.react("front", traces, layout(Math.min(180 + 14 * data.ids.length, 420), { ...axes, ...ZOOM }), CONFIG);
 }
 
-/** A line a point across an axis an objective, the best value at the bottom; hover works on its corners. */
+/** Draw one line per point across one axis per objective, best at the bottom; its corners react to hovering. */
 function parallel() {
   const places = data.objectives.map((_, k) => k);
   const traces = groups().map((group) => {
@@ -196,7 +196,7 @@ const wrapped = (each) =>
   plain(each.name) + (each.unit ? `<br>[${plain(each.unit)}]` : "") + (each.maximised ? "<br>more is better" : "");
 
 function drawFront() {
-  if (!byId("front")) return; // of a single point
+  if (!byId("front")) return; // a single point has none
   if (many === 1) values();
   else if (many <= 5) scatter();
   if (many > 2) parallel();
@@ -209,7 +209,7 @@ function listenToFront() {
   }
 }
 
-/** Two numbers an objective; what lies outside is not shown. */
+/** Make two numbers per objective; points outside are not shown. */
 function makeFilters() {
   if (!byId("filters")) return;
   const inputs = data.objectives.map((each) => {

@@ -1,5 +1,5 @@
 "use strict";
-// What all parts of the page share: the data, what is selected and shown, and how things are written.
+// Shared by all parts of the page: the data, the selected and shown points, and the format of numbers and words.
 const data = JSON.parse(document.getElementById("data").textContent);
 const byId = (name) => document.getElementById(name);
 const rowOf = new Map(data.ids.map((id, row) => [id, row]));
@@ -7,7 +7,7 @@ const state = { row: rowOf.get(data.start), shown: data.ids.map(() => true), lis
 const colour = (place) => data.colours.accents[place % data.colours.accents.length];
 const JOINTS = ["#0b7285", "#d9480f", "#5f3dc4", "#2b8a3e", "#c2255c", "#e67700", "#1864ab", "#495057"];
 
-/** Four digits, without zeros that say nothing. */
+/** Return a number with four digits, without trailing zeros. */
 function number(value) {
   if (value === null || !Number.isFinite(value)) return "–";
   const size = Math.abs(value);
@@ -15,7 +15,7 @@ function number(value) {
   return (far ? value.toExponential(2) : String(Number(value.toPrecision(4)))).replaceAll("-", "−");
 }
 
-/** Plotly reads tags in its labels; names are not meant as such. */
+/** Escape a name, because Plotly reads tags in its labels. */
 const plain = (text) => text.replace(/&/g, "&amp;").replace(/</g, "&lt;").replace(/>/g, "&gt;");
 
 function make(tag, text, attributes = {}) {
@@ -25,7 +25,7 @@ function make(tag, text, attributes = {}) {
   return element;
 }
 
-/** Write a row of cells, the first as its heading. */
+/** Return a row of cells; the first one is its heading. */
 function tableRow(cells, heading = false) {
   const row = make("tr");
   cells.forEach((cell, place) => row.append(make(heading || place === 0 ? "th" : "td", cell)));
@@ -47,7 +47,7 @@ async function copy(text, button) {
   try {
     await navigator.clipboard.writeText(text);
   } catch {
-    const area = make("textarea", text); // where the page may not use the clipboard
+    const area = make("textarea", text); // if the page may not use the clipboard
     document.body.append(area);
     area.select();
     document.execCommand("copy");
@@ -63,7 +63,7 @@ const CONFIG = {
   modeBarButtons: [["zoom2d", "pan2d", "resetScale2d", "toImage"]],
 };
 
-/** A chart's layout; sizes follow the page, and the paper's width when it is printed. */
+/** Return a chart's layout; its size follows the page, or the paper's width when printed. */
 function layout(height, more) {
   return {
     height,
@@ -97,7 +97,7 @@ const axis = (title, more = {}) => ({
   ...more,
 });
 
-/** Turn a block back into its channels: bytes by plane, changes of 16 bits from sample to sample. */
+/** Return the channels of a block: planes of bytes, 16-bit changes from sample to sample. */
 async function unpack(block) {
   const { low, step, samples } = data.motions;
   const bytes = await inflate(block);

@@ -1,4 +1,4 @@
-// The page starts: Plotly is unpacked and run, everything is drawn, and listens.
+// The start of the page: unpack and run Plotly, draw everything, and listen to events.
 async function start() {
   const script = make("script", new TextDecoder().decode(await inflate(byId("bundle").textContent)));
   document.head.append(script);
@@ -16,7 +16,7 @@ async function start() {
   await showMotion(state.row);
 }
 
-/** On paper, figures are as wide as the paper. */
+/** Make figures as wide as the paper for printing. */
 function resize(width) {
   for (const figure of document.querySelectorAll(".js-plotly-plot"))
     Plotly.relayout(figure, { width, autosize: !width });
@@ -32,7 +32,7 @@ if (data.ids.length) {
     .catch((error) => {
       byId("fault").textContent =
         `The pictures could not be drawn: ${error.message}. ` +
-        "The tables stand without; browsers from 2023 on can draw them.";
+        "The tables do not need them; browsers from 2023 on can draw the pictures.";
       byId("fault").hidden = false;
     });
 }

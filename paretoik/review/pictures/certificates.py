@@ -21,18 +21,13 @@ from paretoik.review.words import describe_limits_between
 
 @dataclass(frozen=True, kw_only=True)
 class CertificateStyle:
-    """How certificates are drawn.
+    """Drawing options of certificates."""
 
-    ``tangent`` is half the length of an exchange rate's line, as a share of the picture's width or height; residuals
-    below ``floor`` are not drawn; ``critical`` and ``feasible`` are the residual and the violation up to which points
-    are certified; at most ``pairs`` pairs of objectives have a panel; each status has its marker.
-    """
-
-    tangent: float = 0.06
-    floor: float = 1e-16
-    critical: float = 1e-6
-    feasible: float = 1e-8
-    pairs: int = 3
+    tangent: float = 0.06  # half length of an exchange rate's line, as a share of the picture's width or height
+    floor: float = 1e-16  # least drawn residual
+    critical: float = 1e-6  # largest residual of certified points
+    feasible: float = 1e-8  # largest violation of certified points
+    pairs: int = 3  # most pairs of objectives with a panel
     markers: Mapping[str, Mapping[str, Any]] = field(
         default_factory=lambda: {
             "minimum": {"color": PAPER.accents[1], "marker": "o"},
@@ -46,16 +41,14 @@ STYLE = CertificateStyle()
 
 
 def certificates_picture(front: Front, file: Path | str) -> None:
-    """Write a PNG of a certified front: trade-offs with their exchange rates, residuals and weights of all points.
+    """Write a PNG of a certified front: exchange rates, residuals and weights of all points.
 
-    The line through a point is the front's slope there, of two objectives with the others fixed. Where motions exceed a
-    limit between samples, the words say which, when, and what helps. Raises InvalidInput
-    where the front has no certificates, or the file cannot be written.
+    The line through a point is the front's slope there in two objectives, with the others fixed. If motions exceed a
+    limit between samples, the words say which, when, and what helps. Raises InvalidInput if the front has no
+    certificates, or the file cannot be written.
     """
     if front.certificates is None:
-        raise InvalidInput(
-            "certificates_picture: a front with certificates wanted, got one without: pk.refine it first"
-        )
+        raise InvalidInput("certificates_picture: front must have certificates, got none: use pk.refine first")
     certificates = front.certificates
     pairs = list(combinations(range(len(front.names)), 2))[: STYLE.pairs]
     with picture(file, (3.3 * (len(pairs) + 2), 3.2)) as figure:
@@ -72,7 +65,7 @@ def _draw_trade(axes: Axes, front: Front, certificates: Certificates, pair: tupl
     x, y = front.objectives[:, i], front.objectives[:, j]
     width = np.maximum([np.ptp(x), np.ptp(y)], 1e-300)
     slopes = certificates.exchange_rates[:, i, j]
-    # as long in the picture, whatever the slope
+    # same length in the picture for every slope
     half_length = STYLE.tangent / np.hypot(1.0 / width[0], slopes / width[1])
     for status, marker in STYLE.markers.items():
         rows = certificates.status == status

@@ -29,28 +29,24 @@ from paretoik.review.palette import PAPER, even_rows, objective_label
 from paretoik.review.words import describe_limits_between
 from paretoik.runs.file_replacement import replace_file
 
-# Names of points in a picture of a front, off all dots and off each other.
+# Names of points in a picture of a front, which avoid all dots and each other.
 
 
 @dataclass(frozen=True, kw_only=True)
 class NameSizes:
-    """Sizes [points]: of a ``character`` across, of a ``line``, and how far a name is off its mark and off others.
+    """Sizes of names [points]."""
 
-    Where nothing beside its mark is free, a name goes to one of ``grid`` places across and down; one farther off than
-    ``leader`` is joined to its mark by a line.
-    """
-
-    character: float = 6.0
-    line: float = 10.0
-    distances: tuple[float, ...] = (5.0, 12.0)
-    gap: float = 2.5
-    grid: int = 16
-    leader: float = 10.0
+    character: float = 6.0  # width of a character
+    line: float = 10.0  # height of a line
+    distances: tuple[float, ...] = (5.0, 12.0)  # distances of a name from its mark
+    gap: float = 2.5  # distance of a name from others
+    grid: int = 16  # places each way for a name without a free place next to its mark
+    leader: float = 10.0  # names farther than this from their mark have a line to it
 
 
 @dataclass(frozen=True, kw_only=True)
 class NamedPoint:
-    """A point that has its name beside it: its row, the words, their colour."""
+    """A point with its name next to it: its row, the words, their colour."""
 
     row: int
     name: str
@@ -61,9 +57,9 @@ NAMES = NameSizes()
 
 
 def name_points(axes: Axes, points: Float[np.ndarray, "points 2"], named: Sequence[NamedPoint]) -> None:
-    """Write names beside some of ``points``, which are drawn in axes whose limits are set; one after the other."""
+    """Write names next to ``points``, one after another; the axes' limits must be set."""
     low, high = (np.array(limits) for limits in zip(axes.get_xlim(), axes.get_ylim(), strict=True))
-    size = np.array(axes.bbox.size) * 72.0 / axes.figure.dpi  # before the layout is made: about what it will be
+    size = np.array(axes.bbox.size) * 72.0 / axes.figure.dpi  # before the layout exists: about the final size
     taken = (points - low) / (high - low) * size
     for point in named:
         mark, half = taken[point.row], np.array([0.5 * NAMES.character * len(point.name), 0.5 * NAMES.line])
@@ -88,9 +84,9 @@ def name_place(
     taken: Float[np.ndarray, "taken 2"],
     size: Float[np.ndarray, " 2"],
 ) -> Float[np.ndarray, " 2"]:
-    """Return the middle of a name of half a size that covers fewest of what is ``taken`` in axes of a size, in points.
+    """Return the middle of a name of half a size that covers the fewest points ``taken``, within axes of a size.
 
-    Beside its mark wherever that is free, else anywhere within the axes.
+    It is next to its mark if that is free, otherwise anywhere within the axes. Lengths are in points.
     """
     beside = places_beside(mark, half, NAMES.distances)
     inside = ((beside - half >= 0.0) & (beside + half <= size)).all(axis=1)
@@ -101,7 +97,7 @@ def name_place(
 
 
 def _leader(mark: np.ndarray, middle: np.ndarray, half: np.ndarray, colour: str) -> dict[str, object] | None:
-    """Return how a name is joined to its mark; None where it stands beside it."""
+    """Return the style of the line from a name to its mark; None if the name is next to it."""
     if np.linalg.norm(np.maximum(np.abs(middle - mark) - half, 0.0)) <= NAMES.leader:
         return None
     return {"arrowstyle": "-", "color": colour, "linewidth": 0.7, "shrinkA": 0.0, "shrinkB": 3.0}
@@ -111,7 +107,7 @@ def _leader(mark: np.ndarray, middle: np.ndarray, half: np.ndarray, colour: str)
 
 
 def draw_obstacles(axes: Axes, motion: Any) -> None:
-    """Draw the obstacles of a single `motion`; what has no ends in space is as high as the arm comes."""
+    """Draw the obstacles of a single `motion`; in space, unbounded ones have the arm's height."""
     if motion.arm.is_planar:
         for line in map(outline, motion.obstacles):
             if line is not None:
@@ -128,7 +124,7 @@ WITHOUT_ARM = "The run's problem is not at hand: its arm is drawn after load_fro
 
 @dataclass(frozen=True, kw_only=True)
 class Highlight:
-    """A point that is marked in the front and whose motion is drawn: its row, its colour and the reason."""
+    """A point that is marked in the front and whose motion is drawn: its row, colour and reason."""
 
     index: int
     colour: str
@@ -136,13 +132,13 @@ class Highlight:
 
 
 def front_picture(front: Front, file: Path | str, choice: Choice | None = None) -> None:
-    """Write a PNG of `front` and, where it has motions, of some of them: the best in each of the first objectives.
+    """Write a PNG of `front` and, if it has motions, of the best motion in each of the first objectives.
 
-    To these comes `choice`, or without one the compromise (``front.compromise``). Where one of these motions exceeds a
+    `choice`, by default the compromise (``front.compromise``), is added to these. If one of these motions exceeds a
     limit between samples, the words say which, when, and what helps; motions without their arm are drawn as joint
-    positions over time. One objective is shown as values, two and three as scatters, more as parallel coordinates; of
-    two, neighbours on one branch of optima are joined by a line, jumps dotted (``Front.jumps``). Raises InvalidInput
-    where writing fails.
+    positions over time. One objective is shown as values, two and three as scatters, more as parallel coordinates; in
+    two, a line joins neighbours on one branch of optima, and jumps are dotted (``Front.jumps``). Raises InvalidInput if
+    writing fails.
     """
     highlights = _highlights(front, choice)
     many, moving = len(front.names) > 2, front.motions is not None
@@ -164,9 +160,9 @@ def front_picture(front: Front, file: Path | str, choice: Choice | None = None) 
 
 @contextmanager
 def picture(file: Path | str, size: tuple[float, float]) -> Iterator[Figure]:
-    """Yield a figure of a size [inches] and write it as a small PNG of ours; raises InvalidInput where that fails.
+    """Yield a figure of a size [inches] and write it as a small PNG of ours; raises InvalidInput if that fails.
 
-    A ``matplotlibrc`` has no say: one in the current folder, which may be a run from anybody, could start LaTeX.
+    A ``matplotlibrc`` is ignored: one in the current folder, which may be anybody's run, could start LaTeX.
     """
     pixels = io.BytesIO()
     with matplotlib.rc_context():
@@ -177,7 +173,7 @@ def picture(file: Path | str, size: tuple[float, float]) -> Iterator[Figure]:
         figure.savefig(pixels, format="png")
     mark, content = PngInfo(), io.BytesIO()
     mark.add_text("Software", "paretoik")  # run_files.PICTURE_MARK
-    # A palette takes a third of the space of true colours, and the eye sees no difference.
+    # A palette takes a third of the space of true colours, without a visible difference.
     Image.open(pixels).convert("RGB").quantize(128).save(content, format="png", optimize=True, pnginfo=mark)
     replace_file(Path(file), content.getvalue())
 
@@ -188,14 +184,14 @@ def label(front: Front, axis: int) -> str:
 
 
 def warn_below(figure: Figure, words: str) -> None:
-    """Write words, if any, below what is drawn, in lines that fit its width."""
+    """Write words, if any, below the drawing, in lines that fit its width."""
     if words:
         lines = textwrap.fill(_text(words), int(12 * figure.get_figwidth()))
         figure.supxlabel(lines, fontsize="medium", color=PAPER.accents[0])
 
 
 def draw_jumps(axes: Axes, front: Front) -> None:
-    """Join neighbours of a front by dots where it jumps from one branch of optima to another."""
+    """Join neighbours of a front with dots if it jumps from one branch of optima to another."""
     for i, pair in enumerate(pairwise(front.ids.tolist())):
         if pair in (front.jumps or ()):
             first = pair == (front.jumps or ())[0]
@@ -204,7 +200,7 @@ def draw_jumps(axes: Axes, front: Front) -> None:
 
 
 def stroboscopic(axes: Axes, motion: Any, *, colour: str = PAPER.accents[1]) -> None:
-    """Draw a single `motion`: its obstacles, some of its postures, the later the darker, and the path of its tool.
+    """Draw a single `motion`: its obstacles, some postures, later ones darker, and its tool path.
 
     The axes must be three-dimensional for an arm that is not planar.
     """
@@ -222,13 +218,13 @@ def stroboscopic(axes: Axes, motion: Any, *, colour: str = PAPER.accents[1]) -> 
 
 
 def label_arm(axes: Any, *, planar: bool) -> None:
-    """Name the axes of an arm; in space they have one scale, and room for their names."""
+    """Name the axes of an arm; in space, with one scale and space for their names."""
     axes.set(xlabel="x [m]", ylabel="y [m]")
     if planar:
         return
     axes.set_zlabel("z [m]")
     axes.tick_params(pad=-2)
-    for axis, pad in ((axes.xaxis, -2.0), (axes.yaxis, -2.0), (axes.zaxis, -1.0)):  # words stand off the ticks
+    for axis, pad in ((axes.xaxis, -2.0), (axes.yaxis, -2.0), (axes.zaxis, -1.0)):  # keep words off the ticks
         axis.labelpad = pad
     axes.set_aspect("equal")
     axes.set_box_aspect(None, zoom=0.76)
@@ -295,7 +291,7 @@ def _draw_pair(axes: Axes, front: Front, pair: tuple[int, int], highlights: Sequ
 
 
 def _draw_parallel(axes: Axes, front: Front, highlights: Sequence[Highlight]) -> None:
-    """Draw a line a point across an axis an objective, the best value of each at the bottom."""
+    """Draw one line per point across one axis per objective, with the best value of each at the bottom."""
     places = np.arange(len(front.names))
     axes.plot(places, front.shares.T, color=PAPER.quiet, alpha=0.35, linewidth=0.8)
     for point in highlights:
@@ -351,18 +347,18 @@ def _text(words: str) -> str:
     return words.replace("$", r"\$")
 
 
-# A picture of fronts side by side, with what runs of one method attain.
+# A picture of fronts side by side, and of what the runs of one method attain.
 
 
 MARKERS = "osD^vP*X"
 
 
 def comparison_picture(comparison: Comparison, file: Path | str) -> None:
-    """Write a PNG of fronts in one picture, a colour a label, with the hypervolume of each.
+    """Write a PNG of fronts in one picture, one colour per label, with the hypervolume of each.
 
-    Of two objectives, labels with several runs get the surfaces that one run, half of them and all attain; more than
-    three objectives are parallel coordinates, the best of the merged front below. Raises InvalidInput where writing
-    fails.
+    With two objectives, labels with several runs get the surfaces that one run, half of the runs, and all runs attain.
+    More than three objectives are parallel coordinates, with the best of the merged front below. Raises InvalidInput if
+    writing fails.
     """
     n_obj = len(comparison.fronts[0].names)
     wide = 9.6 if n_obj > 2 else 6.6
@@ -380,7 +376,7 @@ def comparison_picture(comparison: Comparison, file: Path | str) -> None:
 
 
 def _styles(comparison: Comparison) -> list[dict[str, Any]]:
-    """Return how each front is drawn, and what is said of it."""
+    """Return the style and the words of each front."""
     order = list(comparison.groups)
     styles = []
     for place, (name, volume) in enumerate(zip(comparison.labels, comparison.hypervolume, strict=True)):
@@ -406,7 +402,7 @@ def _draw_compared_pair(axes: Axes, comparison: Comparison, pair: tuple[int, int
 
 
 def _draw_surfaces(axes: Axes, comparison: Comparison) -> None:
-    """Draw for each label with several runs the surfaces that the best, the median and the worst attain."""
+    """Draw the surfaces that the best, the median and the worst run attain, for labels with several runs."""
     window = np.stack([np.ptp(values) * 0.06 for values in np.concatenate([f.objectives for f in comparison.fronts]).T])
     ends = np.concatenate([front.minimised for front in comparison.fronts]).max(axis=0) + window
     for name in (name for name, places in comparison.groups.items() if len(places) > 1):
@@ -420,7 +416,7 @@ def _draw_surfaces(axes: Axes, comparison: Comparison) -> None:
 def _staircase(
     comparison: Comparison, surface: Float[np.ndarray, "points 2"], ends: Float[np.ndarray, " 2"]
 ) -> Float[np.ndarray, "corners 2"]:
-    """Return the border of what a surface of two objectives dominates, up to ``ends``, in the user's own sign."""
+    """Return the border of the region that a surface dominates, up to ``ends``, in the user's sign."""
     sign = np.where(comparison.fronts[0].maximised, -1.0, 1.0)
     points = surface * sign
     points = points[np.argsort(points[:, 0], kind="stable")]

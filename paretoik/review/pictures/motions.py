@@ -1,4 +1,4 @@
-"""A picture of a plan: the objective at starts and optima of every level, and the motions of the best optima."""
+"""Pictures of tool paths, resolved motions, directional maxima, closed loops and plans."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from paretoik.task.limits import JOINT_UNITS
 from paretoik.task.task import error_unit
 from paretoik.trajectory.plan import Plan
 
-# A picture of a tool path: where it leads, how fast the tool is, how far from its target.
+# A picture of a tool path: the path, the tool's speed, and its distance from the target.
 
 
 def path_picture(path: PathEnd, file: Path | str) -> None:
@@ -45,11 +45,11 @@ def path_picture(path: PathEnd, file: Path | str) -> None:
         below.set(xlabel="time [s]", ylabel="distance to the target [m]")
 
 
-# A picture of a resolved motion: the arm beside the path that it was to follow, its joints, and its errors.
+# A picture of a resolved motion: the arm next to its target path, its joints, and its errors.
 
 
 def resolution_picture(motion: ResolvedMotion, criteria: list[str], file: Path | str) -> None:
-    """Write a PNG of a single motion; raises InvalidInput where the file cannot be written."""
+    """Write a PNG of a single motion; raises InvalidInput if the file cannot be written."""
     planar = motion.arm.is_planar
     with picture(file, (11.0, 3.6)) as figure:
         parts: Any = figure.subfigures(1, 3, width_ratios=[1.2, 1.0, 1.0])
@@ -73,7 +73,7 @@ def resolution_picture(motion: ResolvedMotion, criteria: list[str], file: Path |
 
 
 def _draw_errors(axes: Axes, motion: ResolvedMotion) -> None:
-    """Draw the largest task error of every sample, and mark the steps that were not simply done."""
+    """Draw the largest task error of every sample, and mark the steps whose status is not done."""
     errors = np.abs(motion.traces.errors).max(axis=-1)
     shown = np.maximum(errors, 1e-16)
     axes.semilogy(motion.time, shown, color=PAPER.accents[1], linewidth=1.2)
@@ -99,11 +99,11 @@ def _draw_criteria(axes: Axes, motion: ResolvedMotion, criteria: list[str]) -> N
     axes.legend(frameon=False)
 
 
-# A picture of directional maxima: the polygon, and the arm in some of the postures that reach it.
+# A picture of directional maxima: the polygon, and the arm in some maximising postures.
 
 
 def polygon_picture(polygon: PerformancePolygon, file: Path | str) -> None:
-    """Write a PNG of a polygon; raises InvalidInput where the file cannot be written."""
+    """Write a PNG of a polygon; raises InvalidInput if the file cannot be written."""
     planar = polygon.arm.is_planar
     kind: Any = {"aspect": "equal"} if planar else {"projection": "3d"}
     size = 2 if planar else 3
@@ -134,10 +134,10 @@ def polygon_picture(polygon: PerformancePolygon, file: Path | str) -> None:
 
 
 def loop_picture(motion: Any, values: np.ndarray, ranges: np.ndarray, front: Front, file: Path | str) -> None:
-    """Write a PNG of a closed loop's ``motion``, and of the values chosen between each step's best and worst.
+    """Write a PNG of a closed loop's ``motion``, and of the chosen values between each step's best and worst.
 
     ``values`` (steps, n_obj) and ``ranges`` (steps, n_obj, 2: best, worst) are in the objectives' own signs; ``front``
-    has their names and units. Raises InvalidInput where the file cannot be written.
+    has their names and units. Raises InvalidInput if the file cannot be written.
     """
     with picture(file, (11.0, 3.6)) as figure:
         parts: Any = figure.subfigures(1, 3, width_ratios=[1.2, 1.0, 1.2])
@@ -166,7 +166,7 @@ def loop_picture(motion: Any, values: np.ndarray, ranges: np.ndarray, front: Fro
 def plan_picture(plan: Plan, levels: Sequence[PlannedLevel], label: str, unit: str, file: Path | str) -> None:
     """Write a PNG of a plan whose objective has a ``label`` and a ``unit``.
 
-    Raises InvalidInput where the file cannot be written.
+    Raises InvalidInput if the file cannot be written.
     """
     optima = plan.optima[: PAPER.motions]
     planar = optima[0].motion.arm.is_planar
@@ -189,7 +189,7 @@ def plan_picture(plan: Plan, levels: Sequence[PlannedLevel], label: str, unit: s
 
 
 def _draw_levels(axes: Axes, plan: Plan, levels: Sequence[PlannedLevel], label: str) -> None:
-    """Draw the objective at the optima of every level, and at its starts as far as these are near."""
+    """Draw the objective at the optima of every level, and at its starts if these are near."""
     for level in levels:
         axes.plot(
             np.full(len(level.starts), level.samples),
@@ -212,7 +212,7 @@ def _draw_levels(axes: Axes, plan: Plan, levels: Sequence[PlannedLevel], label: 
         )
     samples = len(plan.best.motion.time)
     for rank, optimum in enumerate(plan.optima[: PAPER.motions]):
-        size = 7 + 4 * (len(plan.optima[: PAPER.motions]) - 1 - rank)  # where they are one, each is a ring
+        size = 7 + 4 * (len(plan.optima[: PAPER.motions]) - 1 - rank)  # if they coincide, each is a ring
         axes.plot(
             samples, optimum.objective, color=PAPER.accent(rank), marker="o", markersize=size, markeredgecolor="w"
         )

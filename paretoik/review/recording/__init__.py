@@ -1,1 +1,1 @@
-"""What is recorded of a run, and the process that records it; the run itself loads no Rerun."""
+"""The content of a run's recording, and the process that records it; the run itself loads no Rerun."""

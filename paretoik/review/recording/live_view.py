@@ -1,6 +1,6 @@
-"""A run watched while it goes on: a server on this machine alone, and a viewer where there is a screen.
+"""A view of a running run: a server for this machine only, and a viewer if there is a screen.
 
-The server is the recording's own, so that a viewer may come late, hang or be killed: the recording never waits for it.
+The server is the recording's own, so a viewer may come late, hang or be killed: the recording never waits for it.
 """
 
 from __future__ import annotations
@@ -20,21 +20,18 @@ LOOPBACK = "127.0.0.1"
 
 @dataclass(frozen=True, kw_only=True)
 class LiveOptions:
-    """How much the server keeps for viewers that come late, and how long [s] it waits at the end for them to read.
+    """Memory of the server for late viewers, and waiting times at the end."""
 
-    A viewer that was just started is given ``opening`` seconds, one that is there ``reading``.
-    """
-
-    memory: str = "200MB"
-    opening: float = 6.0
-    reading: float = 1.0
+    memory: str = "200MB"  # of the server
+    opening: float = 6.0  # waiting time for a viewer that was just started [s]
+    reading: float = 1.0  # waiting time for a viewer that already runs [s]
 
 
 OPTIONS = LiveOptions()
 
 
 class LiveView:
-    """Serves recordings to viewers on this machine, and opens one; ``tell`` is told in a line how to open another."""
+    """Serves recordings to viewers on this machine, and opens one; ``tell`` gets a line on how to open another."""
 
     def __init__(self, tell: Callable[..., None]) -> None:
         self._tell = tell
@@ -48,18 +45,18 @@ class LiveView:
             self._tell(notice=f"live, without a screen: {self._advice}")
 
     def sink(self) -> rr.GrpcSink:
-        """Return where a recording is to go, too."""
+        """Return the additional sink of a recording."""
         return rr.GrpcSink(self._address)
 
     def look_after(self) -> None:
-        """Say how to open a viewer, should ours not have opened."""
+        """Give a notice if our viewer did not open."""
         if self._viewer is not None and self._viewer.poll() is not None:
             if self._viewer.returncode != 0:
                 self._tell(notice=f"live, but the viewer did not open: {self._advice}")
             self._viewer = None
 
     def close(self) -> None:
-        """Stop serving when viewers have had time to read what came last."""
+        """Stop serving after viewers have had time to read the last data."""
         if self._viewer is not None and self._viewer.poll() is None:
             time.sleep(max(self._opened + OPTIONS.opening - time.monotonic(), 0.0))
         time.sleep(OPTIONS.reading)
@@ -71,7 +68,7 @@ class LiveView:
 
 
 def has_screen() -> bool:
-    """Say whether a window can be opened."""
+    """Return whether a window can be opened."""
     return sys.platform in ("darwin", "win32") or any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
 
 

@@ -1,4 +1,4 @@
-"""A point of a front as it is recorded: its objectives, what is said of it, and its motion as plain arrays."""
+"""Parts of a recording's messages as plain data: workcells, points, motions, scenes and ends."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ from paretoik.task.motion import Motion
 from paretoik.task.obstacles import Obstacle, clearance
 from paretoik.task.sampling import Differences
 
-# The workcell: what of a problem is drawn around its motions, as plain data that can be sent to another process.
+# The workcell: everything drawn around a problem's motions, as plain data for another process.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Workcell:
     """An arm and what is around it.
 
-    ``paths`` are those that frames of the arm must follow, each (time, 3) [m]; ``places`` (3,) [m] others that count,
-    by name; ``directions`` (directions, 3) unit vectors that begin at the first place. ``bounds`` are limits by kind,
-    (1 or time, dof, 2), those that vary at ``times`` [s]; ``link_radius`` [m] is that of every link. ``differences``,
-    ``cyclic`` and ``ends_at_rest`` are those of its motions.
+    ``paths``: those that frames of the arm must follow, each (time, 3) [m]. ``places``: other important places (3,)
+    [m], by name. ``directions``: unit vectors (directions, 3) that begin at the first place. ``bounds``: limits by
+    kind, (1 or time, dof, 2); those that vary do so at ``times`` [s]. ``link_radius`` [m]: of every link.
+    ``differences``, ``cyclic`` and ``ends_at_rest`` are those of its motions.
     """
 
     arm: Arm
@@ -53,7 +53,7 @@ class Workcell:
 
 
 def workcell_of(problem: Any) -> Workcell | None:
-    """Return the workcell of a formulation, None of a problem without an arm."""
+    """Return the workcell of a formulation, None for a problem without an arm."""
     task = task_of(problem)
     if task is not None:
         return Workcell(
@@ -80,7 +80,7 @@ def workcell_of(problem: Any) -> Workcell | None:
 
 
 def workcell_of_front(front: Front) -> Workcell | None:
-    """Return the workcell of a front's problem, of one without a problem its arm alone; None without an arm."""
+    """Return the workcell of a front's problem, or only its arm without a problem; None without an arm."""
     cell = workcell_of(front.problem)
     if cell is None and isinstance(front.motions, Motion):
         return Workcell(arm=front.motions.arm)
@@ -93,12 +93,12 @@ def _in_space(points: np.ndarray) -> np.ndarray:
     return np.pad(np.asarray(points, dtype=float), padding)
 
 
-# What is recorded of a tool path: where the tool is when, and where it should be.
+# The recording of a tool path: the tool's positions over time, and its target.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PathScene:
-    """The scene of a tool path from ``start`` to ``target`` (task,) [m]; ``title`` says of what it is."""
+    """The scene of a tool path from ``start`` to ``target`` (task,) [m]; ``title``: name of the path."""
 
     drawn_by: ClassVar[str] = "paretoik.review.drawing.whole_recording:WholeRecording"
     finished_by: ClassVar[str] = "paretoik.review.drawing.path_drawing:FinishedPath"
@@ -109,7 +109,7 @@ class PathScene:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PathEnd:
-    """Positions of the ``tool`` [m] at ``times`` [s], the ``reference`` that it follows, if any, and its ``target``.
+    """Positions of the ``tool`` [m] at ``times`` [s], its ``reference``, if any, and its ``target``.
 
     ``provenance`` is that of the run.
     """
@@ -137,12 +137,12 @@ class PathEnd:
         return np.asarray(np.linalg.norm(self.tool - self.target, axis=1))
 
 
-# What is recorded of directional maxima: the polygon, and how each of its corners is reached.
+# The recording of directional maxima: the polygon, and how each corner is reached.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MaximaScene:
-    """The scene of directional maxima: where their postures are drawn, and what is maximised."""
+    """The scene of directional maxima: the workcell of their postures, and the maximised quantity."""
 
     drawn_by: ClassVar[str] = "paretoik.review.drawing.whole_recording:WholeRecording"
     finished_by: ClassVar[str] = "paretoik.review.drawing.maxima_drawing:FinishedMaxima"
@@ -156,7 +156,7 @@ class MaximaScene:
 
     @property
     def word(self) -> str:
-        """What the maxima are of."""
+        """The name of the maximised quantity."""
         return "speed" if self.quantity == "velocity" else "force"
 
 
@@ -164,8 +164,8 @@ class MaximaScene:
 class MaximaEnd:
     """The arrays of a polygon, as ``PerformancePolygon`` has them, and the ``provenance`` of its run.
 
-    ``lower`` and ``upper`` (directions, dof) are what the motors let joints do in each posture: speeds [rad/s, m/s], or
-    torques [N m, N].
+    ``lower`` and ``upper`` (directions, dof): joint limits that the motors allow in each posture, speeds [rad/s, m/s]
+    or torques [N m, N].
     """
 
     directions: Float[np.ndarray, "directions task"]
@@ -185,7 +185,7 @@ class MaximaEnd:
 
 
 def maxima_end(polygon: PerformancePolygon, provenance: Mapping[str, Any]) -> MaximaEnd:
-    """Return a polygon as it is recorded."""
+    """Return the recorded form of a polygon."""
     if polygon.quantity == "velocity":
         speeds = joint_speeds(polygon.actuation, polygon.q, gravity_torques(polygon.arm, polygon.q))
         lower, upper = speeds.low, speeds.high
@@ -211,8 +211,8 @@ def maxima_end(polygon: PerformancePolygon, provenance: Mapping[str, Any]) -> Ma
 class RecordedMotion:
     """A motion as plain arrays: joint positions ``q`` (time, dof) at ``time`` (time,) [s].
 
-    ``curves`` are joint quantities (time, dof) by kind of limit, in rad, s, N m and W, None where they are
-    those of a ``Motion`` through these samples.
+    ``curves``: joint quantities (time, dof) by kind of limit, in rad, s, N m and W; None if they are those of a
+    ``Motion`` through these samples.
     """
 
     time: Times
@@ -227,9 +227,9 @@ class RecordedMotion:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RecordedPoint:
-    """A point that is drawn for itself: the chosen one, or the best of an objective, whose ``axis`` it then has.
+    """A point that is drawn individually: the chosen one, or the best of an objective with its ``axis``.
 
-    ``motion`` is None where there is none, or where it was not decoded to save time.
+    ``motion`` is None if there is none, or if it was not decoded to save time.
     """
 
     id: int
@@ -239,9 +239,9 @@ class RecordedPoint:
 
 
 def record_motion(motion: Any, *, curves: bool, samples: int | None = None) -> RecordedMotion | None:
-    """Return a single motion as plain arrays, with the curves of its joints or without.
+    """Return a single motion as plain arrays, with the curves of its joints if ``curves``.
 
-    Of more than so many ``samples`` evenly spaced ones are taken. None of what is no motion of an arm.
+    If it has more than ``samples``, evenly spaced ones are taken. Return None if it is not a motion of an arm.
     """
     if not isinstance(motion, Motion):
         return None
@@ -266,7 +266,7 @@ def joint_curves(cell: Workcell, motion: RecordedMotion) -> Mapping[str, np.ndar
     return {kind: np.asarray(getattr(full, name)) for kind, name in LIMITED.items()}
 
 
-# The end of a search as points that are drawn for themselves: the choice, and the best of every objective.
+# The end of a search as individually drawn points: the choice, and the best of every objective.
 
 
 def end_points(front: Front, choice: Choice | None) -> tuple[RecordedPoint, ...]:
@@ -279,7 +279,7 @@ def end_points(front: Front, choice: Choice | None) -> tuple[RecordedPoint, ...]
 
 
 def front_point(front: Front, row: int, *, axis: int | None = None) -> RecordedPoint:
-    """Return a row of a front as a point, the best one of an objective where ``axis`` is given."""
+    """Return a row of a front as a point, the best one of an objective if ``axis`` is given."""
     motion = None if front.motions is None else record_motion(front.motions[row], curves=axis is None)
     return RecordedPoint(id=int(front.ids[row]), objectives=front.objectives[row], axis=axis, motion=motion)
 
@@ -289,15 +289,15 @@ def chosen_point(choice: Choice) -> RecordedPoint:
     return RecordedPoint(id=choice.id, objectives=choice.objectives, motion=record_motion(choice.motion, curves=True))
 
 
-# What is recorded where nothing is feasible: what comes nearest to it, and what that breaks.
+# The recording of a run without a feasible result: the least-violating point and what it breaks.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LeastViolating:
-    """The individual or motion that breaks the constraints of a problem least, where none keeps them all.
+    """The individual or motion that breaks a problem's constraints least, if none satisfies them all.
 
-    ``broken`` are those that it breaks, each by how much; at the end of a run there are the ``reason`` why it has no
-    result, and what breaks least as a ``point``, None where there is no motion.
+    ``broken``: broken constraints, with amounts. At the end of a run, ``reason`` says why it has no result, and
+    ``point`` is the one that breaks least, None if there is no motion.
     """
 
     broken: tuple[str, ...]
@@ -305,14 +305,14 @@ class LeastViolating:
     point: RecordedPoint | None = None
 
 
-# What is recorded and drawn of a plan: its levels, and its optima.
+# The recording of a plan: its levels, and its optima.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlannedMotions:
-    """The motions of a level, at ``time`` [s]: those that it started from, what they led to, and the distinct optima.
+    """The motions of a level, at ``time`` [s]: its starts, their results, and the distinct optima.
 
-    ``optimum`` is the optimum that each start led to, by its place, −1 where it led to none of them.
+    ``optimum``: place of the optimum that each start led to, −1 if it led to none.
     """
 
     time: Times
@@ -324,11 +324,11 @@ class PlannedMotions:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlannedLevel:
-    """A level of ``samples`` that is done, the ``number``-th from 0: the objective of its starts, and of its optima.
+    """A finished level with ``samples``, the ``number``-th from 0: the objective of its starts and of its optima.
 
-    Values are in the objective's own sign, of the optima best first; ``ends`` are those of what the starts led to, NaN
-    where that is no optimum. Where no motion of the level keeps all limits, its optima are the least-violating ones,
-    and ``least_violating`` says what the first of them breaks.
+    Values are in the objective's own sign; optima are sorted, the best first. ``ends``: values of the starts' results,
+    NaN if a result is not an optimum. If no motion of the level satisfies all limits, its optima are the
+    least-violating ones, and ``least_violating`` says what the first of them breaks.
     """
 
     number: int
@@ -342,7 +342,7 @@ class PlannedLevel:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlannedScene:
-    """The scene of a plan: its objective's name, unit and sense, and where its motions are drawn."""
+    """The scene of a plan: its objective's name, unit and sense, and the workcell of its motions."""
 
     drawn_by: ClassVar[str] = "paretoik.review.drawing.whole_recording:WholeRecording"
     finished_by: ClassVar[str] = "paretoik.review.drawing.plan_drawing:FinishedPlan"
@@ -355,7 +355,7 @@ class PlannedScene:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlannedOptimum:
-    """An optimum of a plan as a ``point``, whose id is its place, and what is said of it."""
+    """An optimum of a plan as a ``point``, whose id is its place, with its branch, status and violation."""
 
     point: RecordedPoint
     branch: str
@@ -367,7 +367,7 @@ class PlannedOptimum:
 class PlanEnd:
     """The optima of a plan, best first, and the ``provenance`` of its run.
 
-    Without an optimum, ``least_violating`` is the motion that comes nearest to keeping all limits.
+    Without an optimum, ``least_violating`` is the motion that violates the limits least.
     """
 
     optima: Sequence[PlannedOptimum] = ()
@@ -375,7 +375,7 @@ class PlanEnd:
     least_violating: LeastViolating | None = None
 
 
-# What is recorded of motions that a method resolved: each with what happened at every step.
+# The recording of resolved motions: each with its traces at every step.
 
 
 NO_OBJECTIVES = np.zeros(0)
@@ -383,10 +383,10 @@ NO_OBJECTIVES = np.zeros(0)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ResolvedScene:
-    """The scene of resolved motions: where they are drawn, the method by its name, and its criteria by theirs.
+    """The scene of resolved motions: the workcell, and the names of the method and its criteria.
 
-    ``tolerance`` is the error at which the path counts as lost, ``error_unit`` that of both; ``min_clearance`` [m] is
-    what links are to keep.
+    ``tolerance``: error at which the path counts as lost, in the ``error_unit``. ``min_clearance`` [m]: required
+    clearance of links.
     """
 
     drawn_by: ClassVar[str] = "paretoik.review.drawing.whole_recording:WholeRecording"
@@ -401,11 +401,11 @@ class ResolvedScene:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RecordedTraces:
-    """A resolved motion as a ``point``, its id the place in its batch, and what its method did.
+    """A resolved motion as a ``point``, whose id is its place in the batch, and the traces of its method.
 
-    ``error`` is the largest at each sample, ``clearance`` [m] None without obstacles. Over each step to the sample
-    after it: ``speed``, the length of the commanded joint velocities, ``damping``, ``repulsion``, the length of the
-    velocities away from limits, ``criteria`` those of each criterion, and ``status`` in a word.
+    ``error``: largest task error at each sample. ``clearance`` [m]: None without obstacles. Over each step to the next
+    sample: ``speed``, the norm of the commanded joint velocities; ``damping``; ``repulsion``, the norm of the
+    velocities away from limits; ``criteria``, the norms of each criterion's velocities; ``status``, a word.
     """
 
     name: str
@@ -427,7 +427,7 @@ class RecordedTraces:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ResolutionEnd:
-    """Resolved motions, at least one and maybe not all of ``count``, and the ``provenance`` of their run."""
+    """Resolved motions, at least one of ``count``, and the ``provenance`` of their run."""
 
     motions: Sequence[RecordedTraces]
     count: int
@@ -435,7 +435,7 @@ class ResolutionEnd:
 
 
 def record_traces(motion: ResolvedMotion) -> tuple[list[RecordedTraces], int]:
-    """Return the motions of a batch, evenly spread ones of many, and how many there are."""
+    """Return the motions of a batch, evenly spread ones if many, and how many there are."""
     batch = list(np.ndindex(motion.q.shape[:-2]))
     places = even_rows(len(batch), DRAWING.walk).tolist()
     return [_recorded(motion[batch[place]] if batch[place] else motion, place, batch[place]) for place in places], len(

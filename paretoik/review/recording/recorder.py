@@ -1,16 +1,16 @@
-"""What is recorded of a run, and its recorder, whose failure never stops the run.
+"""The messages of a run's recording, and its recorder, whose failure never stops the run.
 
 A verb records in three lines, and none of them loads Rerun::
 
     recorder = Recorder(file, title=title, scene=SearchedFront(names=names, units=units, maximised=maximised))
-    recorder.record(generation)  # whenever there is something to show
+    recorder.record(generation)  # for every new state to show
     recorder.finish(SearchEnd(front=front, choice=choice))
 
-What is sent (scene, messages, end) are frozen dataclasses of this library that hold numbers, arms, motions or fronts,
-and nothing of the user's own, such as functions or problems: they go to a child process, which draws them. Which class
-draws them the scene says in ``drawn_by``, as "module:Class"; see ``recording_file.Drawing``. Messages that have a
-``number`` are a series, of which evenly spread ones are kept where it grows long, the first and the last among them;
-all others are kept.
+The scene, the messages and the end are frozen dataclasses of this library with numbers, arms, motions or fronts, and
+nothing of the user's own, such as functions or problems: they go to a child process, which draws them. The scene names
+the class that draws them in ``drawn_by``, as "module:Class"; see ``recording_file.Drawing``. Messages with a
+``number`` are a series: if it grows long, evenly spread ones are kept, including the first and the last. All other
+messages are kept.
 """
 
 from __future__ import annotations
@@ -48,39 +48,33 @@ from paretoik.runs.machine import child_command
 
 # The child process that records, as its parent sees it: messages go through a pipe, answers come back.
 #
-# The parent never waits: what the pipe does not take stays in a queue. The pipe is private to parent and child, so
-# its messages may be pickled; nothing is unpickled from files, and what the child answers is JSON.
+# The parent never waits: messages that do not fit into the pipe stay in a queue. The pipe is private to parent and
+# child, so its messages may be pickled; nothing is unpickled from files, and the child answers in JSON.
 
 
 Kind = Literal["open", "record", "end"]
-HEADER = 8  # bytes before a message: its length, big end first
+HEADER = 8  # length of a message before its bytes, big-endian
 
 
 @dataclass(frozen=True, kw_only=True)
 class RecorderOptions:
-    """Patience with the child process, and bounds on queue and file.
+    """Waiting times for the child process, and bounds on queue and file.
 
-    ``start`` is how long [s] the child may take to begin (it loads Rerun), ``silence`` how long [s] it may leave
-    messages without an answer; a full or hanging disk is noticed by that. ``queue`` is how many bytes may wait for the
-    child and ``pipe`` how many of them in the kernel. Above ``size`` bytes of the file every second message of a series
-    is dropped, and at its end ``reserve`` bytes stay free on the disk: on a full one Rerun may hang. Of a front at most
-    ``points`` are drawn. What was recorded is written at least every ``flush`` [s], and whenever there are ``batch``
-    bytes of it: in memory Rerun's rows take many times their size, while writing fewer at a time makes a larger file.
-    Every ``tick`` [s] the child looks after its parent, the viewer, and what is not yet written; the run comes first by
-    so much ``niceness``.
+    A full or hanging disk is noticed by ``silence``. In memory Rerun's rows take many times their size, while small
+    writes make a larger file: therefore ``flush`` and ``batch``.
     """
 
-    start: float = 60.0
-    silence: float = 20.0
-    queue: int = 64_000_000
-    pipe: int = 1_000_000
-    size: int = 40_000_000
-    reserve: int = 2_000_000
-    points: int = 400
-    flush: float = 0.5
-    batch: int = 300_000
-    tick: float = 0.25
-    niceness: int = 5
+    start: float = 60.0  # most time for the child to begin, which loads Rerun [s]
+    silence: float = 20.0  # most time that messages may stay without an answer [s]
+    queue: int = 64_000_000  # most bytes that may wait for the child
+    pipe: int = 1_000_000  # bytes of these in the kernel
+    size: int = 40_000_000  # bytes of the file above which every second message of a series is dropped
+    reserve: int = 2_000_000  # bytes that stay free on the disk: on a full disk Rerun may hang
+    points: int = 400  # most drawn points of a front
+    flush: float = 0.5  # most time between writes of recorded data [s]
+    batch: int = 300_000  # bytes of recorded data that are written at once
+    tick: float = 0.25  # time between the child's checks of its parent, the viewer and unwritten data [s]
+    niceness: int = 5  # of the child, so that the run has priority
 
 
 OPTIONS = RecorderOptions()
@@ -88,9 +82,9 @@ OPTIONS = RecorderOptions()
 
 @dataclass(frozen=True, kw_only=True)
 class Opening:
-    """The first message: which file is to be written, how it is called, what it shows, and whether a viewer does.
+    """The first message: the file to write, its title and scene, and whether a viewer shows it live.
 
-    ``run`` is the number of the process whose run is recorded.
+    ``run``: id of the process whose run is recorded.
     """
 
     file: str
@@ -102,7 +96,7 @@ class Opening:
 
 
 class RecordingStoppedError(Exception):
-    """The child cannot go on; the text says why."""
+    """The child cannot continue; the text says why."""
 
 
 @dataclass(eq=False)
@@ -114,16 +108,16 @@ class Frame:
 
 
 class RecordingProcess:
-    """A child process that makes one recording; every method raises RecordingStoppedError once it cannot go on."""
+    """A child process that makes one recording; methods raise RecordingStoppedError if it cannot continue."""
 
     def __init__(self, options: RecorderOptions, notify: Callable[[str], object]) -> None:
         self.stride = 1
         self._first: int | None = None
         self._options, self._notify = options, notify
         self._queue: deque[Frame] = deque()
-        self._offset, self._part = 0, b""  # bytes of the first message that are sent, of a line that has come
+        self._offset, self._part = 0, b""  # sent bytes of the first message, received part of a line
         self._sent, self._answered, self.finished, self.stopped = 0, 0, False, False
-        self._full = False  # the pipe, when it was last written to
+        self._full = False  # of the pipe at the last write
         self._log = tempfile.TemporaryFile()  # noqa: SIM115  what the child has to say, should it die
         self._child = subprocess.Popen(
             child_command("paretoik.review.recording_child"),
@@ -131,27 +125,27 @@ class RecordingProcess:
             stdout=subprocess.PIPE,
             stderr=self._log,
             bufsize=0,
-            start_new_session=True,  # Ctrl-C in the terminal is for the run
+            start_new_session=True,  # Ctrl-C in the terminal is for the run only
         )
         assert self._child.stdin is not None
         assert self._child.stdout is not None
         self._input, self._output = self._child.stdin, self._child.stdout
         for pipe in (self._input, self._output):
             os.set_blocking(pipe.fileno(), False)
-        with suppress(AttributeError, OSError):  # where the system lets pipes grow
+        with suppress(AttributeError, OSError):  # if the system lets pipes grow
             fcntl.fcntl(self._input, fcntl.F_SETPIPE_SZ, self._options.pipe)
         self._patience, self._silent_since = self._options.start, time.monotonic()
 
     def wants(self, number: int) -> bool:
-        """Say whether the message with a number belongs to those of its series that are kept."""
+        """Return whether the message with a number is one of the kept ones of its series."""
         self._first = number if self._first is None else self._first
         return (number - self._first) % self.stride == 0
 
     def send(self, kind: Kind, message: Any, number: int | None = None) -> None:
-        """Queue a message, with its number if it may be dropped, and pass on what the pipe takes."""
+        """Queue a message, with its number if it may be dropped, and write what fits into the pipe."""
         content = pickle_message((kind, message, self.stride))
         if self._answered == self._sent:
-            self._silent_since = time.monotonic()  # until now there was nothing to answer
+            self._silent_since = time.monotonic()  # nothing needed an answer until now
         self._queue.append(Frame(content, number))
         self._sent += 1
         while self._waiting > self._options.queue and self._thin(2 * self.stride):
@@ -159,7 +153,7 @@ class RecordingProcess:
         self.pump()
 
     def pump(self) -> None:
-        """Write what the pipe takes and read what the child answers, without waiting."""
+        """Write what fits into the pipe and read the child's answers, without waiting."""
         broken = not self._write()
         self._read()
         if self.finished:
@@ -170,14 +164,14 @@ class RecordingProcess:
             self._fail(f"the process that records gave no answer within {self._patience:g} s")
 
     def complete(self, end: Any) -> None:
-        """Send what waits and the ``end``, if any, and wait until the child has completed the file."""
+        """Send all waiting messages and the ``end``, if any, and wait until the child has completed the file."""
         self.send("end", end)
         while not self.finished:
             select.select([self._output], [self._input] if self._queue else [], [], 0.2)
             self.pump()
 
     def stop(self) -> None:
-        """End the child: at once, unless it has completed the file."""
+        """End the child: immediately, unless it has completed the file."""
         if self.stopped:
             return
         self.stopped = True
@@ -185,7 +179,7 @@ class RecordingProcess:
             if not self.finished:
                 self._child.kill()
             self._child.wait(self._options.silence if self.finished else 1.0)
-        except subprocess.TimeoutExpired:  # the system does not let it go, as on a disk that hangs
+        except subprocess.TimeoutExpired:  # the system does not release it, such as on a disk that hangs
             self._child.kill()
         finally:
             self._input.close()
@@ -198,9 +192,9 @@ class RecordingProcess:
         return sum(len(frame.content) for frame in self._queue)
 
     def _thin(self, stride: int) -> bool:
-        """Keep every ``stride``-th message of a series from now on, in the queue too; say whether it became shorter.
+        """Keep only every ``stride``-th message of a series, also in the queue; return whether any was dropped.
 
-        The newest stays, and what is on its way already.
+        The newest message stays, and so does one that is partly sent.
         """
         self.stride = max(self.stride, stride)
         remaining = [
@@ -217,7 +211,7 @@ class RecordingProcess:
         return dropped > 0
 
     def _write(self) -> bool:
-        """Write what the pipe takes; say whether the child can still read."""
+        """Write what fits into the pipe; return whether the child can still read."""
         while self._queue:
             content = self._queue[0].content
             try:
@@ -227,7 +221,7 @@ class RecordingProcess:
                 return True
             except OSError:
                 return False
-            if self._full:  # it was read from since, and what has not come whole has no answer
+            if self._full:  # the child has read since; an incomplete message has no answer
                 self._full, self._silent_since = False, time.monotonic()
             if self._offset == len(content):
                 self._queue.popleft()
@@ -235,7 +229,7 @@ class RecordingProcess:
         return True
 
     def _read(self) -> None:
-        """Take in the answers of the child, a line of JSON each."""
+        """Handle the answers of the child, one line of JSON each."""
         while True:
             try:
                 content = os.read(self._output.fileno(), 65_536)
@@ -274,10 +268,10 @@ class RecordingProcess:
 
 
 class _Pickler(pickle.Pickler):
-    """Pickles mappings that cannot be changed, too."""
+    """Pickles also mappings that cannot be changed."""
 
     def reducer_override(self, value: Any) -> Any:
-        """Return how to make such a mapping again."""
+        """Return how to make such a mapping again; NotImplemented for others."""
         return (read_only, (dict(value),)) if isinstance(value, MappingProxyType) else NotImplemented
 
 
@@ -297,12 +291,12 @@ def pickle_message(message: Any) -> memoryview:
 
 
 def part_of(file: Path, run: int) -> Path:
-    """Return where the child of a process writes the new content of a file, before it replaces it."""
+    """Return where the child writes the new content of a file before it replaces the file."""
     return file.with_name(f".{file.name}.{run}")
 
 
 def cause_of(fault: Exception) -> str:
-    """Return in a line what went wrong."""
+    """Return the cause of an error in one line."""
     if isinstance(fault, OSError) and fault.strerror:
         return fault.strerror
     return (str(fault).splitlines() or [type(fault).__name__])[0]
@@ -313,42 +307,37 @@ Population: TypeAlias = Float[np.ndarray, "individuals n_obj"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Generation:
-    """One generation of a search: the objectives of its population and front in the user's own sign, the front's ids.
+    """One generation of a search, in the user's own sign.
 
-    ``hypervolume`` is in the product of the objectives' units; where it is None and there is a ``reference`` (n_obj,),
-    the recording computes it, now and then where that takes long, and approximately above four objectives. ``failed``
-    counts evaluations that gave no number. ``size`` is that of the whole front where ``front`` has but some of its
-    points; ``points`` are the best of every objective and the compromise, now and then with their motions. A step of a
-    closed loop has no hypervolume, but a point of its front, ``chosen``, that was taken. A step of an ε-sweep has all
-    points so far for a population, and ``epsilon`` (n_obj,), the bounds under which it minimised, infinite for what was
-    minimised; its ids are those of the sweep alone. A refined front has the front before it for a population, and
-    ``origins`` (points, n_obj), where its points were there. Where there is no front, ``least_violating`` says
-    what is broken.
+    A step of a closed loop has no hypervolume, but a ``chosen`` point of its front. The population of an ε-sweep's step
+    is all points so far, and its ids are those of the sweep only. The population of a refined front is the front
+    before. The recording computes a missing hypervolume if there is a ``reference``: only sometimes if that is slow,
+    and approximately for more than four objectives.
     """
 
     number: int
     population: Population
     front: Objectives
     front_ids: Ids
-    hypervolume: float | None = None
-    reference: Values | None = None
-    failed: int = 0
-    size: int | None = None
-    chosen: Values | None = None
-    epsilon: Values | None = None
-    origins: Objectives | None = None
-    points: tuple[RecordedPoint, ...] = ()
-    least_violating: LeastViolating | None = None
+    hypervolume: float | None = None  # in the product of the objectives' units
+    reference: Values | None = None  # (n_obj,)
+    failed: int = 0  # number of evaluations that gave no number
+    size: int | None = None  # of the whole front if ``front`` has only some of its points
+    chosen: Values | None = None  # point taken in a step of a closed loop
+    epsilon: Values | None = None  # (n_obj,): bounds of a sweep's step, infinite for what it minimised
+    origins: Objectives | None = None  # (points, n_obj): the front's points before refinement
+    points: tuple[RecordedPoint, ...] = ()  # the best of every objective and the compromise, sometimes with motions
+    least_violating: LeastViolating | None = None  # what is broken if there is no front
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SearchedStep:
-    """The search for the step of a closed loop to a ``sample``, from the generation that it began with.
+    """The search for the step of a closed loop to a ``sample``, from its first generation on.
 
-    ``objectives`` (generations, individuals, n_obj) are in the user's own sign and ``q`` (generations, individuals,
-    dof) joint positions, NaN where a step failed; ``fronts`` are the individuals of each generation that none
-    dominates, by their first objective, ``chosen`` (generations,) the one of it that the weights choose, −1 where there
-    is none. ``target`` (3,) [m] is where the tool is to be.
+    ``objectives`` (generations, individuals, n_obj) are in the user's own sign; ``q`` (generations, individuals, dof)
+    are joint positions, NaN if a step failed. ``fronts``: non-dominated individuals of each generation, by their first
+    objective. ``chosen`` (generations,): the one that the weights choose, −1 if there is none. ``target`` (3,) [m]: of
+    the tool.
     """
 
     sample: int
@@ -362,16 +351,16 @@ class SearchedStep:
 
 @runtime_checkable
 class Scene(Protocol):
-    """What a recording shows, and the class that draws it in the child process."""
+    """The kind of a recording, with the class that draws it in the child process."""
 
     drawn_by: ClassVar[str]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SearchedFront:
-    """The scene of a search: names and units of the objectives, which are maximised, and what its generations are.
+    """The scene of a search: names, units and senses of the objectives, and the kind of its generations.
 
-    ``workcell`` is where its motions are drawn, None where a problem has none.
+    ``workcell``: where its motions are drawn, None if a problem has none.
     """
 
     drawn_by: ClassVar[str] = "paretoik.review.drawing.search_drawing:Recording"
@@ -386,8 +375,8 @@ class SearchedFront:
 class SearchEnd:
     """The end of a search: its ``front``, the ``choice`` and its motion.
 
-    Without a front the generations are the steps of a closed loop, one to each sample of the motion, and some of them
-    may be ``searched``; or nothing feasible was found, and ``least_violating`` is what comes nearest to it.
+    Without a front, the generations are the steps of a closed loop, one for each sample of the motion, and some of them
+    may be ``searched``; or nothing feasible was found, and ``least_violating`` is the point that violates least.
     """
 
     front: Front | None
@@ -396,18 +385,18 @@ class SearchEnd:
     least_violating: LeastViolating | None = None
 
     def __post_init__(self) -> None:
-        """Leave the problem behind: it may be the user's own."""
+        """Drop the problem: it may be the user's own."""
         if self.front is not None:
             object.__setattr__(self, "front", replace(self.front, problem=None))
 
 
 class Recorder:
-    """Lets a child process write ``file`` while a run goes on, a message at a time, and once more at its end.
+    """Lets a child process write ``file`` during a run, one message at a time, and once more at its end.
 
-    The run waits for nothing before ``finish``. What was recorded survives the death of the run, SIGKILL included: the
-    child then finishes the file. A recording is a view of the run and not its archive: an error of it, Rerun missing,
-    a full disk or a killed child included, gives one warning and ends the recording, never the run. With ``live`` a
-    viewer shows it meanwhile; ``notify`` is told in a line how to attach one where there is no screen.
+    The run waits for nothing before ``finish``. The recorded data survive the death of the run, including SIGKILL: the
+    child then finishes the file. A recording is a view of the run and not its archive: an error, such as a missing
+    Rerun, a full disk or a killed child, gives one warning and ends the recording, never the run. With ``live`` a
+    viewer shows the run; without a screen, ``notify`` gets a line on how to attach one.
     """
 
     def __init__(
@@ -424,7 +413,7 @@ class Recorder:
         self._notify = _print_notice if notify is None else notify
         self._process: RecordingProcess | None = None
         self._failed = False
-        self._latest: Any = None  # of a thinned series, not sent
+        self._latest: Any = None  # of a thinned series, not yet sent
         opening = Opening(file=str(self._file.absolute()), title=title, scene=scene, live=live, options=options)
 
         def start() -> None:
@@ -434,7 +423,7 @@ class Recorder:
         self._attempt(start)
 
     def record(self, message: Any) -> None:
-        """Add a message to the recording, or keep it back where the series is thinned."""
+        """Add a message to the recording, or hold it back if the series is thinned."""
         process, number = self._process, getattr(message, "number", None)
         if process is None or self._failed:
             return
@@ -448,7 +437,7 @@ class Recorder:
             self._attempt(process.pump)
 
     def finish(self, end: Any) -> None:
-        """Complete the file with the `end` of the run, and wait until that is done."""
+        """Complete the file with the `end` of the run, and wait for that."""
         process = self._process
         if process is None or self._failed:
             return
@@ -458,14 +447,14 @@ class Recorder:
         self._attempt(lambda: process.complete(end))
 
     def close(self) -> None:
-        """Complete the file with what it has, unless it is finished, and end the child."""
+        """Complete the file with the recorded data, unless it is finished, and end the child."""
         process = self._process
         if process is None:
             return
         try:
             if not process.finished:
                 self.finish(None)
-            if not process.finished and not process.stopped:  # what failed here is no reason to lose what is there
+            if not process.finished and not process.stopped:  # a fault here must not lose the recorded data
                 self._attempt(lambda: process.complete(None))
         finally:
             process.stop()
@@ -475,10 +464,10 @@ class Recorder:
     def _attempt(self, step: Callable[[], None]) -> None:
         try:
             step()
-        except Exception as fault:  # a view may fail in any way; the run that it looks at must not
+        except Exception as fault:  # a view may fail in any way, but must not stop its run
             if not self._failed:
                 self._failed = True
-                text = f"{self._file}: recording stopped, the run goes on: {cause_of(fault)}"
+                text = f"{self._file}: recording stopped, the run continues: {cause_of(fault)}"
                 warn_user(text)
 
 

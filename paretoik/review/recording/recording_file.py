@@ -1,8 +1,8 @@
 """The file of a recording: what is kept of a run that may be long, when it is written, and how it ends.
 
-While the run goes on each message is drawn as it comes. At its end all that is kept is drawn anew, on common axes, into
-a second file that then replaces the first. Where the file grows too large meanwhile, every second message of a series
-is dropped and the rest written anew as it came.
+During the run each message is drawn as it comes. At the end all kept messages are drawn again, on common axes, into a
+second file that then replaces the first. If the file grows too large during the run, every second message of a series
+is dropped and the rest is written again.
 """
 
 from __future__ import annotations
@@ -24,36 +24,36 @@ from paretoik.review.recording.recorder import Opening, RecorderOptions, part_of
 
 @runtime_checkable
 class Drawing(Protocol):
-    """Draws a scene into a stream; every file has its own."""
+    """Draws a scene into a stream; there is one per file."""
 
     def __init__(self, scene: Any, stream: rr.RecordingStream, options: RecorderOptions) -> None: ...
 
     def reduce(self, message: Any) -> Any:
-        """Return what is to be kept of a message, which may be large."""
+        """Return what to keep of a message, which may be large."""
 
     def record(self, message: Any) -> None:
-        """Draw a message while the run goes on."""
+        """Draw a message during the run."""
 
     def finish(self, messages: Sequence[Any], end: Any, note: str) -> None:
-        """Draw all messages that are kept on common axes, the end (None where the run has none), and a note if any."""
+        """Draw all kept messages on common axes, the end (None if the run has none), and a note if any."""
 
 
 @runtime_checkable
 class Parent(Protocol):
-    """Whoever waits for the recording."""
+    """The process that waits for the recording."""
 
     def tell(self, **answer: Any) -> None:
-        """Tell a notice."""
+        """Send a notice."""
 
     def beat(self) -> None:
-        """Say that work goes on."""
+        """Report that work continues."""
 
 
 class Stream(rr.RecordingStream):
-    """A stream that lets it be known whenever something is logged."""
+    """A stream that reports every call of its log methods."""
 
     def __init__(self, application: str, beat: Callable[[], None], batch: int) -> None:
-        # Many small chunks make large files: what is logged is flushed by hand, or when there are so many bytes of it.
+        # Many small chunks make large files: logged data are flushed explicitly, or at a number of bytes.
         batcher = rr.ChunkBatcherConfig(flush_tick=3600.0, flush_num_bytes=batch)
         super().__init__(application, batcher_config=batcher)
         self._beat = beat
@@ -70,13 +70,13 @@ class Stream(rr.RecordingStream):
 
 
 class RecordingFile:
-    """The file of a recording in the making; errors of Rerun and of the disk are raised.
+    """The file of a recording in progress; errors of Rerun and of the disk are raised.
 
-    Of a series every ``stride``-th message is kept, the first and the last among them.
+    Every ``stride``-th message of a series is kept, including the first and the last.
     """
 
     def __init__(self, opening: Opening, parent: Parent) -> None:
-        rr.set_strict_mode(True)  # a row that cannot be drawn is an error, not a line in a log that nobody reads
+        rr.set_strict_mode(True)  # a row that cannot be drawn is an error, not a line in an unread log
         self.stride = 1
         self._opening, self._options, self._parent = opening, opening.options, parent
         self._file = Path(opening.file)
@@ -84,17 +84,17 @@ class RecordingFile:
         self._last: Any = None  # message of the series
         self._first = 0
         self._live = LiveView(parent.tell) if opening.live else None
-        # The recorder of a killed run may begin late, or still complete its file: a newer run's is not that one.
+        # The recorder of a killed run may begin late or still be at work; it must not touch a newer run's file.
         if _is_alive(opening.run):
             self._file.unlink(missing_ok=True)
-        # While it is open no other has its inode.
+        # While it is open no other file has its inode.
         self._written: int | None = _create(self._file)
         self._stream, self._drawing = self._open(self._written)
         self._flushed, self._size = time.monotonic(), 0
-        self._pending, self._growth = 0, float(self._options.reserve)  # messages not written, bytes a message at most
+        self._pending, self._growth = 0, float(self._options.reserve)  # unwritten messages, most bytes per message
 
     def record(self, message: Any, stride: int = 1) -> None:
-        """Draw a message and keep it; of the series the sender keeps every ``stride``-th."""
+        """Draw a message and keep it; the sender keeps every ``stride``-th of the series."""
         self.stride = max(self.stride, stride)
         message = self._drawing.reduce(message)
         number = _number(message)
@@ -106,7 +106,7 @@ class RecordingFile:
         self._drawing.record(message)
 
     def look_after(self) -> None:
-        """Write what is not yet written, and thin what has become too much, if it is time."""
+        """Write pending data, and thin a series that is too long, if it is time."""
         much = 4 * self._pending * self._growth > self._options.reserve
         if not much and time.monotonic() - self._flushed < self._options.flush:
             return
@@ -118,7 +118,7 @@ class RecordingFile:
             self._live.look_after()
 
     def complete(self, end: Any, stride: int = 1) -> None:
-        """Draw everything anew with its ``end``, and close the file; ``stride`` as for ``record``."""
+        """Draw everything again with its ``end``, and close the file; ``stride`` as for ``record``."""
         self.stride = max(self.stride, stride)
         self._keep(self.stride)
         self._replace(lambda drawing: drawing.finish(self._messages, end, self._note()))
@@ -135,8 +135,8 @@ class RecordingFile:
             live.close()
 
     def _open(self, file: int) -> tuple[rr.RecordingStream, Drawing]:
-        """Begin to record into an open file, whatever has its name by now, and return what draws into it."""
-        # The viewer keeps one layout an application, and each run needs its own.
+        """Begin to record into an open file, even if it was renamed, and return what draws into it."""
+        # The viewer keeps one layout per application, and each run needs its own.
         application = f"{self._opening.title} in {self._file.resolve().parent.name}"
         name = re.sub(r"[^A-Za-z0-9_-]+", "-", application).strip("-")
         stream = Stream(name, self._parent.beat, self._options.batch)
@@ -150,11 +150,11 @@ class RecordingFile:
             drawing.record(message)
 
     def _replace(self, draw: Callable[[Drawing], None]) -> None:
-        """Let ``draw`` make a new file that then replaces the present one, which is whole until then."""
+        """Replace the present file with a new one that ``draw`` makes; the present one is complete until then."""
         self._stream.disconnect()
         self._check_space(self._file.stat().st_size)
         part = part_of(self._file, self._opening.run)
-        part.unlink(missing_ok=True)  # what a killed process left, or a link
+        part.unlink(missing_ok=True)  # left by a killed process, or a link
         written = _create(part)
         try:
             self._stream, self._drawing = self._open(written)
@@ -170,7 +170,7 @@ class RecordingFile:
             part.unlink(missing_ok=True)
 
     def _flush(self) -> None:
-        """Write what is not yet written, and learn how much a message takes."""
+        """Write pending data, and measure the size of a message."""
         self._check_space(0)
         self._stream.flush()
         size = self._file.stat().st_size
@@ -179,7 +179,7 @@ class RecordingFile:
         self._flushed, self._size, self._pending = time.monotonic(), size, 0
 
     def _thin(self) -> bool:
-        """Drop at least every second message of the series, except the last; say whether there was anything to drop."""
+        """Drop at least every second message of the series, except the last; return whether any was dropped."""
         while len({_number(message) for message in self._messages} - {None}) > 2:
             self.stride *= 2
             if self._keep(self.stride):
@@ -187,7 +187,7 @@ class RecordingFile:
         return False
 
     def _keep(self, stride: int) -> bool:
-        """Drop all of the series except every ``stride``-th message and the last; say whether anything was dropped."""
+        """Drop all of the series except every ``stride``-th message and the last; return whether any was dropped."""
         count = len(self._messages)
         self._messages = [
             message
@@ -204,30 +204,30 @@ class RecordingFile:
         return f"The run was long: one in {self.stride} of its {kind}s is kept here, the last one too."
 
     def _check_space(self, needed: int) -> None:
-        """Raise OSError where so many bytes would fill the disk: Rerun may hang on a full one."""
+        """Raise OSError if ``needed`` bytes would fill the disk: Rerun may hang on a full one."""
         disk = os.statvfs(self._file.parent)
         if disk.f_bavail * disk.f_frsize < needed + self._options.reserve:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
 def _create(file: Path) -> int:
-    """Return the descriptor of a new file; raises FileExistsError where anything has its name, a link too."""
+    """Return the descriptor of a new file; raises FileExistsError if its name is taken, even by a link."""
     return os.open(file, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o666)
 
 
 def _is_at(file: Path, descriptor: int) -> bool:
-    """Say whether an open file still has its name."""
+    """Return whether an open file still has its name."""
     return os.path.samestat(file.lstat(), os.fstat(descriptor))
 
 
 def _number(message: Any) -> int | None:
-    """Return the number of a message in its series, None where it belongs to none."""
+    """Return the number of a message in its series, None if it belongs to none."""
     number: int | None = getattr(message, "number", None)
     return number
 
 
 def _is_alive(process: int) -> bool:
-    """Say whether a process is at work; one of another user is."""
+    """Return whether a process is alive; another user's process counts as alive."""
     try:
         os.kill(process, 0)
     except OSError as fault:

@@ -1,4 +1,4 @@
-"""The Rerun viewer, a program of its own: on this machine alone, and without its telemetry.
+"""The Rerun viewer, a separate program: only for this machine, and without its telemetry.
 
 ``python -m paretoik.review.recording.viewer FILE-OR-ADDRESS`` opens it and waits for it.
 """
@@ -17,10 +17,10 @@ from pathlib import Path
 
 @contextmanager
 def private_environment() -> Iterator[dict[str, str]]:
-    """Yield the environment for Rerun's programs, with a folder of their own for what they keep while the body runs.
+    """Yield the environment for Rerun's programs, with a temporary folder for the data that they store.
 
-    They send usage statistics unless a complete configuration says no (RERUN_ANALYTICS is another version's), and write
-    one, and what they remember of windows, into the user's home where they find none.
+    They send usage statistics unless a complete configuration disables it (RERUN_ANALYTICS belongs to another version).
+    If the user's home has no such files, they write a configuration and window settings there.
     """
     with tempfile.TemporaryDirectory(prefix="paretoik-viewer-") as name:
         folder = Path(name)
@@ -40,9 +40,9 @@ def private_environment() -> Iterator[dict[str, str]]:
 
 
 def run_viewer(target: str, *options: str) -> subprocess.CompletedProcess[str]:
-    """Open a file or address in the viewer with options of its own, and return when it has been closed."""
-    # It would listen to all the world, and on a port that may be taken; -P: a rerun.py in the current folder, which may
-    # be a run from anybody, is not what is meant.
+    """Open a file or address in the viewer with its own options, and return after it is closed."""
+    # By default it listens to all machines, on a port that may be taken. -P ignores a rerun.py in the current folder,
+    # which may be anybody's run.
     command = [sys.executable, "-P", "-m", "rerun", target, "--bind", "127.0.0.1", "--port", "auto", *options]
     with private_environment() as environment:
         return subprocess.run(
@@ -51,7 +51,7 @@ def run_viewer(target: str, *options: str) -> subprocess.CompletedProcess[str]:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Open what the arguments name, and return the viewer's exit status."""
+    """Open the file or address in the arguments, and return the viewer's exit status."""
     return run_viewer(*arguments).returncode
 
 

@@ -1,1 +1,1 @@
-"""How surely the best optimum is found: problems drawn from seeds, our plan beside multi-starts of IPOPT and FATROP."""
+"""How often the best optimum is found on random problems: our plan against multi-starts of IPOPT and FATROP."""

@@ -1,18 +1,19 @@
-"""How surely the best optimum is found: our plan beside multi-starts of IPOPT and FATROP; losses first.
+"""How often the best optimum is found: our plan against multi-starts of IPOPT and FATROP; losses first.
 
     python -m studies.benchmarks.basins [--quick] [--problems TEXT ...] [--seed N] [--seeds N] [--cluster ADDRESS]
                                        [--json FILE]
 
 Sixty problems drawn from a seed: planar 4R to 6R arms, a rail with a planar 3R arm, random 7R arms, UR10, iiwa and
-Panda, with position, axis and full pose tasks, along lines and round circles, for kinetic energy, torque norm and, of
-every kind one, a peak of velocity or torque, all with backward differences, as the peers' programs have them. Ours are
-plans at default settings over several seeds. Peers get as much processor time as all of these together, from starts
-like ours and from plain rollouts in turn; what they find is led back to the path and judged by our exact functions.
-FATROP's form has neither cycles nor variables of the whole motion, so it is left out of cycles and peaks; IPOPT has
-peaks as epigraph variables. Building programs and making starts are not counted for peers; ours is a whole plan.
+Panda. Tasks are position, axis and full pose along lines and circles; objectives are kinetic energy, torque norm and,
+once per kind of problem, a peak of velocity or torque. All use backward differences, as the peers' programs do. Ours
+are plans at default settings over several seeds. A peer gets as much processor time as all of these together; its
+starts alternate between starts like ours and plain rollouts. Its motions are led back to the path and judged by our
+exact functions. FATROP's form has neither cycles nor variables of the whole motion, so it is left out of cycles and
+peaks; IPOPT has peaks as epigraph variables. Building programs and making starts are not counted for peers; ours is a
+whole plan.
 
-The time to the best is the time of all tries over those that ended there. A line is printed after every problem, and
-with --json the rows so far are written; the tables come at the end. Twenty seeds take hours, three about 40 minutes.
+The time to the best is the time of all tries divided by the number that ended there. A line is printed after every
+problem, and --json writes the rows so far; the tables come at the end. Twenty seeds take hours, three about 40 minutes.
 """
 
 from __future__ import annotations

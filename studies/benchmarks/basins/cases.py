@@ -15,15 +15,15 @@ from paretoik.task.objectives import Objective
 from problems.panda import panda
 
 SAMPLES = 51
-DRAWS = 200  # of a path, at most: many leave what the arm can reach
+DRAWS = 200  # of a path, at most: the arm cannot reach many of them
 INTEGRALS: tuple[Objective, ...] = (pk.kinetic_energy, pk.torque_norm)
 PEAKS: tuple[Objective, ...] = (pk.peak_velocity, pk.peak_torque)
-NONE = pk.Limits(velocity=np.inf, torque=np.inf)  # but the joints' ranges
+NONE = pk.Limits(velocity=np.inf, torque=np.inf)  # only the joints' ranges
 
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
-    """A problem drawn from a seed: an arm, what its tool keeps to, whether it comes back, and what it minimises."""
+    """A problem drawn from a seed: an arm, the axes of its task, whether it is a cycle, and its objective."""
 
     arm: str
     axes: str  # "position", "axis" or "pose"
@@ -38,12 +38,12 @@ class Case:
         return f"{self.arm} {self.axes} {kind} {self.objective.name} {self.seed}"
 
     def problem(self) -> pk.Tracking:
-        """Return the problem; the first of its draws that the arm can follow."""
+        """Return the problem: the first draw that the arm can follow."""
         return _draw(self)
 
 
 def planar(joints: int, rng: np.random.Generator) -> pk.Arm:
-    """Return a planar arm of 1 m in all, its links drawn, tapered in mass."""
+    """Return a planar arm with a total length of 1 m, random links, tapered masses."""
     lengths = rng.uniform(0.6, 1.4, joints)
     lengths /= lengths.sum()
     masses = 2.0 * np.linspace(1.0, 0.4, joints) * rng.uniform(0.7, 1.3, joints)
@@ -83,7 +83,7 @@ def rail(rng: np.random.Generator) -> pk.Arm:
 
 
 def _rods(a: np.ndarray, d: np.ndarray, masses: np.ndarray) -> dict[str, object]:
-    """Return masses, centres and inertias of links as rods; in the frames at their far ends."""
+    """Return masses, centres and inertias of links as rods, in the frames at their far ends."""
     lengths = np.maximum(np.hypot(a, d), 0.05)
     centers = -0.5 * np.stack([a, np.zeros_like(a), np.zeros_like(a)], axis=1)
     return {
@@ -94,7 +94,7 @@ def _rods(a: np.ndarray, d: np.ndarray, masses: np.ndarray) -> dict[str, object]
 
 
 def ur10(rng: np.random.Generator) -> pk.Arm:
-    """Return Universal Robots' UR10 by its published DH table and masses, its links as rods."""
+    """Return Universal Robots' UR10: published DH table and masses, links as rods."""
     a, d = np.array([0, -0.612, -0.5723, 0, 0, 0]), np.array([0.1273, 0, 0, 0.163941, 0.1157, 0.0922])
     return pk.Arm.from_dh(
         a=a,
@@ -109,7 +109,7 @@ def ur10(rng: np.random.Generator) -> pk.Arm:
 
 
 def iiwa(rng: np.random.Generator) -> pk.Arm:
-    """Return KUKA's LBR iiwa 14 by its published DH table, limits and link masses, its links as rods."""
+    """Return KUKA's LBR iiwa 14: published DH table, limits and masses, links as rods."""
     a, d = np.zeros(7), np.array([0.36, 0, 0.42, 0, 0.4, 0, 0.126])
     quarter = np.pi / 2
     return pk.Arm.from_dh(
@@ -125,7 +125,7 @@ def iiwa(rng: np.random.Generator) -> pk.Arm:
 
 
 def random_arm(rng: np.random.Generator) -> pk.Arm:
-    """Return a 7R arm of a random DH table of quarter turns."""
+    """Return a 7R arm with a random DH table of quarter turns."""
     a, d = rng.uniform(0.0, 0.25, 7), rng.uniform(0.0, 0.25, 7)
     return pk.Arm.from_dh(
         a=a,
@@ -173,7 +173,7 @@ def _tool_pose(arm: pk.Arm, q: np.ndarray) -> pk.Pose:
 
 
 def _path(arm: pk.Arm, case: Case, rng: np.random.Generator) -> pk.Path | pk.Task:
-    """Return a path between the places of two postures, or round the place of one."""
+    """Return a path between the positions of two postures, or a circle at one."""
     lower, upper = np.clip(arm.position_limits, -np.pi, np.pi).T
     q = rng.uniform(0.8 * lower, 0.8 * upper)
     ends = [q, np.clip(q + rng.normal(scale=0.7, size=arm.dof), 0.8 * lower, 0.8 * upper)]
@@ -182,7 +182,7 @@ def _path(arm: pk.Arm, case: Case, rng: np.random.Generator) -> pk.Path | pk.Tas
     points = [pose.position[: 2 if flat else 3] for pose in poses]
     size = float(np.linalg.norm(points[1] - points[0]))
     if not 0.2 <= size <= 0.8:
-        raise pk.InvalidInput("a path between 0.2 m and 0.8 m wanted")
+        raise pk.InvalidInput(f"a path's length must be 0.2 to 0.8 m, got {size:.3g} m")
     settings = {"duration": float(rng.uniform(1.0, 2.0)), "samples": SAMPLES}
     posed = case.axes != "position"
     if case.cyclic:

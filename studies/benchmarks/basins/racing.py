@@ -1,4 +1,4 @@
-"""One problem: our plan over seeds, and peers from many starts in as much processor time."""
+"""One problem: our plan over seeds, and peers from many starts in the same processor time."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ from studies.benchmarks.fronts.programs import JointProgram, joint_program
 class RacingOptions:
     """How tries are judged, and how many of a peer's ``starts`` are made at a time.
 
-    A value counts as the best up to a share ``equal`` of it. ``violation`` is a share of a limit's range up to which a
-    peer's motion counts as feasible. A problem, which takes minutes, has at most ``limit`` [s]; with a limit a
-    cluster's workers compute in a process apart.
+    A value counts as the best up to a share ``equal`` of it. A peer's motion counts as feasible up to a ``violation``,
+    a share of a limit's range. A problem takes minutes, at most ``limit`` [s]; with a limit a cluster's workers compute
+    in a separate process.
     """
 
     equal: float = 1e-6
@@ -44,29 +44,29 @@ OPTIONS = RacingOptions()
 
 @dataclass(kw_only=True)
 class Tries:
-    """Values that a method ended with and the processor seconds of each try."""
+    """Values that a method found, and the processor seconds of each try."""
 
     values: list[float] = field(default_factory=list)
     seconds: list[float] = field(default_factory=list)
 
     @property
     def best(self) -> float:
-        """The best value, infinite where there is none."""
+        """The best value; infinite without one."""
         return min(self.values, default=np.inf)
 
     def hits(self, best: float) -> int:
-        """Return how many tries ended at the best."""
+        """Return the number of tries that ended at the best."""
         return sum(value <= best * (1 + OPTIONS.equal) for value in self.values)
 
     def time_to_best(self, best: float) -> float:
-        """Return the expected processor time to the best of independent tries."""
+        """Return the expected processor time of independent tries to the best."""
         hits = self.hits(best)
         return sum(self.seconds) / hits if hits else np.inf
 
 
 @dataclass(frozen=True, kw_only=True)
 class Race:
-    """What became of a problem: our tries, and those of every peer."""
+    """The result for a problem: our tries, and those of every peer."""
 
     case: Case
     redundancy: int
@@ -80,12 +80,12 @@ class Race:
 
     @property
     def best(self) -> float:
-        """The best value of all."""
+        """The best value of all methods."""
         return min(self.ours.best, self.peers_best)
 
     @property
     def time_ratio(self) -> float:
-        """Our time to the best over the better peer's; 0 where no peer, infinite where we did not find it."""
+        """Our time to the best over the better peer's; 0 without a peer, infinite if we did not find it."""
         theirs = min(tries.time_to_best(self.best) for tries in self.peers.values())
         ours = self.ours.time_to_best(self.best)
         return ours / theirs if np.isfinite(ours) else np.inf
@@ -103,12 +103,12 @@ class Race:
 
 
 def race_named(name: str, *, seed: int, seeds: int) -> Race:
-    """Return what became of the problem of a name, drawn from a seed: by name so that it can be in another process."""
+    """Return the race of the problem with a name: by name so that it can run in another process."""
     return race(next(case for case in all_cases(seed) if case.name == name), seeds=seeds)
 
 
 def race(case: Case, *, seeds: int) -> Race:
-    """Return what became of one problem. A peak has no place in FATROP's form, nor has a cycle."""
+    """Return the race of one problem. FATROP's form has neither peaks nor cycles."""
     problem = case.problem()
     pk.plan(problem, starts=1)  # compiles
     ours = our_tries(problem, seeds)
@@ -120,7 +120,7 @@ def race(case: Case, *, seeds: int) -> Race:
 
 
 def our_tries(problem: pk.Tracking, seeds: int) -> Tries:
-    """Return what plans at default settings find, a seed each."""
+    """Return the results of plans at default settings, one per seed."""
     tries = Tries()
     for seed in range(seeds):
         start = time.process_time()
@@ -133,9 +133,9 @@ def our_tries(problem: pk.Tracking, seeds: int) -> Tries:
 
 
 def peer_tries(peer: JointProgram | StagedProgram, task: MotionTask, budget: float, seed: int) -> Tries:
-    """Return what a peer finds in so much processor time, from starts like ours and from plain rollouts in turn.
+    """Return a peer's results in a processor time, from starts like ours alternating with plain rollouts.
 
-    It runs in a process of its own, which ends with its time: FATROP now and then returns from a start never.
+    It runs in a process of its own, which ends with its time: FATROP sometimes never returns from a start.
     """
     context, tries = get_context("fork"), Tries()
     reader, writer = context.Pipe(duplex=False)

@@ -1,4 +1,4 @@
-"""Rows of races: the whole first, then every problem, losses first."""
+"""Rows of races: a summary first, then every problem, losses first."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from studies.reporting import Row
 
 @dataclass(frozen=True, kw_only=True)
 class Goals:
-    """What is wanted: ours above the peers' best by a share ``no_worse`` at most, on a share ``won`` of problems.
+    """The goals: ours above the peers' best by at most a share ``no_worse``, on a share ``won`` of problems.
 
-    ``time`` is our time to the best over the better peer's; ``hits`` the shares of seeds that find the best with
+    ``time`` is our time to the best over the better peer's; ``hits`` are the shares of seeds that find the best with
     redundancy 1 and 2, and with more.
     """
 
@@ -35,7 +35,7 @@ def table_rows(races: Sequence[Race]) -> list[Row]:
 
 
 def summary_rows(races: Sequence[Race]) -> list[Row]:
-    """Return on how many problems none is better, the median ratio of times to the best, hit rates by redundancy."""
+    """Return the number of problems on which no peer is better, the median time ratio, and hit rates by redundancy."""
     won = sum(each.ours.best <= (1 + GOALS.no_worse) * each.peers_best for each in races)
     ratios = [each.time_ratio for each in races]
     note = f"{sum(ratio <= GOALS.time for ratio in ratios)} of {len(races)} problems within the goal"
@@ -56,7 +56,7 @@ def summary_rows(races: Sequence[Race]) -> list[Row]:
 
 
 def problem_rows(each: Race) -> list[Row]:
-    """Return the rows of one problem: the best values, and the times to the best beside every peer's."""
+    """Return the rows of one problem: the best values, and the times to the best with every peer's."""
     table, name, best = f"redundancy {each.redundancy}", each.case.name, each.best
     rows = [
         versus(

@@ -1,1 +1,1 @@
-"""Limits between samples: how far motions exceed them there, and what the guarantee costs."""
+"""Limits between samples: how far motions exceed them there, and the cost of the guarantee."""

@@ -1,14 +1,14 @@
-"""Limits between samples: how far optimal motions exceed them there, and what the guarantee costs.
+"""Limits between samples: how far optimal motions exceed them there, and the cost of the guarantee.
 
     python -m studies.benchmarks.between [--quick] [--cases N] [--seed N] [--json FILE]
 
 Random planar arms and the Panda, with position and pose tasks, on lines and circles, whose limits on velocity,
 acceleration, torque or clearance are active. Each is minimised from the optimum without limits: by central differences,
-as before; by splines; and then limits that the spline's motion exceeds between samples are tightened. The motion
-``at(t)`` is judged on a grid 50 times finer than the samples, by where it is alone (``judging``). "tightening" is what
-it costs beside the spline's optimum before it, which may be better than any motion that keeps its limits. "time" is
-that of spline and tightening beside central differences, seconds of the processor, without compilation. A line is
-printed after every case; at the end the tables, losses first.
+as before; by splines; and then with those limits tightened that the spline's motion exceeds between samples. A motion
+is judged by its positions ``at(t)`` on a grid 50 times finer than the samples (``judging``). "tightening" is its cost
+relative to the spline's optimum before it, which may be better than any motion within its limits. "time" is that of
+spline and tightening relative to central differences, processor seconds without compilation. A line is printed after
+every case; the tables come at the end, losses first.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from studies.benchmarks.between.cases import Case, minimise_from, random_cases
 from studies.benchmarks.between.judging import worst_violation
 from studies.reporting import Row, report, study_parser, tell
 
-GOAL, COST = 1e-6, 0.2  # share of a range, what differences of positions can tell; % of the objective
+GOAL, COST = 1e-6, 0.2  # share of a range that differences of positions can resolve; % of the objective
 CASES, QUICK_CASES = 40, 4
 
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """Of a motion: the worst violation, in words where it is, the objective, and seconds; NaN where there is none."""
+    """A motion's worst violation, its place in words, the objective, and seconds; NaN without a motion."""
 
     violation: float = np.nan
     where: str = "none found"
@@ -52,17 +52,17 @@ class Comparison:
 
     @property
     def cost(self) -> float:
-        """What tightening costs, in %."""
+        """The cost of tightening [%]."""
         return 100 * (self.tightened.objective / self.spline.objective - 1)
 
     @property
     def time(self) -> float:
-        """How many times as long splines and tightening take."""
+        """Time of splines and tightening relative to central differences."""
         return self.tightened.seconds / self.central.seconds
 
     @property
     def summary(self) -> str:
-        """All of it in a line."""
+        """Everything in one line."""
         return (
             f"{self.name}: central {self.central.violation:.1e}, spline {self.spline.violation:.1e}, tightened "
             f"{self.tightened.violation:.1e} (reports {self.reported:.1e}), cost {self.cost:.3f} %, "
@@ -71,7 +71,7 @@ class Comparison:
 
 
 def compare(case: Case) -> Comparison | None:
-    """Return the outcomes of a case; None where its spline has no optimum from where the case starts."""
+    """Return the outcomes of a case; None if its spline has no optimum from the case's start."""
     splined, spline = _minimised(case, "spline")
     if splined is None:
         return None
@@ -102,7 +102,7 @@ def _timed(solve: Callable[[], Any]) -> tuple[Any, float]:
 
 
 def table_rows(comparisons: Sequence[Comparison]) -> list[Row]:
-    """Return the rows of all cases together, then those of each, lost ones first."""
+    """Return the rows of all cases together, then those of each, losses first."""
     after = np.array([each.tightened.violation for each in comparisons])
     before = np.array([each.central.violation for each in comparisons])
     costs, times = np.array([each.cost for each in comparisons]), np.array([each.time for each in comparisons])
@@ -140,7 +140,7 @@ def _row(row: str, column: str, unit: str, value: float, goal: float | None, not
 
 
 def compare_all(cases: Iterable[Case]) -> list[Comparison]:
-    """Return the comparisons of cases, telling each as it comes."""
+    """Return the comparisons of cases, and print each when it is done."""
     comparisons = list[Comparison]()
     for case in cases:
         compared = compare(case)

@@ -1,4 +1,4 @@
-"""Random problems whose limits are active: arms, paths and limits that the best motion without limits exceeds."""
+"""Random problems with active limits: the best motion without limits exceeds them."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ KINDS = ("velocity", "acceleration", "torque", "clearance", "position")
 class CaseOptions:
     """How problems are made.
 
-    A limit is ``share`` of what the best motion without it needs, less for every joint at random; an obstacle reaches
-    ``depth`` [m] into the clearance of that motion, the best that so many ``starts`` lead to. ``barriers`` are tried in
-    turn. Problems whose best motion keeps more than a share ``active`` of a range away from every limit are left out.
+    A limit is ``share`` of what the best motion without it needs, less for every joint at random. An obstacle reaches
+    ``depth`` [m] into the clearance of that motion, the best from ``starts``. ``barriers`` are tried one after the
+    other. Problems whose best motion stays more than a share ``active`` of a range away from every limit are left out.
     """
 
     share: tuple[float, float] = (0.88, 0.97)
@@ -48,7 +48,7 @@ OPTIONS = CaseOptions()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Case:
-    """A problem by name: what ``pk.Tracking`` takes, except its discretisation.
+    """A problem by name: the arguments of ``pk.Tracking``, except its discretisation.
 
     ``q`` is the best motion (time, dof) without limits, ``scale`` the objective there.
     """
@@ -78,7 +78,7 @@ class Case:
 
 
 def random_cases(count: int, seed: int, samples: tuple[int, ...]) -> Iterator[Case]:
-    """Return so many problems, limits in turn, every other arm spatial."""
+    """Return ``count`` problems, kinds of limits in rotation, every other arm spatial."""
     rng, made = np.random.default_rng(seed), 0
     for _ in range(OPTIONS.attempts * count):
         if made == count:
@@ -92,7 +92,7 @@ def random_cases(count: int, seed: int, samples: tuple[int, ...]) -> Iterator[Ca
 def _random_case(
     number: str, kind: str, spatial: bool, rng: np.random.Generator, samples: tuple[int, ...]
 ) -> Case | None:
-    """Return a problem with active limits of a kind; None where arm and path do not suit each other."""
+    """Return a problem with active limits of a kind; None if arm and path do not suit each other."""
     arm, path, cyclic = random_path(rng, spatial=spatial, samples=int(rng.choice(samples)))
     objective = pk.kinetic_energy if rng.random() < 0.5 else pk.torque_norm
     try:
@@ -122,7 +122,7 @@ def _random_case(
 
 
 def minimise_from(task: MotionTask, q: Float[np.ndarray, "starts time dof"]) -> Float[np.ndarray, "time dof"] | None:
-    """Return the best optimum that motions on the path lead to; None where they lead to none."""
+    """Return the best optimum from motions on the path; None without one."""
     values = task.objectives[0](task.motion(q))
     program = motion_program(task, [float(values.min())])
     for options in OPTIONS.barriers:
@@ -134,7 +134,7 @@ def minimise_from(task: MotionTask, q: Float[np.ndarray, "starts time dof"]) -> 
 
 
 def random_path(rng: np.random.Generator, *, spatial: bool, samples: int) -> tuple[pk.Arm, pk.Path, bool]:
-    """Return a planar arm or the Panda, a path for it, and whether this is a cycle."""
+    """Return a planar arm or the Panda, a path for it, and whether it is a cycle."""
     return (_spatial if spatial else _planar)(rng, samples)
 
 
@@ -179,7 +179,7 @@ def _active(kind: str, best: Motion, rng: np.random.Generator) -> tuple[pk.Limit
 
 
 def _obstacle(best: Motion, rng: np.random.Generator) -> Obstacle:
-    """Return an obstacle beside the elbow at a random time, a little too near."""
+    """Return an obstacle near the elbow at a random time, a little too near."""
     nodes = best.links[int(rng.integers(len(best.time) // 4, 3 * len(best.time) // 4))]
     elbow = nodes[len(nodes) // 2]
     radius = 0.03

@@ -1,14 +1,14 @@
-"""Exports of certified points: every one passes the controller with the limits it was planned with.
+"""Exports of certified points: each passes a controller with the limits of its problem.
 
     python -m studies.benchmarks.between.exports [--quick] [--points N] [--json FILE]
 
 Six problems whose limits are active: the paper's planar arm, a planar 4R with acceleration limits, the Panda with
 velocity and torque limits, a cyclic path, an obstacle, and a fixed start with limits that vary along the path. Every
-point of a small front is exported at 100, 250 and 1,000 Hz to a controller with the same limits, with a ramp at both
-ends, because a controller must start and end at rest; "refused" counts those that ``pk.export`` refuses. "beyond" is by
-how much the samples exported at the motion's own speed, without a ramp, exceed a limit at most; it is negative if they
-keep all. "price" is what the margin costs: each point is tightened from its optimum at the samples once with the margin
-and once without, and the largest rise of every objective is printed.
+point of a small front is exported at 100, 250 and 1,000 Hz to a controller with the same limits. A ramp is added at
+both ends, because a controller must start and end at rest. "refused" counts the motions that ``pk.export`` refuses.
+"beyond" is the most by which samples exported at the motion's own speed, without a ramp, exceed a limit; it is negative
+if they satisfy all. "price" is the cost of the margin: each point is tightened from its optimum at the samples once
+with the margin and once without, and the largest rise of every objective is printed.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ PLANAR_LINE = ([0.4678, 0.0], [0.0983, 0.1526])
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Example:
-    """A problem by name: ``limits`` follow from the best motion without any, so that they are active."""
+    """A problem by name; its ``limits`` follow from the best motion without any, so that they are active."""
 
     name: str
     arm: pk.Arm
@@ -123,7 +123,7 @@ def examples() -> Iterator[Example]:
 
 
 def controller(task: MotionTask, rate: float) -> pk.controllers.Controller:
-    """Return a controller with the limits of a task, the widest of those that vary."""
+    """Return a controller with the limits of a task, the widest if they vary."""
     widest = {kind: np.abs(bounds).max(axis=(0, 2)) for kind, bounds in task.bounds.items()}
     if "position" in task.bounds:
         widest["position"] = task.bounds["position"][0]
@@ -132,7 +132,7 @@ def controller(task: MotionTask, rate: float) -> pk.controllers.Controller:
 
 
 def exports(task: MotionTask, motion: Motion, rate: float, folder: Path) -> tuple[bool, float, float]:
-    """Return whether a motion is refused, how much it is slowed down, and what ``beyond`` finds at its own speed."""
+    """Return whether a motion is refused, its slow-down, and ``beyond`` at its own speed."""
     file = folder / "motion.npz"
     try:
         sent = pk.export(motion, file, controller=controller(task, rate), ramp=0.2, slow_down=True, overwrite=True)
@@ -144,7 +144,7 @@ def exports(task: MotionTask, motion: Motion, rate: float, folder: Path) -> tupl
 
 
 def beyond(task: MotionTask, sent: JointTrajectory) -> float:
-    """Return by how much exported samples exceed limits at most, a share of the range; negative if they keep all."""
+    """Return the most by which exported samples exceed limits, a share of the range; negative if they satisfy all."""
     values = {"position": sent.q, "velocity": sent.dq, "acceleration": sent.ddq}
     values["torque"] = inverse_dynamics(task.arm, sent.q, sent.dq, sent.ddq)
     worst = []
@@ -156,7 +156,7 @@ def beyond(task: MotionTask, sent: JointTrajectory) -> float:
 
 
 def prices(problem: pk.Tracking, q: Float[np.ndarray, "points time dof"], ranges: np.ndarray) -> np.ndarray:
-    """Return by how much the margin raises every objective of points, in %, each point from its optimum at samples."""
+    """Return by how much the margin raises every objective of points [%], each from its optimum at samples."""
     program = problem.program(ranges)
     optimal, critical = refine(program, q, len(TWO))
     rises = []

@@ -1,9 +1,9 @@
-"""How far a motion exceeds its limits, judged by where ``at(t)`` is alone, on a grid finer than its samples.
+"""How far a motion exceeds its limits, judged by its positions ``at(t)`` on a grid finer than its samples.
 
-Velocities and accelerations are differences of positions a ``STEP`` of a sample's interval apart. All are taken on one
-side of the instant, that of the interval's middle, at a sample on both sides in turn: the curve is smooth between
-samples, and may have kinks in its acceleration there, which differences across a sample would round off. Shorter steps
-would show how far Newton's method onto the path, which ends at 1e-12, is from its end: that over their square.
+Velocities and accelerations are differences of positions at distances of ``STEP`` of a sample's interval. All positions
+are on one side of the instant, towards the middle of the interval; at a sample both sides are judged. The curve is
+smooth between samples, but its acceleration may have kinks there, which differences across a sample would round off.
+Shorter steps would show the error of Newton's method onto the path (1e-12), divided by their square.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ FORWARD = {1: (-25 / 12, 4.0, -3.0, 4 / 3, -1 / 4), 2: (35 / 12, -26 / 3, 19 / 2
 
 
 def worst_violation(task: MotionTask, motion: Motion, finer: int = FINER) -> tuple[float, str]:
-    """Return a motion's largest violation of a limit, a share of the limit's range, and in words where it is."""
+    """Return a motion's largest violation of a limit, a share of its range, and its place in words."""
     step = STEP * float(np.diff(task.times).min())
     share = np.arange(finer + 1) / finer
     times = task.times[:-1, None] + np.diff(task.times)[:, None] * share
@@ -34,7 +34,7 @@ def worst_violation(task: MotionTask, motion: Motion, finer: int = FINER) -> tup
 
 
 def motion_at(motion: Motion, times: np.ndarray, step: float) -> Motion:
-    """Return positions of a motion at times, with velocities and accelerations from the positions a few steps on."""
+    """Return a motion's positions at times, and velocities and accelerations by differences of positions."""
     ahead = (times[:, None] + step * np.arange(5)).ravel()
     places = motion.at(np.clip(ahead, motion.time[0], motion.time[-1])).reshape(len(times), 5, -1)
     dq, ddq = (np.einsum("k,tkj->tj", FORWARD[order], places) / step**order for order in (1, 2))

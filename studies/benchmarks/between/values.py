@@ -1,15 +1,15 @@
-"""Values of motions: the stated ones, and those of the motion's curve.
+"""Values of motions: the stated ones, and the true ones of the motion's curve.
 
     python -m studies.benchmarks.between.values [--quick] [--cases N] [--seed N] [--json FILE]
 
 Random planar arms and the Panda on lines and circles, without limits on acceleration, start and end free. Each case has
 three objectives: an integral, a peak, and a third: a peak of torques, a travel or a mechanical energy. Small fronts are
-searched and 40 points of each refined. "true" is a value on a grid 200 times finer than the samples, whose velocities
-and accelerations are differences of the positions ``at(t)`` alone. "stated" is how far values of the refined points are
-off it, the largest share of the value; "before" the same of the values of the spline that is not yet projected, as
-paretoik 0.0 had them. "velocity" is how far ``motion.dq`` is off ``motion.state`` at samples, a share of its range.
-"gain" is by how much refinement lowers true values of the search's own points: the least of the objectives' gains, in
-the ranges of the front; a point that is worse on the curve has one below 0. Losses are printed first.
+searched and 40 points of each refined. "true" is a value on a grid 200 times finer than the samples, with velocities
+and accelerations by differences of the positions ``at(t)``. "stated" is the largest error of the refined points'
+values, a share of the value; "before" is the same for the values of the spline before its projection, as paretoik 0.0
+had them. "velocity" is the distance of ``motion.dq`` from ``motion.state`` at samples, a share of its range. "gain" is
+how much refinement lowers the true values of the search's points: the least of the objectives' gains, in ranges of the
+front; it is below 0 if a point is worse on the curve. Losses are printed first.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ def run_case(number: int, rng: np.random.Generator, generations: int) -> Outcome
 
 
 def true_values(motions: Motion, objectives: Sequence[Any]) -> Float[np.ndarray, "points n_obj"]:
-    """Return objectives (points, n_obj) of curves, from positions alone."""
+    """Return objectives (points, n_obj) of curves, from positions only."""
     return np.array([_values_of_curve(motion, objectives) for motion in motions])
 
 
@@ -93,7 +93,7 @@ def _values_of_curve(motion: Motion, objectives: Sequence[Any]) -> list[float]:
     for chosen, side in ((middle, 1), (~middle, -1)):
         judged = motion_at(motion, times[chosen], side * step)
         values[:, chosen] = [objective.function(judged) for objective in objectives]
-    shares = np.repeat(np.diff(motion.time) / FINER, FINER)  # the rule of middles
+    shares = np.repeat(np.diff(motion.time) / FINER, FINER)  # midpoint rule
     return [
         float(row.max() if objective.form == "peak" else row @ shares)
         for objective, row in zip(objectives, values, strict=True)
@@ -101,7 +101,7 @@ def _values_of_curve(motion: Motion, objectives: Sequence[Any]) -> list[float]:
 
 
 def _spline_state(motions: Motion) -> dict[str, Any]:
-    """Return fields of motions whose state is that of the spline."""
+    """Return the fields of motions by the state of the spline."""
     time, q, derivatives = evaluate_with_midpoints(motions.spline)
     q[..., ::2, :] = motions.q
     return {"time": time, "q": q, "derivatives": replace(derivatives, velocity_bounds=derivatives.dq.copy())}

@@ -1,1 +1,1 @@
-"""Certified fronts put to the test: bounds, attempts to dominate, exchange rates, seconds a point."""
+"""Tests of certified fronts: bounds, attempts to dominate, exchange rates, seconds per point."""

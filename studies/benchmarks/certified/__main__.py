@@ -1,24 +1,23 @@
-"""Certified fronts put to the test; losses first.
+"""Tests of certified fronts; losses first.
 
     python -m studies.benchmarks.certified [--quick] [--problems NAME ...] [--seed N] [--json FILE]
 
-``pk.epsilon_front`` on the energy-torque problem, on a planar 5R arm with two degrees of redundancy, and on the Panda
-across its table, by pose and by position alone (four degrees of redundancy), its own limits in force; with a peak by
-splines on the 3R arm. Of every front: what its certificates say; what Pinocchio makes of its values; what IPOPT and
-random feasible steps find that is better than a point; exchange rates beside differences of neighbouring ε-solves; and
-on the Panda seconds a point beside IPOPT's and FATROP's.
+``pk.epsilon_front`` is run on the energy-torque problem, on a planar 5R arm with two degrees of redundancy, on the
+Panda across its table, by pose and by position only (four degrees of redundancy) within its own limits; and with a peak
+by splines on the 3R arm. For every front the rows say: the certificates' statements; the values by Pinocchio; what
+IPOPT and random feasible steps find that is better than a point; exchange rates compared with differences of
+neighbouring ε-solves; and, on the Panda, seconds per point compared with IPOPT and FATROP.
 
-IPOPT starts from every point and minimises each objective in turn below the point's own values of the others, with its
-barrier low and high. What counts is only what our exact functions say of the motion it returns, led back to the path:
-limits kept to within 1e-8, of splines between samples as well as by the point itself, and no objective risen at all. At
-an end of a front a rise of 1e-8 buys 1e-4 elsewhere, so where IPOPT's tolerance lets a ceiling slip, it goes again
-below one that is lower by as much. Notes say how far away the better motion is: certificates are local, and another
-basin's may be better.
+IPOPT starts from every point and minimises each objective below the point's own values of the others, with its barrier
+low and high. Only our exact functions of the motion that it returns, led back to the path, count: limits satisfied to
+1e-8 (for splines between samples as well as the point itself does), and no objective risen at all. At an end of a front
+a rise of 1e-8 buys 1e-4 elsewhere. If IPOPT's tolerance lets a ceiling slip, it therefore runs again below a ceiling
+that is lower by as much. Notes say how far away the better motion is: certificates are local, and the optimum of
+another basin may be better.
 
-Seconds: ours are a whole ``epsilon_front`` over its points, after a first one that compiles. The peers', IPOPT's over
-joint positions and FATROP's over stages of postures and rates, are those of the same ε-problems alone, each from the
-motion of the nearest other point of our front; no starts have to be found, and building their programs and compiling
-them (-O1) are not counted.
+Seconds: ours are a whole ``epsilon_front`` divided by its points, after a first one that compiles. The peers solve only
+the same ε-problems, each from the motion of the nearest other point of our front: IPOPT over joint positions, FATROP
+over stages of postures and rates. They need no starts, and building and compiling their programs (-O1) is not counted.
 """
 
 from __future__ import annotations
@@ -38,7 +37,7 @@ from studies.reporting import Row, report, study_parser, tell
 
 QUICK = {"energy_torque": 6, "Panda": 3}  # points
 FEW = 3  # points of other problems with --quick
-STEPS, QUICK_STEPS = 300, 60  # random ones from every point
+STEPS, QUICK_STEPS = 300, 60  # random steps from every point
 
 
 def rows_of(case: Case, subject: Subject, *, quick: bool, seed: int) -> list[Row]:

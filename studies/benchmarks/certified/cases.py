@@ -1,4 +1,4 @@
-"""The problems, their certified fronts, and what the certificates say."""
+"""The problems, their certified fronts, and the certificates' statements."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ FIRST_POINTS, FIRST_STARTS = 3, 8  # of the call that compiles
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
-    """A problem, how many points its front is asked for, and whether its seconds are held against its peers'."""
+    """A problem, the number of its front's points, and whether its seconds are compared with peers'."""
 
     name: str
     make: Callable[[], pk.Tracking]
@@ -44,10 +44,10 @@ class Case:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Subject:
-    """A certified front that is put to the test.
+    """A certified front that is tested.
 
-    ``ranges`` (n_obj,) are how far the objectives of the whole front reach, ``peer`` is IPOPT's program of its task,
-    ``staged`` FATROP's where seconds are compared; ``seconds`` and ``cpu``, the processor's, are what the front took.
+    ``ranges`` (n_obj,) are the objectives' ranges on the whole front, ``peer`` is IPOPT's program of its task,
+    ``staged`` FATROP's if seconds are compared; ``seconds`` and ``cpu`` (processor) are those of the front.
     """
 
     name: str
@@ -72,7 +72,7 @@ class Subject:
 
     @property
     def certificates(self) -> Certificates:
-        """What the front certifies of its points."""
+        """The front's certificates of its points."""
         assert self.front.certificates is not None
         return self.front.certificates
 
@@ -131,7 +131,7 @@ CASES = (
 
 
 def subject_of(case: Case, *, points: int, seed: int, folder: Path) -> Subject:
-    """Return a case's certified front and IPOPT's program, compiled into a folder where there is a compiler."""
+    """Return a case's certified front and IPOPT's program, compiled into a folder if there is a compiler."""
     tell(f"{case.name}: first front")
     problem = case.make()
     pk.epsilon_front(problem, points=FIRST_POINTS, starts=FIRST_STARTS, seed=seed)
@@ -164,7 +164,7 @@ def subject_of(case: Case, *, points: int, seed: int, folder: Path) -> Subject:
 
 
 def goal_row(table: str, row: str, column: str, unit: str, ours: float, goal: float, note: str = "") -> Row:
-    """Return a row that is lost where ours is more than the goal, which stands beside it, or no number."""
+    """Return a row with its goal; it is lost if ours is more than the goal, or not a number."""
     prefix = LOSS if not ours <= goal else ""
     return Row(
         table=table,
@@ -179,7 +179,7 @@ def goal_row(table: str, row: str, column: str, unit: str, ours: float, goal: fl
 
 
 def certificate_rows(subject: Subject) -> list[Row]:
-    """Return what the certificates say, the worst of all points."""
+    """Return the certificates' statements, the worst of all points."""
     certificates, task, points = subject.certificates, subject.task, len(subject.q)
     table, row, share = subject.name, "certificates", "share of range"
     counts = Counter(certificates.status.tolist())

@@ -1,4 +1,4 @@
-"""Attempts to dominate the points of a front: by IPOPT, and by random steps that keep all limits."""
+"""Attempts to dominate the points of a front: by IPOPT, and by random steps within all limits."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from studies.benchmarks.certified.cases import HOLDS, Subject, goal_row
 from studies.reporting import Row
 
 DOMINATED = 1e-7  # of the ranges
-ROUNDING = 1e-13  # of the ranges: a rise of less is none
-AGAIN = 3  # times below lower ceilings
+ROUNDING = 1e-13  # of the ranges: a smaller rise does not count
+AGAIN = 3  # repeats below lower ceilings
 SIZES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5)  # rad (RMS) of random steps
 KNOTS = (4, 8, 16, 32)  # of their splines
 ROUNDS = 6  # of Newton's steps back within the limits
@@ -26,10 +26,10 @@ ROUNDS = 6  # of Newton's steps back within the limits
 
 @dataclass(frozen=True, kw_only=True)
 class Attempt:
-    """What an attempt on a point came to.
+    """The result of an attempt on a point.
 
-    ``gain`` is a share of the ranges, −inf where nothing came of it; ``ended`` is whether there is a motion, ``counts``
-    whether it keeps the path, the limits and the ceilings; ``distance`` [rad, RMS] is how far it is from the point.
+    ``gain`` is a share of the ranges, −inf without a result; ``ended`` says whether there is a motion, ``counts``
+    whether it satisfies the path, the limits and the ceilings; ``distance`` [rad, RMS] is its distance from the point.
     """
 
     point: int
@@ -41,7 +41,7 @@ class Attempt:
 
 
 def ipopt_rows(subject: Subject, *, barriers: Sequence[str]) -> list[Row]:
-    """Return the largest gain that IPOPT finds from any point, no objective rising; ``barriers``: "low", "high"."""
+    """Return the largest gain of IPOPT from any point, no objective rising; ``barriers``: "low", "high"."""
     tries = [
         ipopt_attempt(subject, point, main, warm=barrier == "low")
         for point in range(len(subject.q))
@@ -65,7 +65,7 @@ def ipopt_rows(subject: Subject, *, barriers: Sequence[str]) -> list[Row]:
 
 
 def ipopt_attempt(subject: Subject, point: int, main: int, *, warm: bool) -> Attempt:
-    """Return what IPOPT gains when it minimises objective ``main`` below the point's own values of the others."""
+    """Return IPOPT's gain when it minimises objective ``main`` below the point's own values of the others."""
     q, values, ranges = subject.q[point], subject.values[point], subject.ranges
     how = f"{subject.front.names[main]} minimised, barrier {'low' if warm else 'high'}"
     ceilings = np.where(np.arange(len(values)) == main, np.inf, values)
@@ -87,7 +87,7 @@ def ipopt_attempt(subject: Subject, point: int, main: int, *, warm: bool) -> Att
 
 
 def keeps_limits(subject: Subject, point: int, q: np.ndarray) -> bool:
-    """Return whether a motion keeps its limits, of a spline between samples as well as a point of the front does."""
+    """Return whether a motion satisfies its limits, a spline between samples as well as a point of the front does."""
     task = subject.task
     if violation(task, q) > HOLDS:
         return False
@@ -97,7 +97,7 @@ def keeps_limits(subject: Subject, point: int, q: np.ndarray) -> bool:
 
 
 def perturbation_rows(subject: Subject, *, steps: int, seed: int) -> list[Row]:
-    """Return the largest gain in all objectives at once that random feasible steps find from any point."""
+    """Return the largest gain in all objectives at once of random feasible steps from any point."""
     rng = np.random.default_rng(seed)
     tries = [one for point in range(len(subject.q)) for one in perturbations(subject, point, steps, rng)]
     note = f"{len(tries)} steps, {sum(one.counts for one in tries)} within limits"
@@ -115,7 +115,7 @@ def perturbation_rows(subject: Subject, *, steps: int, seed: int) -> list[Row]:
 
 
 def perturbations(subject: Subject, point: int, steps: int, rng: np.random.Generator) -> list[Attempt]:
-    """Return what so many random smooth steps gain; every other one changes no objective to first order."""
+    """Return the gains of random smooth steps; every other one changes no objective to first order."""
     at = linearise(subject.program, subject.q[point])
     tries = []
     for k in range(steps):
@@ -132,7 +132,7 @@ def perturbations(subject: Subject, point: int, steps: int, rng: np.random.Gener
 
 
 def random_step(at: MotionLinearisation, size: float, rng: np.random.Generator) -> np.ndarray:
-    """Return a smooth random step of the self-motion, as unknowns, of this length (RMS over time)."""
+    """Return a smooth random step of the self-motion, as unknowns, of a given length (RMS over time)."""
     samples, dof = at.x.shape
     knots = np.linspace(0.0, samples - 1.0, int(rng.choice(KNOTS)))
     smooth = CubicSpline(knots, rng.normal(size=(len(knots), dof)))(np.arange(samples))
@@ -144,9 +144,9 @@ def random_step(at: MotionLinearisation, size: float, rng: np.random.Generator) 
 
 
 def within(at: MotionLinearisation, step: np.ndarray, *, level: bool) -> np.ndarray | None:
-    """Return the motion that a step leads to, bent back within the limits; None where that fails."""
+    """Return the motion after a step, bent back within the limits; None if that fails."""
     task, short = at.program.task, np.zeros(at.elastic, dtype=bool)
-    flat = at.gradients[: len(at.gradients) * level, : at.unknowns]  # of a peak there is nothing to first order
+    flat = at.gradients[: len(at.gradients) * level, : at.unknowns]  # a peak has no first order
     step = step - np.linalg.pinv(flat) @ (flat @ step) if level else step
     for _ in range(ROUNDS):
         motion = led_back(task, at.x + at.displacement(step))
@@ -162,7 +162,7 @@ def within(at: MotionLinearisation, step: np.ndarray, *, level: bool) -> np.ndar
 
 
 def led_back(task: MotionTask, q: np.ndarray) -> np.ndarray | None:
-    """Return the motion (time, dof), its samples on the path to within our own tolerance; None where it is lost."""
+    """Return the motion (time, dof), its samples on the path within our own tolerance; None if it is lost."""
     retraction = retract_nearest(task.arm, task.tasks, q, task.targets)
     return np.asarray(retraction.q) if retraction.on_path.all() else None
 
@@ -179,7 +179,7 @@ def violation(task: MotionTask, q: np.ndarray) -> float:
 
 
 def _worst(tries: Sequence[Attempt]) -> list[str]:
-    """Return in words where the largest gain is, if any is."""
+    """Return the place of the largest gain in words, if there is one."""
     best = max(tries, key=lambda one: one.gain)
     if not best.gain > 0:
         return []

@@ -1,4 +1,4 @@
-"""Exchange rates beside central differences of neighbouring ε-solves."""
+"""Exchange rates compared with central differences of neighbouring ε-solves."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from paretoik.trajectory.program import joint_distance
 from studies.benchmarks.certified.cases import Subject, goal_row
 from studies.reporting import Row
 
-STEPS = (1e-4, 1e-5, 1e-6)  # of the range: of the ceiling that is moved, the first whose solves stay near
+STEPS = (1e-4, 1e-5, 1e-6)  # share of the moved ceiling's range: the first whose solves stay near is used
 STAY = 0.05  # rad, m: a solve that ends farther off has gone to another valley
-WEIGHTY = 1e-3  # weight from which on both objectives count
+WEIGHTY = 1e-3  # least weight with which both objectives count
 AGREED = 1e-3
-UNIQUE = 1e-6  # relative width of an interval that is none
+UNIQUE = 1e-6  # relative width below which an interval is a rate
 TABLE_ROW = "exchange rates, differences"
 
 
 @dataclass(frozen=True, kw_only=True)
 class RateComparison:
-    """A rate ∂f_j/∂f_i, NaN where it is not unique, its interval, and the quotients of neighbouring solves.
+    """A rate ∂f_j/∂f_i, NaN if it is not unique, its interval, and the quotients of neighbouring solves.
 
-    The quotients are those of the solves below (backward), above (forward) and both (central).
+    The quotients use the solves below (backward), above (forward) and both (central).
     """
 
     point: int
@@ -47,7 +47,7 @@ class RateComparison:
 
     @property
     def off(self) -> float:
-        """Relative difference; of an interval how far the quotients leave it."""
+        """Relative difference; for an interval, how far the quotients are outside it."""
         if self.unique:
             return abs(self.central / self.rate - 1.0)
         low, high = self.interval
@@ -57,7 +57,7 @@ class RateComparison:
 
 
 def exchange_rows(subject: Subject) -> list[Row]:
-    """Return how far rates are from differences, median and worst, and the same of intervals."""
+    """Return the difference of rates from quotients, median and worst, and the same for intervals."""
     tried = list(pairs(subject))
     comparisons = [one for one in (compare_rate(subject, *pair) for pair in tried) if one is not None]
     rows = []
@@ -71,7 +71,7 @@ def exchange_rows(subject: Subject) -> list[Row]:
         worst, names = several[int(off.argmax())], subject.front.names
         note = (
             f"{len(several)} of {len(tried)} pairs; worst {off.max():.1e}: ∂{names[worst.j]}/∂{names[worst.i]} at "
-            f"point {worst.point}, {worst.rate:.6g} beside {worst.backward:.6g} and {worst.forward:.6g}"
+            f"point {worst.point}, {worst.rate:.6g} against {worst.backward:.6g} and {worst.forward:.6g}"
         )
         column = "median relative difference" if kind == "rates" else "worst way outside the interval"
         value = float(np.median(off) if kind == "rates" else off.max())
@@ -92,7 +92,7 @@ def exchange_rows(subject: Subject) -> list[Row]:
 
 
 def pairs(subject: Subject) -> Iterator[tuple[int, int, int]]:
-    """Return (point, i, j) where both objectives count, i no more than j: its ceiling moves far for little of j."""
+    """Return (point, i, j) if both objectives count, i no more than j: its ceiling moves far for little of j."""
     for point, (weights, status) in enumerate(
         zip(subject.certificates.weights, subject.certificates.status, strict=True)
     ):
@@ -102,10 +102,10 @@ def pairs(subject: Subject) -> Iterator[tuple[int, int, int]]:
 
 
 def compare_rate(subject: Subject, point: int, i: int, j: int) -> RateComparison | None:
-    """Return ∂f_j/∂f_i beside what it costs f_j to move the ceiling on f_i; None where no step's solves stay near.
+    """Return ∂f_j/∂f_i and the quotient of f_j by the ceiling on f_i; None if no step's solves stay near.
 
-    Further objectives stay below the point's own values. One of no great weight would be held from one side only: it is
-    added to f_j instead, with its own weight, which leaves the rate as it is.
+    Further objectives stay below the point's own values. An objective of little weight would be held from one side
+    only: it is added to f_j instead, with its own weight, which does not change the rate.
     """
     weights, count, total = subject.certificates.weights[point], len(subject.ranges), len(subject.program.totals)
     added = (weights <= WEIGHTY) | (np.arange(count) == j)

@@ -1,7 +1,7 @@
-"""Seconds a point: ours beside those of IPOPT and FATROP, which solve the same ε-problems from neighbouring points.
+"""Seconds per point: ours, and those of IPOPT and FATROP on the same ε-problems from neighbouring points.
 
-Ours are those of the whole front, found from nothing and certified; a peer's are one solve a point, which begins at our
-own point beside it. One of our solves from there is told apart.
+Ours are those of the whole front, found without a start and certified. A peer's are one solve per point, from our
+neighbouring point. One of our own solves from there is reported separately.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from studies.benchmarks.fronts.programs import JointProgram
 from studies.benchmarks.planner.verdicts import versus
 from studies.reporting import Row
 
-REACHED = 1e-6  # of the ranges: what is that near our point, or better, has reached it
+REACHED = 1e-6  # of the ranges: a result this near our point, or better, has reached it
 GOAL = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class Solved:
-    """Seconds on one ε-problem, whether they reached our point, and what was gained where nothing has risen."""
+    """Seconds on one ε-problem, whether it reached our point, and its gain if no objective has risen."""
 
     seconds: float
     reached: bool
@@ -34,7 +34,7 @@ class Solved:
 
 
 def race_rows(subject: Subject) -> list[Row]:
-    """Return what peers better, and our seconds: a point's beside theirs, a solve's beside theirs."""
+    """Return the peers' gains, and our seconds per point and per solve compared with theirs."""
     peers = {"IPOPT": subject.peer} | ({"FATROP": subject.staged} if subject.staged is not None else {})
     own_solves = [solved_by_us(subject, point) for point in range(len(subject.q))]
     return [row for name, peer in peers.items() for row in _against(subject, name, peer, own_solves)]
@@ -86,12 +86,12 @@ def _points_reached(tries: list[Solved]) -> int:
 
 
 def _seconds_a_point(tries: list[Solved]) -> float:
-    """Return the seconds of all over the points reached."""
+    """Return the seconds of all, divided by the points reached."""
     return sum(one.seconds for one in tries) / _points_reached(tries) if _points_reached(tries) else np.inf
 
 
 def solve_by(peer: JointProgram | StagedProgram, subject: Subject, point: int) -> Solved:
-    """Return what a peer makes of a point's ε-problem, from the nearest other point and, should it fail, once more."""
+    """Return a peer's result on a point's ε-problem, from the nearest other point and, if that fails, once more."""
     main, start, ceilings = _epsilon_problem(subject, point)
     started = time.perf_counter()
     for warm in (True, False):
@@ -102,7 +102,7 @@ def solve_by(peer: JointProgram | StagedProgram, subject: Subject, point: int) -
 
 
 def solved_by_us(subject: Subject, point: int) -> Solved:
-    """Return what our own solver makes of a point's ε-problem, by the same rules as peers."""
+    """Return our own solver's result on a point's ε-problem, by the same rules as peers."""
     main, start, ceilings = _epsilon_problem(subject, point)
     program, count = subject.program, len(subject.ranges)
     factors, caps = np.zeros((2, 1, len(program.totals)))

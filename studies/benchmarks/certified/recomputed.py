@@ -1,4 +1,4 @@
-"""Objectives of motions as Pinocchio sees them: its own dynamics at every instant, summed or the largest taken here."""
+"""Objectives of motions by Pinocchio: its dynamics at every instant, summed or maximised here."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def recomputed_difference(task: MotionTask, q: np.ndarray, values: np.ndarray, r
 
 
 def recomputed_values(task: MotionTask, motion: Motion) -> list[float]:
-    """Return those objectives of a motion that Pinocchio has the dynamics of."""
+    """Return those objectives of a motion that need only Pinocchio's dynamics."""
     import pinocchio
 
     at, model = motion.instants, pinocchio_model(task.arm)

@@ -1,7 +1,7 @@
 """IPOPT's program of a motion by splines: the state of a spline is a linear function of the samples.
 
-At every instant it is projected onto the path along the transposed Jacobian there. The multipliers of this projection,
-and their rates, are unknowns; the path equations and their two derivatives by time are constraints.
+At every instant the state is projected onto the path along the transposed Jacobian there. The multipliers of this
+projection, and their rates, are unknowns; the path equations and their first two time derivatives are constraints.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from studies.benchmarks.fronts.programs import (
 def spline_program(task: MotionTask) -> JointProgram:
     """Return the program of a task."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", FutureWarning)  # our kernels call NumPy's cosine, of a symbol too
+        warnings.simplefilter("ignore", FutureWarning)  # our kernels call NumPy's cosine for symbols too
         program, sides = _written(task)
     options = {warm: solver_options(warm=warm) | {"expand": True} for warm in (False, True)}
     solvers = {warm: casadi.nlpsol("peer", "ipopt", program, each) for warm, each in options.items()}
@@ -47,12 +47,12 @@ def derivative_matrices(task: MotionTask) -> tuple[np.ndarray, ...]:
 
 def check(task: MotionTask) -> None:
     """Refuse a task that the program cannot state."""
-    assert task.differences == "spline", "splines wanted"
-    assert task.start is None, "a free start wanted"
-    assert not task.cyclic, "no cycle wanted"
+    assert task.differences == "spline", f"differences must be 'spline', got {task.differences!r}"
+    assert task.start is None, "start must be free, got a given one"
+    assert not task.cyclic, "the path must be open, got a cycle"
     others = [*task.obstacles, *task.constraints, *(["a stop"] if task.ends_at_rest else [])]
-    assert not others, f"nothing but limits on joints wanted, got {others}"
-    assert all(objective.name != "mechanical_energy" for objective in task.objectives), "no absolute values wanted"
+    assert not others, f"limits must be on joints only, got {others}"
+    assert all(objective.name != "mechanical_energy" for objective in task.objectives), "no absolute values"
 
 
 def _written(task: MotionTask) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
@@ -98,7 +98,7 @@ def _written(task: MotionTask) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
 def _at_instant(task: MotionTask) -> Any:
     """Return a function of an instant: of spline, multipliers, targets, each with two rates, and peaks.
 
-    Its values are shares of integrals, what is limited, how far the curve is off its path, and the curve's state.
+    Its values are shares of integrals, limited quantities, the curve's distance from its path, and the curve's state.
     """
     dof, rows, numbers = task.arm.dof, task.rows, task.targets.shape[1]
     spline, factors, wanted = SX.sym("s", 3 * dof), SX.sym("l", 3 * rows), SX.sym("x", 3 * numbers)
@@ -120,6 +120,6 @@ def _at_instant(task: MotionTask) -> Any:
 
 
 def _sides(task: MotionTask, kind: str, times: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the bounds of all joints at so many times; none where the task has none."""
+    """Return the bounds of all joints at a number of times; empty if the task has none."""
     bounds = task.bounds[kind][0] if kind in task.bounds else np.tile([-np.inf, np.inf], (task.arm.dof, 1))
     return np.tile(bounds[:, 0], times), np.tile(bounds[:, 1], times)

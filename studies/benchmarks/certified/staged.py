@@ -1,7 +1,7 @@
 """The nonlinear program of a motion in stages, for FATROP: states are posture, rate and sums, controls the next rate.
 
-CasADi finds the stages by itself where every one's variables and rows stand together, its gap first. Sums are divided
-by their ranges; the last ones are the totals, and below ceilings.
+CasADi finds the stages by itself if the variables and rows of each are together, its gap first. Sums are divided by
+their ranges; the last ones are the totals, and below ceilings.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from studies.benchmarks.planner.peers import narrow
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Where postures, rates and sums, and the controls of all stages stand in x."""
+    """The places of postures, rates and sums, and of the controls, of all stages in x."""
 
     samples: int
     dof: int
@@ -47,19 +47,19 @@ class Layout:
 
     @property
     def width(self) -> int:
-        """Numbers of a stage but the first, which has neither rate nor sums, and the last, which has no control."""
+        """Size of a stage; the first has neither rate nor sums, the last has no control."""
         return 3 * self.dof + self.sums + self.slacks
 
     def posture(self, k: int) -> slice:
-        """Return where the posture of sample k is."""
+        """Return the place of sample k's posture."""
         return self._part(k, 0, self.dof)
 
     def state(self, k: int) -> slice:
-        """Return where posture, rate and sums of sample k are; the first has a posture only."""
+        """Return the place of sample k's posture, rate and sums; the first has a posture only."""
         return self._part(k, 0, 2 * self.dof + self.sums if k else self.dof)
 
     def control(self, k: int) -> slice:
-        """Return where the rate to sample k + 1 is, and the slack variables there."""
+        """Return the place of the rate to sample k + 1, and of the slack variables there."""
         return self._part(k, 2 * self.dof + self.sums if k else self.dof, self.dof + self.slacks)
 
     def _part(self, k: int, begin: int, size: int) -> slice:
@@ -69,7 +69,7 @@ class Layout:
 
 @dataclass(frozen=True, eq=False)
 class StagedProgram:
-    """Solvers for cold and warm starts, a stage's step, and the bounds of what they ask."""
+    """Solvers for cold and warm starts, a stage's step, and the bounds of the program."""
 
     task: MotionTask
     layout: Layout
@@ -80,7 +80,7 @@ class StagedProgram:
     def solve(
         self, q: np.ndarray, main: int, ceilings: np.ndarray, ranges: np.ndarray, *, warm: bool
     ) -> tuple[np.ndarray | None, int]:
-        """Return the motion (samples, dof) that one leads to, None where FATROP is not content, and the iterations."""
+        """Return the motion (samples, dof) from a start, None if FATROP does not converge, and the iterations."""
         count = len(ranges)
         upper = self.sides["ubx"].copy()
         upper[-count:] = ceilings / ranges
@@ -107,15 +107,15 @@ class StagedProgram:
 
 
 def staged_program(task: MotionTask, folder: Path | None = None, name: str = "") -> StagedProgram:
-    """Return the program of a task with backward differences, limits on joints alone and a free end.
+    """Return the program of a task with backward differences, limits only on joints and a free end.
 
-    It is compiled into a folder, by this name, where one is given.
+    It is compiled into a folder, under this name, if one is given.
     """
     check(task)
-    assert not task.cyclic, "a motion that need not close wanted"
-    assert not peaks(task), "objectives that are sums wanted: a peak would be one more state of every stage"
+    assert not task.cyclic, "the path must be open, got a cycle"
+    assert not peaks(task), "objectives must be sums, got a peak: it would be one more state of every stage"
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", FutureWarning)  # our kernels call NumPy's cosine, of a symbol too
+        warnings.simplefilter("ignore", FutureWarning)  # our kernels call NumPy's cosine for symbols too
         step, pose = _step(task), pose_function(task)
         layout = Layout(len(task.times), task.arm.dof, len(task.objectives), slacks(task))
         asked, sides, equality = _written(task, layout, step, pose)
@@ -128,7 +128,7 @@ def staged_program(task: MotionTask, folder: Path | None = None, name: str = "")
 
 
 def _step(task: MotionTask) -> Any:
-    """Return a function of a sample's state, the next control and the ranges: the next state, and what is limited."""
+    """Return a function of a sample's state, the next control and the ranges: next state and limited values."""
     dof, count, dt = task.arm.dof, len(task.objectives), _dt(task)
     state: Any = SX.sym("state", 2 * dof + count)
     control: Any = SX.sym("control", dof + slacks(task))

@@ -1,1 +1,1 @@
-"""The compiled search of a control step beside pymoo and pygmo: microseconds a generation, and the same fronts."""
+"""The compiled search of a control step against pymoo and pygmo: microseconds per generation, and equal fronts."""

@@ -1,10 +1,10 @@
-"""A control step's search beside pymoo and pygmo: ``python -m studies.benchmarks.closed_loop [--quick] [--json FILE]``.
+"""A control step's search and its peers: ``python -m studies.benchmarks.closed_loop [--quick] [--json FILE]``.
 
-Processor time a generation, kinematics included: ours, pymoo with the same operators, pymoo with a compiled evaluation,
-pygmo's NSGA-II with the same compiled evaluation of whole populations (its own operators), all on one step, in turn.
-Of several rounds the medians: of the times, and of the ratios within a round, which a busy machine moves less. What an
-exact step takes. What the first call takes, compiled and from the cache. And whether our fronts are those of the
-readable path in pymoo.
+Processor time per generation, kinematics included: ours, pymoo with the same operators, pymoo with a compiled
+evaluation, and pygmo's NSGA-II (its own operators) with the same compiled evaluation of whole populations. All run on
+one step, one after the other. Rows have medians over several rounds: of the times, and of the ratios within a round,
+which a busy machine changes less. Further rows: the time of an exact step, the time of the first call, compiled and
+from the cache, and whether our fronts equal those of the readable path in pymoo.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ print(time.perf_counter() - begun)
 
 
 def speed_rows(links: Links, rounds: int, slow_generations: int) -> list[Row]:
-    """Return microseconds a generation of everybody on the first step of an arm, ours beside each."""
+    """Return microseconds per generation of all methods on the first step of an arm, each compared with ours."""
     loop = loop_of(links)
     step = loop.step_state(1)
     contestants: dict[str, tuple[Callable[[int, int], np.ndarray], int, int]] = {  # generations, searches a round
@@ -81,7 +81,7 @@ def speed_rows(links: Links, rounds: int, slow_generations: int) -> list[Row]:
 
 
 def exact_rows(rounds: int) -> list[Row]:
-    """Return what an exact step takes, without obstacles and with the paper's two, over the first steps of a loop."""
+    """Return the time of an exact step, without obstacles and with the paper's two, over the first steps of a loop."""
     rows = []
     for links in ARMS:
         for blocked in (False, True):
@@ -111,7 +111,7 @@ def exact_rows(rounds: int) -> list[Row]:
 
 
 def first_call_rows() -> list[Row]:
-    """Return what the first search of a process takes: compiled anew, and from the cache on disk."""
+    """Return the time of the first search of a process: compiled, and from the cache on disk."""
     rows = []
     with tempfile.TemporaryDirectory() as cache:
         for name in ("compiled anew", "from the cache"):

@@ -27,7 +27,7 @@ FRONT = np.ndarray
 def loop_of(links: Links, *, blocked: bool = False, as_printed: bool = True) -> ClosedLoop:
     """Return the paper's loop, without or with obstacles, from a start on the circle.
 
-    Steps are of any length where it is ``as_printed``, else of a longest one and clear of obstacles all the way.
+    Steps are of any length if ``as_printed``; otherwise they are bounded and clear of obstacles all the way.
     """
     loop = marcos_2012.loop(links, 0.7, start=None, steps=400, as_printed=True)
     start = start_on_circle(loop)
@@ -35,7 +35,7 @@ def loop_of(links: Links, *, blocked: bool = False, as_printed: bool = True) -> 
 
 
 def start_on_circle(loop: ClosedLoop) -> np.ndarray:
-    """Return joint positions with the tool where the circle begins, from a bent arm by Newton's method."""
+    """Return joint positions with the tool at the circle's beginning, by Newton's method from a bent arm."""
     q = np.linspace(0.3, 1.0, loop.task.arm.dof)
     for _ in range(50):
         error, jacobian = loop.changed(start=q).step_state(1).linearise()
@@ -52,7 +52,7 @@ class CompiledStepProblem(Problem):  # type: ignore[misc]  # pymoo is not typed
         super().__init__(n_var=readable.n_var, n_obj=readable.n_obj, xl=readable.xl, xu=readable.xu)
         self.algorithm = readable.algorithm
         self.search = loop.step_evolution()
-        self.search(step)  # the inputs that are the same for all candidates are now in its workspace
+        self.search(step)  # its workspace now has the inputs that all candidates share
         self.start, _ = self.search.start_and_constraints(step)
 
     def score_genes(self, X: np.ndarray) -> np.ndarray:
@@ -75,7 +75,7 @@ class CompiledStepProblem(Problem):  # type: ignore[misc]  # pymoo is not typed
 
 
 def engine(loop: ClosedLoop, step: StepState) -> Callable[[int, int], FRONT]:
-    """Return ours: from (seed, generations) to the last population's objectives."""
+    """Return our search: from (seed, generations) to the last population's objectives."""
     search = loop.step_evolution()
 
     def run(seed: int, generations: int) -> FRONT:
@@ -125,7 +125,7 @@ def pygmo_nsga2(loop: ClosedLoop, step: StepState) -> Callable[[int, int], FRONT
 
 
 def seconds(run: Callable[[int, int], FRONT], generations: int, searches: int, turn: int) -> float:
-    """Return the processor seconds a generation, of this thread: nobody has work for others.
+    """Return the processor seconds per generation of this thread: no method uses others.
 
     The searches of a ``turn`` have seeds of their own.
     """

@@ -1,7 +1,7 @@
-"""Whether the engine's fronts are those of the readable path in pymoo: two one-sided tests on several steps.
+"""Tests whether the engine's fronts equal those of the readable path in pymoo: two one-sided tests on several steps.
 
-Hypervolumes of fronts of 31 seeds each, in the box of all fronts together; equal where both one-sided Mann-Whitney
-tests say that they differ by less than 1 % of the exact front's.
+Hypervolumes of fronts of 31 seeds each are taken in the box of all fronts together. They are equal if both one-sided
+Mann-Whitney tests say that they differ by less than 1 % of the exact front's.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ DENSE = 200_001
 
 
 def equivalence_rows(seeds: int, steps: Sequence[tuple[Links, int]] = STEPS) -> list[Row]:
-    """Return, for each step, both medians, the larger p of the two tests and what that means."""
+    """Return, for each step, both medians, the larger p of the two tests and the verdict."""
     rows = []
     with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
         for links, sample in steps:
@@ -80,9 +80,9 @@ def volumes(
 
 
 def exact_front(loop: ClosedLoop, step: StepState) -> np.ndarray:
-    """Return a fine front of the admissible steps: of three links along a line, of four over a plane.
+    """Return a fine front of the admissible steps: along a line for three links, over a plane for four.
 
-    That plane's grid is so fine that the front's hypervolume lacks less than 1 %: searches can come out above it.
+    The plane's grid is fine: its front's hypervolume lacks less than 1 %. Searches can come out above it.
     """
     error, jacobian = step.linearise()
     null = np.linalg.svd(jacobian)[2][len(error) :].T

@@ -1,10 +1,10 @@
-"""Whether the exact step is exact: ``python -m studies.benchmarks.closed_loop.exactness [--quick] [--json FILE]``.
+"""Tests of the exact step: ``python -m studies.benchmarks.closed_loop.exactness [--quick] [--json FILE]``.
 
-It stands beside dense searches by NumPy, on steps of random arms.
+It is compared with dense searches by NumPy, on steps of random arms.
 
-Arms have three or four links of random lengths, and stand, or do not stand, beside obstacles; their joints move freely
-or, as in the default loop, by a longest step and clear of obstacles all the way. A dense search evaluates steps at all
-distances from the one of least displacement, and then finer and finer about the best of them.
+Arms have three or four links of random lengths, with or without obstacles near them. Their joints move freely or, as
+in the default loop, by at most a longest step and clear of obstacles all the way. A dense search evaluates steps at all
+distances from the one of least displacement, and then finer and finer around the best of them.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from studies.reporting import Row, report, study_parser, tell
 WEIGHTS = (1.0, 0.9, 0.5, 0.1, 0.0)  # of the displacement
 GOAL = 1e-6
 DRAWN = {3: 6000, 4: 30_000}
-TINY = 1e-12  # a range that is no larger is rounding
-ZOOMS, KEPT, POINTS = 11, 5, 150  # of a dense search: rounds, steps that are looked around, steps about each
+TINY = 1e-12  # a smaller range is rounding
+ZOOMS, KEPT, POINTS = 11, 5, 150  # of a dense search: rounds, steps to search around, steps around each
 
 
 def exactness_rows(each: int, steps: int) -> list[Row]:
-    """Return, for each kind of step, the most by which a dense search is better, over ``steps`` of ``each`` arms."""
+    """Return, per kind of step, the most by which a dense search is better, over ``steps`` of ``each`` arms."""
     rows = []
     for links in (3, 4):
         for longest in (np.inf, 0.1):
@@ -54,7 +54,7 @@ def exactness_rows(each: int, steps: int) -> list[Row]:
 
 
 def random_steps(links: int, seed: int, count: int, longest: float, blocked: bool) -> Iterator[StepState]:
-    """Return steps that a loop of a random arm could be asked for, each from joint positions of its own."""
+    """Return random possible steps of a random arm's loop, each from joint positions of its own."""
     rng = np.random.default_rng([links, seed, blocked])
     arm = Arm.planar(lengths=rng.uniform(0.3, 1.5, links))
     while count > 0:
@@ -67,7 +67,7 @@ def random_steps(links: int, seed: int, count: int, longest: float, blocked: boo
         path = line(tool, target, duration=1.0, samples=3, timing="uniform")
         try:
             loop = ClosedLoop(arm, path, start=home, longest_step=longest, obstacles=around if blocked else ())
-        except InvalidInput:  # the arm stands in an obstacle: others are drawn
+        except InvalidInput:  # an obstacle meets the arm: draw others
             continue
         step = loop.step_state(2, np.tile(q, (HISTORY, 1)))
         if np.linalg.cond(step.linearise()[1]) < 1e4 and step.is_admissible(q[None])[0]:
@@ -78,8 +78,8 @@ def random_steps(links: int, seed: int, count: int, longest: float, blocked: boo
 def advantage(step: StepState, seed: int) -> float:
     """Return by how much a dense search of a step is better than the exact one, in ranges of the exact front.
 
-    The most of displacement, error and weighted sums; not positive where it is not better. Where no step is admissible,
-    none must be found.
+    This is the most over displacement, error and weighted sums; it is not positive if the search is not better. If no
+    step is admissible, none must be found.
     """
     weights = np.array([[weight, 1.0 - weight] for weight in WEIGHTS])
     try:

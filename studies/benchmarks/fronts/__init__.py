@@ -1,1 +1,1 @@
-"""Whole fronts: what MaxiMin, seeding and refinement each add, and our fronts beside our peers'."""
+"""Whole fronts: the gains by MaxiMin, seeding and refinement, and comparisons with peers."""

@@ -1,15 +1,16 @@
-"""What MaxiMin, seeding and refinement each add to a front, and whole fronts beside peers'; losses first.
+"""Gains by MaxiMin, seeding and refinement, and comparisons of whole fronts with peers; losses first.
 
     python -m studies.benchmarks.fronts [--quick] [--seeds N] [--problems NAME ...] [--cluster ADDRESS] [--json FILE]
 
-All eight cells of a factorial (selection by MaxiMin or pymoo's crowding; seeded or random start; refined or not), ours
-whole (as ``pk.solve`` with and without ``refine``), pymoo's NSGA-II, NSGA-III and SMS-EMOA, pygmo's NSGA-II and MOEA/D
-(where pygmo is installed), and ε-constraints from many starts by FATROP, IPOPT and our own solver. Every budget is kept
-twice: equal evaluations, an iteration with derivatives counting as one, and equal CPU time, that of pymoo's NSGA-II for
-those evaluations. Peers get our batched evaluation, encoding, seeds and archive; whoever finds more hands in 100 points
-that MaxiMin spreads. Points that the verifier refuses (violation > 1e-8, tracking > 1e-6) are absent, for every method.
+The methods: all eight cells of a factorial (selection by MaxiMin or pymoo's crowding; seeded or random start; refined
+or not), our ``pk.solve`` with and without ``refine``, pymoo's NSGA-II, NSGA-III and SMS-EMOA, pygmo's NSGA-II and
+MOEA/D (if pygmo is installed), and ε-constraints from many starts by FATROP, IPOPT and our own solver. There are two
+budgets: equal evaluations, an iteration with derivatives counting as one, and equal CPU time, that of pymoo's NSGA-II
+for those evaluations. Peers get our batched evaluation, encoding, seeds and archive; a method that finds more hands in
+100 points spread by MaxiMin. Points that the verifier refuses (violation > 1e-8, tracking > 1e-6) are absent, for every
+method.
 
-Cells differ in nothing else: same operators, same mating; MaxiMin means our whole survival, with its places for
+Cells differ in nothing else: same operators, same mating. MaxiMin means our whole survival, with its places for
 infeasible points and for species. Statistics are those of ``studies.benchmarks.maximin``; effects are contrasts of the
 cells' means, seeds as blocks. Control-C judges the seeds that are done.
 """
@@ -39,7 +40,7 @@ QUICK_EVALUATIONS = 1200
 
 
 def rows_of(results: Found) -> list[Row]:
-    """Judge all runs: of a case against the union of its fronts under all budgets, and what is stored of it."""
+    """Judge all runs: of a case against the union of its fronts under all budgets and the stored front."""
     compared, added, spent = [], [], []
     for case in dict.fromkeys(name for name, _ in results):
         fronts = [
@@ -60,7 +61,7 @@ def rows_of(results: Found) -> list[Row]:
 
 
 def tell_left_out(chosen: Sequence[str]) -> None:
-    """Say what is not run, and why."""
+    """Print which methods are left out, and why."""
     print(SAME)
     print("left out: pymoo's pcd crowding, which crashes with three objectives")
     if not PYGMO:
@@ -83,10 +84,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     seeds = options.seeds if options.seeds is not None else 3 if options.quick else 31
     if seeds < 2:
-        parser.error(f"--seeds: at least 2 wanted, got {seeds}")
+        parser.error(f"--seeds must be at least 2, got {seeds}")
     evaluations = options.evaluations or (QUICK_EVALUATIONS if options.quick else None)
     if evaluations is not None and evaluations < 4 * POPULATION:
-        parser.error(f"--evaluations: at least {4 * POPULATION} wanted, got {evaluations}")
+        parser.error(f"--evaluations must be at least {4 * POPULATION}, got {evaluations}")
     chosen = options.problems or (QUICK if options.quick else list(CASES))
     tell_left_out(chosen)
     if options.quick:

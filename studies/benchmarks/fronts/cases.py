@@ -1,4 +1,4 @@
-"""The problems, the budgets, and what a run leaves behind."""
+"""The problems, the budgets, and the results of a run."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from problems import panda, tringali_2020
 Kind: TypeAlias = Literal["evaluations", "CPU time"]
 
 POPULATION = 100  # and the most points of a front
-VIOLATION, OFF_PATH = 1e-8, 1e-6  # of a limit's range; m or rad: what is worse counts as absent
+VIOLATION, OFF_PATH = 1e-8, 1e-6  # of a limit's range; m or rad: worse points count as absent
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,7 +35,7 @@ class Case:
 
 
 def trade_off_maker(name: str) -> Callable[[], pk.Tracking]:
-    """Return the maker of a simulation of Tringali & Cocuzza as kinetic energy against torque norm."""
+    """Return a function that makes a simulation of Tringali & Cocuzza as energy against torque norm."""
 
     def make() -> pk.Tracking:
         task = getattr(tringali_2020, name)().task
@@ -64,13 +64,13 @@ CASES = {
 
 @lru_cache(maxsize=8)
 def problem_of(case: str) -> pk.Tracking:
-    """Return a case's problem, built once a process."""
+    """Return a case's problem, built once per process."""
     return CASES[case].make()
 
 
 @dataclass(frozen=True, kw_only=True)
 class Budget:
-    """So many evaluations (an iteration with derivatives counts as one), or so many CPU seconds."""
+    """A number of evaluations (an iteration with derivatives counts as one), or of CPU seconds."""
 
     kind: Kind
     amount: float
@@ -78,7 +78,7 @@ class Budget:
 
 @dataclass(kw_only=True)
 class Account:
-    """What a run has spent of its budget since it began."""
+    """The part of its budget that a run has spent since it began."""
 
     budget: Budget
     evaluations: int = 0
@@ -87,27 +87,27 @@ class Account:
 
     @property
     def seconds(self) -> float:
-        """CPU seconds so far, those of all threads."""
+        """CPU seconds so far, of all threads."""
         return time.process_time() - self.began
 
     @property
     def spent(self) -> float:
-        """What counts, in the budget's unit."""
+        """The amount spent, in the budget's unit."""
         return self.seconds if self.budget.kind == "CPU time" else float(self.evaluations + self.iterations)
 
     @property
     def left(self) -> float:
-        """What may still be spent; negative once too much was."""
+        """The amount left; negative after an overdraft."""
         return self.budget.amount - self.spent
 
 
 @dataclass(frozen=True, kw_only=True)
 class Spent:
-    """Ends a search when another generation would no longer fit into the budget but for what is held back."""
+    """A termination before a generation that exceeds the budget, less what is held back."""
 
     account: Account
     iterations: Callable[[], int]
-    held_back: Callable[[int], float]  # in the budget's unit, of so many points of the front
+    held_back: Callable[[int], float]  # from the number of the front's points, in the budget's unit
     memory: int = 0
 
     def reached(self, progress: Progress) -> str | None:
@@ -138,14 +138,14 @@ def first_genes(problem: pk.Tracking, seed: int, *, seeded: bool = True) -> Gene
 
 
 def spread(F: Objectives) -> np.ndarray:
-    """Return at most ``POPULATION`` rows of a front, spread by MaxiMin: those that every method hands in."""
+    """Return at most ``POPULATION`` rows of a front, spread by MaxiMin: every method hands these in."""
     if len(F) <= POPULATION:
         return np.arange(len(F))
     return survivors(F, np.zeros(len(F)), POPULATION).index
 
 
 def verify(problem: pk.Tracking, q: np.ndarray, account: Account) -> Run:
-    """Return the run whose motions (points, time, dof) these are, judged anew: neither F nor G is taken on trust."""
+    """Return the run of these motions (points, time, dof), evaluated again: neither F nor G is trusted."""
     F, failed = np.empty((0, problem.n_obj)), 0
     if len(q):
         task, motions = problem.task, problem.task.motion(q)

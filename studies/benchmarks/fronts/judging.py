@@ -1,4 +1,4 @@
-"""Indicators against the union of all fronts, comparisons with peers, and what each factor adds."""
+"""Indicators against the union of all fronts, comparisons with peers, and the effect of each factor."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from studies.benchmarks.significance import MARGIN, Comparison, compare, compari
 from studies.reporting import Row
 from studies.significance import bootstrap_interval
 
-HURTS, UNDECIDED, HELPS = ("HURTS", "overlap"), "undecided", ("helps", "add to each other")  # of one, of several
+HURTS, UNDECIDED, HELPS = ("HURTS", "overlap"), "undecided", ("helps", "add to each other")  # of one factor, of several
 COMPARED, ADDED, COUNTED, LEFT = (
     "our fronts beside the peers', medians (hypervolume: more is better; IGD+, epsilon: less)",
     "what each factor adds (positive: better), in the indicator's unit, with 95 % bootstrap interval",
@@ -29,7 +29,7 @@ Scores = Mapping[str, Sequence[dict[str, float]]]  # of every seed, by method
 
 @dataclass(frozen=True, kw_only=True)
 class Effect:
-    """What the presence of factors (their product, where several) adds to an indicator; its bootstrap interval."""
+    """The gain in an indicator by factors (their product, if several), with its bootstrap interval."""
 
     case: str
     factors: str
@@ -40,7 +40,7 @@ class Effect:
 
     @property
     def verdict(self) -> str:
-        """Which side of nought the whole interval is on; of one seed there is none."""
+        """The side of zero that the whole interval is on; one seed gives none."""
         if not (self.low > 0.0 or self.high < 0.0):
             return UNDECIDED
         return (HELPS if self.low > 0 else HURTS)[" × " in self.factors]
@@ -52,7 +52,7 @@ def all_scores(runs: Mapping[str, Sequence[Run]], reference: Objectives) -> dict
 
 
 def comparisons(case: str, kind: str, scores: Scores) -> list[Comparison]:
-    """Compare each of our methods with every peer; not yet corrected for their number."""
+    """Compare each of our methods with every peer, not yet corrected for their number."""
     mine = (OURS, PLAIN, EPSILON)
     peers = [name for name in scores if name not in (*CELLS, *mine)]
     rows = []
@@ -103,7 +103,7 @@ def comparison_rows(every: Sequence[Comparison]) -> list[Row]:
 
 
 def effect_rows(every: Sequence[Effect]) -> list[Row]:
-    """Return effects, those that hurt first."""
+    """Return effects, negative ones first."""
     grades = [HURTS[0], HURTS[1], UNDECIDED, HELPS[1], HELPS[0]]
     return [
         Row(
@@ -119,7 +119,7 @@ def effect_rows(every: Sequence[Effect]) -> list[Row]:
 
 
 def left_rows(case: str, kind: str, runs: Mapping[str, Sequence[Run]], scores: Scores) -> list[Row]:
-    """Return what every method left and spent, cells included."""
+    """Return the results and costs of every method, cells included."""
     rows = []
     for name, each in runs.items():
         volume = float(np.median([score["hypervolume"] for score in scores[name]]))

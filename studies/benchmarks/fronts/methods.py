@@ -1,7 +1,7 @@
-"""Everything that makes a front by evolution: the cells of the factorial, ours whole, pymoo's and pygmo's.
+"""Methods that make a front by evolution: the cells of the factorial, ours, pymoo's and pygmo's.
 
-All of pymoo runs in our own loop, from the same first genes, with our archive: what is compared is how they choose and
-mate. A refined run holds back what polishing its points will take, at most 30 % of its budget; iterations count.
+All of pymoo runs in our own loop, from the same first genes, with our archive: only selection and mating differ. A
+refined run holds back what refining its points will take, at most 30 % of its budget; iterations count.
 """
 
 from __future__ import annotations
@@ -35,17 +35,17 @@ from studies.benchmarks.fronts.cases import POPULATION, Account, Budget, Run, Sp
 from studies.benchmarks.pymoo_peers import pymoo_algorithm
 
 OURS, PLAIN = "paretoik", "paretoik, refine=False"
-HELD_BACK = 0.3  # of the budget of a refined run, at most, for the polish at its end
-PER_POINT = 20  # iterations that it is expected to take
-DEARER = 2.0  # an iteration than an evaluation, as long as none was seen
-AT_ONCE = 10  # points polished in one batch
+HELD_BACK = 0.3  # most of a refined run's budget that is kept for refining at its end
+PER_POINT = 20  # iterations expected for a point
+DEARER = 2.0  # cost of an iteration in evaluations, until one was measured
+AT_ONCE = 10  # points refined in one batch
 PENALTY = 10.0  # medians of an objective for a violation of a whole range
 FACTORS = ("MaxiMin", "seeding", "refinement")
 
 
 @dataclass(frozen=True)
 class Cell:
-    """One of the eight: by MaxiMin or crowding, from seeds or chance, refined or not."""
+    """One of the eight: MaxiMin or crowding, seeded or random, refined or not."""
 
     maximin: bool
     seeded: bool
@@ -53,7 +53,7 @@ class Cell:
 
     @property
     def name(self) -> str:
-        """What it is called in tables."""
+        """Name in tables."""
         selection, start = ("crowding", "MaxiMin")[self.maximin], ("random", "seeded")[self.seeded]
         return f"{selection}, {start}, {('plain', 'refined')[self.refined]}"
 
@@ -62,7 +62,7 @@ CELLS = {cell.name: cell for cell in (Cell(*levels) for levels in itertools.prod
 
 
 class Crowding(RankAndCrowding):  # type: ignore[misc]  # pymoo has no types
-    """pymoo's own, with the rank and the distance that our mating looks at given to infeasible points too."""
+    """pymoo's own, which also gives infeasible points the rank and the distance that our mating uses."""
 
     def do(self, problem: Any, pop: Any, *args: Any, **options: Any) -> Any:
         """Return the survivors."""
@@ -74,7 +74,7 @@ class Crowding(RankAndCrowding):  # type: ignore[misc]  # pymoo has no types
 
 
 def cell_algorithm(cell: Cell, problem: pk.Tracking, first: Genes) -> Any:
-    """Return a cell's algorithm: both selections with the same operators of the same parents."""
+    """Return a cell's algorithm: both selections have the same operators and the same parents."""
     crossover, mutation = Differential(), SmoothMutation(problem.encoding.coefficients)
     if cell.maximin:
         share = TRACKING.infeasible_share
@@ -84,7 +84,7 @@ def cell_algorithm(cell: Cell, problem: pk.Tracking, first: Genes) -> Any:
 
 
 def ours(problem: pk.Tracking, seed: int, budget: Budget, generations: int, *, refine: bool) -> Run:
-    """Return a run of all that ``pk.solve`` does at its defaults, for a population and a budget of these sizes."""
+    """Return a run of ``pk.solve`` at its defaults, with this population and budget."""
     account = Account(budget=budget)
     anchors = generations // (2 * problem.n_obj)
     search = Search(problem, population=POPULATION, seed=seed, initial=first_genes(problem, seed), anchors=anchors)
@@ -100,16 +100,16 @@ def cell_run(cell: Cell, problem: pk.Tracking, seed: int, budget: Budget) -> Run
 
 
 def pymoo_run(name: str, problem: pk.Tracking, seed: int, budget: Budget) -> Run:
-    """Return a run of a peer of pymoo's."""
+    """Return a run of one of pymoo's algorithms."""
     account, first = Account(budget=budget), first_genes(problem, seed)
     search = Search(problem, seed=seed, algorithm=pymoo_algorithm(name, problem.n_obj, first))
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # the peers' own, about divisions
+        warnings.simplefilter("ignore")  # the peers' own warnings about divisions
         return _search(search, account, refine=False)
 
 
 class Refining:
-    """Our improver, and what it has taken."""
+    """Our improver, and its cost so far."""
 
     def __init__(self, search: Search, account: Account) -> None:
         self.improver, self.account, self.seconds = SearchImprover(search), account, 0.0
@@ -122,7 +122,7 @@ class Refining:
         return genes
 
     def held_back(self, points: int) -> float:
-        """Return what polishing so many points is expected to take, in the budget's unit."""
+        """Return the expected cost of refining a number of points, in the budget's unit."""
         budget, iterations = self.account.budget, float(PER_POINT * min(points, POPULATION))
         if budget.kind == "CPU time":
             known = self.improver.spent > 0
@@ -151,9 +151,9 @@ def _search(search: Search, account: Account, *, refine: bool) -> Run:
 
 
 def refine_within(problem: pk.Tracking, q: np.ndarray, F: Objectives, account: Account) -> np.ndarray:
-    """Return motions with those polished that the budget pays for, as ``pk.refine`` does; the first ones first.
+    """Return motions, the first ones refined as ``pk.refine`` does while the budget lasts.
 
-    What overdraws the budget is thrown away: of counted iterations the points past it, of seconds the whole batch.
+    Results beyond the budget are thrown away: of counted iterations the points past it, of seconds the whole batch.
     """
     task, count = problem.task, problem.n_obj
     wide = np.ptp(F, axis=0)
@@ -178,7 +178,7 @@ def refine_within(problem: pk.Tracking, q: np.ndarray, F: Objectives, account: A
 
 
 class RecordingProblem:
-    """A problem as pygmo wants it: constraints as a penalty, and an archive of all that was evaluated."""
+    """A problem for pygmo: constraints as a penalty, and an archive of all evaluated points."""
 
     def __init__(self, problem: pk.Tracking, account: Account) -> None:
         self.problem, self.account = problem, account
@@ -186,7 +186,7 @@ class RecordingProblem:
         self.scale = np.ones(problem.n_obj)
 
     def __deepcopy__(self, memo: object) -> RecordingProblem:
-        """Return itself: pygmo copies its problems, the archive must stay one."""
+        """Return itself: pygmo copies its problems, but the archive must stay one."""
         return self
 
     def get_nobj(self) -> int:
@@ -202,7 +202,7 @@ class RecordingProblem:
         return self.batch_fitness(x)
 
     def batch_fitness(self, every: np.ndarray) -> np.ndarray:
-        """Return those of many, one after the other, as pygmo passes them."""
+        """Return the objectives of many individuals, one after the other, as pygmo passes them."""
         X = every.reshape(-1, self.problem.n_var)
         values = self.problem.evaluate(X, return_as_dictionary=True)
         F, G = np.asarray(values["F"], dtype=float), np.asarray(values["G"], dtype=float)
@@ -217,8 +217,8 @@ class RecordingProblem:
 
 
 def pygmo_run(name: str, problem: pk.Tracking, seed: int, budget: Budget) -> Run:
-    """Return a run of a peer of pygmo's, whole generations in batches."""
-    pygmo: Any = importlib.import_module("pygmo")  # here, so: optional
+    """Return a run of one of pygmo's algorithms, whole generations in batches."""
+    pygmo: Any = importlib.import_module("pygmo")  # imported here: optional
 
     account = Account(budget=budget)
     recorded = RecordingProblem(problem, account)

@@ -1,9 +1,9 @@
-"""The nonlinear program of any arm's motion over joint positions, for IPOPT, where the planner's peers have none.
+"""The nonlinear program of any arm's motion over joint positions, for IPOPT, if the planner's peers have none.
 
-The dynamics are our component kernels fed with CasADi's symbols, which fold zeros away; a sample is one small function
-that is mapped over all, and derivatives are CasADi's, compiled where there is a compiler. On a cycle the last posture
-is the first. Absolute values are slack variables, one a joint and sample, above both signs; peaks are epigraph
-variables, one a motion, above both signs of every joint at all samples.
+The dynamics are our component kernels fed with CasADi's symbols, which fold zeros away. A sample is one small function,
+mapped over all samples; derivatives are CasADi's, compiled if there is a compiler. On a cycle the last posture is the
+first. Absolute values are slack variables, one per joint and sample, above both signs; peaks are epigraph variables,
+one per motion, above both signs of every joint at all samples.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ SLACK = 1e-3  # W above the power, to start from
 
 @dataclass(frozen=True, eq=False)
 class JointProgram:
-    """Solvers for cold and warm starts and the bounds of what they ask."""
+    """Solvers for cold and warm starts and the bounds of the program."""
 
     task: MotionTask
     solvers: dict[bool, Any]
@@ -42,7 +42,7 @@ class JointProgram:
     def solve(
         self, q: np.ndarray, main: int, ceilings: np.ndarray, ranges: np.ndarray, *, warm: bool
     ) -> tuple[np.ndarray | None, int]:
-        """Return the motion (samples, dof) that one leads to, None where IPOPT is not content, and the iterations."""
+        """Return the motion (samples, dof) from a start, None if IPOPT does not converge, and the iterations."""
         count = len(ranges)
         weights = np.where(np.arange(count) == main, 1.0, 0.0)
         upper = self.sides["ubg"].copy()
@@ -50,7 +50,7 @@ class JointProgram:
         solver = self.solvers[warm]
         x0, p = np.zeros(len(self.sides["lbx"])), np.concatenate([weights, ranges])
         packed = pack(self.task, q)
-        x0[: len(packed)] = packed  # unknowns behind these are multipliers
+        x0[: len(packed)] = packed  # the unknowns after these are multipliers
         end = solver(x0=x0, p=p, **{**self.sides, "ubg": upper})
         stats = solver.stats()
         motion = unpack(self.task, np.asarray(end["x"]).ravel())
@@ -58,7 +58,7 @@ class JointProgram:
 
 
 def pack(task: MotionTask, q: np.ndarray) -> np.ndarray:
-    """Return the unknowns of a motion: its postures, and slack and epigraph variables above what they bound."""
+    """Return the unknowns of a motion: its postures, and slack and epigraph variables above their quantities."""
     postures, motion = q[:-1] if task.cyclic else q, task.motion(q)
     tops = [float(objective(motion)) + SLACK for objective in peaks(task)]
     return np.concatenate([postures.ravel(), above_power(task, q)[1:].ravel(), tops])
@@ -71,12 +71,12 @@ def unpack(task: MotionTask, x: np.ndarray) -> np.ndarray:
 
 
 def above_power(task: MotionTask, q: np.ndarray) -> np.ndarray:
-    """Return slack variables (samples, slacks) that are above a motion's powers."""
+    """Return slack variables (samples, slacks) above a motion's powers."""
     return np.abs(task.motion(q).power[:, : slacks(task)]) + SLACK
 
 
 def slacks(task: MotionTask) -> int:
-    """Return how many slack variables a sample has."""
+    """Return the number of slack variables of a sample."""
     return task.arm.dof if any(objective.name == "mechanical_energy" for objective in task.objectives) else 0
 
 
@@ -86,7 +86,7 @@ def peaks(task: MotionTask) -> list[Objective]:
 
 
 def joint_program(task: MotionTask, library: str = "") -> JointProgram:
-    """Return the program of a task with backward differences and limits on joints alone, compiled where it is."""
+    """Return the program of a task with backward differences and limits only on joints, compiled if it is."""
     program, sides = state_program(task)
     options = {warm: solver_options(warm=warm) | ({} if library else {"expand": True}) for warm in (False, True)}
     return JointProgram(
@@ -97,13 +97,13 @@ def joint_program(task: MotionTask, library: str = "") -> JointProgram:
 
 
 def compiled_program(task: MotionTask, name: str, folder: Path) -> str:
-    """Return the library that a task's program and its derivatives were compiled into."""
+    """Return the library with a task's compiled program and its derivatives."""
     program, _ = state_program(task)
     return compiled_library(program, casadi.nlpsol("peer", "ipopt", program, solver_options(warm=False)), name, folder)
 
 
 def compiled_library(program: dict[str, Any], solver: Any, name: str, folder: Path) -> str:
-    """Return the library that a program and what its solver derives from it were compiled into."""
+    """Return the library with a program and everything that its solver derives from it."""
     assert COMPILER is not None
     generator = casadi.CodeGenerator(f"{name}.c")
     generator.add(
@@ -118,16 +118,16 @@ def compiled_library(program: dict[str, Any], solver: Any, name: str, folder: Pa
 
 def check(task: MotionTask) -> None:
     """Refuse a task that peers' programs cannot state."""
-    assert task.differences == "backward", "backward differences wanted"
-    assert task.start is None, "a free start wanted"
+    assert task.differences == "backward", f"differences must be 'backward', got {task.differences!r}"
+    assert task.start is None, "start must be free, got a given one"
     others = [*task.obstacles, *task.constraints, *(["a stop"] if task.ends_at_rest else [])]
-    assert not others, f"nothing but limits on joints wanted, got {others}"
+    assert not others, f"limits must be on joints only, got {others}"
 
 
 def state_program(task: MotionTask) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     """Return CasADi's expressions of the unknowns x, of p (weights, ranges), f and g, and the bounds of x and g."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", FutureWarning)  # our kernels call NumPy's cosine, of a symbol too
+        warnings.simplefilter("ignore", FutureWarning)  # our kernels call NumPy's cosine for symbols too
         return _written(task)
 
 
@@ -143,7 +143,7 @@ def _written(task: MotionTask) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     rows, lower, upper = [], [], []
     epigraph = iter(casadi.vertsplit(top) if tops else ())
     totals = vertcat(*(next(epigraph) if each.form == "peak" else casadi.MX(0) for each in task.objectives))
-    # samples that count: all but the first, which is at rest; on a cycle the last one stands for the first
+    # samples that count: all but the first, which is at rest; on a cycle the last one replaces the first
     stages = ((1, samples, 2),) if task.cyclic else ((1, 2, 1), (2, samples, 2))
     for first, last, reach in (*stages, *(((0, 1, 0),) if tops and not task.cyclic else ())):  # at rest there are peaks
         stage, low, high = _stage(task, reach, dt)
@@ -169,7 +169,7 @@ def _written(task: MotionTask) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
 
 
 def solver_options(*, warm: bool) -> dict[str, Any]:
-    """Return IPOPT's settings from a motion near by, ``warm``, or from any."""
+    """Return IPOPT's settings for a nearby start, ``warm``, or for any."""
     settings = {"print_level": 0, "sb": "yes", "tol": TOLERANCE, "constr_viol_tol": 1e-9, "max_iter": CAP}
     settings |= {"bound_relax_factor": 0.0, "mu_init": 1e-4 if warm else 1e-2}
     if warm:
@@ -178,7 +178,7 @@ def solver_options(*, warm: bool) -> dict[str, Any]:
 
 
 def _stage(task: MotionTask, reach: int, dt: float) -> tuple[Any, np.ndarray, np.ndarray]:
-    """Return a function of ``reach`` + 1 postures: every objective's share and what is limited, and its bounds."""
+    """Return a function of ``reach`` + 1 postures: objectives' shares and limited values, and its bounds."""
     q: list[Any] = [SX.sym(f"q{back}", task.arm.dof) for back in range(reach, -1, -1)]
     rate: Any = (q[-1] - q[-2]) / dt if reach else SX.zeros(task.arm.dof)
     before = (q[-2] - q[-3]) / dt if reach > 1 else SX.zeros(task.arm.dof)
@@ -189,7 +189,7 @@ def _stage(task: MotionTask, reach: int, dt: float) -> tuple[Any, np.ndarray, np
 
 
 def at_sample(task: MotionTask, q: Any, rate: Any, acceleration: Any, slack: Any, top: Any = None) -> tuple[Any, Any]:
-    """Return, of SX vectors (dof,), (slacks,) and (peaks,), a sample's share of objectives and what is limited."""
+    """Return a sample's shares of objectives and limited values, from SX vectors (dof,), (slacks,), (peaks,)."""
     arm = task.arm
     here, v, a = (casadi.vertsplit(one) for one in (q, rate, acceleration))
     torque: Any = vertcat(*dynamics.torque_components(arm, here, v, a))
@@ -217,7 +217,7 @@ def at_sample(task: MotionTask, q: Any, rate: Any, acceleration: Any, slack: Any
 
 
 def limited_sides(task: MotionTask) -> tuple[np.ndarray, np.ndarray]:
-    """Return the bounds of what ``at_sample`` says is limited."""
+    """Return the bounds of the limited values of ``at_sample``."""
     kinds = _limited_kinds(task)
     lower, upper = (
         np.concatenate([np.empty(0), *(task.bounds[kind][0][:, side] for kind in kinds)]) for side in (0, 1)
@@ -228,12 +228,12 @@ def limited_sides(task: MotionTask) -> tuple[np.ndarray, np.ndarray]:
 
 def _limited_kinds(task: MotionTask) -> list[str]:
     kinds = ("velocity", "torque", "power")
-    assert set(task.bounds) <= {"position", *kinds}, f"limits on joints wanted, got {', '.join(task.bounds)}"
+    assert set(task.bounds) <= {"position", *kinds}, f"limits must be on joints, got {', '.join(task.bounds)}"
     return [kind for kind in kinds if kind in task.bounds]
 
 
 def pose_function(task: MotionTask) -> Any:
-    """Return a function of a posture and what is wanted there: how far the tool is off."""
+    """Return a function of a posture and its target: the error of the tool."""
     (only,) = task.tasks
     q: Any = SX.sym("q", task.arm.dof)
     target: Any = SX.sym("target", task.targets.shape[1])

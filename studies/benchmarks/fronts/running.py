@@ -1,4 +1,4 @@
-"""Running every method on every case, interleaved, under both budgets; each core a process."""
+"""Running every method on every case, interleaved, under both budgets; one process per core."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from studies.reporting import tell
 Found: TypeAlias = dict[tuple[str, Kind], dict[str, list[Run]]]  # runs of every seed by method, case and budget
 
 KINDS: tuple[Kind, ...] = ("evaluations", "CPU time")
-LIMIT = 600.0  # seconds after which a run, which takes some ten, counts as one that found nothing
+LIMIT = 600.0  # seconds after which a run, which takes about ten, counts as empty
 
 
 def methods_of(case: str) -> list[str]:
-    """Return the names of all that can run on a case, ours first."""
+    """Return the names of all methods that can run on a case, ours first."""
     peers = [name for name in SOLVERS if CASES[case].tringali or SOLVERS[name] == "ipopt"]
     return [OURS, PLAIN, EPSILON, *CELLS, *PYMOO, *PYGMO, *peers]
 
 
 def run(case: str, name: str, seed: int, budget: Budget, evaluations: int, form: Form | None = None) -> Run:
-    """Run one method once, after what it is made of was warmed; by names so that it can happen in another process."""
+    """Run one method once, after a warm-up; by names so that it can run in another process."""
     gradients = name == OURS or (name in CELLS and CELLS[name].refined)
     _warm_up(case, name if name in (EPSILON, *SOLVERS) else OURS if gradients else PYMOO[0], form)
     return _run(case, name, seed, budget, evaluations, form)
@@ -39,7 +39,7 @@ def run(case: str, name: str, seed: int, budget: Budget, evaluations: int, form:
 
 @lru_cache(maxsize=256)
 def _warm_up(case: str, name: str, form: Form | None) -> None:
-    """Compile and load what a method and those like it need, in this process, before they are timed."""
+    """Compile and load everything that a method and similar ones need, in this process, before they are timed."""
     _run(case, name, 0, Budget(kind="evaluations", amount=3 * POPULATION), 3 * POPULATION, form)
 
 
@@ -65,7 +65,7 @@ def run_all(
     compiling: bool = True,
     cluster: str | None = None,
 ) -> Found:
-    """Run everything, seeds outermost and the order of methods turning, a process a core."""
+    """Run everything, seeds outermost, the order of methods rotating, one process per core."""
     sizes = {case: evaluations or CASES[case].evaluations for case in chosen}
     with TemporaryDirectory() as folder, processes(cluster) as executor:
         forms = _forms(executor, chosen, Path(folder) if compiling else None)

@@ -1,7 +1,7 @@
 """Fronts by multi-start ε-constraints within a budget: by FATROP, by IPOPT, and by our own interior-point method.
 
-Each objective alone from a few seeded motions first; then the first objective below ceilings on the others, evenly
-spread at whatever moment the budget ends, each from the nearest motions found and from one more seeded one.
+Each objective is minimised alone from a few seeded motions first. Then the first objective is minimised below ceilings
+on the others, evenly spread whenever the budget ends, each from the nearest motions found and from one more seeded one.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ SETTINGS = {  # of the planner's peers, warm or not: those of its sweeps
     False: (("mu_init", 1e-2),),
     True: (("mu_init", 1e-4), ("bound_push", 1e-4), ("bound_frac", 1e-4)),
 }
-ALONE = 3  # starts of each objective alone
+ALONE = 3  # starts of each single objective
 NEAREST = 2  # motions that a level starts from
 
 # from a motion to an optimum of objective ``main``, others below ceilings: (motion or None, iterations)
@@ -40,7 +40,7 @@ Solve: TypeAlias = Callable[[np.ndarray, int, np.ndarray, bool], tuple[np.ndarra
 
 @dataclass(eq=False)
 class Sweep:
-    """A solver, and every motion that it was content with."""
+    """A solver, and every motion to which it converged."""
 
     solve: Solve
     account: Account
@@ -49,12 +49,12 @@ class Sweep:
     F: np.ndarray
 
     def tried(self, q: np.ndarray, main: int, ceilings: np.ndarray | None = None, *, warm: bool = False) -> bool:
-        """Solve from a motion and keep what comes of it; return False where the budget ends before."""
+        """Solve from a motion and keep the result; return False if the budget ends before."""
         account, task = self.account, self.problem.task
         free = np.full(self.problem.n_obj, np.inf)
         made, iterations = self.solve(q, main, free if ceilings is None else ceilings, warm)
         account.iterations += iterations
-        if account.left < 0:  # in the midst of it: thrown away
+        if account.left < 0:  # ended during the solve: thrown away
             account.iterations -= iterations if account.budget.kind == "evaluations" else 0
             return False
         if made is not None:
@@ -66,14 +66,14 @@ class Sweep:
 
 @dataclass(frozen=True)
 class Form:
-    """What a peer solves, so that any process can: questions to the planner's peers, or a program of our own making."""
+    """A peer's form, which any process can solve: questions to the planner's peers, or a program of our own."""
 
     questions: tuple[Question, ...] = ()  # energy, torque, energy with torque capped
-    library: str = ""  # of the program where it is compiled
+    library: str = ""  # of the compiled program
 
 
 def form_of(name: str, case: str, folder: Path | None) -> Form:
-    """Return a peer's form, compiled into a folder where one is given and there is a compiler."""
+    """Return a peer's form, compiled into a folder if one is given and there is a compiler."""
     solver, problem = SOLVERS[name], CASES[case].tringali
     into = folder if COMPILER else None
     if problem:
@@ -86,7 +86,7 @@ def form_of(name: str, case: str, folder: Path | None) -> Form:
 
 
 def epsilon_run(problem: pk.Tracking, seed: int, budget: Budget, form: Form | None) -> Run:
-    """Return a run of ε-constraints, ours where no form is given; building and compiling solvers is not counted."""
+    """Return a run of ε-constraints, ours without a form; building and compiling solvers is not counted."""
     make = our_solver(problem) if form is None else their_solver(problem, form)
     account = Account(budget=budget)
     task, starts = problem.task, problem.decode(first_genes(problem, seed)).q
@@ -101,7 +101,7 @@ def epsilon_run(problem: pk.Tracking, seed: int, budget: Budget, form: Form | No
 
 
 def our_solver(problem: pk.Tracking) -> Callable[[np.ndarray], Solve]:
-    """Return what makes our solver for given ranges of the objectives."""
+    """Return a function that makes our solver for given ranges of the objectives."""
     task, count = problem.task, problem.n_obj
     motion_program(task)  # differentiated and compiled once
 
@@ -122,7 +122,7 @@ def our_solver(problem: pk.Tracking) -> Callable[[np.ndarray], Solve]:
 
 
 def their_solver(problem: pk.Tracking, form: Form) -> Callable[[np.ndarray], Solve]:
-    """Return what makes a peer's solver for given ranges; the planner's peers need none."""
+    """Return a function that makes a peer's solver for given ranges; the planner's peers need none."""
     if not form.questions:
         return _general(problem, form)
     *alone, capped = form.questions
@@ -176,7 +176,7 @@ def _sweep(sweep: Sweep, starts: Iterator[np.ndarray]) -> None:
 
 
 def shares(axes: int) -> Iterator[np.ndarray]:
-    """Return points of the unit cube that are spread evenly wherever one stops: Halton's."""
+    """Return points of the unit cube that are evenly spread at any count: Halton's."""
     for number in itertools.count(1):
         yield np.array([_radical_inverse(number, base) for base in (2, 3, 5, 7)[:axes]])
 

@@ -1,1 +1,1 @@
-"""MaxiMin beside pymoo's algorithms on test problems, at equal evaluations."""
+"""MaxiMin against pymoo's algorithms on test problems, at equal evaluations."""

@@ -1,26 +1,26 @@
-"""MaxiMin beside pymoo's algorithms: same evaluations, same first populations, seeds interleaved; losses first.
+"""MaxiMin against pymoo's algorithms: same evaluations, same first populations, seeds interleaved; losses first.
 
     python -m studies.benchmarks.maximin [--quick] [--goals | --peers NAME ...] [--seeds N] [--problems NAME ...]
                                          [--runs FOLDER] [--fronts FOLDER] [--cluster ADDRESS] [--json FILE]
 
-Ours twice: ``MaxiMinNSGA2``, and pymoo's own NSGA-II with our survival, ``NSGA2(survival=MaxiMin())``; between these
-two only the mating differs. Peers are as pymoo ships them: NSGA-II with crowding, and with its crowding "pcd" (two
-objectives only) and "mnn", NSGA-III and MOEA/D (without constraints only) with one reference direction an individual,
-SMS-EMOA (not with five objectives) and AGE-MOEA; with --peers those named alone, with --goals those of our goals,
-crowding and SMS-EMOA.
-Problems are ZDT, DTLZ, WFG, MW, CTP, DASCMOP, BNH, OSY and TNK of pymoo's, the 55 of COCO's bbob-biobj where its
-package ``coco-experiment`` is installed, a steep tail and ``energy_torque``; ``--problems`` takes names and families.
+There are two of ours: ``MaxiMinNSGA2``, and pymoo's own NSGA-II with our survival, ``NSGA2(survival=MaxiMin())``; only
+the mating differs between them. Peers have pymoo's defaults: NSGA-II with crowding, and with its crowding "pcd" (two
+objectives only) and "mnn", NSGA-III and MOEA/D (without constraints only) with one reference direction per individual,
+SMS-EMOA (not with five objectives) and AGE-MOEA. --peers selects some of them; --goals selects those of our goals,
+crowding and SMS-EMOA. Problems are ZDT, DTLZ, WFG, MW, CTP, DASCMOP, BNH, OSY and TNK of pymoo, the 55 of COCO's
+bbob-biobj if its package ``coco-experiment`` is installed, a steep tail and ``energy_torque``; ``--problems`` takes
+names and families.
 
-The final populations are judged by hypervolume (reference 1.1), IGD+ and additive epsilon after normalising by the
-union of all fronts; with --fronts that union is stored and joined with what was stored before. A run without a feasible
-point counts as the corner of the hypervolume. On the steep tail only the useful corner counts, and ours is compared
-with itself when told of that corner by ``ranges=``.
+The final populations are judged by hypervolume (reference 1.1), IGD+ and additive epsilon, normalised by the union of
+all fronts. With --fronts that union is stored and joined with the stored one. A run without a feasible point counts as
+the corner of the hypervolume. On the steep tail only the useful corner counts, and ours is also compared with a run
+that is told of that corner by ``ranges=``.
 
-A loss or a win is a significant Mann-Whitney test; "equal" (or "within margin") are two one-sided ones against the peer
-scaled by one minus and one plus the margin of the indicator; both by Holm over the table of each of ours, the rest is
-undecided. A12 is the chance that one of our runs is the better one. Control-C judges the seeds that are done; with
---runs every run is stored, and a later call with the same folder goes on where it was cut, or adds problems and peers.
-Runs of ours are made again after any change of ``paretoik/search``, those of the peers with another pymoo.
+A loss or a win is a significant Mann-Whitney test; "equal" (or "within margin") are two one-sided tests against the
+peer scaled by one minus and one plus the margin of the indicator. Both are corrected by Holm over the table of each of
+ours; the rest is undecided. A12 is the probability that one of our runs is the better one. Control-C judges the seeds
+that are done. With --runs every run is stored, and a later call with the same folder resumes, or adds problems and
+peers. Runs of ours are repeated after any change of ``paretoik/search``, those of the peers with another pymoo.
 """
 
 from __future__ import annotations
@@ -46,14 +46,14 @@ def choose_cases(names: Sequence[str], *, quick: bool) -> list[Case]:
     unknown = sorted(set(names) - set(every) - set(families))
     if unknown:
         wish = f"some of {', '.join(families)}, or of their problems' names such as {next(iter(every))}"
-        raise SystemExit(f"--problems: {wish} wanted, got {', '.join(unknown)}")
+        raise SystemExit(f"--problems must be {wish}, got {', '.join(unknown)}")
     selected = set(names or (QUICK if quick else every))
     chosen = [case for case in every.values() if {case.name, case.family} & selected]
     return [replace(case, generations=QUICK.get(case.name, 50)) for case in chosen] if quick else chosen
 
 
 def tell_left_out(chosen: Sequence[Case], *, quick: bool) -> None:
-    """Say what is run shorter, and what is not run and why."""
+    """Print which runs are shorter, and which are left out and why."""
     if quick:
         print(f"quick: {', '.join(f'{case.name} {case.generations} generations' for case in chosen)} only")
     print("\n".join(f"left out: {what}" for what in LEFT_OUT))
@@ -67,14 +67,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--seeds", type=int, help="runs of each method (31; 11 with --quick)")
     parser.add_argument("--problems", nargs="+", default=[], metavar="NAME", help="only these problems or families")
     beside = parser.add_mutually_exclusive_group()
-    beside.add_argument("--goals", action="store_true", help=f"beside {CROWDING} and {HYPERVOLUME} alone")
-    beside.add_argument("--peers", nargs="+", choices=PEERS, metavar="NAME", help=f"some of {', '.join(PEERS)} alone")
-    parser.add_argument("--fronts", type=Path, metavar="FOLDER", help="keep the union fronts here and add to them")
-    parser.add_argument("--runs", type=Path, metavar="FOLDER", help="keep every run here, and read what is there")
+    beside.add_argument("--goals", action="store_true", help=f"against {CROWDING} and {HYPERVOLUME} only")
+    beside.add_argument("--peers", nargs="+", choices=PEERS, metavar="NAME", help=f"only some of {', '.join(PEERS)}")
+    parser.add_argument("--fronts", type=Path, metavar="FOLDER", help="store the union fronts here and add to them")
+    parser.add_argument("--runs", type=Path, metavar="FOLDER", help="store every run here, and read the stored ones")
     options = parser.parse_args(arguments)
     seeds = options.seeds if options.seeds is not None else (11 if options.quick else 31)
     if seeds < 2:
-        parser.error(f"--seeds: at least 2 wanted, got {seeds}")
+        parser.error(f"--seeds must be at least 2, got {seeds}")
     chosen = choose_cases(options.problems, quick=options.quick)
     peers = (CROWDING, HYPERVOLUME) if options.goals else options.peers
     if peers is not None:

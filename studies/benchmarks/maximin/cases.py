@@ -1,4 +1,4 @@
-"""The test problems: pymoo's, COCO's of two objectives where its package is installed, and two of our own."""
+"""The test problems: pymoo's, COCO's with two objectives if its package is installed, and two of our own."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pymoo.problems import get_problem
 from paretoik.arrays import Genes
 from problems.tringali_2020 import energy_torque
 
-POPULATION = {2: 100, 3: 91, 5: 126}  # by objectives: as many as NSGA-III and MOEA/D have reference directions
+POPULATION = {2: 100, 3: 91, 5: 126}  # by objectives: the number of reference directions of NSGA-III and MOEA/D
 BIOBJECTIVE = "bbob-biobj"
 COCO = bool(importlib.util.find_spec("cocoex"))
 DIMENSION = 5  # of COCO's problems
@@ -25,7 +25,7 @@ DIFFICULTY = 4  # of DASCMOP: convergence, diversity and feasibility each made h
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
-    """A problem, its budget, the box of interest outside which points count as absent; ``peers`` are all if None."""
+    """A problem, its budget, the box outside which points count as absent; ``peers`` None means all."""
 
     name: str
     family: str
@@ -39,7 +39,7 @@ class Case:
 
 
 class SteepTail(Problem):  # type: ignore[misc]  # pymoo has no types
-    """f1 = x1, f2 = g / x1 with x1 from 0.001: a front of which the useful corner is a small part."""
+    """f1 = x1, f2 = g / x1 with x1 from 0.001: only a small part of the front, a corner, is useful."""
 
     def __init__(self) -> None:
         super().__init__(n_var=10, n_obj=2, xl=np.r_[1e-3, np.zeros(9)], xu=np.ones(10))
@@ -57,7 +57,7 @@ class Biobjective(Problem):  # type: ignore[misc]  # pymoo has no types
     """
 
     def __init__(self, function: int, dimension: int = DIMENSION) -> None:
-        coco: Any = importlib.import_module("cocoex")  # here, so: optional
+        coco: Any = importlib.import_module("cocoex")  # imported here: optional
         suite = coco.Suite(BIOBJECTIVE, "instances: 1", f"dimensions: {dimension}")
         self.function = suite.get_problem_by_function_dimension_instance(function, dimension, 1)
         super().__init__(n_var=dimension, n_obj=2, xl=self.function.lower_bounds, xu=self.function.upper_bounds)
@@ -67,7 +67,7 @@ class Biobjective(Problem):  # type: ignore[misc]  # pymoo has no types
 
 
 def pymoo_case(name: str, generations: int, *settings: int, n_obj: int = 2, n_var: int | None = None) -> Case:
-    """Return a case of one of pymoo's problems, of that many variables where it can have any."""
+    """Return a case of one of pymoo's problems, with that many variables if it is free."""
     sizes = {} if n_var is None else {"n_var": n_var, "n_obj": n_obj}
     make = partial(get_problem, name.lower(), *settings, **sizes)
     family = name.rstrip("0123456789")
@@ -76,7 +76,7 @@ def pymoo_case(name: str, generations: int, *settings: int, n_obj: int = 2, n_va
 
 def _unconstrained_cases() -> Iterator[Case]:
     yield from (replace(pymoo_case(f"ZDT{k}", 250), binary=k == 5) for k in range(1, 7))
-    distances = {1: 5, 7: 20}  # variables that say how far from the front a point is
+    distances = {1: 5, 7: 20}  # variables for a point's distance from the front
     for n_obj, numbers in ((3, range(1, 8)), (5, (1, 2, 7))):
         for k in numbers:
             n_var, generations = n_obj - 1 + distances.get(k, 10), 400 if k in (1, 3) else 250
@@ -114,5 +114,5 @@ def cases() -> dict[str, Case]:
 
 @cache
 def problem_of(name: str) -> Any:
-    """Return a case's problem, built once a process."""
+    """Return a case's problem, built once per process."""
     return cases()[name].make()

@@ -1,4 +1,4 @@
-"""Running every method on every problem, interleaved, a process a core."""
+"""Running every method on every problem, interleaved, one process per core."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from studies.benchmarks.maximin.single_run import Run, run_once
 from studies.benchmarks.maximin.stored_runs import load_run, save_run, stored_run
 from studies.processes import processes, rotated, run_seeds
 
-LIMIT = 600.0  # seconds after which a run, which takes some ten, counts as one that found nothing
+LIMIT = 600.0  # seconds after which a run, which takes about ten, counts as empty
 
 
 Runs: TypeAlias = dict[tuple[str, str], list[Run]]  # of every seed by problem and method
 
 
 def run_all(chosen: Sequence[Case], seeds: int, folder: Path | None = None, *, cluster: str | None = None) -> Runs:
-    """Run every method on every case, seeds outermost and the order of methods turning; runs in ``folder`` are read."""
+    """Run every method on every case, seeds outermost, the order of methods rotating; read runs in ``folder``."""
     shape = {case.name: (case.generations, case.n_obj) for case in chosen}
 
     def arguments(seed: int) -> dict[tuple[str, str], list[Any]]:
@@ -51,5 +51,5 @@ def run_all(chosen: Sequence[Case], seeds: int, folder: Path | None = None, *, c
 
 
 def evaluations(case: Case) -> int:
-    """Return what every method may evaluate on a case."""
+    """Return the evaluations of every method on a case."""
     return POPULATION[case.n_obj] * case.generations

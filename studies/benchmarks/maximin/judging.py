@@ -1,4 +1,4 @@
-"""Indicators against the union of all fronts, comparisons, what each method cost, and the goals."""
+"""Indicators against the union of all fronts, comparisons, the cost of each method, and the goals."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ SHARE = 0.5  # of the problems with two objectives
 
 @dataclass(frozen=True, kw_only=True)
 class Judged:
-    """What is compared of all runs: each of ours with every peer, losses first."""
+    """Comparisons over all runs: each of ours with every peer, losses first."""
 
     comparisons: dict[str, list[Comparison]]
     seconds: dict[tuple[str, str], float]  # median CPU seconds by problem and method
 
 
 def union_front(case: Case, runs: Sequence[Run], folder: Path | None) -> Objectives:
-    """Join all fronts of a case, with what is stored of it, and store the result."""
+    """Join all fronts of a case with the stored front, and store the result."""
     fronts = [one.F for one in runs]
     file = None if folder is None else folder / f"{case.name.replace(' ', '_')}.npz"
     if file is not None and file.exists():
@@ -58,7 +58,7 @@ def union_front(case: Case, runs: Sequence[Run], folder: Path | None) -> Objecti
 def judge(runs: Runs, chosen: Sequence[Case], folder: Path | None) -> Judged:
     """Score all runs and compare each of ours with every peer, and the first with all; Holm for each of ours."""
     rows: dict[str, list[Comparison]] = {OURS: [], ONE_LINE: []}
-    without = {OURS: {OURS}, ONE_LINE: {OURS, ONE_LINE, BOXED}}  # what each is not compared with
+    without = {OURS: {OURS}, ONE_LINE: {OURS, ONE_LINE, BOXED}}  # methods that each is not compared with
     for case in chosen:
         names = methods_of(case)
         joined = union_front(case, [one for name in names for one in runs[case.name, name]], folder)
@@ -90,7 +90,7 @@ def comparison_rows(judged: Judged) -> list[Row]:
 
 
 def goal_rows(judged: Judged, chosen: Sequence[Case]) -> list[Row]:
-    """Return what we want of each of ours beside the peers of the goals that ran, and whether it is so."""
+    """Return the goals for each of ours against their peers that ran, and whether they are met."""
     return [
         row
         for method in judged.comparisons
@@ -99,7 +99,7 @@ def goal_rows(judged: Judged, chosen: Sequence[Case]) -> list[Row]:
 
 
 def _never_behind(judged: Judged, method: str) -> list[Row]:
-    """No significant loss to crowding anywhere, in no indicator."""
+    """No significant loss to crowding on any problem, in any indicator."""
     comparisons = [one for one in judged.comparisons[method] if one.peer == CROWDING]
     if not comparisons:
         return []
@@ -112,7 +112,7 @@ def _never_behind(judged: Judged, method: str) -> list[Row]:
 
 
 def _ahead_in_time(judged: Judged, method: str, chosen: Sequence[Case]) -> list[Row]:
-    """Ahead in median hypervolume on at least half of the problems with two objectives, at no more time."""
+    """Ahead in median hypervolume on at least half of the problems with two objectives, in no more time."""
     names = {case.name for case in chosen if case.n_obj == 2}
     comparisons = [
         one

@@ -1,4 +1,4 @@
-"""Ours, two ways, and what stands beside: pymoo's algorithms that can run on a problem."""
+"""Our two methods, and those of pymoo's algorithms that can run on a problem."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ LEFT_OUT = (
 
 
 def methods_of(case: Case) -> list[str]:
-    """Return the names of all that can run on a case, ours first."""
+    """Return the names of all methods that can run on a case, ours first."""
     without = {"NSGA-II, pcd": case.n_obj > 2, HYPERVOLUME: case.n_obj == 5, "MOEA/D": case.constrained}
     peers = [name for name in (PEERS if case.peers is None else case.peers) if not without.get(name, False)]
     return [OURS, ONE_LINE, *peers, *([BOXED] if case.box else [])]
@@ -45,11 +45,11 @@ def first_genes(problem: Any, case: Case, seed: int) -> Genes:
 
 
 def algorithm(name: str, case: Case, problem: Any, first: Genes) -> Any:
-    """Return a fresh algorithm that starts from ``first``."""
+    """Return a new algorithm that starts from ``first``."""
     size = len(first)
     if name in (OURS, BOXED):
         return MaxiMinNSGA2(pop_size=size, sampling=first, ranges=case.box if name == BOXED else None)
-    binary = {"crossover": TwoPointCrossover(), "mutation": BitflipMutation()}  # pymoo's own are of real genes
+    binary = {"crossover": TwoPointCrossover(), "mutation": BitflipMutation()}  # pymoo's defaults are for real genes
     operators = {} if has_real_genes(problem) and not case.binary else binary
     if name == ONE_LINE:
         return NSGA2(pop_size=size, sampling=first, survival=MaxiMin(), **operators)

@@ -20,14 +20,14 @@ WARM_UP = {2: "ZDT1", 3: "DTLZ2-3", 5: "DTLZ2-5"}  # by objectives: problems on 
 
 @dataclass(frozen=True)
 class Run:
-    """What one run left: its final non-dominated objectives (points, n_obj) and its CPU seconds."""
+    """The result of a run: its final non-dominated objectives (points, n_obj) and its CPU seconds."""
 
     F: Objectives
     seconds: float
 
 
 def run_once(case_name: str, name: str, seed: int, generations: int) -> Run:
-    """Run one method once, after it was warmed; by names so that it can happen in another process."""
+    """Run one method once, after a warm-up; by names so that it can run in another process."""
     case = cases()[case_name]
     for each in (WARM_UP[case.n_obj], case_name):
         _warm_up(each, name)
@@ -36,7 +36,7 @@ def run_once(case_name: str, name: str, seed: int, generations: int) -> Run:
 
 @cache
 def _warm_up(case_name: str, name: str) -> None:
-    """Compile and load what a method and a problem need, in this process, before they are timed."""
+    """Compile and load everything that a method and a problem need, in this process, before they are timed."""
     _run(cases()[case_name], name, 0, 3)
 
 
@@ -46,7 +46,7 @@ def _run(case: Case, name: str, seed: int, generations: int) -> Run:
     method = algorithm(name, case, problem, first)
     started = time.process_time()
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # the peers' own, about divisions
+        warnings.simplefilter("ignore")  # the peers' own warnings about divisions
         result = minimize(problem, method, ("n_eval", len(first) * generations), seed=seed)
     seconds = time.process_time() - started
     F = np.empty((0, case.n_obj)) if result.F is None else np.atleast_2d(result.F)

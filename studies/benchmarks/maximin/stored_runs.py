@@ -1,4 +1,4 @@
-"""Runs kept in a folder, so that hours of them can be cut and go on: a file for every problem, method and seed."""
+"""Runs stored in a folder, so that hours of them can be stopped and resumed: one file per problem, method and seed."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from studies.benchmarks.maximin.single_run import Run
 
 
 def stored_run(folder: Path, case_name: str, name: str, seed: int, generations: int) -> Path:
-    """Return the file of a run; a change of our search, or of pymoo's version, makes it another file."""
+    """Return the file of a run; a change of our search, or of pymoo's version, changes the file."""
     made_by = f"search_{_digest_of_search()}" if name in (OURS, ONE_LINE, BOXED) else f"pymoo_{pymoo.__version__}"
     method = "".join(letter if letter.isalnum() else "_" for letter in name)
     return folder / made_by / case_name.replace(" ", "_") / f"{method}_{generations}_{seed}.npz"
 
 
 def load_run(file: Path) -> Run | None:
-    """Read a run, or nothing where there is none."""
+    """Return a stored run; None if it is missing."""
     if not file.exists():
         return None
     with np.load(file, allow_pickle=False) as stored:
@@ -32,7 +32,7 @@ def load_run(file: Path) -> Run | None:
 
 
 def save_run(file: Path, run: Run) -> None:
-    """Write a run; a process killed meanwhile leaves no half of it."""
+    """Write a run; a process killed meanwhile leaves no half-written file."""
     replace_file(file, array_bytes({"F": run.F, "seconds": np.array(run.seconds)}))
 
 

@@ -1,1 +1,1 @@
-"""Random moves along certified fronts, held against what others find; see ``__main__``."""
+"""Random moves along certified fronts, compared with other methods; see ``__main__``."""

@@ -1,16 +1,16 @@
-"""Random moves along certified fronts: certified, non-dominated, rates right, beside IPOPT and FATROP; losses first.
+"""Random moves along certified fronts, with checks and comparisons with IPOPT and FATROP; losses first.
 
     python -m studies.benchmarks.navigation [--quick] [--moves N] [--seed S] [--problems NAME ...] [--json FILE]
 
-Every move improves a random objective of a random point by 1 to 20 % of its range, no further than the best of the
-front, one random objective paying, the others held. A move counts as certified if its point has a residual of at most
-1e-6 and keeps its limits to 1e-8, as best if no method found a payer lower by more than 1e-5 of its range: ours from
-every point of the front, and the peers. Rates are those of a further move by 0.001 % against the certificate's. Peers
-start warm from the point that is left, and cold from one that a seed draws among the front's; where there is a compiler
-they get compiled code, on the Panda, whose code takes minutes to compile, CasADi's interpreter. FATROP cannot state a
-cycle, and neither of them obstacles, directions or paths that are not given. Times are processor time, ours with all
-that is followed and solved for a move. Predictions are those of moves that are followed: their time, all of
-``Front.predict``, and by how much they miss the certified point, as a share of the range that they miss most.
+Every move improves a random objective of a random point by 1 to 20 % of its range, at most up to the best value on the
+front; one random objective pays, the others are held. A move is certified if its point has a residual of at most 1e-6
+and satisfies its limits to 1e-8. It is best if no method, ours from every point of the front or a peer, found a payer
+lower by more than 1e-5 of its range. Rates are those of a further move by 0.001 %, compared with the certificate's.
+Peers start warm from the current point, and cold from a random point of the front. If there is a compiler they get
+compiled code, except on the Panda, whose code takes minutes to compile: CasADi's interpreter. FATROP cannot state
+cycles, and neither peer obstacles, directions or free paths. Times are processor time, ours with everything that is
+followed and solved for a move. Predictions are those of moves that are followed: the time of all of ``Front.predict``,
+and their error at the certified point, as the largest share of a range.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ from studies.reporting import Row, report, study_parser, tell
 
 
 def run_case(name: str, moves: int, seed: int, folder: Path) -> list[Row]:
-    """Return the rows of a case after so many moves, which the seed draws."""
+    """Return the rows of a case after a number of random moves."""
     case, tally, rng = CASES[name], Tally(), np.random.default_rng(seed)
     tell(f"{name}: its front")
     problem = case.make()
     front = pk.epsilon_front(problem, points=case.points, starts=12, seed=0, observe=False)
     peers, bounds = peers_of(case, problem, folder), len(problem.program().upper)
-    denser = front.refine_around(int(front.ids[len(front) // 2]), points=OPTIONS.around)  # compiled once, too
+    denser = front.refine_around(int(front.ids[len(front) // 2]), points=OPTIONS.around)  # this compiles, too
     tally.around = len(np.setdiff1d(denser.ids, front.ids))
     for i in range(moves):
         if i % 10 == 0:
@@ -55,9 +55,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     moves = options.moves if options.moves is not None else 12 if options.quick else 167
     if moves < 1:
-        parser.error(f"--moves: at least 1 wanted, got {moves}")
+        parser.error(f"--moves must be at least 1, got {moves}")
     if options.seed < 0:
-        parser.error(f"--seed: at least 0 wanted, got {options.seed}")
+        parser.error(f"--seed must be at least 0, got {options.seed}")
     with tempfile.TemporaryDirectory() as folder:
         names = options.problems or (QUICK if options.quick else CASES)
         rows = [row for name in names for row in run_case(name, moves, options.seed, Path(folder))]

@@ -1,4 +1,4 @@
-"""The problems whose fronts are moved along, their goals, and the peers that can state them."""
+"""The problems whose fronts are navigated, their goals, and the peers that can state them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Peer: TypeAlias = JointProgram | StagedProgram
 
 @dataclass(frozen=True, kw_only=True)
 class Goals:
-    """What a problem's moves are to reach: a step [ms], certified ones and best known ones [%]."""
+    """The goals of a problem's moves: a step [ms], certified ones and best known ones [%]."""
 
     step: float | None = None
     certified: float | None = None
@@ -31,7 +31,7 @@ class Goals:
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
-    """A problem, the points of its front, whether peers have a program of it, and whether that is compiled."""
+    """A problem, the size of its front, whether peers have a program of it, and whether that is compiled."""
 
     make: Callable[[], pk.Tracking | pk.DirectionalMaxima | pk.PointToPoint]
     points: int = 12
@@ -41,7 +41,7 @@ class Case:
 
 
 def past_a_post() -> pk.Tracking:
-    """Return the papers' line with a post beside it that the links have to stay clear of."""
+    """Return the papers' line with a post next to it that the links must stay clear of."""
     return pk.Tracking(
         pk.arms.tringali_3r(),
         tringali_2020.straight(51),

@@ -19,7 +19,7 @@ from studies.benchmarks.navigation.tally import Tally, Try
 
 
 def random_aim(front: pk.Front, objectives: int, rng: np.random.Generator) -> tuple[int, Aim]:
-    """Return a row of a front and what is wished for there."""
+    """Return a row of a front and a random wish there."""
     widths, values = np.ptp(front.ranges, axis=1), front.minimised
     while True:
         row, k = int(rng.integers(len(front))), int(rng.integers(len(widths)))
@@ -35,7 +35,7 @@ def random_aim(front: pk.Front, objectives: int, rng: np.random.Generator) -> tu
 def try_move(
     front: pk.Front, row: int, aim: Aim, peers: Mapping[str, Peer], rng: np.random.Generator, to: Tally
 ) -> None:
-    """Move, and write down what came of it, beside what others find."""
+    """Move, and record the result and the peers' results."""
     formulation: Differentiable = front.problem
     program, points = formulation.program(), FrontPoints(x=formulation.front_points(front), objectives=front.minimised)
     goal, wish, widths = aim.at_share(1.0), aim.wish, aim.ranges
@@ -84,7 +84,7 @@ def _peers_tries(
     peers: Mapping[str, Peer],
     rng: np.random.Generator,
 ) -> list[Try]:
-    """Return what peers make of a move, each warm and cold."""
+    """Return the peers' results for a move, each warm and cold."""
     payer, ceilings, tries = aim.wish.payers[0], aim.start.copy(), list[Try]()
     ceilings[aim.wish.improve] -= aim.wish.by * aim.ranges[aim.wish.improve]
     ceilings[payer] = np.inf
@@ -100,7 +100,7 @@ def _peers_tries(
 
 
 def _try_prediction(front: pk.Front, moved: pk.Front, id: int, wish: Wish, to: Tally) -> None:
-    """Predict a move that was followed, and compare it with the point that it led to."""
+    """Predict a move that was followed, and compare the prediction with the point found."""
     choice, widths = moved.navigated, np.ptp(front.ranges, axis=1)
     assert choice is not None
     payer, by = front.names[wish.payers[0]], wish.by * float(widths[wish.improve])
@@ -116,7 +116,7 @@ def _try_prediction(front: pk.Front, moved: pk.Front, id: int, wish: Wish, to: T
 
 
 def _try_rate(moved: pk.Front, choice: pk.Choice, wish: Wish, to: Tally) -> None:
-    """Compare the exchange rate of a point with a small move, where it has one."""
+    """Compare a point's exchange rate, if it has one, with a small move."""
     assert moved.certificates is not None
     i, j = wish.improve, wish.payers[0]
     rate = moved.certificates.exchange_rates[choice.index, i, j]

@@ -1,4 +1,4 @@
-"""How far the moves of the benchmark go, and what counts as right."""
+"""The lengths of the benchmark's moves, and the tolerances of its checks."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, kw_only=True)
 class MoveOptions:
-    """How far random moves go, and what counts; all but ``critical`` and ``violation`` are shares of a range.
+    """The lengths of random moves, and tolerances; all but ``critical`` and ``violation`` are shares of a range.
 
-    A move goes from ``shortest`` to ``longest``; so many points, ``around``, are asked for around one. A move is
-    certified up to a residual ``critical`` and a ``violation``, the same as another one within ``same``. Its exchange
-    rate is right within the share ``rate`` of what a further move by ``rate_step`` measures, where every objective has
-    a ``weight``. That step is as small as the residuals of both ends allow: fronts of sliders are so curved that over
-    1e-3 the mean rate is 1.65 times the certificate's, 1.04 over 1e-4 and 1.0001 over 1e-5.
+    A move goes from ``shortest`` to ``longest``; ``around`` is the number of points asked for around one. A move is
+    certified up to a residual ``critical`` and a ``violation``, and equals another one within ``same``. If every
+    objective has a ``weight``, the exchange rate must agree within the share ``rate`` with a further move by
+    ``rate_step``. That step is as small as the residuals of both ends allow: fronts of sliders are so curved that the
+    mean rate over 1e-3 is 1.65 times the certificate's, 1.04 over 1e-4 and 1.0001 over 1e-5.
     """
 
     shortest: float = 0.01

@@ -1,4 +1,4 @@
-"""What came of moves, and the rows of a table that it makes; losses first."""
+"""Results of moves, and their table; losses first."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from studies.reporting import Row
 
 
 class Try(NamedTuple):
-    """What a peer made of a move: who, in how many seconds, and the payer's value where it arrived."""
+    """A peer's result for a move: its name, seconds, and the payer's value if it converged."""
 
     peer: str
     seconds: float
@@ -23,7 +23,7 @@ class Try(NamedTuple):
 
 @dataclass(eq=False)
 class Tally:
-    """What came of moves, one entry a move."""
+    """Results of moves, one entry per move."""
 
     certified: list[bool] = field(default_factory=list)
     non_dominated: list[bool] = field(default_factory=list)
@@ -42,7 +42,7 @@ class Tally:
     around: int = 0
 
     def add_tries(self, tries: Sequence[Try]) -> None:
-        """Write down what peers made of a move that somebody can make."""
+        """Record the peers' results for a move that some method can make."""
         for each in tries:
             self.peer_seconds.setdefault(each.peer, []).append(each.seconds)
             self.peer_solved.setdefault(each.peer, []).append(each.value is not None)
@@ -86,5 +86,5 @@ def rows_of(name: str, case: Case, tally: Tally) -> list[Row]:
 
 
 def _is_lost(row: Row, reference: float) -> bool:
-    """Return whether a time is longer, or a share smaller, than what it is held against."""
+    """Return whether a time is longer, or a share smaller, than its reference."""
     return row.ours > reference if row.unit == "ms CPU" else row.ours < reference

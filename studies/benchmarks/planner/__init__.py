@@ -1,1 +1,1 @@
-"""The planner beside CasADi + FATROP and CasADi + IPOPT, losses first."""
+"""The planner against CasADi + FATROP and CasADi + IPOPT, losses first."""

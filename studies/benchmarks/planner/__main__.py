@@ -1,15 +1,16 @@
-"""The planner beside CasADi + FATROP and CasADi + IPOPT; losses first.
+"""The planner against CasADi + FATROP and CasADi + IPOPT; losses first.
 
     python -m studies.benchmarks.planner [--quick] [--seed N] [--json FILE]
 
 Simulations 1 to 5 of Tringali & Cocuzza 2020, the energy-torque front, and growth with the samples, in one run: the
-same discretisation, the same starts and levels, ours and theirs in turn, medians of repeats. FATROP gets optimal
-control, IPOPT joint angles alone; both lean closed-form dynamics, an iteration cap, the first barrier that serves them
-best, and both cores (a process each), with CasADi's own evaluation and compiled (-O2; compilation not timed but told).
+same discretisation, the same starts and levels, ours and theirs alternating, medians of repeats. FATROP gets optimal
+control, IPOPT joint angles only. Both get lean closed-form dynamics, an iteration cap, the first barrier that serves
+them best, and both cores (one process each), with CasADi's own evaluation and compiled (-O2; compilation is reported,
+not counted).
 
-Their time to the best optimum is what is expected of independent starts: the time of all, shared by both cores,
-divided by how many end there; building the program and making the starts are not counted. Ours is a whole ``plan`` from
-nothing but the problem; a first one, which compiles, is not timed.
+Their time to the best optimum is the expected one of independent starts: the time of all, shared by both cores, divided
+by the number that ends there; building the program and making the starts are not counted. Ours is a whole ``plan`` that
+gets only the problem; a first one, which compiles, is not timed.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args(arguments)
     if COMPILER is None:
-        tell("no C compiler: peers run with CasADi's own evaluation alone")
+        tell("no C compiler: peers run only with CasADi's own evaluation")
     effort = Effort(starts=12, repeats=1, seed=options.seed) if options.quick else Effort(seed=options.seed)
     arms = ("printed",) if options.quick else ("printed", "fitted")
     with tempfile.TemporaryDirectory() as folder, Cores() as cores:

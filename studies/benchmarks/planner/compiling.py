@@ -1,6 +1,6 @@
-"""Peers' programs as C: one small function a stage, called in a loop, and the Hessian put together from stages' blocks.
+"""Peers' programs as C: one small function per stage, called in a loop, and the Hessian assembled from stages.
 
-That is seconds of compilation where all stages written out take minutes, and it is as fast.
+This compiles in seconds instead of minutes for all stages written out, and runs as fast.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def _gathered(x: Any, run: Run) -> Any:
 
 
 def blockwise(program: Program, like: Any) -> Any:
-    """Return the Lagrangian's Hessian put together from stages' blocks, a function with the names of ``like``."""
+    """Return the Lagrangian's Hessian assembled from stages' blocks, a function with the names of ``like``."""
     x, p, factor, multipliers = (casadi.MX.sym(f"v{i}", *like.size_in(i)) for i in range(4))
     # a multiplier of a row that is a total belongs to every stage
     shared = casadi.vertcat(factor, *casadi.vertsplit(multipliers)[program.rows("lower").size - program.totals + 1 :])
@@ -70,7 +70,7 @@ def blockwise(program: Program, like: Any) -> Any:
 
 
 def compiled(question: Question, folder: Path) -> tuple[Question, float]:
-    """Return the question with its functions compiled into a library there, and the seconds that took."""
+    """Return the question with its functions compiled into a library in ``folder``, and the seconds for that."""
     assert COMPILER is not None
     started, program = time.perf_counter(), program_of(question)
     problem: dict[str, Any] = loop_stages(program)

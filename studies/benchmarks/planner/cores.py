@@ -1,4 +1,4 @@
-"""Both cores: what peers are asked goes to two processes, half to each."""
+"""Both cores: two processes solve the peers' questions, half each."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Cores:
             worker.shutdown()
 
     def built(self, question: Question, settings: Settings, starts: np.ndarray, masses: str = "printed") -> float:
-        """Have both build what the question takes, and try it on one start; return the seconds of that."""
+        """Build the question's solvers on both, and try one start; return the seconds."""
         begin = time.perf_counter()
         self._all(question, settings, masses, [starts[:1]] * CORES, [None] * CORES)
         return time.perf_counter() - begin
@@ -46,7 +46,7 @@ class Cores:
         starts: np.ndarray,
         caps: np.ndarray | None = None,
     ) -> list[Solved]:
-        """Return where starts lead, each core its half."""
+        """Return the solutions from starts, each core its half."""
         shares = [slice(w, None, CORES) for w in range(CORES)]
         parts = self._all(
             question,

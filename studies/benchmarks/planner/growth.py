@@ -1,4 +1,4 @@
-"""One solve over ever more samples: from the same start, to the same tolerance."""
+"""One solve over growing numbers of samples: from the same start, to the same tolerance."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from studies.reporting import Row, tell
 COUNTS = (51, 101, 201, 401)
 TABLE = "growth"
 RULES = InteriorPointOptions(tolerance=TOLERANCE)
-NEAR_LINEAR = 1.15  # exponent of the seconds that an iteration takes
+NEAR_LINEAR = 1.15  # exponent of the seconds per iteration
 
 
 def growth(problems: Sequence[str], *, seed: int, repeats: int, samples: Sequence[int] = COUNTS) -> list[Row]:
-    """Return seconds and iterations at all samples, and the exponents of their growth."""
+    """Return seconds and iterations at all sample counts, and the exponents of their growth."""
     return [row for name in problems for row in _one(name, seed=seed, repeats=repeats, samples=samples)]
 
 
@@ -43,7 +43,7 @@ def _one(name: str, *, seed: int, repeats: int, samples: Sequence[int]) -> list[
             both = [
                 minimise(program, one[None], np.ones((1, 1))).converged[0] and theirs.solve(one).solved for one in q
             ]
-            assert any(both), f"growth wants a start of {name} that leads both to an optimum"
+            assert any(both), f"{name} must have a start that leads both to an optimum"
             chosen = both.index(True)
         start = q[chosen]
         seconds_taken = []

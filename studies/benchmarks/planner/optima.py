@@ -1,4 +1,4 @@
-"""Where we and peers end: best optima, those of one basin, how many there are, and what the grid oracle knows."""
+"""Results of ours and peers: best optima, those of one basin, their number, and the grid oracle's bound."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from studies.benchmarks.planner.peers import LABELS, PUSHES, Question, Settings,
 from studies.benchmarks.planner.verdicts import LOSS, timed
 from studies.reporting import Row
 
-BELOW = 1e-7  # relative: by so much a peer's best may be below ours
+BELOW = 1e-7  # relative: largest amount by which a peer's best may be below ours
 AGREED = 1e-9  # relative: optima of one basin
 TIGHT: Settings = (("mu_init", 1e-8), ("tolerance", 1e-12), *((name, 1e-9) for name in PUSHES))
 COUNTED = "simulation_1"
@@ -28,7 +28,7 @@ COUNTED = "simulation_1"
 def optima(
     row: str, task: MotionTask, plan: Plan, solves: Mapping[Question, Sequence[Solved]], masses: str
 ) -> list[Row]:
-    """Return the best objectives, the optima of one basin side by side, and how many there are."""
+    """Return the best objectives, the optima of one basin side by side, and their number."""
     rows = []
     program, factors = motion_program(task, np.array([plan.best.objective])), np.ones((1, 1))
     for question, each in solves.items():
@@ -91,7 +91,7 @@ def optima(
 
 
 def oracle(row: str, task: MotionTask, plan: Plan) -> Row:
-    """Return our best beside the best that the grid oracle's ways lead to."""
+    """Return our best, and the best from the grid oracle's ways."""
     grid, seconds, _ = timed(lambda: grid_oracle(task))
     program = motion_program(task, np.array([plan.best.objective]))
     solutions = minimise(program, grid.q, np.ones((1, 1)), options=OPTIONS.cold[1])
@@ -114,7 +114,7 @@ def oracle(row: str, task: MotionTask, plan: Plan) -> Row:
 
 
 def distinct(task: MotionTask, solved: Sequence[Solved]) -> list[Solved]:
-    """Return one of every optimum, best first, told apart as ``plan`` does."""
+    """Return one of every optimum, best first, distinguished as ``plan`` does."""
     chosen: list[Solved] = []
     for one in sorted(solved, key=lambda s: s.value):
         if not chosen or joint_distance(task, one.q, np.stack([other.q for other in chosen])).min() > OPTIONS.distinct:

@@ -1,4 +1,4 @@
-"""CasADi's FATROP and IPOPT: what they are asked, and what they answer."""
+"""CasADi's FATROP and IPOPT: questions and answers."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ SAMPLES = 101
 LABELS = {"fatrop": "FATROP", "ipopt": "IPOPT"}
 TOLERANCE, CAP = 1e-8, 100  # of stationarity; iterations
 BEGINNINGS: tuple[Settings, ...] = tuple((("mu_init", mu),) for mu in (0.1, 0.01, 0.001))
-# what a warm start is pushed off its bounds by drives it elsewhere
+# a warm start that is pushed off its bounds goes elsewhere
 PUSHES = ("bound_push", "bound_frac")
-WIDENED = 1e-8  # by this, times their size where that is above one, FATROP relaxes bounds
+WIDENED = 1e-8  # FATROP relaxes bounds by this, times their size if above one
 
 
 @dataclass(frozen=True, kw_only=True)
 class Question:
-    """What is asked of whom: a problem of Tringali & Cocuzza at so many samples, ``library`` where it is compiled."""
+    """A question to a peer: a problem of Tringali & Cocuzza, its samples; ``library`` if it is compiled."""
 
     solver: str  # "fatrop" or "ipopt"
     problem: str
@@ -40,7 +40,7 @@ class Question:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Solved:
-    """Where a start led: joint angles (samples, 3), objective, whether the solver is content, what it took."""
+    """The result of a start: joint angles (samples, 3), objective, whether the solver converged, its cost."""
 
     q: np.ndarray
     value: float
@@ -50,7 +50,7 @@ class Solved:
     iterations: int
 
 
-@lru_cache(maxsize=64)  # it makes what a search needs, too
+@lru_cache(maxsize=64)  # this also makes what a search needs
 def tracking(name: str, masses: str = "printed", samples: int = SAMPLES) -> pk.Tracking:
     """Return a problem of Tringali & Cocuzza for either arm, at any number of samples."""
     task = getattr(tringali_2020, name)().task
@@ -64,7 +64,7 @@ def tracking(name: str, masses: str = "printed", samples: int = SAMPLES) -> pk.T
 
 @lru_cache(maxsize=64)
 def task_of(name: str, masses: str, samples: int) -> MotionTask:
-    """Return the task of a problem, thinned out where it has fewer samples than it comes with."""
+    """Return the task of a problem, thinned out if fewer samples are asked for than it has."""
     if samples < SAMPLES:
         return tracking(name, masses).task.subsample(samples)
     return tracking(name, masses, samples).task
@@ -99,7 +99,7 @@ class Peer:
         """Return x of joint angles."""
         x = self.program.packed(q, self.dt)
         if self.sums is not None:
-            # with sums of nought, what their gaps lack is a stage's share; they come fourth after q and the velocity
+            # with sums of zero, their gaps lack a stage's share; they come fourth after q and the velocity
             rows = np.asarray(self.sums(x, inertia(masses))[1]).ravel()
             width = [run.lower.shape[0] for run in self.program.runs for _ in range(run.count)]
             begins = np.cumsum([0, *width])[: len(self.program.sum_at)]
@@ -107,7 +107,7 @@ class Peer:
         return x
 
     def solve(self, q: np.ndarray, masses: str = "printed", cap: float = np.inf) -> Solved:
-        """Return where joint angles (samples, 3) lead."""
+        """Return the solution from joint angles (samples, 3)."""
         x0, program = casadi.DM(self.start(q, masses)), self.program
         upper, upper_rows = self.x_sides[1].copy(), self.row_sides[1].copy()
         if program.capped and len(program.sum_at):
@@ -134,7 +134,7 @@ class Peer:
 
 
 def narrow(lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return bounds that FATROP makes wider again, which CasADi cannot have it leave."""
+    """Return narrower bounds: FATROP widens them again, which CasADi cannot turn off."""
     free = lower < upper
     moved = []
     for side, way in ((lower, 1.0), (upper, -1.0)):
@@ -164,7 +164,7 @@ def program_of(question: Question) -> Program:
 
 
 def written_out(program: Program) -> dict[str, Any]:
-    """Return the program with every stage written out, as CasADi itself evaluates it fastest."""
+    """Return the program with every stage written out, which CasADi itself evaluates fastest."""
     x, p = casadi.SX.sym("x", len(program.lower)), casadi.SX.sym("p", INERTIA)
     totals: Any = casadi.SX.zeros(program.totals)
     rows: list[Any] = []
@@ -183,13 +183,13 @@ def signature(problem: dict[str, Any]) -> tuple[list[Any], list[Any]]:
 
 @lru_cache(maxsize=64)
 def peer(question: Question, settings: Settings = ()) -> Peer:
-    """Return a peer, built once a process."""
+    """Return a peer, built once per process."""
     return Peer(question, settings)
 
 
 def solved(
     question: Question, settings: Settings, masses: str, starts: np.ndarray, caps: np.ndarray | None = None
 ) -> list[Solved]:
-    """Return where starts (any, samples, 3) lead."""
+    """Return the solutions from starts (any, samples, 3)."""
     asked, caps = peer(question, settings), np.full(len(starts), np.inf) if caps is None else caps
     return [asked.solve(q, masses, float(cap)) for q, cap in zip(starts, caps, strict=True)]

@@ -1,9 +1,9 @@
-"""A motion's nonlinear program as the peers like it best: lean closed-form dynamics, one small function a stage.
+"""A motion's nonlinear program in the peers' best form: lean closed-form dynamics, one small function per stage.
 
-The moment of inertia in absolute link angles is A_ij cos(φ_i - φ_j) with φ_i - φ_j made of the last two joint angles
-alone, so that three sines and three cosines a sample do. FATROP gets optimal control: state q (and the velocity before
-where torques count, the first q on a cycle, what is capped so far), control the velocity ahead. IPOPT gets q alone.
-Nothing is shared with paretoik but the task's numbers.
+The moment of inertia in absolute link angles is A_ij cos(φ_i - φ_j), and φ_i - φ_j depends on the last two joint angles
+only, so that three sines and three cosines per sample are enough. FATROP gets optimal control. Its state is q (and the
+velocity before if torques count, the first q on a cycle, the capped sum so far), its control the velocity ahead. IPOPT
+gets q only. Nothing is shared with paretoik except the task's numbers.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from studies.benchmarks.reference_program import FITTED, INERTIAS, LENGTHS, PRIN
 
 MASSES = {"printed": PRINTED, "fitted": FITTED}
 ENERGY, TORQUE = "kinetic_energy", "torque_norm"
-Level: TypeAlias = list[tuple[Any, np.ndarray]]  # rows and what they equal, (rows or one, stages or one)
+Level: TypeAlias = list[tuple[Any, np.ndarray]]  # rows and their values, (rows or one, stages or one)
 INERTIA = 6  # parameters: A_00, A_11, A_22, A_01, A_02, A_12
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Run:
-    """Equal stages in a row: a function (z, p) -> (totals, rows), where in x each one's z is, and its rows' bounds."""
+    """Equal stages in a row: a function (z, p) -> (totals, rows), the places of each z in x, and its rows' bounds."""
 
     stage: Any
     places: np.ndarray  # (size of z, stages)
@@ -43,9 +43,9 @@ class Run:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Program:
-    """Runs over x: the first total is minimised, a second one is the last row; ``*_at`` (samples, ...) lead into x.
+    """Runs over x: the first total is minimised, a second one is the last row; ``*_at`` (samples, ...) are places in x.
 
-    ``sum_at`` is where x holds what a capped total has come to, if x does.
+    ``sum_at`` is the place of the capped sum in x, if there is one.
     """
 
     runs: tuple[Run, ...]
@@ -60,7 +60,7 @@ class Program:
 
     @property
     def totals(self) -> int:
-        """One, or two where the last row is a total."""
+        """One, or two if the last row is a total."""
         return 1 + int(self.capped and not len(self.sum_at))
 
     def rows(self, side: str) -> np.ndarray:
@@ -69,7 +69,7 @@ class Program:
         return np.concatenate([*(getattr(run, side).T.ravel() for run in self.runs), free])
 
     def packed(self, q: np.ndarray, dt: float) -> np.ndarray:
-        """Return x of joint angles (samples, 3); what is capped is left at nought."""
+        """Return x of joint angles (samples, 3); capped sums are zero."""
         x, rates = np.zeros(len(self.lower)), np.diff(q, axis=0) / dt
         x[self.joints_at] = q[: len(self.joints_at)]
         x[self.velocities_at] = rates[: len(self.velocities_at)]
@@ -86,7 +86,7 @@ def inertia(masses: str) -> np.ndarray:
 
 
 def tool(q: Any) -> Any:
-    """Return the tool's place."""
+    """Return the tool's position."""
     phi = casadi.cumsum(q)
     return vertcat(dot(LENGTHS, cos(phi)), dot(LENGTHS, sin(phi)))
 
@@ -111,7 +111,7 @@ def torques(q: Any, v: Any, a: Any, p: Any) -> Any:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PosedTask:
-    """A task, what is minimised over it, and what is capped, if anything."""
+    """A task, its objective, and the capped quantity, if any."""
 
     task: MotionTask
     main: str
@@ -129,19 +129,19 @@ class PosedTask:
 
     @property
     def rated(self) -> bool:
-        """Whether torques count, and so accelerations."""
+        """Whether torques, and so accelerations, count."""
         rated = TORQUE in (self.main, self.capped) or not {"torque", "power"}.isdisjoint(self.task.bounds)
         assert not (rated and self.task.cyclic), "a cycle has energies only"
         return rated
 
     def stage(self, q: Any, v: Any, before: Any, p: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Return what a sample adds to both objectives, and what may be limited there."""
+        """Return a sample's shares of both objectives, and the quantities that may be limited."""
         tau = torques(q, v, (v - before) / self.dt, p) if self.rated else SX.zeros(3)
         adds = {ENERGY: self.dt * kinetic_energy(q, v, p), TORQUE: self.dt * sumsqr(tau)}
         return adds, {"velocity": v, "torque": tau, "power": tau * v}
 
     def run(self, z: Any, p: Any, totals: Any, level: Level, limited: Mapping[str, Any], places: np.ndarray) -> Run:
-        """Return stages at ``places`` whose rows are equalities, then what is limited."""
+        """Return stages at ``places`` whose rows are equalities, then limited quantities."""
         kinds = [kind for kind in limited if kind in self.task.bounds]
         limits, count = [self.task.bounds[kind][0].T[:, :, None] for kind in kinds], places.shape[1]
         what = [row for row, _ in level]
@@ -154,7 +154,7 @@ class PosedTask:
 
 
 def optimal_control(task: MotionTask, main: str, capped: str = "") -> Program:
-    """Return the program as FATROP wants it: every stage's gap to the next, its task, its limits."""
+    """Return the program in FATROP's form: every stage's gap to the next, its task, its limits."""
     posed = PosedTask(task=task, main=main, capped=capped)
     samples, rated = posed.samples, posed.rated
     state = {"q": 3, "before": 3 * rated, "first": 3 * task.cyclic, "sum": int(bool(capped))}
@@ -214,10 +214,10 @@ def _control_stages(posed: PosedTask, state: Mapping[str, int], at: list[dict[st
 
 
 def over_joints(task: MotionTask, main: str, capped: str = "") -> Program:
-    """Return the program as IPOPT wants it: joint angles alone, on a cycle without the last ones."""
+    """Return the program in IPOPT's form: joint angles only, on a cycle without the last ones."""
     posed = PosedTask(task=task, main=main, capped=capped)
     rated, unknown = posed.rated, posed.samples - task.cyclic
-    # how many samples before one count: none for the first, one after a rest, two where accelerations do
+    # number of samples before one that it needs: none for the first, one after a rest, two if accelerations count
     reaches = [(range(1), 0), (range(1, 1 + rated), 1), (range(1 + rated, unknown), 1 + rated)]
     reaches.append((range(unknown, posed.samples), 1))
     position = task.bounds["position"][0] if "position" in task.bounds else np.full((3, 2), [-np.inf, np.inf])
@@ -236,7 +236,7 @@ def over_joints(task: MotionTask, main: str, capped: str = "") -> Program:
 
 
 def _looking_back(posed: PosedTask, of: range, reach: int, unknown: int) -> Run:
-    """Return samples that depend on as many before them as they reach back to."""
+    """Return samples that depend on the given number of samples before them."""
     q, p = [SX.sym(f"q{i}", 3) for i in range(reach + 1)], SX.sym("p", INERTIA)
     adds: dict[str, Any] = {ENERGY: SX(0), TORQUE: SX(0)}
     limited = dict[str, Any]()

@@ -1,4 +1,4 @@
-"""Simulations 1 to 5, an arm at a time: the optima of all, and what they take."""
+"""Simulations 1 to 5, one arm at a time: the optima of all methods, and their cost."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ SUMMED = "sum of the five"
 
 @dataclass(frozen=True, kw_only=True)
 class Effort:
-    """How much is run: starts, repeats that medians are of, and the seed of the starts."""
+    """How much is run: starts, repeats for medians, and the seed of the starts."""
 
     starts: int = 48
     repeats: int = 3
@@ -54,7 +54,7 @@ class Effort:
 
 @dataclass(frozen=True, kw_only=True)
 class PeerForm:
-    """A form of a peer: its name, its questions at all samples and at coarse ones, what a cold start begins with."""
+    """A form of a peer: its name, its questions at all samples and at coarse ones, settings of a cold start."""
 
     name: str
     label: str
@@ -66,7 +66,7 @@ class PeerForm:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SimulationResult:
-    """What became of one simulation: rows, our time to the best optimum and that of every form."""
+    """Results of one simulation: rows, our time to the best optimum and that of every form."""
 
     rows: list[Row]
     ours: float
@@ -95,9 +95,9 @@ def forms(cores: Cores, name: str, effort: Effort, folder: Path) -> list[PeerFor
 
 
 def serving(tries: Mapping[Settings, Sequence[Solved]]) -> Settings:
-    """Return the settings of least expected time to the best optimum, with the cap on iterations that serves it most.
+    """Return the settings of least expected time to the best optimum, with the iteration cap that serves it most.
 
-    What a lower cap would save is told from the iterations: a fifth more than any hit took is left.
+    The savings by a lower cap follow from the iterations: a fifth more than any hit took is left.
     """
     best = min((one.value for each in tries.values() for one in each if one.solved), default=np.inf)
     costs = {}
@@ -153,7 +153,7 @@ def compare_simulation(
 
 
 def quickest(peers: Sequence[PeerForm]) -> list[PeerForm]:
-    """Return the last form of every peer: compiled, where there is a compiler."""
+    """Return the last form of every peer: compiled, if there is a compiler."""
     return list({one.label: one for one in peers}.values())
 
 
@@ -186,7 +186,7 @@ def _hits(solves: Sequence[Solved], best: float) -> int:
 
 
 def expected_time(solves: Sequence[Solved], best: float) -> float:
-    """Return the seconds that independent starts on all cores are expected to take to the best optimum."""
+    """Return the expected seconds of independent starts on all cores to the best optimum."""
     hits = _hits(solves, best)
     return sum(one.seconds for one in solves) / CORES / hits if hits else np.inf
 
@@ -194,7 +194,7 @@ def expected_time(solves: Sequence[Solved], best: float) -> float:
 def _coarse(
     cores: Cores, row: str, task: MotionTask, q: np.ndarray, peers: Sequence[PeerForm], masses: str, repeats: int
 ) -> list[Row]:
-    """Return what all starts take at coarse samples."""
+    """Return the seconds of all starts at coarse samples."""
     program, factors = motion_program(task.subsample(COARSE), objective_scales(task, q)), np.ones((1, 1))
     rules = [OPTIONS.cold[i % len(OPTIONS.cold)] for i in range(len(q))]
     taken, solves = list[float](), {one.name: list[list[Solved]]() for one in peers}
@@ -214,7 +214,7 @@ def _coarse(
 
 
 def _warm(row: str, task: MotionTask, plan: Plan, peers: Sequence[PeerForm], masses: str) -> list[Row]:
-    """Return what one solve takes from the best motion of half the samples."""
+    """Return the seconds of one solve from the best motion at half the samples."""
     best = plan.best
     rough = np.asarray(task.subsample((len(task.times) + 1) // 2).motion(best.motion.q[::2]).at(task.times))
     program, factors = motion_program(task, np.array([best.objective])), np.ones((1, 1))

@@ -1,8 +1,8 @@
-"""The certified energy-torque front beside sweeps of ε-constraints by the peers, of no less hypervolume.
+"""The certified energy-torque front against the peers' sweeps of ε-constraints with no less hypervolume.
 
-A sweep finds both ends by coarse starts that are carried on to all samples, as ours does, then goes down and up evenly
-spaced ceilings on the torque norm, each from its neighbour's motions (warm) and, where that is not enough, from the
-single objectives' optima (cold). Sweeps grow until one dominates as much as ours; its own time alone counts.
+A sweep finds both ends by coarse starts that are refined to all samples, as ours does. Then it goes down and up evenly
+spaced ceilings on the torque norm, each from its neighbour's motions (warm) and, if that is not enough, from the single
+objectives' optima (cold). Sweeps grow until one has as much hypervolume as ours; only its own time counts.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ GROWING = (1.0, 1.15, 1.35, 1.6, 1.9, 2.3)  # levels, as a multiple of our point
 
 @dataclass(frozen=True, kw_only=True)
 class Tenacity:
-    """How much a sweep does at a level: neighbour's motions followed, optima of single objectives tried, ways swept."""
+    """A sweep's work at a level: neighbour's motions followed, optima of single objectives tried, ways swept."""
 
     followed: int
     pool: int
@@ -54,7 +54,7 @@ LEAN, THOROUGH, ALL = (
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Swept:
-    """A sweep's front (points, 2), its hypervolume, its seconds on all cores and the processors', what it did."""
+    """A sweep's front (points, 2), its hypervolume, its seconds on all cores and the processors', its counts."""
 
     F: np.ndarray
     volume: float
@@ -76,7 +76,7 @@ class Ours:
 
 @dataclass(frozen=True, kw_only=True)
 class Questions:
-    """What a sweep asks: each objective alone at coarse samples and at all, and energy under a ceiling on torque."""
+    """A sweep's questions: each objective alone at coarse samples and at all, and energy below a torque ceiling."""
 
     coarse: tuple[Question, Question]
     fine: tuple[Question, Question]
@@ -100,7 +100,7 @@ def libraries(cores: Cores, plain: Questions, folder: Path) -> Questions:
 
 
 def sweeps(cores: Cores, folder: Path, effort: Effort, *, quick: bool) -> list[Row]:
-    """Return the rows of the front: first how much of a sweep each peer needs, then ours and theirs in turn."""
+    """Return the rows of the front: first how much of a sweep each peer needs, then ours and theirs alternating."""
     points = QUICK_POINTS if quick else POINTS
     problem = tracking(PROBLEM)
     starts = initial_motions(problem.task, starts=effort.starts, seed=effort.seed)
@@ -134,7 +134,7 @@ def _ours(problem: pk.Tracking, points: int, effort: Effort) -> Ours:
 
 
 def _quickest_sweep(tries: Sequence[Swept], volume: float) -> Swept:
-    """Return the quickest sweep that dominates enough, or the one that dominates most."""
+    """Return the quickest sweep with enough hypervolume, or the one with most."""
     enough = [one for one in tries if one.volume >= volume * ENOUGH]
     return min(enough, key=lambda one: one.seconds) if enough else max(tries, key=lambda one: one.volume)
 
@@ -178,7 +178,7 @@ def _rows(form: str, ours: Sequence[Ours], theirs: Sequence[Swept]) -> list[Row]
 def _grow_sweeps(
     cores: Cores, programs: Questions, task: MotionTask, starts: np.ndarray, points: int, volume: float
 ) -> list[Swept]:
-    """Return sweeps of every tenacity, of ever more levels until they dominate as much as ours."""
+    """Return sweeps of every tenacity, with more and more levels until they have as much hypervolume as ours."""
     ends = _ends(cores, programs, task, starts)
     tries = []
     for tenacity in (LEAN, THOROUGH, ALL):
@@ -189,14 +189,14 @@ def _grow_sweeps(
             if len(tries) > 1 and tries[-1].tenacity == tries[-2].tenacity:
                 gained = tries[-1].volume - tries[-2].volume
                 if gained < 0.2 * (volume - tries[-1].volume):
-                    break  # more levels are not what it lacks
+                    break  # more levels would not help
     return tries
 
 
 def _ends(
     cores: Cores, programs: Questions, task: MotionTask, starts: np.ndarray
 ) -> tuple[list[list[Solved]], list[Solved]]:
-    """Return the distinct optima of each objective, best first, and all solves that they took."""
+    """Return the distinct optima of each objective, best first, and the number of solves."""
     found, work = [], list[Solved]()
     level = task.subsample(COARSE)
     for coarse, fine in zip(programs.coarse, programs.fine, strict=True):

@@ -1,4 +1,4 @@
-"""Ours beside a peer's: ratios, goals, and what is lost before what is won."""
+"""Ours compared with a peer's: ratios and goals, losses first."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def losses_first(rows: Sequence[Row]) -> list[Row]:
 
 
 def timed(work: Callable[[], Any]) -> tuple[Any, float, float]:
-    """Return what work returns, its seconds, and the processor's, of all threads."""
+    """Return the result of work, its seconds, and the processor's, of all threads."""
     started, cpu = time.perf_counter(), time.process_time()
     result = work()
     return result, time.perf_counter() - started, time.process_time() - cpu

@@ -1,1 +1,1 @@
-"""Our refinement beside other solvers on the same programs."""
+"""Our refinement against other solvers on the same programs."""

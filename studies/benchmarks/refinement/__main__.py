@@ -1,23 +1,23 @@
-"""Our solvers beside others on the same programs, from the same starts; losses first.
+"""Our solvers against others on the same programs, from the same starts; losses first.
 
     python -m studies.benchmarks.refinement [--quick] [--counts] [--time-left] [--cases NAME ...] [--json FILE]
 
 A 3R arm and the Panda on their paths, 26 samples, with a smooth objective and with one that has kinks, and sliders from
-point to point, 9 samples. Ours are the interior-point method, which smooths kinks, and SQP whose convex subproblem is
-stated in cvxpy: canonicalised once and run by Clarabel, or solved by cvxpy itself at every step (which for sliders, a
-dense program, takes minutes a start and is left out). SciPy's SLSQP and trust-constr get exact derivatives,
-trust-constr second ones too; IPOPT and FATROP get compiled code where there is a compiler. Absolute values are slack
-variables for all of them. Peers' unknowns are joint positions, FATROP's postures and rates in stages (it cannot state
-splines of sliders); there SciPy and IPOPT have our unknowns, functions and sparse derivatives, called from Python. What
-was found is judged by our exact functions: it counts where no limit and no equation is violated by more than 1e-6, and
-its solver says that it is done.
+point to point, 9 samples. Ours are the interior-point method, which smooths kinks, and SQP with a convex subproblem in
+cvxpy: canonicalised once and run by Clarabel, or solved by cvxpy itself at every step (left out for sliders, a dense
+program, where it takes minutes per start). SciPy's SLSQP and trust-constr get exact derivatives, trust-constr second
+ones too; IPOPT and FATROP get compiled code if there is a compiler. Absolute values are slack variables for all of
+them. Peers' unknowns are joint positions, FATROP's postures and rates in stages (it cannot state splines of sliders).
+For sliders SciPy and IPOPT have our unknowns, functions and sparse derivatives, called from Python. Our exact functions
+judge the results: a result counts if no limit and no equation is violated by more than 1e-6, and its solver reports
+success.
 
-Seconds are of the processor, those of all starts for each that counts: failures are paid for. Building programs,
-compiling, and a first call are not counted. A peer's row is a loss where it takes less than what "auto" takes, or finds
-better by 1e-6 of the objective.
+Seconds are of the processor, those of all starts divided by the number that counts: failures cost too. Building
+programs, compiling, and a first call are not counted. A peer's row is a loss if it takes less time than "auto", or
+finds a value better by 1e-6 of the objective.
 
-``--counts`` prints instead how often the default verbs canonicalise and run Clarabel, and the share of their time,
-``--time-left`` how often the time left that verbs state is right within a factor of 2.
+``--counts`` prints instead how often the default verbs canonicalise and run Clarabel, and the share of their time;
+``--time-left`` prints how often the time left that verbs state is right within a factor of 2.
 """
 
 from __future__ import annotations
@@ -37,12 +37,12 @@ from studies.reporting import Row, report, study_parser, tell
 
 VIOLATION = 1e-6
 BETTER = 1e-6  # share of the objective
-SECONDS, QUICK_SECONDS = 30.0, 10.0  # of SciPy's, a start
+SECONDS, QUICK_SECONDS = 30.0, 10.0  # of SciPy's solvers, per start
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Ends:
-    """Objectives (starts,), NaN where a start counts as failed, and seconds (starts,) of the processor."""
+    """Objectives (starts,), NaN for failed starts, and processor seconds (starts,)."""
 
     objectives: np.ndarray
     seconds: np.ndarray
@@ -54,17 +54,17 @@ class Ends:
 
     @property
     def best(self) -> float:
-        """The least objective; inf where no start counts."""
+        """The least objective; inf if no start counts."""
         return float(np.min(self.objectives, where=np.isfinite(self.objectives), initial=np.inf))
 
     @property
     def each(self) -> float:
-        """Seconds of all starts for each that counts."""
+        """Seconds of all starts, divided by the number that counts."""
         return float(self.seconds.sum() / self.count) if self.count else np.inf
 
 
 def solve_all(solve: Solve, starts: np.ndarray) -> Ends:
-    """Return where all starts lead, after a first call that is not counted."""
+    """Return the results of all starts, after a first call that is not counted."""
     solve(starts[0])
     objectives, seconds = np.full(len(starts), np.nan), np.zeros(len(starts))
     for i, start in enumerate(starts):
@@ -75,7 +75,7 @@ def solve_all(solve: Solve, starts: np.ndarray) -> Ends:
 
 
 def tabulate(name: str, default: str, ends: dict[str, Ends]) -> list[Row]:
-    """Return a row for each solver of a case, what "auto" takes first."""
+    """Return one row per solver of a case, that of "auto" first."""
     ours, rows = ends[default], list[Row]()
     for solver, end in ends.items():
         quicker = end.each < ours.each
@@ -115,7 +115,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--cases", nargs="+", choices=names, metavar="NAME", help="only these")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--counts", action="store_true", help="canonicalisations and Clarabel solves of default verbs")
-    parser.add_argument("--time-left", action="store_true", help="stated time left beside the true one")
+    parser.add_argument("--time-left", action="store_true", help="stated time left against the true one")
     options = parser.parse_args(arguments)
     if options.counts:
         report(count_rows(), json_file=options.json)

@@ -1,4 +1,4 @@
-"""The programs, their starts, and everybody who solves them."""
+"""The programs, their starts, and all solvers."""
 
 from __future__ import annotations
 
@@ -35,10 +35,9 @@ METHODS: tuple[Method, ...] = ("SLSQP", "trust-constr")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Contest:
-    """A program's points to start from (starts, ...), and who solves it by name; ``default`` is what "auto" takes.
+    """A program's start points (starts, ...), and its solvers by name; ``default`` is the one that "auto" takes.
 
-    A solver returns the objective and the largest violation of where a point leads, None where it says itself that it
-    failed.
+    A solver returns the objective and the largest violation of its result, None if it reports failure.
     """
 
     starts: np.ndarray
@@ -48,7 +47,7 @@ class Contest:
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
-    """A contest by name; ``starts`` says how many a full run has."""
+    """A contest by name; ``starts`` is the number of a full run."""
 
     name: str
     make: Callable[[int, int, float, Path], Contest]
@@ -56,7 +55,7 @@ class Case:
 
 
 def judge_all(moves: dict[str, Move], judge: Judge) -> dict[str, Solve]:
-    """Return solvers whose ends are judged."""
+    """Return solvers whose results are judged."""
 
     def by(move: Move) -> Solve:
         def solve(x: np.ndarray) -> tuple[float, float] | None:
@@ -69,7 +68,7 @@ def judge_all(moves: dict[str, Move], judge: Judge) -> dict[str, Solve]:
 
 
 def our_solvers(program: Program, weights: np.ndarray) -> dict[str, Move]:
-    """Return our solvers that a program can be solved by."""
+    """Return those of our solvers that suit a program."""
 
     def by(solver: Solver) -> Move:
         def solve(x: np.ndarray) -> np.ndarray | None:
@@ -87,7 +86,7 @@ def our_solvers(program: Program, weights: np.ndarray) -> dict[str, Move]:
 
 
 def scipy_solvers(nlp: Nlp, to: Callable[[np.ndarray], np.ndarray], back: Move, seconds: float) -> dict[str, Move]:
-    """Return SciPy's solvers, each for at most so many seconds a start."""
+    """Return SciPy's solvers, each with a limit of seconds per start."""
 
     def by(method: Method) -> Move:
         def solve(x: np.ndarray) -> np.ndarray | None:
@@ -108,7 +107,7 @@ def motions(
     seconds: float,
     folder: Path,
 ) -> Contest:
-    """Return the contest of a problem's task with one objective, at so many samples."""
+    """Return the contest of a problem's task with one objective, at a number of samples."""
     task = replace(make().task.resample(samples), objectives=(objective,))
     starts = sample_starts(task, count, np.random.default_rng(seed))
     scale = float(np.median(objective(task.motion(starts))))
@@ -138,7 +137,7 @@ def judge_motion(task: MotionTask, q: np.ndarray) -> tuple[float, float]:
 
 
 def sliders(count: int, seed: int, seconds: float, folder: Path) -> Contest:
-    """Return time and energy, a second as much as a joule, of sliders from point to point."""
+    """Return time plus energy, a second counting as a joule, of sliders from point to point."""
     ends, weights = (kim_2021.START, kim_2021.TARGET), np.ones(2)
     problem = pk.PointToPoint(pk.arms.kim_3r(), pk.capability.kim_sliders(), *ends, samples=SLIDER_SAMPLES)
     points = problem.points(problem.sample_starts(4 * count, np.random.default_rng(seed)))

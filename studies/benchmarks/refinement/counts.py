@@ -1,10 +1,10 @@
-"""What default verbs do and say on their way: conic programs and their share of the time, and the time left.
+"""Counts of default verbs: conic programs and their share of the time, and the stated time left.
 
-The first row of the first is a process's first plan, which imports cvxpy too. Seconds are of the processor.
+The first row is a process's first plan, which imports cvxpy too. Seconds are of the processor.
 
-The time left that an observer is told is compared with the time that the verb then takes, compilation not counted. A
-statement is right within a factor of 2, or if both are less than half a second. Counted are statements in the last 80 %
-of a run. A search and a plan state none.
+The time left that an observer is told is compared with the time that the verb then takes, without compilation. A
+statement is right within a factor of 2, or if both are less than half a second. Only statements in the last 80 % of a
+run count. A search and a plan state none.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Count:
     seconds: float = 0.0
 
     def wrap(self, function: Callable[..., Any]) -> Callable[..., Any]:
-        """Return the function, whose calls are counted."""
+        """Return the function with its calls counted."""
 
         def counted(*arguments: Any, **settings: Any) -> Any:
             self.calls += 1
@@ -63,7 +63,7 @@ def counting() -> Iterator[tuple[Count, Count, Count]]:
 
 
 def verbs(problem: pk.Tracking, one: pk.Tracking) -> dict[str, Work]:
-    """Return default verbs by name: of a problem, and of one with a single objective."""
+    """Return default verbs by name: for a problem, and for one with a single objective."""
     search: dict[str, Any] = {"population": POPULATION, "generations": GENERATIONS}
     searched = pk.solve(problem, **search, seed=0)
     return {
@@ -79,7 +79,7 @@ BEGINNING, FACTOR, SHORT = 0.2, 2.0, 0.5  # share of a run that is not judged; o
 
 
 def timed_runs() -> dict[str, Callable[[Observer], Any]]:
-    """Return runs of every kind by name, which show their observer how far they are."""
+    """Return runs of every kind by name, which report their progress to their observer."""
     planar, hand = tringali_2020.energy_torque().task, panda.across_the_table().task
     goals = [pk.kinetic_energy, pk.torque_norm]
     search: dict[str, Any] = {"population": POPULATION, "generations": GENERATIONS, "seed": 1, "refine": True}
@@ -135,7 +135,7 @@ def _time_left_row(name: str, work: Callable[[Observer], Any]) -> Row:
 
 
 def count_rows() -> list[Row]:
-    """Return what verbs of a 3R arm and of the Panda took."""
+    """Return the counts and times of verbs for a 3R arm and the Panda."""
     across = panda.across_the_table()
     problems = {
         "3R, 101 samples": (tringali_2020.energy_torque(), tringali_2020.simulation_4()),

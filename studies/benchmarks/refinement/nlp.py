@@ -1,4 +1,4 @@
-"""A nonlinear program by its functions, as SciPy takes it, of a motion (CasADi's derivatives) or a dense program."""
+"""A nonlinear program by its functions, in SciPy's form: of a motion (CasADi's derivatives) or a dense program."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from paretoik.task.motion_task import MotionTask
 from studies.benchmarks.fronts.programs import state_program
 
 Vector = Float[np.ndarray, " numbers"]
-Output = tuple[casadi.Sparsity, Callable[..., Any]]  # the pattern, and what computes the entries
+Output = tuple[casadi.Sparsity, Callable[..., Any]]  # the pattern, and a function for the entries
 Method = Literal["SLSQP", "trust-constr"]
 ITERATIONS: dict[Method, int] = {"SLSQP": 300, "trust-constr": 1000}
-TOLERANCE = 1e-8  # of stationarity, as IPOPT has it
+TOLERANCE = 1e-8  # of stationarity, IPOPT's default
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Nlp:
-    """Minimise f(x) where ``lower`` ≤ g(x) ≤ ``upper`` and x is within ``bounds`` (2, unknowns).
+    """Minimise f(x) subject to ``lower`` ≤ g(x) ≤ ``upper``, with x within ``bounds`` (2, unknowns).
 
-    ``hessian`` is of f + multipliers · g; f is linear where IPOPT solves it.
+    ``hessian`` is of f + multipliers · g; f is linear if IPOPT solves it.
     """
 
     value: Callable[[Vector], float]
@@ -92,7 +92,7 @@ def dense_nlp(program: DenseProgram, weights: Vector) -> Nlp:
 
 
 class _Callback(casadi.Callback):
-    """NumPy functions as one of CasADi's, from dense vectors to dense matrices."""
+    """NumPy functions as a function of CasADi, from dense vectors to dense matrices."""
 
     def __init__(self, name: str, inputs: dict[str, int], outputs: dict[str, Output]) -> None:
         casadi.Callback.__init__(self)
@@ -123,7 +123,7 @@ class _Callback(casadi.Callback):
 
 
 def _sparse(matrix: Callable[..., Any], samples: Sequence[tuple[Vector, ...]], *, upper: bool = False) -> Output:
-    """Return a matrix with the pattern that it has at samples of its arguments."""
+    """Return a matrix with the sparsity pattern at samples of its arguments."""
     nonzero = np.any([matrix(*arguments).toarray() != 0 for arguments in samples], axis=0)
     row, column = np.nonzero(np.triu(nonzero) if upper else nonzero)
     rows, columns = nonzero.shape
@@ -133,7 +133,7 @@ def _sparse(matrix: Callable[..., Any], samples: Sequence[tuple[Vector, ...]], *
 
 
 def ipopt_solver(nlp: Nlp, x: Vector) -> Callable[[Vector], Vector | None]:
-    """Return what IPOPT leads a point to, None where it is not content; derivatives are the program's.
+    """Return IPOPT's result from a point, None if it does not converge; derivatives are the program's.
 
     Their patterns are those near a point ``x``.
     """
@@ -175,7 +175,7 @@ def ipopt_solver(nlp: Nlp, x: Vector) -> Callable[[Vector], Vector | None]:
 
 
 def solve_with_scipy(nlp: Nlp, x: Vector, method: Method, seconds: float) -> Vector | None:
-    """Return where a method of SciPy ends, None where it says itself that it failed or takes longer than that."""
+    """Return the result of a method of SciPy, None if it reports failure or takes longer than the limit."""
     end = time.process_time() + seconds
 
     def stop(*_: Any) -> None:

@@ -1,16 +1,16 @@
-"""Runs killed and gone on with, journals cut and damaged, full disks: what is lost of them; faults verified.
+"""Runs killed and resumed, journals cut and damaged, full disks: their losses; faults verified.
 
     python -m studies.benchmarks.reliability [--quick] [--kills N] [--runs NAME ...] [--parts PART ...]
 
-Runs of the command line (a search, one with refinement, a plan, an ε-front, a refinement, a closed loop; but for plan
-and loop also with two worker processes and on a Dask cluster of two) are killed by SIGKILL, as often in every phase
-(ask, evaluate, refine, what is between; write, rename and have on the disk), each phase shared out among the runs that
-have it and spread over all of it; every third is killed again as it goes on. What they come to is compared with a run
-that nobody killed, bit for bit, and so is every entry that a resumed run takes from its journal or adds to it; every
-second has a bit flipped in its journal first. What was computed since the last entry is the work that a kill loses.
-Then a real journal is cut at every byte of its end and has a bit flipped in every field of every frame; and a search is
-run on disks from 4 kB to what it fills up in its course. The verifier is given good runs of every kind, and copies of
-them with a fault each. Last come faults of users' own code, names and folders.
+Runs of the command line (a search, one with refinement, a plan, an ε-front, a refinement, a closed loop; except plan
+and loop also with two worker processes and on a Dask cluster of two) are killed by SIGKILL, equally often in every
+phase (ask, evaluate, refine, the rest; write, rename and fsync). The kills of a phase are shared among the runs that
+have it and spread over all of it; every third run is killed again when it resumes. Its result is compared bit for bit
+with that of a run that was never killed, and so is every entry that a resumed run takes from its journal or adds to it.
+Every second journal has a bit flipped first. A kill loses the work since the last entry. Then a real journal is cut at
+every byte of its end and has a bit flipped in every field of every frame, and a search runs on disks from 4 kB to a
+size that it fills up on its way. The verifier checks good runs of every kind, and copies of them with one fault each.
+Last come faults of users' own code, names and folders.
 """
 
 from __future__ import annotations
@@ -54,11 +54,11 @@ from studies.reporting import Row, report, save_rows, study_parser, tell
 
 @dataclass(frozen=True, kw_only=True)
 class ReliabilityOptions:
-    """How many ``kills`` there are, ``quick`` ones, every so many ``twice``, ``damaged`` ones; bytes of ``cuts``.
+    """Number of ``kills``, of ``quick`` ones, interval of ``twice`` and ``damaged`` ones; bytes of ``cuts``.
 
-    So many ``disks`` are too small, ``quick_disks`` with --quick; one of ``large`` bytes is not. The journal that is
-    cut is that of a search of so many ``generations``, stopped after so many ``seconds``. A phase
-    that takes less than so many seconds (``short``) is not met.
+    ``disks`` are too small, ``quick_disks`` with --quick; one of ``large`` bytes is not. The journal that is cut is
+    that of a search of ``generations``, stopped after ``seconds``. A phase that takes less than ``short`` seconds is
+    not killed in.
     """
 
     kills: int = 280
@@ -86,7 +86,7 @@ def main() -> None:
     parser.add_argument("--kills", type=int, metavar="N", help=f"how many ({OPTIONS.kills})")
     parser.add_argument("--parts", nargs="+", choices=PARTS, default=PARTS, metavar="PART", help=", ".join(PARTS))
     parser.add_argument(
-        "--runs", nargs="+", choices=COMMANDS, default=list(COMMANDS), metavar="NAME", help="some alone"
+        "--runs", nargs="+", choices=COMMANDS, default=list(COMMANDS), metavar="NAME", help="only some of them"
     )
     arguments = parser.parse_args()
     kills = arguments.kills or (OPTIONS.quick if arguments.quick else OPTIONS.kills)
@@ -183,7 +183,7 @@ def _journal_rows(folder: Path) -> Iterator[Row]:
 
 
 def _disk_rows(folder: Path, count: int) -> Iterator[Row]:
-    """Yield what comes of a search on disks that are too small, and by how much longer it takes than on a large one."""
+    """Yield the outcomes of a search on disks that are too small, and its delay against a large one."""
     if not namespaces_can_mount():
         print("left out: small disks, as this system lets no user mount any")
         return

@@ -1,4 +1,4 @@
-"""Runs on disks that are too small: file systems in memory of a namespace of their own, as a user may make them."""
+"""Runs on disks that are too small: file systems in memory, mounted by a user in a namespace."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from studies.benchmarks.reliability.kills import COMMANDS, result_of
 DiskOutcome = Literal["refused at once", "result kept", "lost"]
 MOUNTED = 'mount -t tmpfs -o size="$1" tmpfs "$2" || exit 99; shift; disk="$1"; shift; copy="$1"; shift; "$@"; rc=$?'
 SCRIPT = f'{MOUNTED}; cp -r "$disk" "$copy"; exit $rc'
-"""Mount a disk of a size in a folder, run a command, and copy what is on the disk then."""
+"""Mount a disk of a size in a folder, run a command, and copy the content of the disk then."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class DiskOptions:
-    """Disks are up to as large as what a run holds for its result and so many ``bytes`` more, which it fills."""
+    """Disks are up to ``bytes`` larger than the space that a run reserves for its result; it fills them."""
 
     bytes: int = 3 * 2**20
     smallest: int = 4096
@@ -37,7 +37,7 @@ OPTIONS = DiskOptions()
 
 @dataclass(frozen=True, kw_only=True)
 class SmallDisk:
-    """A run on a disk of so many ``bytes``: what came of it, its seconds, and what it said last."""
+    """A run on a disk of ``bytes``: its outcome, its seconds, and its last words."""
 
     bytes: int
     outcome: DiskOutcome
@@ -46,14 +46,14 @@ class SmallDisk:
 
 
 def disk_sizes(count: int) -> Iterator[int]:
-    """Yield sizes [bytes], half of them with room for a result, which the run fills up in the course of it."""
+    """Yield sizes [bytes]; half of them have room for a result and fill up during the run."""
     small = count // 2
     yield from np.geomspace(OPTIONS.smallest, RESERVED.bytes, small, endpoint=False).astype(int).tolist()
     yield from np.linspace(RESERVED.bytes, RESERVED.bytes + OPTIONS.bytes, count - small).astype(int).tolist()
 
 
 def namespaces_can_mount() -> bool:
-    """Say whether this system lets a user mount file systems in a namespace."""
+    """Return whether this system lets a user mount file systems in a namespace."""
     if shutil.which("unshare") is None:
         return False
     command = ["unshare", "--map-root-user", "--mount", "mount", "-t", "tmpfs", "tmpfs", "/mnt"]
@@ -61,7 +61,7 @@ def namespaces_can_mount() -> bool:
 
 
 def run_on_small_disk(name: str, size: int, folder: Path, result: str) -> SmallDisk:
-    """Do a run on a disk of a size [bytes]; ``result`` is what it comes to on a large one."""
+    """Run on a disk of a size [bytes]; ``result`` is that of a large disk."""
     disk, copy = folder / "disk", folder / "copy"
     shutil.rmtree(copy, ignore_errors=True)
     disk.mkdir(exist_ok=True)

@@ -17,7 +17,7 @@ LENGTH_SIZE = 8  # bytes of the length of a payload
 
 
 def frame_ends(content: bytes) -> list[int]:
-    """Return where the frames of a journal end, first 0."""
+    """Return the ends of a journal's frames, first 0."""
     ends = [0]
     while ends[-1] < len(content):
         ends.append(ends[-1] + HEAD.size + HEAD.unpack_from(content, ends[-1])[1])
@@ -25,7 +25,7 @@ def frame_ends(content: bytes) -> list[int]:
 
 
 def count_wrong_cuts(content: bytes, part: Path, *, last: int) -> int:
-    """Return at how many of the ``last`` bytes a cut journal has not exactly the frames that are whole."""
+    """Return the number of the ``last`` bytes at which a cut journal lacks a whole frame or has another."""
     ends, keys = frame_ends(content), _keys(content, part)
     return sum(
         set(_keys(content[:length], part)) != set(keys[: sum(length >= end for end in ends) - 1])
@@ -34,7 +34,7 @@ def count_wrong_cuts(content: bytes, part: Path, *, last: int) -> int:
 
 
 def count_flips(content: bytes, part: Path, *, seed: int = 0) -> dict[str, int]:
-    """Return in how many fields a flipped bit costs its own frame only, is refused, or costs another frame."""
+    """Return the numbers of fields whose flipped bit costs its own frame only, is refused, or costs another frame."""
     ends, keys, rng = frame_ends(content), _keys(content, part), np.random.default_rng(seed)
     counts = {"its own frame": 0, "refused": 0, "wrong": 0}
     for frame, begin in enumerate(ends[:-1]):
@@ -51,7 +51,7 @@ def count_flips(content: bytes, part: Path, *, seed: int = 0) -> dict[str, int]:
 
 
 def fields(content: bytes, begin: int, end: int) -> Iterator[tuple[int, int]]:
-    """Yield where the fields of a frame are: mark, length, digest, and its payload's length, head and arrays."""
+    """Yield the places of a frame's fields: mark, length, digest, and its payload's length, head and arrays."""
     payload = begin + HEAD.size
     (head,) = LENGTH.unpack_from(content, payload)
     sizes = len(MARK), LENGTH_SIZE, HEAD.size - len(MARK) - LENGTH_SIZE, LENGTH.size, head
@@ -60,7 +60,7 @@ def fields(content: bytes, begin: int, end: int) -> Iterator[tuple[int, int]]:
 
 
 def damage(folder: Path, *, seed: int) -> None:
-    """Flip a bit anywhere in the journal of a run."""
+    """Flip one bit anywhere in the journal of a run."""
     file, rng = folder / CHECKPOINT / JOURNAL, np.random.default_rng(seed)
     content = bytearray(file.read_bytes())
     if content:

@@ -1,11 +1,11 @@
-"""A run of the command line that kills itself on the way: ``python -m studies.benchmarks.reliability.killed_run``.
+"""A run of the command line that kills itself: ``python -m studies.benchmarks.reliability.killed_run``.
 
-Arguments are the folder of the run, a phase, how much of it, and those of ``paretoik``. What the main thread is at is
-looked up in its stack every few milliseconds, from the moment on when the folder is claimed: "ask", "evaluate",
-"refine" or "else", of which the amount is seconds. Of "write", "rename" and "fsync" it is the number of what the
-process does to files of that folder; the write to a journal that is killed is half done. The last line on stderr is
-JSON: of a process that kills itself when that was and the seconds of work by then that the journal has not, of one that
-comes to its end how much there was of every phase, and digests of all that it took from its journal or put there.
+Arguments are the folder of the run, a phase, an amount of it, and those of ``paretoik``. From the moment when the
+folder is claimed, the stack of the main thread is read every few milliseconds: it is in "ask", "evaluate", "refine" or
+"else", whose amounts are seconds. The amount of "write", "rename" and "fsync" is the number of these calls on files of
+that folder; a write to a journal is killed halfway. The last line on stderr is JSON. A process that kills itself writes
+the amount then, and the seconds of work that the journal does not have yet. A process that ends writes the amounts of
+every phase, and digests of all entries that it took from its journal or put there.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from studies.benchmarks.reliability.phases import FilePhase, Phase
 
 @dataclass(frozen=True, kw_only=True)
 class KillerOptions:
-    """The stack is looked at every so many seconds (``interval``)."""
+    """``interval``: seconds between looks at the stack."""
 
     interval: float = 0.002
 
@@ -47,14 +47,14 @@ CHANGES = os.O_WRONLY | os.O_RDWR | os.O_CREAT
 
 
 class Killer:
-    """Kills this process when there was so much (``amount``) of a phase of the run in a folder."""
+    """Kills this process after an ``amount`` of a phase of the run in a folder."""
 
     def __init__(self, folder: Path, phase: Phase, amount: float) -> None:
         self._folder, self._phase, self._amount = str(folder), phase, amount
         self._amounts = Counter[str]()
-        self._entries: dict[str, str] = {}  # of the journal: digests of values by key
-        self._results = 0  # entries beside what the run starts from
-        self._claimed = self._unsaved = 0.0  # since when there is a folder; seconds of work since the last entry
+        self._entries: dict[str, str] = {}  # digests of the journal's values by key
+        self._results = 0  # entries in addition to the run's start
+        self._claimed = self._unsaved = 0.0  # time when the folder was claimed; seconds of work since the last entry
         self._main = threading.main_thread().ident
         self._synchronise, self._write = os.fsync, os.pwrite
         sys.addaudithook(self._see)
@@ -92,7 +92,7 @@ class Killer:
         self._amounts[phase] += self._claimed > 0
 
     def _look(self) -> None:
-        """Add up what the main thread is at, and kill it there."""
+        """Add the time to the main thread's phase, and kill it there."""
         before = time.monotonic()
         while threading.main_thread().is_alive():
             time.sleep(OPTIONS.interval)
@@ -104,7 +104,7 @@ class Killer:
                 self._kill()
 
     def _watch_journals(self) -> None:
-        """Let every entry that is taken from a journal or put there be known by its digest, and when the last was."""
+        """Record the digest of every entry taken from a journal or put there, and the time of the last."""
         get, append = Journal.get, Journal.append
 
         def get_watched(journal: Journal, key: bytes) -> dict[str, np.ndarray] | None:
@@ -123,7 +123,7 @@ class Killer:
             return
         self._unsaved = 0.0
         self._results += key != INITIAL
-        if "rows" not in values:  # parts of a generation, which are as long as a moment allows
+        if "rows" not in values:  # parts of a generation, whose sizes depend on timing
             digest = sha256()
             for name in sorted(values):
                 digest.update(name.encode() + np.ascontiguousarray(values[name]).tobytes())
@@ -140,7 +140,7 @@ class Killer:
 
 
 def _phase_of(frame: FrameType | None) -> Phase:
-    """Return what a stack is at, by the outermost function that says it."""
+    """Return the phase of a stack, by the outermost function that tells it."""
     phase: Phase = "else"
     while frame is not None:
         file = frame.f_code.co_filename

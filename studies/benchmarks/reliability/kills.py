@@ -1,4 +1,4 @@
-"""Runs of the command line killed at moments spread over their whole length, and what they come to when they go on."""
+"""Runs of the command line killed at moments spread over their whole length, and their results after resuming."""
 
 from __future__ import annotations
 
@@ -49,14 +49,14 @@ COMMANDS: dict[str, tuple[str, ...]] = {
     "front, cluster": (*FRONT, *ON_CLUSTER),
     "refinement, cluster": (*REFINEMENT, *ON_CLUSTER),
 }
-"""What is run, by name; SEARCH stands for the folder of a whole search, CLUSTER for the address of a scheduler."""
+"""The commands by name; SEARCH is the folder of a whole search, CLUSTER the address of a scheduler."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class WholeRun:
-    """A run that nobody killed: its ``command``, who computes (words of the command line), its result.
+    """A run that was never killed: its ``command``, who computes (words of the command line), its result.
 
-    Further how much it has of every phase (seconds, or a number), its seconds, and digests of its ``entries`` in the
+    It also has its amount of every phase (seconds, or a number), its seconds, and digests of its ``entries`` in the
     journal by their keys.
     """
 
@@ -71,10 +71,10 @@ class WholeRun:
 
 @dataclass(frozen=True, kw_only=True)
 class Kill:
-    """A kill: of which run, in which phase, at how much of it, what came of it, the ``cause`` if refused.
+    """A kill: the run, the phase, the amount of it, the outcome, the ``cause`` if refused.
 
-    ``unsaved`` is the work since the journal last had an entry [s], ``orphaned`` how long processes lived on that the
-    killed one had started [s]; both not a number where the run was at its end before.
+    ``unsaved`` is the work since the journal's last entry [s], ``orphaned`` the time that processes lived on which the
+    killed one had started [s]; both are NaN if the run ended before the kill.
     """
 
     name: str
@@ -107,7 +107,7 @@ def kill(
     again: float | None = None,
     damaged: int | None = None,
 ) -> Kill:
-    """Kill a run in a phase, and a second time at ``again`` of it after it was resumed; let it come to its end.
+    """Kill a run in a phase, and again at ``again`` of it after it was resumed; then let it end.
 
     ``damaged`` is the seed of a bit that is flipped in its journal before it is resumed.
     """
@@ -134,7 +134,7 @@ def kill(
 
 
 def _last_words(process: subprocess.CompletedProcess[str]) -> dict[str, Any]:
-    """Return what a process said of its end, after which workers may have said more."""
+    """Return a process's words at its end; workers may have added theirs later."""
     done: dict[str, Any] = json.loads([line for line in process.stderr.splitlines() if line.startswith("{")][-1])
     return done
 

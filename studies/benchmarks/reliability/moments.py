@@ -1,4 +1,4 @@
-"""When runs are killed: as often in every phase, in all runs that have it, spread over all of it."""
+"""Moments of kills: equally many in every phase, in all runs that have it, spread over all of it."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from typing import TypeAlias
 from studies.benchmarks.reliability.kills import WholeRun
 from studies.benchmarks.reliability.phases import FILE_PHASES, PHASES, Phase
 
-Moment: TypeAlias = tuple[Phase, float]  # how much of a phase
+Moment: TypeAlias = tuple[Phase, float]  # a phase, and the amount of it
 
 
 def spread_kills(runs: Sequence[WholeRun], count: int, *, short: float) -> dict[str, list[Moment]]:
-    """Return the moments of so many kills by the names of runs; a phase of no more than ``short`` is none.
+    """Return the moments of ``count`` kills by the names of runs; a phase of no more than ``short`` gets none.
 
     Every phase has an even share of the kills, and every run that has the phase an even share of these, at even
     distances: a run may have no refinement, and another one nothing else.
@@ -29,5 +29,5 @@ def spread_kills(runs: Sequence[WholeRun], count: int, *, short: float) -> dict[
 
 
 def _even(count: int, parts: int) -> list[int]:
-    """Return so many numbers whose sum is ``count`` and which differ by one at most."""
+    """Return numbers that sum to ``count`` and differ by at most one."""
     return [count // parts + (part < count % parts) for part in range(parts)]

@@ -1,4 +1,4 @@
-"""What a run is at when it is killed."""
+"""The phases in which a run is killed."""
 
 from __future__ import annotations
 

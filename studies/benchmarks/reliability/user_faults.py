@@ -1,8 +1,9 @@
-"""Faults of users' own code, names and folders, and what each comes to: one line of our own, or worse.
+"""Faults of users' own code, names and folders, and the outcome of each: one line of our own, or worse.
 
-Observers raise in every stage of every verb. Factories, objectives and modules raise what is no Exception, by command
-too. Objectives have values that are none, write to their motion, or sleep. A folder is used again after a failure, or
-named with an escape sequence, and so are joints. A module beside the problem has the name of one of Python's own.
+Observers raise in every stage of every verb. Factories, objectives and modules raise exceptions that do not derive from
+Exception, by command too. Objectives have invalid values, write to their motion, or sleep. A folder is used again after
+a failure, or named with an escape sequence, and so are joints. A module next to the problem has the name of one of
+Python's own.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ SMALL: dict[str, Any] = {"population": 12, "generations": 4, "seed": 1}
 
 @dataclass(frozen=True, kw_only=True)
 class Fault:
-    """A fault of a ``kind``, by name, with what is wrong with what it came to; "" if nothing is."""
+    """A fault of a ``kind``, by name, with what is ``wrong`` in its outcome; "" if nothing is."""
 
     kind: str
     name: str
@@ -81,7 +82,7 @@ def _verbs(folder: Path) -> dict[str, Callable[..., Any]]:
 
 
 def _observers(folder: Path) -> Iterator[Fault]:
-    """Raise in every stage, the first time and the last: what was found is kept, and the observer named."""
+    """Raise in every stage, the first time and the last: the result is kept, and the observer named."""
     for verb, call in _verbs(folder).items():
         stages = list[str]()
         call(observe=lambda progress, stages=stages: stages.append(progress.stage), out=folder / verb)
@@ -122,7 +123,7 @@ ODD: dict[str, Callable[[Any], Any]] = {
 
 
 def _values() -> Iterator[Fault]:
-    """Let an objective have values that are none: it is named, before the search or once all fail."""
+    """Give an objective invalid values: it is named, before the search or once all fail."""
     for name, values in ODD.items():
         for verb in ("solve", "plan", "epsilon_front"):
             call = partial(_solved_by, verb, values)
@@ -151,7 +152,7 @@ WRITES: dict[str, Callable[[Any], Any]] = {
 
 
 def _writers() -> Iterator[Fault]:
-    """Let an objective write to its motion: it is refused by name, or changes nothing."""
+    """Write to a motion in an objective: it is refused by name, or changes nothing."""
     for name, write in WRITES.items():
 
         def values(motion: Any, write: Callable[[Any], Any] = write) -> Any:
@@ -190,7 +191,7 @@ def _solved_into(verb: str, out: Path) -> Any:
 
 
 def _sleepers() -> Iterator[Fault]:
-    """Let an objective sleep from its first call in a verb on: a limit ends it, by name."""
+    """Sleep in an objective from its first call in a verb on: a limit ends it, by name."""
     few: dict[str, Any] = {"population": 4, "generations": 1}
     verbs: dict[str, Callable[..., Any]] = {
         "solve": partial(pk.solve, **few),
@@ -295,7 +296,7 @@ def _is_harmless(text: str) -> bool:
 
 
 def _shadows(folder: Path) -> Iterator[Fault]:
-    """Put modules with names of Python's own beside the problem: they run nowhere."""
+    """Put modules with names of Python's own next to the problem: they never run."""
     place = folder / "shadowed"
     place.mkdir()
     for name in ("secrets", "queue", "numpy", "json", "signal", "pickle", "random", "sitecustomize"):
@@ -342,7 +343,7 @@ def _harmless_command(*words: str) -> str:
 
 
 def _refusal(call: Callable[[], object], words: str) -> str:
-    """Return what is wrong with what a call raises: wanted is one printable line of our own that has the words."""
+    """Return the fault of what a call raises: it must be one printable line of our own with the words."""
     began = time.monotonic()
     try:
         with warnings.catch_warnings():

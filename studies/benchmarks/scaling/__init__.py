@@ -1,1 +1,1 @@
-"""How searches and starts scale over the workers of a cluster, and a model of many more workers."""
+"""Scaling of searches and starts over the workers of a cluster, and a model of many more workers."""

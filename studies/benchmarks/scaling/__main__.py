@@ -1,13 +1,13 @@
-"""Searches and starts on a Dask cluster of two workers against one process, and what a thousand workers would take.
+"""Searches and starts on a Dask cluster of two workers and in one process, and a model of a thousand workers.
 
     python -m studies.benchmarks.scaling [--quick] [--json FILE]
 
-The cluster is started as users start it, on this machine. Efficiency by processor is what this process computes
-alone, divided by what client, scheduler and workers compute for the same, warm workers; by clock it is the time alone,
-times the cores that it has, divided by twice that of two workers. Half of what is done alone is done before, half
-after, as others may use the machine too. Overheads of a task are measured with tasks that do nothing, waiting with
-tasks that sleep, both with two workers; the model that has them predicts what more workers than there are cores take
-for tasks that sleep.
+The cluster is started as users start it, on this machine. Efficiency by processor is the computing time of this process
+alone, divided by that of client, scheduler and workers for the same, with warm workers. Efficiency by clock is the time
+alone, times the cores that it has, divided by twice that of two workers. Half of the runs alone are done before, half
+after, since others may use the machine too. Overheads of a task are measured with tasks that do nothing, waiting with
+tasks that sleep, both with two workers. The model with these numbers predicts the time of more workers than there are
+cores, for tasks that sleep.
 """
 
 from __future__ import annotations
@@ -39,11 +39,11 @@ WORKERS = 2
 
 @dataclass(frozen=True, kw_only=True)
 class ScalingOptions:
-    """How much is computed: ``seeds`` of so many ``generations``, a plan of so many ``starts``, ``empty`` tasks.
+    """Amounts: ``seeds`` of ``generations`` each, a plan of ``starts``, ``empty`` tasks.
 
-    The plan is of a path of so many ``samples``; alone it is done before and after that of the cluster, or ``once``.
-    Waiting is fitted to two runs of tasks that ``sleep`` [s], ``fitted`` ones, and predicted for ``crowds`` of workers,
-    each with so many ``rounds`` of tasks.
+    The plan is of a path of ``samples``; alone it is done before and after that of the cluster, or ``once``. Waiting is
+    fitted to two runs, ``fitted`` numbers of tasks that ``sleep`` [s], and predicted for ``crowds`` of workers, each
+    with ``rounds`` of tasks.
     """
 
     seeds: int = 64
@@ -66,7 +66,7 @@ QUICK = ScalingOptions(
 
 @contextmanager
 def started(workers: int) -> Iterator[tuple[LocalCluster, Cluster]]:
-    """Start a cluster of this machine, and yield it with the executor that sends it every item as a task."""
+    """Start a cluster on this machine, and yield it with the executor that sends every item as a task."""
     with (
         tempfile.TemporaryDirectory() as folder,
         local_cluster(Path(folder), workers) as cluster,
@@ -77,7 +77,7 @@ def started(workers: int) -> Iterator[tuple[LocalCluster, Cluster]]:
 
 
 def warm_up(cluster: LocalCluster, executor: Cluster, options: ScalingOptions) -> Iterator[Row]:
-    """Let every worker load the library and what is compiled; yield what that takes."""
+    """Load the library and compiled code in every worker; yield the cost."""
     with measuring(cluster) as spent:
         executor.client.run(search, options.generations, 0)
     row = partial(Row, table="what a worker costs")
@@ -98,7 +98,7 @@ def warm_up(cluster: LocalCluster, executor: Cluster, options: ScalingOptions) -
 
 
 def seeds(cluster: LocalCluster, executor: Cluster, options: ScalingOptions) -> Iterator[Row]:
-    """Yield how searches of so many seeds on the cluster compare with those of one process."""
+    """Yield the searches of several seeds on the cluster, compared with one process."""
     items = list(range(options.seeds))
     first, before = compute_here(search, options.generations, items[: options.seeds // 2])
     there, spent = compute_there(executor, cluster, search, options.generations, items)
@@ -111,11 +111,11 @@ def seeds(cluster: LocalCluster, executor: Cluster, options: ScalingOptions) -> 
 
 
 def starts(cluster: LocalCluster, executor: Cluster, options: ScalingOptions) -> Iterator[Row]:
-    """Yield how a plan from so many starts on the cluster compares with that of one process, of one thread a core."""
+    """Yield a plan from many starts on the cluster, compared with one process of one thread per core."""
     problem = panda_by_position(options.samples)
     redundancy = problem.task.redundancy
     run = partial(pk.plan, problem, starts=options.starts // redundancy, seed=0, observe=False)
-    run()  # what is compiled is loaded
+    run()  # compiled code is loaded
     with measuring(None) as before:
         alone = run()
     executor.options = replace(CLUSTER, portion=1.0, overhead=0.0)
@@ -131,7 +131,7 @@ def starts(cluster: LocalCluster, executor: Cluster, options: ScalingOptions) ->
 
 
 def compared(name: str, alone: Spent, there: Spent, tasks: int, same: int, *, cores: int) -> Iterator[Row]:
-    """Yield rows of what this process takes alone, on so many cores, what a cluster takes, and its efficiency."""
+    """Yield rows of the time of this process alone on ``cores``, of the cluster's time, and of its efficiency."""
     row = partial(Row, table="two workers against one process", row=name)
     yield row(column="alone", unit="CPU s", ours=alone.processor, note=f"{alone.processor / tasks:.2g} s each")
     parts = f"client {there.client:.3g}, scheduler {there.scheduler:.3g}, workers {there.workers:.3g}"
@@ -145,7 +145,7 @@ def compared(name: str, alone: Spent, there: Spent, tasks: int, same: int, *, co
 
 
 def overheads(cluster: LocalCluster, executor: Cluster, options: ScalingOptions) -> Overheads:
-    """Return what a task costs, measured with tasks that do nothing, and with tasks that sleep."""
+    """Return the costs of a task, measured with tasks that do nothing, and with tasks that sleep."""
     executor.options = replace(CLUSTER, portion=0.0, overhead=0.0)
     _, spent = compute_there(executor, cluster, sleep, None, [0.0] * options.empty)
     walls = [compute_there(executor, cluster, sleep, None, [options.sleep] * count)[1].wall for count in options.fitted]
@@ -155,7 +155,7 @@ def overheads(cluster: LocalCluster, executor: Cluster, options: ScalingOptions)
 
 
 def model_rows(costs: Overheads) -> Iterator[Row]:
-    """Yield what the model says of a thousand workers."""
+    """Yield the model's statements for a thousand workers."""
     row = partial(Row, table="a task beside its own work")
     for column in ("client", "scheduler", "worker"):
         yield row(row="processor", column=column, unit="ms", ours=1e3 * getattr(costs, column))
@@ -172,7 +172,7 @@ def model_rows(costs: Overheads) -> Iterator[Row]:
 
 
 def predictions(costs: Overheads, options: ScalingOptions) -> Iterator[Row]:
-    """Yield what the model predicts of more workers than there are cores, and what these take."""
+    """Yield the model's predictions for more workers than there are cores, and the measured times."""
     for workers in options.crowds:
         tell(f"{workers} workers")
         with started(workers) as (cluster, executor):
@@ -189,7 +189,7 @@ def predictions(costs: Overheads, options: ScalingOptions) -> Iterator[Row]:
 
 
 def busy() -> str:
-    """Return how many processes wanted a core in the last minute."""
+    """Return the number of processes that were ready to run in the last minute."""
     return f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores"
 
 

@@ -26,7 +26,7 @@ class LocalCluster:
     started: list[subprocess.Popen[bytes]] = field(default_factory=list)
 
     def processor_seconds(self) -> tuple[float, float]:
-        """Return what the scheduler and all workers have computed so far [s]."""
+        """Return the seconds that the scheduler and all workers have computed so far."""
         return processor_seconds(self.scheduler.pid), sum(processor_seconds(each.pid) for each in self.started)
 
     def restart_scheduler(self) -> None:
@@ -38,7 +38,7 @@ class LocalCluster:
         self.scheduler = start_scheduler(self.address.rpartition(":")[2])
 
     def start_workers(self, count: int, *options: str) -> subprocess.Popen[bytes]:
-        """Start so many workers of one thread each."""
+        """Start a number of workers with one thread each."""
         command = [DASK, "worker", self.address, "--nworkers", str(count), "--nthreads", "1", "--host", "127.0.0.1"]
         where = ["--no-dashboard", "--local-directory", str(self.folder)]
         self.started.append(subprocess.Popen([*command, *where, *options], stderr=subprocess.DEVNULL))
@@ -46,26 +46,26 @@ class LocalCluster:
 
 
 def processor_seconds(process: int) -> float:
-    """Return what a process and those that it started have computed so far [s]: those alive, and those that ended."""
+    """Return the seconds that a process and its children, alive or ended, have computed so far."""
     try:
         fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
         threads = Path(f"/proc/{process}/task").iterdir()
         children = [child for thread in threads for child in (thread / "children").read_text().split()]
     except FileNotFoundError:  # it has ended meanwhile
         return 0.0
-    ticks = sum(map(int, fields[11:15]))  # user and system, its own and those of children that ended
+    ticks = sum(map(int, fields[11:15]))  # user and system, own and of ended children
     return ticks / os.sysconf("SC_CLK_TCK") + sum(processor_seconds(int(child)) for child in children)
 
 
 def start_scheduler(port: str, *options: str) -> subprocess.Popen[bytes]:
-    """Start a scheduler that listens on the loopback alone."""
+    """Start a scheduler that listens only on the loopback."""
     loopback = ["--host", "127.0.0.1", "--port", port, "--dashboard-address", "127.0.0.1:0"]
     return subprocess.Popen([DASK, "scheduler", *loopback, *options], stderr=subprocess.DEVNULL)
 
 
 @contextmanager
 def local_cluster(folder: Path, workers: int) -> Iterator[LocalCluster]:
-    """Start a scheduler and so many workers, on the loopback alone; end them, frozen ones too, with the body."""
+    """Start a scheduler and workers, only on the loopback; end them, frozen ones too, with the body."""
     file = folder / "scheduler.json"
     cluster = LocalCluster(folder, start_scheduler("0", "--scheduler-file", str(file)), "")
     try:

@@ -1,4 +1,4 @@
-"""Runs on a cluster of this machine, and what they take: wall time, and the processors of all who take part."""
+"""Runs on a cluster of this machine, and their cost: clock time, and the time of all processors."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Spent:
 
 @contextmanager
 def measuring(cluster: LocalCluster | None) -> Iterator[Spent]:
-    """Measure what the body takes, here and on a cluster, if there is one."""
+    """Measure the cost of the body, here and on a cluster, if there is one."""
     spent, wall, client = Spent(), time.perf_counter(), time.process_time()
     scheduler, workers = (0.0, 0.0) if cluster is None else cluster.processor_seconds()
     yield spent
@@ -57,6 +57,6 @@ def compute_there(
 
 
 def run_there(executor: Cluster, cluster: LocalCluster, run: Callable[[], Any]) -> tuple[Any, Spent]:
-    """Return what a run comes to, a cluster's workers computing what it distributes."""
+    """Return the result of a run, with its tasks computed by a cluster's workers."""
     with distributing(executor), measuring(cluster) as spent:
         return run(), spent

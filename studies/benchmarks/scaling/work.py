@@ -1,4 +1,4 @@
-"""What is computed to see how a cluster scales: searches by their seed, and tasks that sleep."""
+"""The work that shows how a cluster scales: searches by their seed, and tasks that sleep."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from problems.panda import panda
 
 
 def search(generations: int, seed: int) -> Objectives:
-    """Return the objectives of the front that a search of a planar arm comes to."""
+    """Return the objectives of the front that a search of a planar arm finds."""
     problem = tringali_2020.energy_torque()
     return pk.solve(problem, population=100, generations=generations, seed=seed, stagnation=False).objectives
 
 
 def load() -> None:
-    """Load what a worker needs for any task."""
+    """Load everything that a worker needs for any task."""
     import paretoik.runs.cluster_task  # noqa: F401
 
 

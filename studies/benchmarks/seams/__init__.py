@@ -1,1 +1,1 @@
-"""Seams with a free tool axis: whole motions beside a ladder graph over tool angles."""
+"""Seams with a free tool axis: whole motions against a ladder graph over tool angles."""

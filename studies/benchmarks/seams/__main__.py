@@ -1,18 +1,18 @@
-"""Seams with a free tool axis beside a ladder graph over tool angles; losses first.
+"""Seams with a free tool axis, against a ladder graph over tool angles; losses first.
 
     python -m studies.benchmarks.seams [--quick] [--cells NAME ...] [--alone] [--json FILE]
 
-A wavy seam of 1 m and a fillet all around a pipe, welded by an industrial arm of six joints, the same on a rail, and an
-arm of seven joints; the tool's axis is given, its angle about it is free. Ours is ``pk.plan`` at its defaults, in a
-process of its own, a coarser seam planned before. Beside it the shortest path through all postures over a grid of tool
-angles (and of the rail's places, and of swivel angles), on the same cost, by a dynamic program that stores no edges;
-and tesseract's Descartes on the industrial arm, where the package ``tesseract-robotics`` is installed, with at most
-16 GB, on its own cost (Σ‖Δq‖, nearly the same path). All motions are judged by their samples alone: joint travel Σ|Δq|
-and ∫q̇² dt = ΣΔq²/Δt, within position and speed limits; the graphs' motions need not keep the limits of joints that
-can turn a whole turn.
+The seams are a wavy one of 1 m and a fillet around a pipe. They are welded by an industrial arm of six joints, by the
+same on a rail, and by an arm of seven joints; the tool's axis is given, its angle about it is free. Ours is ``pk.plan``
+at its defaults, in a process of its own, after a plan of a coarser seam. One peer is the shortest path through all
+postures over a grid of tool angles (and of the rail's positions, and of swivel angles), on the same cost, by a dynamic
+program that stores no edges. The other is tesseract's Descartes on the industrial arm, if the package
+``tesseract-robotics`` is installed, with at most 16 GB, on its own cost (Σ‖Δq‖, nearly the same path). All motions are
+judged by their samples: joint travel Σ|Δq| and ∫q̇² dt = ΣΔq²/Δt, within position and speed limits; the graphs' motions
+may exceed the limits of joints that can turn a whole turn.
 
 Goals: never above a graph at any resolution; from 401 samples on 10 % less travel and 20 % less ∫q̇² than the finest
-graph that Descartes holds in memory; 401 samples in 1 s and 0.4 GB, 1,401 in 3 s.
+graph that Descartes can store; 401 samples in 1 s and 0.4 GB, 1,401 in 3 s.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ NO_WORSE = 1 + 1e-9
 
 
 def cost_of(q: np.ndarray | None, times: np.ndarray, cost: Cost) -> float:
-    """Return the cost of a motion by its samples (samples, dof); inf of none."""
+    """Return the cost of a motion by its samples (samples, dof); inf without a motion."""
     if q is None:
         return np.inf
     steps = np.diff(q, axis=0)
@@ -46,14 +46,14 @@ def cost_of(q: np.ndarray | None, times: np.ndarray, cost: Cost) -> float:
 
 
 def descartes_motion(frames: np.ndarray, speed: np.ndarray, resolution: float) -> descartes.DescartesResult:
-    """Return what Descartes finds, with whole turns told apart only where it leaps without."""
+    """Return Descartes' motion; whole turns count as others only if it leaps without them."""
     result = descartes.plan_seam(frames, resolution, turns=False)
     leaps = result.q is not None and bool((np.abs(np.diff(result.q, axis=0)) > speed).any())
     return descartes.plan_seam(frames, resolution, turns=True) if leaps else result
 
 
 def seam_rows(cell: str, seam: str, samples: int, resolutions: Sequence[float]) -> list[Row]:
-    """Return the rows of a seam: both costs beside graphs of all resolutions, time and memory."""
+    """Return the rows of a seam: both costs against graphs of all resolutions, time and memory."""
     times, frames = SEAMS[seam](samples, cell)
     name, rows, fits = f"{cell}, {seam}, {samples} samples", list[Row](), next(iter(resolutions), np.nan)
     if cell == "6R" and descartes.is_installed():
@@ -117,7 +117,7 @@ def seam_rows(cell: str, seam: str, samples: int, resolutions: Sequence[float]) 
 
 
 def _limit(row: str, column: str, unit: str, value: float, goal: float | None) -> Row:
-    """Return a row of what ours takes, with its goal where there is one."""
+    """Return a row of our time or memory, with its goal if there is one."""
     is_loss = goal is not None and not value <= goal
     note = "" if goal is None else f"{LOSS if is_loss else ''}goal {goal:g}"
     return Row(table="time and memory", row=row, column=column, unit=unit, ours=value, note=note)
@@ -127,7 +127,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run the benchmark."""
     parser = study_parser(__doc__, quick="51 samples, the coarsest graphs")
     parser.add_argument("--cells", nargs="+", choices=sorted(CELLS), default=list(CELLS), metavar="NAME")
-    parser.add_argument("--alone", action="store_true", help="no graphs beside: what ours takes on a quiet machine")
+    parser.add_argument("--alone", action="store_true", help="no graphs: time and memory of ours on a quiet machine")
     options = parser.parse_args(arguments)
     rows = []
     for cell in options.cells:

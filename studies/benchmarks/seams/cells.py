@@ -1,4 +1,4 @@
-"""Three cells that weld: an industrial arm of six joints, the same on a rail, and an arm of seven joints."""
+"""Three welding cells: an industrial arm of six joints, the same on a rail, and an arm of seven joints."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ RAIL_SPEED = 1.0  # m/s
 class Cell:
     """An arm, and the closed form of its postures.
 
-    ``grid(resolution)`` gives the values of what is free beside the tool's angle (one that means nothing where nothing
-    is); ``postures(frames, value)`` all postures (frames, branches, dof), NaN where there is none.
+    ``grid(resolution)`` gives the values of the freedom besides the tool's angle (a dummy value without one);
+    ``postures(frames, value)`` gives all postures (frames, branches, dof), NaN for missing ones.
     """
 
     name: str

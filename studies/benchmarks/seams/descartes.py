@@ -1,7 +1,7 @@
 """Tesseract's Descartes on the industrial arm, in a process of its own: ``python -m …seams.descartes IN.npz OUT.npz``.
 
-Its own arm file, closed-form postures and ladder graph, one core; a motion costs the sum of ‖Δq‖, it knows no speed
-limits, and collisions are not asked for. Memory is capped at 16 GB. Needs the package ``tesseract-robotics``.
+It uses its own arm file, closed-form postures and ladder graph, on one core. A motion costs the sum of ‖Δq‖, without
+speed limits and collisions. Memory is capped at 16 GB. Needs the package ``tesseract-robotics``.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ MEMORY = 16_000_000_000  # bytes
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DescartesResult:
-    """Postures ``q`` (samples, dof), None where it ended without; seconds, peak memory [GB], and how it ended."""
+    """Postures ``q`` (samples, dof), None without a motion; seconds, peak memory [GB], and its last message."""
 
     q: np.ndarray | None
     seconds: float
@@ -34,14 +34,14 @@ class DescartesResult:
 
 
 def is_installed() -> bool:
-    """Whether tesseract's Python package is there."""
+    """Return whether tesseract's Python package is installed."""
     return find_spec("tesseract_robotics") is not None
 
 
 def plan_seam(frames: np.ndarray, resolution: float, *, turns: bool) -> DescartesResult:
-    """Return what Descartes finds over tool angles ``resolution`` [rad] apart, at frames (samples, 4, 4).
+    """Return Descartes' result over tool angles ``resolution`` [rad] apart, at frames (samples, 4, 4).
 
-    ``turns``: whether postures whose joints stand whole turns away count as others (some paths need that).
+    ``turns``: whether postures that differ by whole turns of joints count as different (some paths need that).
     """
     with tempfile.TemporaryDirectory() as folder:
         source, target = Path(folder) / "frames.npz", Path(folder) / "motion.npz"
@@ -62,7 +62,7 @@ def plan_seam(frames: np.ndarray, resolution: float, *, turns: bool) -> Descarte
 
 
 def _solve(frames: np.ndarray, resolution: float, turns: bool, folder: Path) -> tuple[np.ndarray, float, str]:
-    """Return postures (samples, 6), none where it fails, the seconds of Descartes itself, and its message."""
+    """Return postures (samples, 6), empty if it fails, the seconds of Descartes itself, and its message."""
     from tesseract_robotics import tesseract_command_language as language
     from tesseract_robotics import tesseract_common as common
     from tesseract_robotics import tesseract_motion_planners_descartes as descartes
@@ -121,7 +121,7 @@ def _urdf() -> str:
 
 
 def _srdf(folder: Path) -> str:
-    """Return the semantic description, whose closed-form kinematics stand in a file in ``folder``."""
+    """Return the semantic description; a file in ``folder`` names its closed-form kinematics."""
     import tesseract_robotics
 
     libraries = Path(tesseract_robotics.__file__).parent.parent / "tesseract_robotics.libs"
@@ -147,7 +147,7 @@ def _srdf(folder: Path) -> str:
 
 
 def main(source: str, target: str) -> None:
-    """Solve what a file asks for, and write what comes of it."""
+    """Solve the seam in a file, and write the result."""
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     with np.load(source) as asked:
         q, seconds, message = _solve(

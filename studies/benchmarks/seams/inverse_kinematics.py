@@ -1,4 +1,4 @@
-"""All postures of two kinds of arm at tool frames, in closed form: what a ladder graph is made of.
+"""All postures of two kinds of arm at tool frames, in closed form: the nodes of a ladder graph.
 
 Six joints with a parallel base and a spherical wrist by ``py_opw_kinematics`` (Brandstötter, Angerer & Hofbaur 2014);
 seven joints with a spherical shoulder, an elbow and a spherical wrist over the swivel angle (Shimizu et al. 2008).
@@ -26,14 +26,14 @@ IIWA_LENGTHS = (0.36, 0.42, 0.4, 0.126)
 
 
 def six_joint_postures(frames: np.ndarray) -> np.ndarray:
-    """Return the eight postures of the IRB 2400 at frames (frames, 4, 4): (frames, 8, 6), NaN where there is none."""
+    """Return the eight postures of the IRB 2400 at frames (frames, 4, 4): (frames, 8, 6), NaN for missing ones."""
     return Robot(IRB_2400, degrees=False).reach(RigidTransform.from_matrix(frames)).joints
 
 
 def seven_joint_postures(frames: np.ndarray, swivel: float) -> np.ndarray:
     """Return the eight postures of the iiwa at frames (frames, 4, 4) with its elbow at a swivel angle [rad].
 
-    (frames, 8, 7), NaN where the wrist is out of reach: shoulder, elbow and wrist are bent one way or the other.
+    (frames, 8, 7), NaN if the wrist is out of reach: shoulder, elbow and wrist are bent one way or the other.
     """
     base, upper, fore, flange = IIWA_LENGTHS
     rotation = frames[:, :3, :3]

@@ -1,8 +1,8 @@
-"""A ladder graph: at each sample all postures over a grid of tool angles, and the shortest path through them, exactly.
+"""A ladder graph: all postures of each sample over a grid of tool angles, and the exact shortest path.
 
-What Descartes does (De Maeyer, Moyaers & Demeester 2017), on the same cost as ours and without storing edges: the
-least cost of coming to every posture, sample by sample (Bellman 1957). To its advantage angles of joints with a whole
-turn of range count modulo a turn, and their limits not at all.
+This is Descartes' method (De Maeyer, Moyaers & Demeester 2017), on the same cost as ours and without storing edges: the
+least cost to reach every posture, sample by sample (Bellman 1957). To its advantage, angles of joints with a whole turn
+of range count modulo a turn, and their limits do not count.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ TURN = 2 * np.pi
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Ladder:
-    """The shortest path: ``cost``, and postures ``q`` (samples, dof; None where there is none)."""
+    """The shortest path: ``cost``, and postures ``q`` (samples, dof; None without a path)."""
 
     cost: float
     q: np.ndarray | None
@@ -72,9 +72,9 @@ def _whole_turn(cell: Cell) -> np.ndarray:
 
 @compiled(what="the ladder graph", seconds=1, level=3)
 def _extend(costs, before, after, turn, furthest, weight):  # type: ignore[no-untyped-def]
-    """Return the least cost of coming to each posture of the next sample, and where from.
+    """Return the least cost to reach each posture of the next sample, and the posture before it.
 
-    An edge costs the sum of what joints go, or with a weight that of its squares times the weight.
+    An edge costs the sum of the joints' ways, or with a weight that of their squares times the weight.
     """
     count, dof = after.shape
     least, origin = np.full(count, np.inf), np.zeros(count, dtype=np.int64)

@@ -1,4 +1,4 @@
-"""Ours on a seam: ``pk.plan`` at its defaults in a process of its own, warm, its seconds and peak memory."""
+"""Our motion of a seam: ``pk.plan`` at its defaults in its own process, warm, with seconds and peak memory."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class PlanResult:
 
 
 def plan_seam(cell: str, seam: str, samples: int, cost: Cost) -> PlanResult:
-    """Return what ``pk.plan`` finds, in a fresh process that has planned a coarser seam before."""
+    """Return the result of ``pk.plan``, in a new process that has planned a coarser seam before."""
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as worker:
         return worker.submit(_solve, cell, seam, samples, cost).result()
 

@@ -1,6 +1,6 @@
-"""Two seams: a wavy one of 1 m, and a fillet all around a pipe on a plate. The tool's axis is given, not its angle.
+"""Two seams: a wavy one of 1 m, and a fillet around a pipe on a plate; the tool's axis is given, not its angle.
 
-The arm of seven joints is smaller: its seams lie nearer, its pipe is thinner.
+The arm of seven joints is smaller: its seams are nearer, its pipe is thinner.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def path(times: np.ndarray, frames: np.ndarray) -> pk.Path:
 
 
 def _frames(position: np.ndarray, axis: np.ndarray) -> np.ndarray:
-    """Return frames at positions with z along an axis; x is carried along, so that it turns no more than it must."""
+    """Return frames at positions with z along an axis; x is carried along and turns as little as possible."""
     frames = np.tile(np.eye(4), (len(position), 1, 1))
     frames[:, :3, 3] = position
     x = np.array([1.0, 0.0, 0.0])

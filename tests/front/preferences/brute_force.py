@@ -1,4 +1,4 @@
-"""Preferences by plain loops over the points of a front, written from their definitions alone."""
+"""Preferences by plain loops over the points of a front, written only from their definitions."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ def shares(front: Front) -> list[list[float]]:
 
 
 def share(front: Front, axis: int, value: float) -> float:
-    """Return where a value of an objective stands in its range."""
+    """Return a value of an objective as a share of its range."""
     low, high = front.ranges[axis].tolist()
     return 0.0 if low == high else ((high - value) if front.maximised[axis] else (value - low)) / (high - low)
 
 
 def first(front: Front, scores: list[float], among: list[int] | None = None) -> int:
-    """Return the id with the least score; of ties the lowest ΣZ, then the best f1, f2, ..., then the lowest id."""
+    """Return the id with the least score; ties go to the lowest ΣZ, the best f1, f2, ..., the lowest id."""
     Z, rows = shares(front), list(range(len(front))) if among is None else list(among)
     least = min(scores[row] for row in rows)
     rows = [row for row in rows if scores[row] <= least + EPSILON]
@@ -63,7 +63,7 @@ def aspiration(front: Front, wishes: dict[str, float]) -> int:
 
 
 def lexicographic(front: Front, order: list[str], tolerances: dict[str, float]) -> int:
-    """Tolerances are shares of the ranges."""
+    """Return the lexicographic choice; tolerances are shares of the ranges."""
     Z, rows = shares(front), list(range(len(front)))
     for name in order:
         axis = front.names.index(name)
@@ -73,7 +73,7 @@ def lexicographic(front: Front, order: list[str], tolerances: dict[str, float]) 
 
 
 def robust(front: Front, weights: list[float], uncertainty: float) -> int:
-    """Regrets at every vertex of the box of weights."""
+    """Return the least largest regret over all vertices of the box of weights."""
     Z = shares(front)
     worst = [0.0] * len(Z)
     for signs in product((1 - uncertainty, 1 + uncertainty), repeat=len(weights)):
@@ -84,7 +84,7 @@ def robust(front: Front, weights: list[float], uncertainty: float) -> int:
 
 
 def knee(front: Front) -> int | None:
-    """Return the id of the knee of a front of at least two objectives, None where there is none."""
+    """Return the id of the knee of a front of at least two objectives, or None."""
     Z = shares(front)
     ideal = [min(column) for column in zip(*Z, strict=True)]
     best = [row for row, p in enumerate(Z) if all(z <= z0 + EPSILON for z, z0 in zip(p, ideal, strict=True))]
@@ -107,7 +107,7 @@ def knee(front: Front) -> int | None:
 
 
 def classified(front: Front, start: int, classes: dict[str, str], values: dict[str, float]) -> int:
-    """Classes by name: improve, improve_to, keep, relax_to, free."""
+    """Return the best point in the classes by name: improve, improve_to, keep, relax_to, free."""
     Z = shares(front)
     now, wanted, rows = Z[front.ids.tolist().index(start)], [], []
     for row, point in enumerate(Z):

@@ -1,4 +1,4 @@
-""""""
+"""The compromise of a front, and the points that pictures mark."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tests.front.random_fronts import random_front
 
 
 def hollow() -> Front:
-    """A quarter circle bulging away from the best of everything: equal weights reach its ends alone."""
+    """Return a quarter circle that bulges away from the best corner: weights reach only its ends."""
     angles = np.linspace(0.0, np.pi / 2, 21)
     return Front(
         ids=np.arange(21),
@@ -27,17 +27,17 @@ def hollow() -> Front:
 
 
 @given(st.integers(0, 10**6))
-def test_no_point_has_a_smaller_largest_share(seed):
+def test_no_point_has_a_smaller_largest_share_than_the_compromise(seed):
     front = random_front(seed)
     worst = front.shares.max(axis=1)
     assert worst[compromise(front).index] <= worst.min() + 1e-4 * len(front.names)
 
 
-def test_it_exists_in_the_middle_of_a_hollow_front_too():
+def test_the_compromise_of_a_hollow_front_is_in_its_middle():
     assert compromise(hollow()).index == 10
 
 
-def test_naming_an_objective_twice_does_not_move_it():
+def test_naming_an_objective_twice_does_not_move_the_compromise():
     front = random_front(4, n_obj=2)
     twice = Front(
         ids=front.ids,
@@ -49,24 +49,24 @@ def test_naming_an_objective_twice_does_not_move_it():
     assert compromise(twice).id == compromise(front).id
 
 
-def test_of_one_objective_it_is_the_best_point():
+def test_the_compromise_of_one_objective_is_the_best_point():
     front = Front(ids=np.array([4]), objectives=np.ones((1, 1)), names=["a"], units=[""], maximised=[False])
     assert compromise(front).id == 4
 
 
-def test_an_empty_front_has_none():
+def test_an_empty_front_has_no_compromise():
     front = Front(ids=np.empty(0, int), objectives=np.empty((0, 1)), names=["a"], units=[""], maximised=[False])
-    with pytest.raises(Infeasible, match="compromise: wanted a front of at least one point"):
+    with pytest.raises(Infeasible, match="compromise: the front must have at least one point"):
         compromise(front)
 
 
-def test_its_reason_says_what_a_compromise_is():
+def test_the_reason_of_a_compromise_says_what_it_is():
     choice = compromise(hollow())
     assert COMPROMISE_IN_WORDS in choice.reason
     assert "70.7%" in choice.reason
 
 
-# The points that are marked: by brute force, and no more work than looking at every value a few times.
+# The points that pictures mark, compared with brute force.
 
 
 SMALL = st.integers(0, 3).map(float)  # so that many are equal
@@ -81,7 +81,7 @@ def test_the_best_of_an_objective_is_the_first_by_value_and_then_by_id(F, data):
 
 
 @given(F=FRONTS, data=st.data())
-def test_marked_are_the_best_of_every_objective_and_the_compromise_on_their_own_ranges(F, data):
+def test_marked_points_are_the_best_of_every_objective_and_the_compromise_on_their_own_ranges(F, data):
     ids = np.array(data.draw(st.permutations(range(7, 7 + len(F)))))
     *best, (compromise, axis) = marked_rows(F, ids)
     assert axis is None

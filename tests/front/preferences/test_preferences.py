@@ -1,4 +1,4 @@
-"""Laws of all preferences: what plain loops say, and what must not move a choice."""
+"""Laws of all preferences: they agree with plain loops, and units, order and copies do not move a choice."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Asked = tuple[Preference, Callable[[Front], int | None]]
 
 
 def wishes_of(front: Front, rng: np.random.Generator) -> Iterator[Asked]:
-    """Yield one preference of every kind, with what plain loops choose."""
+    """Yield one preference of every kind, with the plain loops that choose."""
     names, size = list(front.names), len(front.names)
     weights = (rng.integers(0, 4, size) if rng.random() < 0.5 else rng.random(size)).astype(float)
     weights[rng.integers(size)] += 1.0
@@ -71,7 +71,7 @@ def test_the_knee_is_what_plain_loops_say_or_none(block):
     knees, refused = 0, 0
     for seed in range(block * FRONTS // 4, (block + 1) * FRONTS // 4):
         front = random_front(seed, n_obj=2 + seed % 3, points=1 + seed % 25)
-        if seed % 5 == 0:  # an outlier once: beside it all are equal in the first objective
+        if seed % 5 == 0:  # a former outlier: relative to it all are equal in the first objective
             wider = front.ranges.copy()
             wider[0, 1] += 1e10
             front = replace(front, ranges=wider)
@@ -89,12 +89,12 @@ def test_the_knee_is_what_plain_loops_say_or_none(block):
     assert min(knees, refused) > 20
 
 
-def test_where_one_objective_has_no_extent_the_best_in_both_is_the_knee():
+def test_the_best_in_both_is_the_knee_if_one_objective_has_no_extent():
     values = np.array([[1e10, 0.0], [0.0, 3.0], [0.5, 2.9], [1.0, 2.0]])
     front = Front(ids=np.arange(4), objectives=values, names=["f", "g"], units=["", ""], maximised=[False, False])
     choice = front.select(Bounds(f=(None, 1.0), then="knee"))
     assert choice.id == 3
-    assert "it is the best in every objective, rounding aside" in choice.verdict
+    assert "it is the best in every objective, within rounding" in choice.verdict
 
 
 @pytest.mark.parametrize("power", [1.2, 1.5, 2.0, 4.0])
@@ -109,7 +109,7 @@ def test_the_knee_of_a_front_that_bulges_evenly_lies_in_its_middle(power, steps)
 
 
 @pytest.mark.parametrize("seed", range(60))
-def test_bounds_choose_what_the_named_preference_does_of_the_points_within_on_the_ranges_of_all(seed):
+def test_bounds_choose_as_the_named_preference_among_the_points_within_on_the_ranges_of_all(seed):
     front, rng = random_front(seed, points=30), np.random.default_rng(seed)
     axis = int(rng.integers(len(front.names)))
     bound = (None, float(np.median(front.objectives[:, axis])))
@@ -124,7 +124,7 @@ def test_bounds_choose_what_the_named_preference_does_of_the_points_within_on_th
 
 
 @pytest.mark.parametrize("block", range(4))
-def test_who_aspires_to_a_point_that_gains_a_ten_thousandth_gets_it(block):
+def test_an_aspiration_to_a_point_that_gains_a_ten_thousandth_chooses_it(block):
     reached = 0
     for seed in range(block * 25, (block + 1) * 25):
         front = random_front(seed, points=20)
@@ -137,7 +137,7 @@ def test_who_aspires_to_a_point_that_gains_a_ten_thousandth_gets_it(block):
     assert reached > 50
 
 
-def test_where_all_points_have_one_value_a_bound_is_missed_by_a_share_of_it():
+def test_a_bound_is_missed_by_a_share_of_the_value_that_all_points_have():
     front = Front(
         ids=np.arange(1), objectives=np.array([[1.0, 2.0]]), names=["f", "g"], units=["J", ""], maximised=[False] * 2
     )
@@ -154,7 +154,7 @@ def in_other_units(front: Front, scale: np.ndarray, offset: np.ndarray) -> Front
 
 
 def in_other_units_too(preference: Preference, front: Front, scale: np.ndarray, offset: np.ndarray) -> Preference:
-    """Return a preference whose values are in natural units in the new ones."""
+    """Return a preference with its values in the new units."""
 
     def moved(values):
         return {
@@ -199,7 +199,7 @@ def test_neither_the_order_of_the_points_nor_copies_of_them_move_a_choice(block)
 
 @pytest.mark.parametrize("seed", range(60))
 def test_more_points_move_a_choice_to_none_but_a_new_one(seed):
-    """Of preferences that score each point by itself; the ranges stay those that are stored."""
+    """This holds for preferences that score each point by itself, on the stored ranges."""
     denser, rng = random_front(2 * seed, points=60), np.random.default_rng(seed)
     front = denser[rng.permutation(denser.ids)[: 1 + len(denser) // 2]]
     for preference, _ in wishes_of(front, rng):

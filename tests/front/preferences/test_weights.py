@@ -102,18 +102,18 @@ def test_an_objective_without_range_counts_nothing():
 def test_the_verdict_says_what_was_weighed_and_which_points_no_weights_reach():
     front = curve(ids=np.array([1, 2, 3]), objectives=np.array([[1.0, 4.0], [2.0, 1.0], [5.0, 0.0]]))
     assert front.select(Weights(energy=3.0, torque=3.0)).verdict == (
-        "Of 3 points point 2 has the least weighted sum, 0.25, of what objectives give up of their ranges "
+        "Point 2 of 3 has the least weighted sum, 0.25, of what objectives give up of their ranges "
         "(energy 50%, torque 50%)."
     )
     hollow = curve(ids=np.array([1, 2, 3]), objectives=np.array([[1.0, 4.0], [4.0, 3.0], [5.0, 0.0]]))
     assert hollow.select(Weights(energy=1.0)).verdict == (
-        "Of 3 points point 1 has the least weighted sum, 0, of what objectives give up of their ranges (energy 100%). "
+        "Point 1 of 3 has the least weighted sum, 0, of what objectives give up of their ranges (energy 100%). "
         "Without a weight, torque decided only between equal sums. No weights at all reach 1 of the points, which lie "
         "above straight lines between others, among them its neighbour 2; an aspiration can reach them."
     )
 
 
-def test_its_numbers_are_fields_too():
+def test_the_numbers_of_a_verdict_are_fields_of_the_choice():
     choice = curve(objectives=np.stack([LINE, np.sqrt(1.3 - LINE**2)], axis=1)).select(Weights(energy=3.0, torque=1.0))
     assert choice.details == {"weights": {"energy": 0.75, "torque": 0.25}, "unreached": (101, 102, 103, 104, 105)}
     assert choice.score == pytest.approx(choice.shares @ [0.75, 0.25])
@@ -128,12 +128,12 @@ def test_the_choice_carries_its_motion(front):
 @pytest.mark.parametrize("weight", [-1.0, -1e-300, float("nan"), float("inf"), "1", None])
 @pytest.mark.usefixtures("unchecked")
 def test_a_weight_that_is_no_number_from_zero_up_is_refused(weight):
-    with pytest.raises(InvalidInput, match="wanted a finite number >= 0 for energy"):
+    with pytest.raises(InvalidInput, match="must be a finite number >= 0 for energy"):
         Weights(energy=weight)
 
 
 @pytest.mark.parametrize("weights", [{}, {"energy": 0.0}, {"energy": 0.0, "torque": 0}])
-def test_weights_of_which_none_is_positive_are_refused(weights):
+def test_weights_without_a_positive_one_are_refused(weights):
     with pytest.raises(InvalidInput, match="at least one above zero"):
         Weights(weights)
 

@@ -1,4 +1,4 @@
-""""""
+"""Axes: ticks, windows, names, and parallel coordinates."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def test_a_window_shows_all_its_points(points):
     assert ((placed >= 0) & (placed <= [canvas.width, canvas.height])).all()
 
 
-def test_points_that_are_no_numbers_are_never_shown():
+def test_nan_points_are_never_shown():
     canvas = Canvas(low=np.zeros(2), high=np.ones(2), labels=("x", "y"))
     points = np.array([[0.5, 0.5], [np.nan, 0.5], [np.inf, 0.5], [2.0, 0.5]])
     assert canvas.shows(points).tolist() == [True, False, False, False]
@@ -155,12 +155,12 @@ def legend(entities, origin: str) -> dict[str, int]:
     ("layer", "name"),
     [("front", "front"), ("final", "final front"), ("chosen", "compromise"), ("looked_at", "point looked at")],
 )
-def test_lines_have_the_colour_that_the_legend_gives_them(recordings, layer, name):
+def test_lines_have_the_colour_of_the_legend(recordings, layer, name):
     recording, _ = recordings
     assert colours(recording[f"/parallel/{layer}"]) == {legend(recording, "/legend")[name]}
 
 
-def test_lines_beside_a_choice_have_the_colour_that_its_legend_gives_them(recordings):
+def test_lines_next_to_a_choice_have_the_colour_of_its_legend(recordings):
     _, chosen = recordings
     entries = legend(chosen, "/choice/legend")
     assert colours(chosen["/choice/parallel/front"]) == {entries["front"]}

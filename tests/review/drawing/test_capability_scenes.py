@@ -1,4 +1,4 @@
-"""Resolved motions and directional maxima: everything that a picture needs stands in their recordings."""
+"""The recordings of resolved motions and directional maxima contain everything that a picture needs."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ MOVING += [
 ]
 
 
-def test_a_resolved_motion_has_everything_of_the_checklist_at_every_instant(tmp_path):
+def test_a_resolved_motion_has_all_entities_at_every_instant(tmp_path):
     criteria = [pk.methods.Criterion(objective=pk.manipulability, gain=0.5)]
     motion = pk.resolve(
         pk.arms.tringali_3r(),
@@ -52,7 +52,7 @@ def test_a_resolved_motion_has_everything_of_the_checklist_at_every_instant(tmp_
     assert set(static_words(entities["/charts/error/labels"])) >= {"time [s]", "log10 of the task error [m]"}
 
 
-def test_motions_of_several_numbers_of_a_method_move_together_and_one_by_one(tmp_path):
+def test_motions_with_several_settings_of_a_method_move_together_and_one_by_one(tmp_path):
     method = pk.methods.DampedLeastSquares(damping=np.array([0.01, 0.05, 0.2]))
     limits = pk.Limits(position=0.8, velocity=1.5)
     arm = pk.arms.tringali_3r()
@@ -78,13 +78,13 @@ def test_motions_of_several_numbers_of_a_method_move_together_and_one_by_one(tmp
 
 
 def _broken(words: str) -> dict[str, str]:
-    """Return the worst value of each joint's limit that a text calls broken, by the name of both."""
+    """Return the worst value of each joint limit that a text calls broken, by joint and kind."""
     lines = [line[4:] for line in words.splitlines() if "; broken by up to" in line]
     return {line.split("**")[0]: line.split("reaches ")[1].split()[0] for line in lines}
 
 
 def _worst(motion) -> dict[str, str]:
-    """Return the same of a motion of joints that are to keep to 0.8 rad and 1.5 rad/s."""
+    """Return the same from a motion whose joints are limited to 0.8 rad and 1.5 rad/s."""
     worst = {}
     for kind, limit, values in (("position", 0.8, motion.q), ("velocity", 1.5, motion.dq)):
         for joint, name in enumerate(motion.arm.joint_names):
@@ -94,7 +94,7 @@ def _worst(motion) -> dict[str, str]:
     return worst
 
 
-def test_a_resolved_motion_that_keeps_its_limits_is_said_to(tmp_path):
+def test_a_resolved_motion_within_its_limits_is_described_as_such(tmp_path):
     near = pk.line([0.4678, 0.0], [0.46, 0.01], duration=1.0, samples=21)
     method, limits = pk.methods.PseudoInverse(), pk.Limits(position=2.0, velocity=1.5)
     pk.resolve(pk.arms.tringali_3r(), near, method, start=START, limits=limits, out=tmp_path)
@@ -114,12 +114,12 @@ def test_the_exact_start_of_a_motion_does_not_stretch_the_axis_of_errors(tmp_pat
     assert "● error from which the path counts as lost: dashed" in legend
 
 
-def test_of_many_motions_some_are_shown_and_a_note_says_so(tmp_path):
+def test_a_note_says_how_many_of_many_motions_are_shown(tmp_path):
     starts = np.array(START) + np.linspace(0.0, 1e-7, 70)[:, None]
     pk.resolve(pk.arms.tringali_3r(), PATH, pk.methods.PseudoInverse(), start=starts, unreachable="track", out=tmp_path)
     entities = read(tmp_path / "review.rrd")
     assert len(rows(entities["/text"], "solution", "text")) == 60
-    assert "Of 70 motions 60 are shown." in str(entities["/notes/left_out"][0].to_pydict())
+    assert "60 of 70 motions are shown." in str(entities["/notes/left_out"][0].to_pydict())
 
 
 def test_a_path_that_is_lost_is_recorded_as_far_as_the_arm_came(tmp_path):

@@ -1,4 +1,4 @@
-"""Curves of charts are seen whatever their number of points, and their names stand at their ends."""
+"""Marks of charts: curves are visible with any number of points, and their names are at their ends."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def test_names_are_between_the_highest_and_the_lowest_place(places):
     assert (np.diff(moved[np.argsort(places, kind="stable")]) >= 4.0 - 1e-9).all()
 
 
-def test_a_name_alone_stands_where_its_curve_ends(tmp_path):
+def test_a_single_name_is_at_the_end_of_its_curve(tmp_path):
     instants, values = np.array([0.0, 1.0]), np.array([[4.7] * 2, [-1.0] * 2, [-1.5] * 2, [-2.0] * 2, [-6.0] * 2])
     chart = Chart(
         entity="chart",

@@ -1,4 +1,4 @@
-"""Axes of charts: measured in what is drawn on them, whatever its units, and blind to rounding."""
+"""Axes of charts: measured in what is drawn, independent of units, and insensitive to rounding."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def ends(drawn: Chart) -> tuple[float, float]:
 
 
 def numbers(largest):
-    """Numbers of either sign, 0 among them, of which a fraction of 1e-30 is a normal number still, in every unit."""
+    """Return numbers of either sign or 0, whose fraction of 1e-30 is still normal in every unit."""
     return st.floats(-largest, largest, allow_subnormal=False).filter(lambda number: not 0.0 < abs(number) < 1e-250)
 
 
@@ -53,9 +53,9 @@ def numbers(largest):
 @example([0.0] * 5, [0.0], 40.0, 1)
 @example([1e-29] * 5, [], 0.0, -20)
 def test_axes_are_the_same_in_every_unit(values, limits, usual, power):
-    unit = 2.0**power  # exact, so that no case is decided by rounding
+    unit = 2.0**power  # exact, so that rounding decides no case
     values, limits = np.array(values), np.array(limits)
-    assume(np.any(values) or np.any(limits) or usual)  # zeros alone have no size to draw them by
+    assume(np.any(values) or np.any(limits) or usual)  # zeros have no size to draw them by
     low, high = ends(chart(values, limits, usual))
     np.testing.assert_allclose(ends(chart(unit * values, unit * limits, unit * usual)), (unit * low, unit * high))
 
@@ -70,7 +70,7 @@ def test_rounding_is_drawn_as_zero_between_all_limits(values, limits):
 
 @pytest.mark.parametrize("limits", [[], [0.0], [0.0, -0.0], [1e-14]])
 @pytest.mark.parametrize("usual", [1.0, 40.0])
-def test_zeros_whose_limits_are_0_are_drawn_among_usual_values(limits, usual):
+def test_zeros_with_zero_limits_are_drawn_among_usual_values(limits, usual):
     assert ends(chart(np.zeros(5), limits, usual)) == pytest.approx((-1.12 * usual, 1.12 * usual))
     assert ends(chart(np.full(5, 1e-13), limits, usual)) == pytest.approx((-1.12 * usual, 1.12 * usual))
 
@@ -85,7 +85,7 @@ def test_ticks_of_a_chart_are_numbers_whatever_the_size_of_its_values(size):
 
 @pytest.mark.parametrize("arm", [marcos_nr(3), tringali_3r()], ids=["without masses", "with masses"])
 @pytest.mark.parametrize("duration", [0.04, 1.0, 20.0])
-def test_joints_that_stand_still_are_seen_to(arm, duration):
+def test_joints_that_stand_still_look_still(arm, duration):
     time = np.linspace(0.0, duration, 41)
     still = np.array([0.3, -0.7, 1.1]) + 1e-15 * np.random.default_rng(0).normal(size=(41, 3))
     motion = Motion(arm=arm, time=time, q=still, differences="spline")
@@ -99,14 +99,14 @@ def test_joints_that_stand_still_are_seen_to(arm, duration):
 
 @pytest.mark.parametrize("kind", ["torque", "power"])
 @pytest.mark.parametrize("arm", [marcos_nr(3), tringali_3r()], ids=["without masses", "with masses"])
-def test_what_is_0_without_masses_is_drawn_of_arms_that_have_some_even_where_it_is_limited(arm, kind):
+def test_torques_and_powers_are_drawn_only_for_arms_with_masses_even_if_limited(arm, kind):
     motion = Motion(arm=arm, time=np.linspace(0.0, 1.0, 11), q=np.linspace(0.0, 1.0, 11)[:, None] * np.ones(3))
     curves = {each: getattr(motion, name) for each, name in LIMITED.items()}
     cell = Workcell(arm=arm, bounds={kind: np.array([[[-1.0, 1.0]] * 3])})
     assert (kind in joint_charts("", cell, [(motion.time, curves)])) == bool(np.any(motion.torque))
 
 
-def test_charts_that_become_tabs_of_a_tab_are_lower_by_its_row_of_names():
+def test_charts_in_nested_tabs_are_lower_by_the_row_of_names():
     titles = ["best kinetic_energy [J s]", "best torque_norm [N²m²s]", "front points, failures"]
     drawn = [chart(TIME, title=title) for title in titles]
     fitted = fit_below_tabs(drawn, ["parallel coordinates", "hypervolume"])

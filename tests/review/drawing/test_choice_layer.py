@@ -1,4 +1,4 @@
-"""The recording of a run shows what was chosen, and survives whatever happens to it or its folder."""
+"""The recording of a run shows the choice, and survives damage to it or its folder."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def problem() -> pk.Tracking:
 
 @pytest.fixture(scope="module")
 def searched(tmp_path_factory):
-    """The run of a short search, to be read only."""
+    """The run of a short search, only for reading."""
     folder = tmp_path_factory.mktemp("runs") / "searched"
     pk.solve(problem(), population=24, generations=8, seed=1, refine=False, out=folder, observe=False)
     return folder
@@ -39,7 +39,7 @@ def searched(tmp_path_factory):
 
 @pytest.fixture
 def front(searched, tmp_path):
-    """The front of a run of its own."""
+    """The front of a run that the test may change."""
     return pk.load_front(shutil.copytree(searched, tmp_path / "run"), problem())
 
 
@@ -52,7 +52,7 @@ def text_of(file):
 
 
 def data(file):
-    """Every row of a recording except of what was chosen, by entity."""
+    """Return all rows of a recording by entity, except those of the choice."""
     return {
         path: sorted(chain.from_iterable(map(rows_of, batches)))
         for path, batches in read(file).items()
@@ -61,7 +61,7 @@ def data(file):
 
 
 def rows_of(batch):
-    """The rows of a batch as words."""
+    """Return the rows of a batch as words."""
     for name in [field.name for field in batch.schema if pyarrow.types.is_temporal(field.type)]:  # in nanoseconds
         batch = batch.set_column(batch.schema.names.index(name), name, batch.column(name).cast("int64"))
     return map(str, batch.to_pylist())
@@ -73,7 +73,7 @@ def verify(file):
         return subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
 
 
-def test_a_choice_stands_in_the_recording_which_stays_whole_and_opens_on_it(front):
+def test_a_choice_is_in_the_recording_which_stays_complete_and_opens_on_it(front):
     file = recording(front)
     before, layout, recorded = data(file), views(file), read_recorded(file)
     choice = front.select("compromise")
@@ -136,7 +136,7 @@ def damage(file, kind, elsewhere):
 
 
 @pytest.mark.parametrize("kind", ["cut", "empty", "something else", "a link", "a folder"])
-def test_a_recording_that_is_none_stays_as_it_is_and_the_choice_is_kept(front, tmp_path, kind):
+def test_an_invalid_recording_stays_unchanged_and_the_choice_is_kept(front, tmp_path, kind):
     file = recording(front)
     damage(file, kind, tmp_path / "elsewhere.rrd")
     before = None if kind == "a folder" else file.read_bytes()
@@ -147,11 +147,11 @@ def test_a_recording_that_is_none_stays_as_it_is_and_the_choice_is_kept(front, t
     assert file.is_dir() if before is None else file.read_bytes() == before
 
 
-def test_while_a_process_runs_there_the_recording_is_its_own_and_the_choice_is_kept(front):
+def test_a_running_process_owns_its_recording_and_the_choice_is_kept(front):
     before = recording(front).read_bytes()
     with (
         lock_folder(front.folder),
-        pytest.warns(RuntimeWarning, match="the choice is kept: .*wanted to be its only writer, got process"),
+        pytest.warns(RuntimeWarning, match="the choice is kept: .*must have no other writer, got process"),
     ):
         choice = front.select("compromise")
     assert front.choices.chosen.point == choice.id
@@ -172,7 +172,7 @@ def test_on_a_full_disk_the_recording_stays_as_it_was_and_the_choice_is_kept(sea
 
 
 def test_a_process_in_which_rerun_records_nothing_replaces_nothing(front):
-    """RERUN=off lets every stream write nothing."""
+    """With RERUN=off no stream writes anything."""
     before, point = recording(front).read_bytes(), int(front.ids[0])
     script = f"import paretoik as pk; pk.Front.load({str(front.folder)!r}).select({point})"
     with private_environment() as environment:
@@ -188,14 +188,14 @@ def test_a_process_in_which_rerun_records_nothing_replaces_nothing(front):
     assert front.choices.chosen.point == point
 
 
-def test_the_result_is_the_same_run_to_everyone_else(front):
+def test_a_recording_with_a_choice_is_still_the_same_run(front):
     before = read_run(front.folder / RUN)
     front.select("compromise")
     assert read_run(front.folder / RUN) == before
     assert pk.load_front(front.folder, problem()).objectives.tolist() == front.objectives.tolist()
 
 
-# The views of a recorded run beside a choice: charts as large as they were drawn, with the names that they had.
+# The views of a recorded run next to a choice: charts with their original sizes and names.
 
 
 def charts(tabs):
@@ -203,14 +203,14 @@ def charts(tabs):
     return {origin: each for origin, each in tabs.items() if origin.split("/")[1] in roots}
 
 
-def test_beside_a_choice_charts_have_the_names_sizes_and_rows_of_tabs_that_they_were_drawn_with(choice_recordings):
+def test_charts_next_to_a_choice_keep_their_names_sizes_and_rows_of_tabs(choice_recordings):
     recording, chosen = map(tabs_of_charts, choice_recordings)
     assert {f"/joint_charts/{kind}" for kind in JOINT_UNITS} | {"/parallel", "/charts/best_2"} <= charts(chosen).keys()
     assert charts(chosen) == charts(recording)
     assert {recording[f"/joint_charts/{kind}"][2] for kind in JOINT_UNITS} == {2}
 
 
-def test_every_chart_beside_a_choice_fills_its_view_and_is_nowhere_cut(choice_recordings):
+def test_every_chart_next_to_a_choice_fills_its_view_uncut(choice_recordings):
     recording, chosen = choice_recordings
     entities, tabs = read(recording), charts(tabs_of_charts(chosen))
     for origin, (name, bounds, _) in tabs.items():
@@ -223,8 +223,8 @@ def test_every_chart_beside_a_choice_fills_its_view_and_is_nowhere_cut(choice_re
     assert not touching_words(chosen, [*measured, "/front", "/choice/front"])
 
 
-def test_beside_a_choice_the_run_has_the_very_views_that_it_was_drawn_with(choice_recordings):
-    """Titles, words to read, and whatever a view of the recorded layout has; none has the name of the choice."""
+def test_a_run_next_to_a_choice_keeps_its_views(choice_recordings):
+    """Titles, texts, and everything else of a view of the recorded layout; none has the name of the choice."""
     recording, chosen = choice_recordings
     assert read_recorded(recording) == read_recorded(chosen)
     alone, with_choice = map(layout_parts, choice_recordings)
@@ -234,8 +234,8 @@ def test_beside_a_choice_the_run_has_the_very_views_that_it_was_drawn_with(choic
     assert {"front", "arm", "joint torque", "generation, chosen", "why"} <= titles
 
 
-def test_where_a_run_begins_its_views_beside_a_choice_begin_too(choice_recordings):
-    """A slider reaches as far back as anything was logged: what a choice adds begins with the run, never before."""
+def test_a_runs_views_next_to_a_choice_begin_with_the_run(choice_recordings):
+    """A slider reaches back to the first logged data: those of a choice begin with the run, never before."""
     recording, chosen = choice_recordings
     begins = {name: each.begin for name, each in read_recorded(recording).timelines.items()}
     assert begins["generation"] == 1

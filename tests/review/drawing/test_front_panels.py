@@ -1,4 +1,4 @@
-"""The panels of pairs of objectives: no number or name covers another, whatever the values."""
+"""The panels of pairs of objectives: no number or name covers another, for any values."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tests.review.view_sizes import label_halves
 
 
 def boxes(canvases) -> list[tuple[str, np.ndarray, np.ndarray]]:
-    """The words of all panels with the corners of what they cover."""
+    """Return the words of all panels with the corners of the areas that they cover."""
     each, places = zip(*(canvas._labels(*canvas._ticks()) for canvas in canvases), strict=True)
     words, middles = list(chain.from_iterable(each)), np.concatenate(places)
     halves = label_halves(words)
@@ -52,13 +52,13 @@ def test_an_axis_has_numbers_one_for_every_line_of_its_grid(count):
             assert numbers.tolist() == (lines.tolist() if canvas.ticked[0] else [])
 
 
-def test_of_two_objectives_a_number_at_the_edge_of_the_frame_is_there():
+def test_a_panel_of_two_objectives_has_a_number_at_the_edge_of_its_frame():
     (canvas,) = Panels(labels=("energy [J s]", "torque [N m]")).canvases(np.array([[0.03914, 1.0], [0.04198, 2.0]]))
     across, _ = canvas._ticks()
     np.testing.assert_allclose(across, [0.039, 0.04, 0.041, 0.042])
 
 
-# The bounds ε of a panel: what each is stands beside its line, off the other line and its words.
+# The bounds ε of a panel: the words of each are next to its line, off the other line and its words.
 
 
 NAMES = (("energy", "J s"), ("torque", "N²m²s"))
@@ -72,13 +72,13 @@ def corners(bound) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("size", [(500.0, 390.0), (240.0, 180.0)])
 @given(first=shares, second=shares, maximised=st.tuples(st.booleans(), st.booleans()))
-def test_what_two_crossing_bounds_are_is_read_whatever_they_are(size, first, second, maximised):
+def test_the_words_of_two_crossing_bounds_are_readable(size, first, second, maximised):
     canvas = Canvas(low=np.zeros(2), high=np.ones(2), labels=("x", "y"), width=size[0], height=size[1])
     bounds = bounds_in(canvas, np.array([first, second]), NAMES, maximised)
     (low, high), (bottom, top) = map(corners, bounds)
-    assert (np.minimum(high, top) - np.maximum(low, bottom)).min() <= 0  # neither words cover the others
+    assert (np.minimum(high, top) - np.maximum(low, bottom)).min() <= 0  # the words do not cover each other
     for bound, (least, most) in zip(bounds, map(corners, bounds), strict=True):
         assert (least >= 0).all()
         assert (most <= size).all()
-        for axis, line in enumerate(bounds if size[0] == 500.0 else ()):  # a narrow panel has no room off the lines
+        for axis, line in enumerate(bounds if size[0] == 500.0 else ()):  # a narrow panel has no space off the lines
             assert not least[axis] < line.ends[0, axis] < most[axis], (bound.words, line.words)

@@ -1,4 +1,4 @@
-"""What is selected in the viewer of a notebook is known in Python, and its motion is shown."""
+"""The viewer in a notebook: Python knows the selected points, and their motions are shown."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ PANEL = "/choice/front/kinetic_energy\\ -\\ torque_norm"
 
 @pytest.fixture(autouse=True, scope="module")
 def address():
-    """Where a browser would get the viewer from: nobody asks, and serving it takes seconds to begin."""
+    """Set the address of the viewer: nobody requests it, and starting its server takes seconds."""
     os.environ.setdefault("RERUN_NOTEBOOK_ASSET", "http://127.0.0.1:9/widget.js")
 
 
 def select(view, *items: tuple[str, int | None]) -> None:
-    """Let the widget receive the message that a browser sends when entities are selected."""
+    """Send the widget the message of a browser in which entities were selected."""
     entities = [{"type": "entity", "entity_path": path, "instance_id": number} for path, number in items]
     view.viewer._viewer._handle_custom_msg(selection(entities), [])
 
@@ -41,7 +41,7 @@ def selection(items: list[dict]) -> str:
 
 
 def sent(view, folder: Path) -> dict[str, list]:
-    """Return the record batches of each entity that the browser is sent."""
+    """Return the record batches of each entity sent to the browser."""
     batches = dict[str, list]()
     for event, buffers in view.viewer._viewer._event_queue:
         if event["type"] != "rrd":
@@ -50,7 +50,7 @@ def sent(view, folder: Path) -> dict[str, list]:
         part.write_bytes(buffers[0])
         try:
             entities = read(part)
-        except ValueError:  # a layout, or nothing but the recording's name
+        except ValueError:  # a layout, or only the recording's name
             continue
         for path, of_entity in entities.items():
             batches.setdefault(path, []).extend(of_entity)
@@ -58,7 +58,7 @@ def sent(view, folder: Path) -> dict[str, list]:
 
 
 def present(batches: list, component: str) -> list:
-    """Return what an entity that does not change in time shows at present: what was sent last."""
+    """Return what a static entity shows at present: the last values sent."""
     found = [
         (batch.column("rerun.controls.RowId").to_pylist()[-1], batch.column(name).to_pylist()[-1])
         for batch in batches
@@ -87,7 +87,7 @@ def test_a_point_that_is_picked_is_known_by_its_id_and_its_motion_is_shown(make_
 
 
 @needs_notebook
-def test_what_is_drawn_where_a_point_was_sent_is_its_id(make_front, tmp_path):
+def test_the_label_of_a_sent_point_is_its_id(make_front, tmp_path):
     front = make_front(2)
     view = front.view()
     batches = sent(view, tmp_path)[PANEL + "/front"]
@@ -127,7 +127,7 @@ def test_nothing_is_left_of_a_motion_that_took_longer(make_front, tmp_path):
         drawn = rows(sent(view, tmp_path)["/choice/arm/chosen/joints"], "motion", "positions")
         at = np.array(sorted(drawn))
         assert set(time) <= set(drawn)
-        q = np.stack([np.interp(at, time, each) for each in motion.q.T], axis=1)  # between samples joints move evenly
+        q = np.stack([np.interp(at, time, each) for each in motion.q.T], axis=1)  # joints move evenly in between
         links = np.asarray(link_nodes(motion.arm, q))
         np.testing.assert_allclose(np.array([drawn[each] for each in at]), links, rtol=1e-5, atol=1e-6)
     assert max(drawn) == round(1.7e9)
@@ -138,7 +138,7 @@ def test_what_cannot_be_shown_is_refused_in_one_line(make_front):
     front = make_front(2)
     with pytest.raises(InvalidInput, match="width"):
         front.view(width=0)
-    with pytest.raises(Infeasible, match="wanted a front of at least one point"):
+    with pytest.raises(Infeasible, match="the front must have at least one point"):
         make_front(2, points=0).view()
     view = front.view()
     with pytest.raises(InvalidInput, match="id"):
@@ -146,9 +146,9 @@ def test_what_cannot_be_shown_is_refused_in_one_line(make_front):
     assert view.choice.id in front.ids
 
 
-def test_without_the_extra_it_is_said_what_to_install(make_front, monkeypatch):
+def test_a_missing_extra_is_named_with_its_install_command(make_front, monkeypatch):
     monkeypatch.setitem(sys.modules, "rerun_notebook", None)  # as if it were not installed
-    with pytest.raises(InvalidInput, match=re.escape('(pip install "paretoik[notebook]"), got none')):
+    with pytest.raises(InvalidInput, match=re.escape('must be installed: pip install "paretoik[notebook]"')):
         make_front(2).view()
 
 

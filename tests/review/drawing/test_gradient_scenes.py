@@ -1,4 +1,4 @@
-"""Plans, ε-fronts and refinements: everything that a picture needs stands in their recordings, at every instant."""
+"""The recordings of plans, ε-fronts and refinements contain everything that a picture needs, at every instant."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def test_no_view_of_a_plan_is_blank_at_any_instant(plan):
     assert not blank_views(plan[2], PLAN_INSTANTS)
 
 
-def test_everything_of_the_checklist_is_there_at_every_instant_of_a_plan(plan):
+def test_a_plan_has_all_entities_at_every_instant(plan):
     panel = [f"/objective/{part}" for part in ("grid", "labels", "levels/names", "starts", "ends", "best", "final")]
     charts = [f"/charts/{chart}/{part}" for chart in ("best", "distinct") for part in ("curves", "cursor")]
     wanted = ["/legend/words", "/text", *ARM, *CHARTS, *panel, *charts]
@@ -151,7 +151,7 @@ def test_every_start_of_a_plan_leads_to_what_is_drawn_of_it(plan):
     for level in starts:
         reached = ends[level][np.isfinite(ends[level])]
         assert len(reached)
-        # What a start leads to is one of the level's distinct optima, or one that perturbation replaced.
+        # A start leads to one of the level's distinct optima, or to one that perturbation replaced.
         assert (reached >= optima[level].min() * (1 - 1e-6)).all()
         assert (ends[level] <= starts[level] * (1 + 1e-9))[np.isfinite(ends[level])].mean() > 0.5
     drawn = rows(entities["/objective/ends"], "start", "positions")
@@ -159,7 +159,7 @@ def test_every_start_of_a_plan_leads_to_what_is_drawn_of_it(plan):
     assert counts == sorted(counts)
     assert counts[-1] == sum(np.isfinite(each).sum() for each in ends.values())
     assert "leads to" in last_text(entities["/text"], "start", 1)
-    for level, reached in ends.items():  # the best of each level stands in its own band
+    for level, reached in ends.items():  # the best of each level is in its own band
         (place,) = rows(entities["/objective/best"], "level", "positions")[level]
         row = int(np.nanargmin(reached)) + sum(len(ends[each]) for each in ends if each < level)
         np.testing.assert_allclose(place, rows(entities["/objective/ends"], "level", "positions")[max(ends)][row])
@@ -177,7 +177,7 @@ def test_a_plan_that_finds_nothing_leaves_a_recording_that_opens(tmp_path):
     assert "/text" in read(tmp_path / "review.rrd")
 
 
-def test_a_plan_whose_recording_fails_is_whole(tmp_path):
+def test_a_plan_whose_recording_fails_is_complete(tmp_path):
     one = problem(pk.kinetic_energy, samples=26)
 
     def kill(progress) -> None:
@@ -185,7 +185,7 @@ def test_a_plan_whose_recording_fails_is_whole(tmp_path):
             for child in children(os.getpid()):
                 os.kill(child, signal.SIGKILL)
 
-    with pytest.warns(RuntimeWarning, match="recording stopped, the run goes on"):
+    with pytest.warns(RuntimeWarning, match="recording stopped, the run continues"):
         found = pk.plan(one, starts=4, out=tmp_path, observe=kill)
     again = pk.load_plan(tmp_path, one)
     assert [each.objective for each in again.optima] == [each.objective for each in found.optima]
@@ -214,7 +214,7 @@ WANTED = [
 WANTED += [f"/arm/best\\ {name}/links" for name in ("kinetic_energy", "torque_norm")]
 
 
-def test_an_epsilon_front_has_everything_of_the_checklist_at_every_level(fronts):
+def test_an_epsilon_front_has_all_entities_at_every_level(fronts):
     folder, front, _, _ = fronts
     file = folder / "front" / "review.rrd"
     entities = read(file)
@@ -239,14 +239,14 @@ def test_an_epsilon_front_has_everything_of_the_checklist_at_every_level(fronts)
     assert "● ε: bound of this level" in static_words(entities["/legend/words"])
 
 
-def test_a_point_looked_at_is_marked_beside_the_compromise_which_stays_where_it_is(fronts):
+def test_a_point_looked_at_is_marked_next_to_the_compromise_which_stays(fronts):
     folder, front, _, _ = fronts
     entities = read(folder / "front" / "review.rrd")
     seen = rows(entities[f"{PANEL}/looked_at"], "point", "labels")
     assert [seen[place].tolist() for place in range(len(front))] == [[f"point {number}"] for number in front.ids]
     chosen = rows(entities[f"{PANEL}/chosen"], "point", "labels")
     assert {place: words.tolist() for place, words in chosen.items()} == {0: [f"point {compromise(front).id}"]}
-    own = rows(entities[f"{PANEL}/looked_at/name"], "point", "positions")  # but the compromise has its name already
+    own = rows(entities[f"{PANEL}/looked_at/name"], "point", "positions")  # but the compromise already has its name
     assert [len(own[place]) for place in range(len(front))] == [int(id != compromise(front).id) for id in front.ids]
     assert list(rows(entities[f"{PANEL}/chosen/name"], "point", "labels")) == [0]
     assert list(rows(entities[f"{PANEL}/ends"], "point", "positions")) == [0]
@@ -254,7 +254,7 @@ def test_a_point_looked_at_is_marked_beside_the_compromise_which_stays_where_it_
     assert {"● point looked at", "● arm of the compromise, or of the point looked at"} <= set(words)
 
 
-def test_points_of_a_level_are_named_by_it_as_the_final_front_numbers_anew(fronts):
+def test_points_of_a_level_are_named_by_it_because_the_final_front_renumbers(fronts):
     folder, front, _, _ = fronts
     entities = read(folder / "front" / "review.rrd")
     texts = rows(entities["/text"], "level", "text")
@@ -270,7 +270,7 @@ def test_points_of_a_level_are_named_by_it_as_the_final_front_numbers_anew(front
         (name,) = names[level].tolist()
         assert name.endswith(f" of level {level}")
         assert all(f" of level {level}, best " in str(each) for each in ends[level])
-        assert f"{name} (the final front numbers its points anew)" in str(texts[level][0])
+        assert f"{name} (the final front renumbers its points)" in str(texts[level][0])
 
 
 def test_a_refinement_shows_before_and_after_and_where_points_came_from(fronts):
@@ -311,5 +311,5 @@ def test_the_curves_of_a_start_and_of_where_its_solver_stopped_stay_within_their
     (curves,) = rows(entities["/joint_charts/position/curves"], "start", "strips").values()
     for curve in curves:
         heights = np.array([place[1] for place in curve])
-        assert heights.min() > frame[:, 1].min() + 1.0  # nothing lies on the frame, cut off there
+        assert heights.min() > frame[:, 1].min() + 1.0  # nothing is on the frame, where it would be cut
         assert heights.max() < frame[:, 1].max() - 1.0

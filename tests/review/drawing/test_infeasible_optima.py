@@ -1,4 +1,4 @@
-"""The recordings of a plan and of an ε-front without a feasible motion say why, and show the one that breaks least."""
+"""The recordings of infeasible plans and ε-fronts give the reason, and show the least-violating motion."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ VERBS = {
 
 @pytest.fixture(scope="module", params=VERBS)
 def narrow(request, tmp_path_factory):
-    """A problem whose velocity limit no motion keeps, the error of a verb, and its recording."""
+    """Return a problem whose velocity limit no motion satisfies, a verb's error, and its recording."""
     verb, objectives = VERBS[request.param]
     problem = tracking(*objectives, velocity=1.0)
     folder = tmp_path_factory.mktemp(request.param) / "run"

@@ -1,4 +1,4 @@
-"""The recording of a search that finds nothing feasible says what is broken, and shows the motion that breaks least."""
+"""The recording of an infeasible search says what is broken, and shows the least-violating motion."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tests.review.reading import blank_views, check_broken_limits, last_text, mi
 
 
 class Walled(Problem):
-    """Three constraints, of which two are broken by 0.5 and 0.25 wherever one looks."""
+    """Three constraints; every point breaks two of them, by 0.5 and 0.25."""
 
     def __init__(self) -> None:
         super().__init__(n_var=2, n_obj=2, n_ieq_constr=3, xl=0.0, xu=1.0)
@@ -42,7 +42,7 @@ def test_generations_say_what_the_least_violating_so_far_breaks(narrow):
     _, _, file = narrow
     texts = rows(read(file)["/text"], "generation", "text")
     for number in sorted(texts)[:-1]:
-        assert "What the least-violating one so far breaks:" in str(texts[number][0])
+        assert "Constraints broken by the least-violating individual so far:" in str(texts[number][0])
         assert "violated by" in str(texts[number][0])
 
 

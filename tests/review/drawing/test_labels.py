@@ -1,4 +1,4 @@
-"""Where labels are put."""
+"""Places of labels."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_a_joined_label_stands_on_nothing_even_where_dots_fill_the_frame(mark, s
     crowd = np.array([(x, y) for x in range(0, 501, 16) for y in range(0, 391, 10)], dtype=float)
     at, half = joined_label_place(crowded, np.array(mark), "point 29", crowd), half_size("point 29")
     assert not (np.abs(crowd - at) < half).all(axis=1).any()
-    assert at[0] - half[0] >= crowded.upper_label_end  # nor on what the axis upwards is called
+    assert at[0] - half[0] >= crowded.upper_label_end  # nor on the vertical axis label
     assert at[0] + half[0] <= 500 + side_room
 
 
@@ -71,7 +71,7 @@ def test_labels_of_marks_in_one_place_cover_neither_each_other_nor_leave_the_fra
 
 
 @given(places, st.lists(places, max_size=200))
-def test_a_label_is_beside_its_mark_or_a_line_joins_them(mark, others):
+def test_a_label_is_next_to_its_mark_or_a_line_joins_them(mark, others):
     words, mark = "point 29\nbest torque_norm", np.array(mark)
     label, line = joined_label(CANVAS, mark, words, np.array([mark, *others]), (255, 255, 255, 255))
     middle, half = joined_label_place(CANVAS, mark, words, np.array([mark, *others])), half_size(words)
@@ -100,7 +100,7 @@ def test_a_plate_is_as_large_as_the_viewer_draws_it(words):
 @pytest.mark.parametrize("size", [(504.0, 414.0), (246.0, 181.0)], ids=["of two objectives", "of three objectives"])
 @given(share=st.tuples(st.floats(0, 1), st.floats(0, 1)), crowd=st.integers(6, 40), scale=st.floats(0.95, 1.0))
 def test_the_plate_of_a_label_touches_neither_the_frame_nor_the_name_of_the_axis(size, words, share, crowd, scale):
-    """In a view whose unit is ``scale`` pixels; the plate itself is as large as ever, below the label's point."""
+    """The view's unit is ``scale`` pixels; the plate keeps its size, below the label's point."""
     name = "speed_2 [m/s] ↑"
     canvas = Canvas(low=np.zeros(2), high=np.array(size), labels=("x", name), width=size[0], height=size[1])
     dots = np.array([(x, y) for x in range(0, int(size[0]), 2 * crowd) for y in range(0, int(size[1]), crowd)], float)
@@ -110,7 +110,7 @@ def test_the_plate_of_a_label_touches_neither_the_frame_nor_the_name_of_the_axis
     low, high = middle - half, middle + half
     title = scale * (canvas.upper_label_middle - (0.0, TEXT.drop)) + (0.0, TEXT.drop)
     is_inside = (low >= 1.0).all() and (high <= scale * np.array(size) - 1.0).all()
-    assert is_inside or (high[1] < 0.0 and low[0] > title[0] + 56.0 + 6.0)  # so wide is half its plate
+    assert is_inside or (high[1] < 0.0 and low[0] > title[0] + 56.0 + 6.0)  # half the width of its plate
     for _, tip in line.strips.as_arrow_array().to_pylist():
         depth = (half - np.abs(scale * np.array(tip) - middle)).min()
         assert -1.0 <= depth <= 6.0
@@ -120,7 +120,7 @@ corners = st.tuples(st.integers(0, 20), st.integers(0, 20))
 
 
 def cross(a, b, c, d) -> bool:
-    """Say whether the lines a to b and c to d cross, by the exact shares of both at which they would."""
+    """Return whether the lines a to b and c to d cross, from the exact shares of both at the crossing."""
     (ux, uy), (vx, vy), (wx, wy) = ((q[0] - p[0], q[1] - p[1]) for p, q in ((a, b), (c, d), (a, c)))
     whole = ux * vy - uy * vx
     shares = () if whole == 0 else (Fraction(wx * vy - wy * vx, whole), Fraction(wx * uy - wy * ux, whole))
@@ -150,7 +150,7 @@ def _is_crossed(mark: np.ndarray, middle: np.ndarray, wall: np.ndarray) -> bool:
 @given(st.lists(st.tuples(places, places), min_size=1, max_size=4))
 def test_no_label_lies_between_two_points_of_a_line(ends):
     lines = np.array(ends)
-    narrow = 2 * half_size("best") + 8.0  # what a label keeps free
+    narrow = 2 * half_size("best") + 8.0  # free space around a label
     for line in lines:
         steps = np.diff(line_points(line[None]), axis=0)
         assert (np.abs(steps) <= narrow).all()
@@ -178,7 +178,7 @@ def test_best_points_that_are_one_are_rings_around_each_other_with_both_names(tm
 @given(st.lists(places, min_size=2, max_size=5), st.data())
 def test_the_mark_of_every_best_point_is_seen_whatever_lies_on_it(at, data):
     near = data.draw(st.lists(st.integers(0, len(at) - 1), min_size=2, max_size=4))
-    at = np.array([at[place] for place in near])  # some of them in one place
+    at = np.array([at[place] for place in near])  # some in the same place
     marks, chosen = list(range(len(at) - 1)), [len(at) - 1]
     radii = ring_radii(at, marks, chosen)
     for row in marks:
@@ -188,7 +188,7 @@ def test_the_mark_of_every_best_point_is_seen_whatever_lies_on_it(at, data):
 
 
 @given(corners, st.lists(corners, min_size=1, max_size=5), st.lists(corners, max_size=8))
-def test_a_line_that_leads_away_from_a_mark_touches_it_never(start, ends, marks):
+def test_a_line_that_leads_away_from_a_mark_never_touches_it(start, ends, marks):
     start, ends, marks = np.array(start, float), np.array(ends, float), np.array(marks, float).reshape(-1, 2)
     shares = np.linspace(0.0, 1.0, 2001)[:, None]
     for end, touched in zip(ends, count_touched(start, ends, marks, reach=3.0), strict=True):

@@ -1,4 +1,4 @@
-"""Tabs whose names can be read."""
+"""Tabs with readable names."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_names_that_fit_stay_as_they_are():
     assert [part.name for part in tabs(SEARCH[:2], 600.0).contents] == SEARCH[:2]
 
 
-def test_views_of_one_word_are_tabs_of_a_tab_before_any_name_is_cut():
+def test_views_with_a_common_first_word_become_nested_tabs_before_any_name_is_cut():
     found = tabs(["hypervolume", *SEARCH[2:]], 600.0)
     assert [part.name for part in found.contents] == ["hypervolume", "best", "front points, failures"]
     inner = [view.name for view in found.contents[1].contents]
@@ -42,7 +42,7 @@ def test_views_of_one_word_are_tabs_of_a_tab_before_any_name_is_cut():
 
 
 def words() -> st.SearchStrategy[list[str]]:
-    """Names of tabs, of which some begin with one word and some have a unit."""
+    """Return names of tabs; some begin with the same word and some have a unit."""
     name = st.builds(
         lambda first, second, unit: " ".join(filter(None, [first, second, unit])),
         st.sampled_from(["best", "joint", "hypervolume", "front points,"]),
@@ -54,7 +54,7 @@ def words() -> st.SearchStrategy[list[str]]:
 
 @given(words(), st.sampled_from([900.0, 600.0, 450.0]))
 def test_names_as_they_are_shown_lead_to_the_same_tabs_again(names, width):
-    """A recording has the names that are shown: beside a choice its charts must be tabs as they were."""
+    """A recording has the shown names: next to a choice its charts must be the same tabs."""
     before = tabs(names, width)
     shown = [str(view.name) for view in leaves(before)]
     again = tabs(shown, width)

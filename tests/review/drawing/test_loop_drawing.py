@@ -1,4 +1,4 @@
-"""The search of a control step: its legend names what can be seen, and words say what cannot."""
+"""The search of a control step: the legend names what is visible, and words explain the rest."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ BEHIND = np.array([[0.0, 1.0], [1.0, 0.0], [0.4, 0.4], [0.7, 0.8], [0.8, 0.8], [
 
 
 def step(objectives, reach: float, *, planar: bool = True) -> SearchedStep:
-    """A search of six individuals whose arms are up to ``reach`` rad from each other."""
+    """Return a search of six individuals whose arms differ by up to ``reach`` rad."""
     objectives = np.array(objectives)
     q = np.array([0.3, 0.5, 0.4]) + reach * np.linspace(0.0, 1.0, 6)[:, None] * np.ones(3)
     fronts = [front(each) for each in objectives]
@@ -54,7 +54,7 @@ def legend(entities) -> set[str]:
 
 @pytest.mark.parametrize("planar", [True, False])
 @pytest.mark.parametrize(("reach", "is_seen"), [(1e-6, False), (0.5, True)])
-def test_arms_of_the_front_are_named_where_they_are_seen_beside_the_chosen_one(tmp_path, reach, is_seen, planar):
+def test_arms_of_the_front_are_named_if_they_are_visible_next_to_the_chosen_one(tmp_path, reach, is_seen, planar):
     scene, entities = recorded(step([TRADE_OFF], reach, planar=planar), tmp_path / "step.rrd")
     assert ("arms of the front" in legend(entities)) == is_seen
     assert (scene.view().contents[1].contents[1].name == "arms of the front, step 7") == is_seen
@@ -63,12 +63,12 @@ def test_arms_of_the_front_are_named_where_they_are_seen_beside_the_chosen_one(t
 
 
 @pytest.mark.parametrize(("generations", "is_drawn"), [([TRADE_OFF], False), ([TRADE_OFF, BEHIND], True)])
-def test_a_population_is_in_the_legend_where_one_of_it_is_drawn_and_not_on_the_front(tmp_path, generations, is_drawn):
+def test_a_population_is_in_the_legend_if_an_individual_outside_the_front_is_drawn(tmp_path, generations, is_drawn):
     _, entities = recorded(step(generations, 0.5), tmp_path / "step.rrd")
     assert ("population" in legend(entities)) == is_drawn
 
 
-def test_individuals_beside_a_front_of_one_point_lie_outside_its_axes_and_are_counted(tmp_path):
+def test_individuals_outside_the_axes_of_a_front_of_one_point_are_counted(tmp_path):
     best = np.concatenate([np.full((1, 2), -1.0), TRADE_OFF[1:]])
     _, entities = recorded(step([best, TRADE_OFF], 0.5), tmp_path / "step.rrd")
     drawn = rows(entities[r"/step_7/front/displacement\ -\ share/population"], "generation", "positions")
@@ -79,7 +79,7 @@ def test_individuals_beside_a_front_of_one_point_lie_outside_its_axes_and_are_co
     assert "outside the axes" not in last_text(entities["/step_7/text"], "generation", 1)
 
 
-def test_where_the_tool_is_to_be_is_seen_around_a_tool_that_is_there(tmp_path):
+def test_the_target_of_the_tool_is_visible_around_a_tool_at_the_target(tmp_path):
     scene, entities = recorded(step([TRADE_OFF], 0.5), tmp_path / "step.rrd")
     (ring,) = rows(entities["/step_7/arm/place"], "generation", "strips")[0]
     middle = scene._drawing.place(scene.step.target)

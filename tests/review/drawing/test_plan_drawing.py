@@ -1,4 +1,4 @@
-"""What is said of a plan."""
+"""The texts of a plan."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def test_optima_whose_words_are_the_same_are_distinguished_by_the_joint_that_dif
     assert "as good" not in optimum_text(SCENE, optima, 2, 5)
 
 
-def test_starts_of_the_first_level_and_of_those_after_it_are_counted_apart():
+def test_starts_of_the_first_level_and_of_later_levels_are_counted_separately():
     end = PlanEnd(optima=[optimum(0, 1.0, "", np.zeros((5, 3)))], provenance={})
     assert "The first level had 156 starts; those after it begin from its optima, 11 in all." in plan_end_text(
         SCENE, end, 156, 167

@@ -1,4 +1,4 @@
-"""The panel of a plan: what a level's band holds stands off its borders."""
+"""The panel of a plan: marks of a level keep off the borders of its band."""
 
 from __future__ import annotations
 

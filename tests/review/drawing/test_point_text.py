@@ -1,4 +1,4 @@
-"""What is said beside a picture: whole words, units, and a reason where there is nothing to see."""
+"""The texts next to a picture: whole words, units, and a reason if there is nothing to see."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def test_an_empty_front_says_why_it_is_empty():
 
 
 @pytest.mark.parametrize("timeline", ["generation", "step"])
-def test_one_point_is_one_point(timeline):
+def test_one_point_is_counted_in_the_singular(timeline):
     chosen = np.array([1.0, 2.0]) if timeline == "step" else None
     words = text_of(scene(timeline), generation([[1.0, 2.0]], chosen=chosen))
     assert "1 point on " in words
@@ -46,7 +46,7 @@ def test_one_point_is_one_point(timeline):
 
 
 def chosen_place(steps: SearchScene, step: Generation, file: Path) -> np.ndarray:
-    """Return where the chosen point of a step is drawn."""
+    """Return the place of a step's chosen point."""
     stream = rr.RecordingStream("step")
     stream.save(file)
     stream.set_time("step", sequence=step.number)
@@ -55,7 +55,7 @@ def chosen_place(steps: SearchScene, step: Generation, file: Path) -> np.ndarray
     return rows(read(file)["/front/energy\\ -\\ reach/chosen"], "step", "positions")[step.number][0]
 
 
-def test_the_only_point_of_a_step_is_drawn_in_the_middle_and_said_to_have_no_range(tmp_path):
+def test_the_only_point_of_a_step_is_in_the_middle_with_a_note_that_it_has_no_range(tmp_path):
     steps, one = scene("step"), generation([[1.0, 2.0]], chosen=np.array([1.0, 2.0]))
     assert "no range" in text_of(steps, one)
     several = generation([[1.0, 2.0], [2.0, 3.0]], chosen=np.array([1.0, 2.0]))
@@ -72,14 +72,14 @@ def test_numbers_of_a_generation_have_their_units():
     words = text_of(scene(), both)
     assert "hypervolume 0.5\u00a0J\u00a0s." in words  # no line ends within a unit
     assert "best 1\u00a0J\u00a0s, compromise 1.5\u00a0J\u00a0s" in words
-    assert "**reach [1]**: best 3, compromise 2" in words  # what has no unit says so, once
+    assert "**reach [1]**: best 3, compromise 2" in words  # a quantity without a unit is marked once
     titles = [chart.labels[1] for chart, _, _ in search_charts(scene(), [both])]
     assert titles[0] == "hypervolume [J s]"
     assert titles[2] == "best reach [1] ↑"
 
 
 def certified() -> Front:
-    """A front of objectives with a unit and without, each point with rates of exchange."""
+    """Return a front of objectives with and without a unit, each point with exchange rates."""
     rates = np.array([[[-1.0, -0.003096], [-323.0, -1.0]]] * 2)
     return Front(
         ids=np.arange(2),
@@ -99,7 +99,7 @@ def certified() -> Front:
     )
 
 
-def test_what_has_no_unit_is_a_number_in_rates_and_steps():
+def test_a_quantity_without_a_unit_is_a_number_in_rates_and_steps():
     words = point_text(certified(), 0, chosen=None).replace("\u00a0", " ")
     assert "- 1 J s more of energy: -0.003096 of distance [1]\n" in words
     assert "- 1 more of distance [1]: -323 J s of energy" in words

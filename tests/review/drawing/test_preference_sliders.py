@@ -1,4 +1,4 @@
-"""Sliders of a front's objectives: grey while one is dragged, certified once it is released, no id for what is grey."""
+"""Sliders of a front's objectives: grey while dragged, certified once released; grey points have no id."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PICTURES = (f"{PANEL}/predicted", "/choice/arm/predicted/ghosts", "/choice/arm/p
 
 @pytest.fixture(autouse=True, scope="module")
 def address():
-    """Where a browser would get the viewer from: nobody asks, and serving it takes seconds to begin."""
+    """Set the address of the viewer: nobody requests it, and starting its server takes seconds."""
     os.environ.setdefault("RERUN_NOTEBOOK_ASSET", "http://127.0.0.1:9/widget.js")
 
 
@@ -42,7 +42,7 @@ def view(front):
 
 
 def say(view, kind: str, share: float, axis: int = 0, hold: tuple[int, ...] = ()) -> float:
-    """Let the widget receive what a browser says of a slider so far on the way to the best; return the value."""
+    """Send the widget a slider's message at a ``share`` of the way to the best; return the value."""
     slider = view.sliders.state["objectives"][axis]
     to = slider["value"] + share * (slider["best"] - slider["value"])
     message = {"kind": kind, "axis": axis, "to": to, "hold": list(hold), "number": view.sliders.state["answered"] + 1}
@@ -51,7 +51,7 @@ def say(view, kind: str, share: float, axis: int = 0, hold: tuple[int, ...] = ()
 
 
 def drawn(view, folder) -> list[int]:
-    """Return how many marks each picture of a prediction shows at present."""
+    """Return the present number of marks in each picture of a prediction."""
     entities = sent(view, folder)
     kinds = ("positions", "strips", "strips")
     return [len(present(entities[path], kind)) for path, kind in zip(PICTURES, kinds, strict=True)]
@@ -64,7 +64,7 @@ def test_what_is_dragged_is_predicted_in_grey_and_gone_once_a_certified_point_is
     assert state["kind"] == "predicted"
     assert state["objectives"][0]["predicted"] == pytest.approx(to, rel=1e-6)
     point, postures, path = drawn(view, tmp_path)
-    assert (point, path) == (1, 0)  # its tool follows the path that is drawn already
+    assert (point, path) == (1, 0)  # its tool follows the path that is already drawn
     assert postures > 1
     assert view.front.ids.tolist() == ids
     predicted = state["objectives"][1]["predicted"]
@@ -95,7 +95,7 @@ def test_a_slider_that_is_back_leaves_nothing_grey(view, tmp_path):
     assert view.sliders.state["objectives"][0]["predicted"] is None
 
 
-def test_what_cannot_be_is_said_and_leaves_nothing_grey(view, tmp_path):
+def test_a_refused_move_is_explained_and_leaves_nothing_grey(view, tmp_path):
     number = view.choice.id
     for kind in ("drag", "release"):
         say(view, "drag", 0.1)
@@ -106,7 +106,7 @@ def test_what_cannot_be_is_said_and_leaves_nothing_grey(view, tmp_path):
     assert view.choice.id == number
 
 
-def test_a_front_that_cannot_be_moved_along_says_what_is_wanted(make_front):
+def test_a_front_that_cannot_be_moved_along_says_what_is_missing(make_front):
     view = make_front(2).view()
     assert not view.sliders.state["movable"]
     assert "certified front" in view.sliders.state["words"]
@@ -134,7 +134,7 @@ window.ready = true;
 @pytest.mark.slow
 @pytest.mark.skipif(CHROMIUM is None or DRIVER is None, reason="no chromium with its driver")
 def test_in_a_real_browser_dragging_predicts_and_release_moves(view, front, tmp_path):
-    """The widget's own script runs; what it sends and receives goes by hand between it and the widget in Python."""
+    """Run the widget's own script; the test carries its messages to and from the widget in Python."""
     import json
 
     webdriver = pytest.importorskip("selenium.webdriver")
@@ -157,7 +157,7 @@ def test_in_a_real_browser_dragging_predicts_and_release_moves(view, front, tmp_
             return driver.execute_script(script)
 
         def carry() -> list[str]:
-            """Hand over messages until there are none; return their kinds."""
+            """Carry messages until there are none; return their kinds."""
             kinds = []
             while messages := run("return window.sent.splice(0)"):
                 for message in messages:

@@ -1,4 +1,4 @@
-"""Everything that a picture needs stands in a recording at every instant, and no view of its layout is blank."""
+"""Recordings contain everything that a picture needs at every instant, and no view of a layout is blank."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ INSTANTS = {
 
 
 def instants_of(name: str, front: pk.Front) -> dict[str, tuple[int, ...]]:
-    """Return the instants of a run: arms that push in directions do not move, nor does one point along a front."""
+    """Return the instants of a run; arms that push in directions do not move, nor does a front of one point."""
     constant = {"motion": name == "directions", "point": len(front) == 1}
     return {timeline: times for timeline, times in INSTANTS.items() if not constant.get(timeline)}
 
@@ -94,7 +94,7 @@ def test_no_view_is_blank_at_any_instant(run):
     assert not blank_views(run[2], instants_of(run[0], run[1]))
 
 
-def test_a_timeline_is_there_where_something_changes_along_it(run):
+def test_a_timeline_exists_if_something_changes_along_it(run):
     name, front, file = run
     timelines = read_recorded(file).timelines
     assert ("motion" in timelines) == (name != "directions")
@@ -168,13 +168,13 @@ def test_individuals_outside_the_axes_are_counted_in_words(run):
         count = len(everything[number]) // len(front.names)
         said = [line for line in str(words[0]).splitlines() if "outside the axes" in line]
         outside = int(said[0].split()[0]) if said else 0
-        if number < max(texts):  # there it is the front that is spoken of
+        if number < max(texts):  # at the end the text is about the front
             assert count - len(drawn[number]) <= outside <= count
         if len(front.names) == 2 and number < max(texts):
             assert count - len(drawn[number]) == outside
 
 
-def test_everything_of_the_checklist_is_there_at_every_instant(run):
+def test_a_search_has_all_entities_at_every_instant(run):
     name, front, file = run
     entities = read(file)
     wanted = ["/legend/words", "/text", "/arm/axes/grid", "/arm/axes/labels", "/arm/base", "/arm/chosen/links"]
@@ -184,7 +184,7 @@ def test_everything_of_the_checklist_is_there_at_every_instant(run):
         wanted += [f"/joint_charts/{kind}/curves" for kind in ("position", "velocity", "torque")]
     if name == "planar":
         wanted += [f"/joint_charts/{kind}/limits" for kind in ("position", "velocity", "torque")]
-        for kind in ("power", "acceleration"):  # far off what the motions need, these stand there in words
+        for kind in ("power", "acceleration"):  # far from the motions' values, these are only named in words
             assert f"/joint_charts/{kind}/limits_beyond" in entities
     wanted += ["/arm/directions"] * (name == "directions") + ["/arm/places"] * (
         name in ("directions", "point to point")
@@ -201,13 +201,13 @@ def test_everything_of_the_checklist_is_there_at_every_instant(run):
     fronts = rows(entities["/search/front"], "generation", "F")
     first = min(number for number, F in fronts.items() if F.size)
     late = {
-        timeline: times[-1:] if first > 1 and timeline in ("generation", "replay") else times  # nothing was feasible
+        timeline: times[-1:] if first > 1 and timeline in ("generation", "replay") else times  # infeasible before
         for timeline, times in instants_of(name, front).items()
     }
     assert not missing_entities(file, wanted, late)
 
 
-def test_the_words_are_those_of_what_is_shown(run):
+def test_the_text_describes_what_is_shown(run):
     _, front, file = run
     words = read(file)["/text"]
     by_generation = rows(words, "generation", "text")
@@ -264,7 +264,7 @@ def test_nothing_that_runs_inside_links_or_along_a_path_is_hidden_by_them(run):
 def test_the_arm_of_the_compromise_is_drawn_on_those_of_the_best_points(run):
     name, front, file = run
     if name == "spatial":
-        return  # there what is nearer is on top
+        return  # in space the nearer arm is on top
     entities = read(file)
     parts = [f"/arm/best\\ {objective}" for objective in front.names]
     best = [static_values(entities[f"{part}/{each}"], "draw_order") for part in parts for each in ("links", "joints")]
@@ -327,9 +327,9 @@ def test_each_axis_has_ticks_and_a_unit(run):
 
 
 def joint_views(name: str) -> tuple[list[str], list[str]]:
-    """Return the charts of joints that the layout of a run shows, and those that it leaves out.
+    """Return the charts of joints that a run's layout shows, and those that it leaves out.
 
-    Arms that stand still have their postures over the front in place of curves over time.
+    Arms that stand still have their postures over the front instead of curves over time.
     """
     joints = ["/joint_charts"]
     return (["/postures"], joints) if name == "directions" else (joints, [])
@@ -342,7 +342,7 @@ def test_no_number_or_name_of_an_axis_touches_its_frame_or_another(run):
     assert not touching_words(file, ["/front", "/charts", *flat, *charts], not_in_layout=not_in_layout)
 
 
-def test_a_choice_stands_beside_another_in_the_same_recording(run, tmp_path):
+def test_two_choices_are_shown_in_the_same_recording(run, tmp_path):
     name, front, file = run
     first, last = front[int(front.ids[0])], front[int(front.ids[-1])]
     (tmp_path / "choice.rrd").write_bytes(recording_with_choice(front, first, recording=file, compare=last))
@@ -363,7 +363,7 @@ def test_a_choice_stands_beside_another_in_the_same_recording(run, tmp_path):
 
 @pytest.fixture(scope="module", params=["level", "refinement"])
 def certified_run(request, tmp_path_factory):
-    """A sweep, whose recording has the timeline "level", and a refinement."""
+    """The recordings of a sweep, with the timeline "level", and of a refinement."""
     folder, problem = tmp_path_factory.mktemp("certified"), planar()
     if request.param == "level":
         front = pk.epsilon_front(problem, points=3, starts=4, seed=0, out=folder / "run", observe=False)
@@ -373,7 +373,7 @@ def certified_run(request, tmp_path_factory):
     return request.param, front, folder / "run" / "review.rrd"
 
 
-def test_a_choice_stands_on_every_timeline_of_a_recording_whatever_verb_it_is_of(certified_run, tmp_path):
+def test_a_choice_is_on_every_timeline_of_any_verbs_recording(certified_run, tmp_path):
     timeline, front, file = certified_run
     recorded = read_recorded(file)
     assert recorded.timeline == timeline

@@ -1,4 +1,4 @@
-"""What legends say."""
+"""The texts of legends."""
 
 from __future__ import annotations
 
@@ -28,5 +28,5 @@ def test_all_that_the_search_of_a_step_shows_has_an_entry_in_its_colour():
     assert {SCREEN.population, SCREEN.front, SCREEN.chosen, SCREEN.arm, SCREEN.ghost, SCREEN.target} <= colours
 
 
-def test_of_arms_that_coincide_each_is_thinner_than_those_below_it():
+def test_each_coinciding_arm_is_thinner_than_those_below_it():
     assert all(above < below for below, above in pairwise([*MARKS.arms, MARKS.solid_arm]))

@@ -1,4 +1,4 @@
-"""What is kept of fronts with more points than a picture can show."""
+"""Reduction of fronts with more points than a picture can show."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def sphere(points: int, n_obj: int, seed: int = 0) -> np.ndarray:
 
 
 @given(points=st.integers(2, 60), n_obj=st.integers(1, 5), count=st.integers(1, 60), seed=st.integers(0, 99))
-def test_so_many_rows_in_their_order_and_the_best_of_every_objective_among_them(points, n_obj, count, seed):
+def test_spread_rows_are_sorted_and_include_the_best_of_every_objective(points, n_obj, count, seed):
     F = sphere(points, n_obj, seed)
     rows = spread_rows(F, min(count, points))
     assert len(rows) == min(count, points)
@@ -38,21 +38,21 @@ def test_so_many_rows_in_their_order_and_the_best_of_every_objective_among_them(
 def test_rows_are_spread_no_worse_than_at_random(seed):
     F = sphere(300, 3, seed)
 
-    def farthest(rows: np.ndarray) -> float:  # of all points from what is kept
+    def farthest(rows: np.ndarray) -> float:  # the largest distance of a point from the kept ones
         return float(np.linalg.norm(F[:, None] - F[rows], axis=-1).min(axis=1).max())
 
     at_random = np.random.default_rng(seed).choice(300, 30, replace=False)
     assert farthest(spread_rows(F, 30)) <= farthest(at_random)
 
 
-def test_small_fronts_are_kept_whole_and_nothing_is_said_of_them():
+def test_small_fronts_are_kept_completely_without_a_note():
     reduction, whole = FrontReduction(maximised=(False, True), points=5), generation(sphere(5, 2))
     kept = reduction.reduce(whole)
     np.testing.assert_array_equal(kept.front, whole.front)
     assert (kept.size, reduction_note([kept])) == (5, "")
 
 
-def test_of_large_fronts_the_ends_in_the_users_own_sign_stay_and_their_size_is_known():
+def test_reduced_fronts_keep_their_ends_and_the_size_of_the_whole_front():
     front = sphere(200, 3) * [1.0, -1.0, 1.0]
     reduction = FrontReduction(maximised=(False, True, False), points=20)
     kept = reduction.reduce(generation(front))
@@ -69,7 +69,7 @@ def test_the_hypervolume_is_that_of_the_whole_front():
     assert kept.hypervolume == pytest.approx(hypervolume(front * [1, -1, 1], reference * [1, -1, 1]), rel=1e-12)
 
 
-def test_a_hypervolume_that_is_there_is_not_computed_and_without_a_reference_there_is_none():
+def test_a_given_hypervolume_is_not_computed_and_without_a_reference_there_is_none():
     reduction = FrontReduction(maximised=(False, False), points=20)
     assert reduction.reduce(generation(sphere(9, 2), hypervolume=0.125, reference=np.ones(2))).hypervolume == 0.125
     assert reduction.reduce(generation(sphere(9, 2))).hypervolume is None
@@ -82,7 +82,7 @@ def test_hypervolumes_that_take_more_than_their_share_of_the_time_are_left_out(m
     assert [reduction.reduce(large).hypervolume is None for _ in range(4)] == [False, False, True, True]
 
 
-def test_of_seven_objectives_the_hypervolume_is_an_estimate_as_an_exact_one_takes_a_minute(monkeypatch):
+def test_the_hypervolume_of_seven_objectives_is_an_estimate(monkeypatch):
     import moocore
 
     monkeypatch.delattr(moocore, "hypervolume")

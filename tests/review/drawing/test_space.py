@@ -1,4 +1,4 @@
-"""The eye sees all of a scene, as large as its view allows."""
+"""The eye sees a whole scene, as large as its view allows."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from paretoik.review.drawing.space import fitting_eye, half_view
 
 
 def seen_at(points: np.ndarray) -> np.ndarray:
-    """Return where points are seen, as shares of half the view that is theirs, by a pinhole built by other means."""
+    """Return where a separate pinhole camera sees points, as shares of half the usable view."""
     eye = fitting_eye(points)
     position, target = (np.array(each.as_arrow_array().to_pylist()[0]) for each in (eye.position, eye.look_target))
     away = (target - position) / np.linalg.norm(target - position)

@@ -1,4 +1,4 @@
-""""""
+"""Pictures of certificates."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from paretoik.review.pictures.certificates import certificates_picture
 
 
 def certified(front, statuses):
-    """Return a front with certificates, the statuses in turn."""
+    """Return a front with certificates; the statuses repeat over its points."""
     points, n_obj = front.objectives.shape
     rates = np.full((points, n_obj, n_obj), -0.5)
     rates[::3] = np.nan  # not certified
@@ -33,7 +33,7 @@ def certified(front, statuses):
 
 
 @pytest.mark.parametrize("n_obj", [1, 2, 3, 5])
-def test_every_certified_front_gets_a_small_picture_that_shows_something(n_obj, tmp_path, make_front):
+def test_every_certified_front_gets_a_small_picture_with_content(n_obj, tmp_path, make_front):
     front = certified(make_front(n_obj, points=30), ["minimum", "saddle", "undetermined"])
     file = tmp_path / "certificates.png"
     certificates_picture(front, file)
@@ -43,7 +43,7 @@ def test_every_certified_front_gets_a_small_picture_that_shows_something(n_obj, 
     assert 0.005 < (pixels < 128).mean() < 0.5
 
 
-def test_a_point_that_is_no_minimum_is_seen(tmp_path, make_front):
+def test_a_point_that_is_not_a_minimum_is_visible(tmp_path, make_front):
     pictures = []
     for statuses in (["minimum"], ["minimum", "saddle"]):
         certificates_picture(certified(make_front(2), statuses), tmp_path / "certificates.png")
@@ -54,5 +54,5 @@ def test_a_point_that_is_no_minimum_is_seen(tmp_path, make_front):
 
 
 def test_a_front_without_certificates_is_refused(tmp_path, make_front):
-    with pytest.raises(InvalidInput, match="a front with certificates wanted"):
+    with pytest.raises(InvalidInput, match="front must have certificates"):
         certificates_picture(make_front(2), tmp_path / "certificates.png")

@@ -1,4 +1,4 @@
-""""""
+"""Pictures of fronts and comparisons."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ from tests.review.pictures.test_certificates import certified
     ("n_obj", "planar", "moving"),
     [(1, True, False), (2, False, True), (3, True, True), (5, False, False)],
 )
-def test_every_front_gets_a_small_picture_that_shows_something(n_obj, planar, moving, tmp_path, make_front):
+def test_every_front_gets_a_small_picture_with_content(n_obj, planar, moving, tmp_path, make_front):
     front = make_front(n_obj, points=60, planar=planar, moving=moving)
     file = tmp_path / "front.png"
     front_picture(front, file, front.select(Weights({front.names[0]: 1.0})))
@@ -86,7 +86,7 @@ def test_a_stroboscopic_view_draws_postures_and_the_way_of_the_tool(planar, make
 
 def test_a_place_that_cannot_be_written_is_refused(tmp_path, make_front):
     (tmp_path / "taken").touch()
-    with pytest.raises(InvalidInput, match=r"wanted to write it, got (File exists|Not a directory)"):
+    with pytest.raises(InvalidInput, match=r"must be writable, got (File exists|Not a directory)"):
         front_picture(make_front(2, moving=False), tmp_path / "taken" / "front.png")
 
 
@@ -123,7 +123,7 @@ def test_jumps_are_drawn_apart_from_branches(tmp_path, monkeypatch, make_front):
     front = certified(make_front(2, points=9, moving=False), ["minimum"])
 
     def high(jumping):
-        """Barriers in the gaps of these rows."""
+        """Return barriers in the gaps of these rows."""
         rows = np.isin(np.arange(8), jumping)[:, None, None]
         return SimpleNamespace(values_between=lambda front, shares: np.where(rows, np.inf, front.minimised[:-1, None]))
 
@@ -176,7 +176,7 @@ def test_a_name_lies_in_its_axes_and_on_nothing_where_a_place_is_free(mark, othe
 
 
 @pytest.mark.parametrize("crowd", [0, 400])
-def test_no_two_names_lie_on_each_other_and_what_is_far_off_is_joined(crowd):
+def test_no_two_names_overlap_and_distant_names_have_a_line(crowd):
     chance = np.random.default_rng(4)
     points = np.concatenate([[(0.5, 0.5), (0.502, 0.5), (0.5, 0.503)], chance.uniform(0, 1, (crowd, 2))])
     with matplotlib.rc_context(PAPER.style):
@@ -201,7 +201,7 @@ def test_no_two_names_lie_on_each_other_and_what_is_far_off_is_joined(crowd):
 
 
 @pytest.mark.parametrize("n_obj", [1, 2, 3, 5])
-def test_every_comparison_gets_a_small_picture_that_shows_something(n_obj, tmp_path, make_front):
+def test_every_comparison_gets_a_small_picture_with_content(n_obj, tmp_path, make_front):
     front = make_front(n_obj, points=20, moving=False)
     shifted = replace(front, objectives=front.objectives * 1.1, ranges=front.ranges)
     comparison = Comparison(fronts=(front, shifted, front), labels=("$a$", "$a$", "b"))

@@ -1,4 +1,4 @@
-"""A run is watched while it goes on: on this machine alone, and whatever becomes of the viewer."""
+"""A running run can be watched: only on this machine, and whatever happens to the viewer."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def without_screen(monkeypatch):
 
 
 def live_recorder(file: Path) -> tuple[Recorder, str]:
-    """Return a recorder of a live run without a screen, and the address that it tells."""
+    """Return a recorder of a live run without a screen, and the announced address."""
     notices: list[str] = []
     recorder = Recorder(file, title="live", scene=SCENE, live=True, notify=notices.append)
     recorder.record(generation(1))
@@ -47,7 +47,7 @@ def live_recorder(file: Path) -> tuple[Recorder, str]:
 
 
 def listening(port: int) -> set[str]:
-    """Return the local addresses, in hexadecimal, at which somebody listens on a port."""
+    """Return the local addresses, in hexadecimal, of programs that listen on a port."""
     tables = [Path("/proc/net/tcp"), Path("/proc/net/tcp6")]
     if not tables[0].exists():
         pytest.skip("the system does not list who listens")
@@ -65,8 +65,8 @@ def test_without_a_screen_a_line_says_where_to_attach_and_only_this_machine_can(
     assert sorted(rows(read(tmp_path / "review.rrd")["/search/front"], "generation", "F")) == [1]
 
 
-@pytest.mark.slow  # two programs of Rerun start beside the tests
-def test_a_viewer_that_is_killed_on_the_way_harms_nobody_and_another_sees_what_came_before(without_screen, tmp_path):
+@pytest.mark.slow  # starts two programs of Rerun
+def test_a_killed_viewer_does_no_harm_and_another_one_sees_earlier_data(without_screen, tmp_path):
     recorder, address = live_recorder(tmp_path / "review.rrd")
     saved, longest = tmp_path / "saved.rrd", 0.0
     watch = [sys.executable, "-m", "rerun", address, "--headless", "--bind", "127.0.0.1", "--port", "auto"]
@@ -100,11 +100,11 @@ def test_a_viewer_that_is_killed_on_the_way_harms_nobody_and_another_sees_what_c
                 viewer.wait()
     recorder.close()
     assert longest < 0.1
-    assert saved.stat().st_size > 10_000  # what was logged before it came
+    assert saved.stat().st_size > 10_000  # logged before it came
     assert sorted(rows(read(tmp_path / "review.rrd")["/search/front"], "generation", "F")) == list(range(1, 60))
 
 
-def test_a_screen_that_does_not_answer_is_told_of_and_the_run_goes_on(tmp_path, monkeypatch):
+def test_a_screen_that_does_not_answer_gives_a_notice_and_the_run_continues(tmp_path, monkeypatch):
     monkeypatch.setenv("DISPLAY", ":987")
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     recorder, address = live_recorder(tmp_path / "review.rrd")

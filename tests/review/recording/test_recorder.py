@@ -23,7 +23,7 @@ def strict():
 
 
 class NoOne:
-    """A parent that nobody has to tell anything."""
+    """A parent that needs no answers."""
 
     def tell(self, **answer) -> None: ...
 
@@ -38,7 +38,7 @@ def recording_file(file: Path, front) -> RecordingFile:
 
 
 def recorded(file: Path, front, generations, *, finished: bool = True, weights=None):
-    """Record in this process what otherwise a child records."""
+    """Record in this process instead of a child."""
     started = recording_file(file, front)
     for generation in generations:
         started.record(generation)
@@ -111,7 +111,7 @@ def test_the_chosen_motion_is_replayed_sample_by_sample(planar, tmp_path, make_f
         assert sorted(series) == nanoseconds
         np.testing.assert_array_equal(np.stack([series[time] for time in nanoseconds]), values)
     strips = rows(entities["/arm/chosen/links"], "motion", "strips")
-    assert set(nanoseconds) <= set(strips)  # and between them
+    assert set(nanoseconds) <= set(strips)  # and times between them
     last = strips[nanoseconds[-1]][0]
     assert last.shape == (5, 2 if planar else 3)
     if not planar:
@@ -143,7 +143,7 @@ def test_points_are_drawn_in_their_places_on_the_axes(tmp_path, make_front, make
     (panel,) = [path for path in entities if path.endswith("/front") and path.startswith("/front/")]
     drawn = rows(entities[panel], "motion", "positions")[0]
     assert len(drawn) == len(front)
-    # More energy lies further right, more torque further up, which is a smaller second coordinate.
+    # More energy is farther right, more torque is farther up, which is a smaller second coordinate.
     assert (np.diff(drawn[:, 0]) > 0).all()
     assert np.corrcoef(drawn[:, 1], front.objectives[:, 1])[0, 1] < -0.999999
 
@@ -158,14 +158,14 @@ def test_points_are_named_by_their_ids_and_the_chosen_one_openly(tmp_path, make_
     for path in chosen:
         assert rows(entities[path], "motion", "labels")[0].tolist() == [f"point {choice.id}"]
         assert rows(entities[path], "motion", "show_labels")[0].tolist() == [False]
-    (openly,) = [path for path in entities if path.endswith("/chosen/name")]  # three would hide what lies below
+    (openly,) = [path for path in entities if path.endswith("/chosen/name")]  # three would hide what is below
     assert str(rows(entities[openly], "motion", "labels")[0][0]).startswith(f"point {choice.id}")
     for path in fronts:
         assert rows(entities[path], "motion", "labels")[0].tolist() == [f"point {number}" for number in front.ids]
         assert rows(entities[path], "motion", "show_labels")[0].tolist() == [False]
 
 
-def test_a_front_found_by_nobody_is_recorded_as_such(tmp_path, make_front, make_generations):
+def test_an_empty_front_is_recorded_as_such(tmp_path, make_front, make_generations):
     front = make_front(2, points=0)
     generations = make_generations(2, points=0)
     recorded(tmp_path / "review.rrd", front, generations)
@@ -173,7 +173,7 @@ def test_a_front_found_by_nobody_is_recorded_as_such(tmp_path, make_front, make_
     assert sorted(F) == [0, 1, 2, 3]
 
 
-def test_a_constant_objective_gets_axes_all_the_same(tmp_path, make_front):
+def test_a_constant_objective_gets_axes_too(tmp_path, make_front):
     front = make_front(2, points=1)
     recorded(tmp_path / "review.rrd", front, [])
     assert "/search/front" in read(tmp_path / "review.rrd")

@@ -1,4 +1,4 @@
-"""The file of a long run stays small, and says what it left out."""
+"""The file of a long run stays small, and says what was left out."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def strict():
 
 
 class Listener:
-    """A parent that remembers what it is told."""
+    """A parent that remembers its messages."""
 
     def __init__(self) -> None:
         self.beats = 0
@@ -87,7 +87,7 @@ def test_a_file_stays_below_its_size_with_evenly_spread_generations_the_first_an
 
 
 @pytest.mark.parametrize("spacing", [2, 8])
-def test_a_file_stays_below_its_size_where_not_every_number_comes(spacing, tmp_path):
+def test_a_file_stays_below_its_size_if_some_numbers_are_missing(spacing, tmp_path):
     file, size = tmp_path / "review.rrd", 600_000
     recording, largest = started(file, size=size), 0
     numbers = range(1, 1 + 40 * spacing, spacing)
@@ -103,7 +103,7 @@ def test_a_file_stays_below_its_size_where_not_every_number_comes(spacing, tmp_p
     assert f"one in {recording.stride} of its generations" in str(note.to_pydict())
 
 
-def test_what_the_sender_left_out_later_is_left_out_of_what_came_before_too_and_the_file_says_so(tmp_path):
+def test_the_file_thins_earlier_messages_as_the_sender_does_and_says_so(tmp_path):
     file = tmp_path / "review.rrd"
     recording = started(file)
     for number in range(1, 7):
@@ -125,7 +125,7 @@ def test_a_series_that_says_the_same_number_again_and_again_ends(tmp_path):
     assert sorted(fronts(tmp_path / "review.rrd")) == [1]
 
 
-def test_a_short_run_is_kept_whole_and_nothing_is_said(tmp_path):
+def test_a_short_run_is_kept_completely_without_a_note(tmp_path):
     file = tmp_path / "review.rrd"
     recording = started(file)
     for number in range(5):

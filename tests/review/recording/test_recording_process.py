@@ -1,4 +1,4 @@
-"""The run and the process that records it: neither's end, nor the disk's, costs the run or what was recorded."""
+"""The run and its recording process: their ends, or a full disk, cost neither the run nor the recorded data."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def fronts(file: Path) -> dict[int, np.ndarray]:
 
 
 def answered(started: Recorder) -> None:
-    """Wait until all that was sent has been answered."""
+    """Wait until all sent messages have been answered."""
     process = started._process
     until = time.monotonic() + 60.0
     while process._answered < process._sent and time.monotonic() < until:
@@ -71,7 +71,7 @@ def child_of(started: Recorder) -> int:
 
 @contextmanager
 def silence() -> Iterator[None]:
-    """Nothing is warned of meanwhile."""
+    """Check that there is no warning meanwhile."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         yield
@@ -103,7 +103,7 @@ def test_a_link_that_takes_the_place_of_a_recording_meanwhile_is_not_followed(tm
     assert precious.read_bytes() == b"mine"
 
 
-def test_what_was_sent_stands_in_the_file_and_the_last_front_is_the_one_that_was_returned(tmp_path):
+def test_sent_messages_are_in_the_file_and_the_last_front_is_the_returned_one(tmp_path):
     started = recorder(tmp_path / "review.rrd", n_obj=3)
     sent = [generation(number, n_obj=3) for number in range(1, 6)]
     for each in sent:
@@ -182,14 +182,14 @@ def test_after_the_run_was_killed_the_recording_is_completed_with_all_that_was_a
             os.killpg(run.pid, signal.SIGKILL)
         run.stdout.close()
     assert count >= 19
-    assert set(range(count)) <= set(fronts(file))  # strict: no footer would be a warning, which is an error
+    assert set(range(count)) <= set(fronts(file))  # strict: a missing footer would be a warning, which is an error
     assert [left.name for left in tmp_path.iterdir()] == ["review.rrd"]
 
 
 def test_signals_that_end_the_run_leave_the_process_that_records_at_work(tmp_path):
     started = recorder(tmp_path / "review.rrd")
     answered(started)
-    assert os.getpgid(child_of(started)) != os.getpgid(0)  # where Ctrl-C in the terminal does not come
+    assert os.getpgid(child_of(started)) != os.getpgid(0)  # so that Ctrl-C in the terminal does not reach it
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         os.kill(child_of(started), number)
     started.record(generation(1))
@@ -197,11 +197,11 @@ def test_signals_that_end_the_run_leave_the_process_that_records_at_work(tmp_pat
     assert sorted(fronts(tmp_path / "review.rrd")) == [1]
 
 
-def test_a_killed_child_is_warned_of_once_and_the_run_goes_on(tmp_path):
+def test_a_killed_child_gives_one_warning_and_the_run_continues(tmp_path):
     started = recorder(tmp_path / "review.rrd")
     started.record(generation(1))
     os.kill(child_of(started), signal.SIGKILL)
-    with pytest.warns(RuntimeWarning, match=r"review\.rrd: recording stopped, the run goes on: .* SIGKILL"):
+    with pytest.warns(RuntimeWarning, match=r"review\.rrd: recording stopped, the run continues: .* SIGKILL"):
         started.finish(SearchEnd(front=front_of(generation(1))))
     with silence():
         started.record(generation(2))
@@ -224,7 +224,7 @@ def test_a_child_that_hangs_is_given_up_after_some_seconds_without_the_run_waiti
             longest = max(longest, time.process_time() - before)
             time.sleep(0.05)
 
-    with pytest.warns(RuntimeWarning, match="the run goes on: the process that records gave no answer within 2 s"):
+    with pytest.warns(RuntimeWarning, match="the run continues: the process that records gave no answer within 2 s"):
         run()
     assert child not in children(os.getpid())
     assert longest < 0.1
@@ -235,7 +235,7 @@ def test_a_child_that_hangs_is_given_up_after_some_seconds_without_the_run_waiti
 def test_a_message_that_lay_half_in_the_pipe_while_the_run_computed_for_long_is_no_silence(tmp_path):
     started = recorder(tmp_path / "review.rrd", options=RecorderOptions(silence=3.0, pipe=4096))
     answered(started)
-    os.kill(child_of(started), signal.SIGSTOP)  # for the pipe to be full
+    os.kill(child_of(started), signal.SIGSTOP)  # so that the pipe fills
     started.record(generation(1, points=5000))
     assert started._process._queue
     os.kill(child_of(started), signal.SIGCONT)
@@ -246,7 +246,7 @@ def test_a_message_that_lay_half_in_the_pipe_while_the_run_computed_for_long_is_
     assert sorted(fronts(tmp_path / "review.rrd")) == [1, 2]
 
 
-def test_of_a_queue_that_grows_too_long_evenly_spread_generations_are_kept(tmp_path):
+def test_a_queue_that_grows_too_long_keeps_evenly_spread_generations(tmp_path):
     started = recorder(tmp_path / "review.rrd", options=RecorderOptions(queue=100_000, pipe=4096, points=2000))
     answered(started)
     os.kill(child_of(started), signal.SIGSTOP)
@@ -263,7 +263,7 @@ def test_of_a_queue_that_grows_too_long_evenly_spread_generations_are_kept(tmp_p
     assert f"one in {stride} of its generations" in str(note.to_pydict())
 
 
-def test_rerun_that_is_missing_is_warned_of_and_the_run_goes_on(tmp_path, monkeypatch):
+def test_a_missing_rerun_gives_a_warning_and_the_run_continues(tmp_path, monkeypatch):
     def without_rerun(module):
         *command, code = child_command(module)
         return [*command, f"import sys; sys.modules['rerun'] = None; {code}"]
@@ -271,23 +271,23 @@ def test_rerun_that_is_missing_is_warned_of_and_the_run_goes_on(tmp_path, monkey
     monkeypatch.setattr("paretoik.review.recording.recorder.child_command", without_rerun)
     started = recorder(tmp_path / "review.rrd")
     started.record(generation(1))
-    with pytest.warns(RuntimeWarning, match="the run goes on: import of rerun halted"):
+    with pytest.warns(RuntimeWarning, match="the run continues: import of rerun halted"):
         started.close()
     assert not (tmp_path / "review.rrd").exists()
 
 
-def test_a_folder_that_is_missing_is_warned_of_once(tmp_path):
+def test_a_missing_folder_gives_one_warning(tmp_path):
     started = recorder(tmp_path / "missing" / "review.rrd")
-    with pytest.warns(RuntimeWarning, match=r"missing/review\.rrd: recording stopped, the run goes on: No such file"):
+    with pytest.warns(RuntimeWarning, match=r"missing/review\.rrd: recording stopped, the run continues: No such file"):
         started.finish(SearchEnd(front=None))
     with silence():
         started.close()
 
 
-def test_what_cannot_be_sent_is_warned_of_and_what_was_recorded_stays(tmp_path):
+def test_an_unsendable_message_gives_a_warning_and_recorded_data_stay(tmp_path):
     started = recorder(tmp_path / "review.rrd")
     started.record(generation(1))
-    with pytest.warns(RuntimeWarning, match="the run goes on: .*lambda"):
+    with pytest.warns(RuntimeWarning, match="the run continues: .*lambda"):
         started.record(lambda: None)
     with silence():
         started.record(generation(2))
@@ -295,12 +295,12 @@ def test_what_cannot_be_sent_is_warned_of_and_what_was_recorded_stays(tmp_path):
     assert sorted(fronts(tmp_path / "review.rrd")) == [1]
 
 
-def test_what_cannot_be_drawn_is_warned_of_and_what_was_recorded_stays(tmp_path):
+def test_an_undrawable_message_gives_a_warning_and_recorded_data_stay(tmp_path):
     started = recorder(tmp_path / "review.rrd")
     for number in range(3):
         started.record(generation(number))
     started.record(generation(3, n_obj=3))
-    with pytest.warns(RuntimeWarning, match="the run goes on: ") as warned:
+    with pytest.warns(RuntimeWarning, match="the run continues: ") as warned:
         started.close()
     assert len(warned) == 1
     assert {0, 1, 2} <= set(fronts(tmp_path / "review.rrd"))
@@ -317,7 +317,7 @@ def test_a_disk_that_gets_full_ends_the_recording_with_its_cause_and_leaves_it_c
             started.finish(SearchEnd(front=front_of(generation(1))))
             started.close()
 
-        with pytest.warns(RuntimeWarning, match="the run goes on: No space left on device") as warned:
+        with pytest.warns(RuntimeWarning, match="the run continues: No space left on device") as warned:
             run()
         assert len(warned) == 1
         assert [file.name for file in disk.iterdir()] == ["review.rrd"]
@@ -341,7 +341,7 @@ def test_a_disk_that_is_full_although_it_says_otherwise_ends_the_recording_too(t
         started.finish(SearchEnd(front=front_of(generation(1))))
         started.close()
 
-    with pytest.warns(RuntimeWarning, match="recording stopped, the run goes on") as warned:
+    with pytest.warns(RuntimeWarning, match="recording stopped, the run continues") as warned:
         run()
     assert len(warned) == 1
     assert child not in children(os.getpid())

@@ -1,4 +1,4 @@
-"""Rerun's programs are started without telemetry: they write nothing into the user's home and look nothing up."""
+"""Rerun's programs run without telemetry: they write nothing into the user's home and contact nobody."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ HOMES = {"XDG_CONFIG_HOME": ".config", "XDG_DATA_HOME": ".local/share", "XDG_CAC
 
 @pytest.fixture
 def home(tmp_path, monkeypatch) -> Path:
-    """An empty home of a user who has no screen, and whose environment asks for telemetry."""
+    """Return the empty home of a user without a screen, whose environment asks for telemetry."""
     folder = tmp_path / "home"
     folder.mkdir()
     for name in (*HOMES, "CI", "DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"):
@@ -42,13 +42,13 @@ def verify(file: Path, environment: dict[str, str] | None) -> None:
     subprocess.run(command, env=environment, check=True, capture_output=True)
 
 
-def test_left_to_itself_the_program_writes_into_the_users_home(home, recording, monkeypatch):
+def test_without_the_private_environment_rerun_writes_into_the_users_home(home, recording, monkeypatch):
     monkeypatch.delenv("FORCE_RERUN_ANALYTICS")
     verify(recording, None)
     assert list(home.rglob("analytics.json"))
 
 
-def test_nothing_is_written_into_the_users_home(home, recording):
+def test_rerun_writes_nothing_into_the_users_home(home, recording):
     with private_environment() as environment:
         assert "FORCE_RERUN_ANALYTICS" not in environment
         folder = Path(environment["XDG_CONFIG_HOME"])
@@ -61,12 +61,12 @@ def test_nothing_is_written_into_the_users_home(home, recording):
     assert not list(home.iterdir())
 
 
-def test_the_viewer_writes_nothing_there_either(home, recording):
-    run_viewer(str(recording))  # and ends, as there is no screen
+def test_the_viewer_writes_nothing_into_the_users_home(home, recording):
+    run_viewer(str(recording))  # and ends, because there is no screen
     assert not list(home.iterdir())
 
 
-def test_nothing_is_looked_up_or_sent(home, recording, tmp_path):
+def test_rerun_looks_nothing_up_and_sends_nothing(home, recording, tmp_path):
     command = sys.executable, "-m", "rerun", "rrd", "verify", recording
     with private_environment() as environment:
         for _ in range(2):  # a first session never sends anything

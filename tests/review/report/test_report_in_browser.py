@@ -1,4 +1,4 @@
-"""A report in a real browser: hovered, clicked, filtered, played, copied from and printed."""
+"""A report in a real browser: hovering, clicking, filtering, playing, copying and printing."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ return nodes.map((node) => ["cx", "cy"].map((name) => +node.getAttribute(name)))
 
 @dataclass
 class Browser:
-    """A browser with a page open."""
+    """A browser with an open page."""
 
     driver: Any
 
@@ -73,7 +73,7 @@ class Browser:
             time.sleep(0.05)
 
     def spot(self, figure: str, x: float, y: float) -> tuple[int, int]:
-        """Return where on the screen a point of the first pair of axes lies."""
+        """Return the position on the screen of a point of the first pair of axes."""
         script = """
           const figure = document.getElementById(arguments[0]);
           figure.scrollIntoView({ block: "center" });
@@ -108,7 +108,7 @@ class Browser:
         actions.perform()
 
     def requests(self) -> set[str]:
-        """Return the addresses that the page has asked for since the last time."""
+        """Return the addresses that the page has requested since the last call."""
         messages = [json.loads(entry["message"])["message"] for entry in self.driver.get_log("performance")]
         sent = [each["params"] for each in messages if each["method"] == "Network.requestWillBeSent"]
         return {each["request"]["url"] for each in sent if each["documentURL"].startswith("file:")}
@@ -146,7 +146,7 @@ def front():
 @pytest.fixture
 def opened(driver, tmp_path):
     def open_report(shown: Front | Report) -> Browser:
-        driver.get_log("performance")  # of pages before
+        driver.get_log("performance")  # of earlier pages
         file = tmp_path / "report.html"
         if isinstance(shown, Report):
             shown.write(file)
@@ -197,7 +197,7 @@ def test_a_point_without_certificate_says_so_and_the_others_show_their_rates(ope
 
 
 @pytest.mark.parametrize("n_obj", [2, 3])
-def test_what_was_zoomed_into_stays_where_another_point_is_selected_or_some_are_filtered(opened, make_front, n_obj):
+def test_the_zoom_stays_when_another_point_is_selected_or_points_are_filtered(opened, make_front, n_obj):
     front = make_front(n_obj, moving=False)
     browser = opened(front)
     for figure in ("front", "parallel")[: 2 if n_obj > 2 else 1]:
@@ -280,7 +280,7 @@ def test_no_labels_overlap(opened, make_front, front, n_obj):
             assert min(width, height) < 2.0, (figure, one, other)
 
 
-def test_nothing_is_asked_for_and_scripts_in_names_do_not_run(opened, front):
+def test_a_page_requests_nothing_and_scripts_in_names_do_not_run(opened, front):
     names = ["<img src=x onerror=document.title='run'>", "</script><script>document.title='run'</script>"]
     hostile = Front(
         ids=front.ids, objectives=front.objectives, names=names,

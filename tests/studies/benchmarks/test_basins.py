@@ -1,4 +1,4 @@
-"""The benchmark of basins: its problems, and how tries are counted."""
+"""The benchmark of basins: its problems, and the counts of tries."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def test_the_time_to_the_best_is_that_of_all_tries_over_those_that_ended_there()
 
 
 def a_race(ours, theirs, redundancy=2):
-    """A race whose tries took a second each."""
+    """Return a race whose tries took a second each."""
     tries = [Tries(values=values, seconds=[1.0] * len(values)) for values in (ours, theirs)]
     return Race(case=all_cases(0)[0], redundancy=redundancy, ours=tries[0], peers={"IPOPT": tries[1]})
 

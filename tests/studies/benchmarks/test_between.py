@@ -1,4 +1,4 @@
-"""The benchmark of limits between samples: motions are judged by at(t) alone, and tightening is what it costs."""
+"""The benchmark of limits between samples: motions are judged by at(t), and tightening has a cost."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_splines_keep_between_samples_what_differences_exceed_and_losses_come_fi
     assert [row.row for row in rows if row.column == "tightened"] == ["lost", "line"]
 
 
-def test_motions_are_judged_by_where_they_are_alone():
+def test_motions_are_judged_only_by_their_positions():
     problem = case().problem("spline")
     motion = problem.decode(problem.sample_starts(1, np.random.default_rng(0)))[0]
     times = np.linspace(0.02, 0.98, 49)

@@ -1,4 +1,4 @@
-"""Certified fronts put to the test: an honest front passes, one that was tampered with is told apart."""
+"""Tests of certified fronts: an honest front passes, one that was tampered with is detected."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def subject(tmp_path_factory):
 
 
 def point_of(subject, q):
-    """Return a subject with this motion alone on its front, certified; ranges are those of the whole front."""
+    """Return a subject with only this motion on its front, certified; ranges are those of the whole front."""
     F = np.array([[float(one(subject.task.motion(q))) for one in subject.task.objectives]])
     said = certify_motions(subject.task, q[None], subject.ranges)
     front = pk.Front(
@@ -84,7 +84,7 @@ def honest(subject, middle):
 
 @pytest.fixture(scope="module")
 def spoiled(subject, middle):
-    """The same point, moved along the self-motion by a hundredth of a radian."""
+    """Return the same point, moved along the self-motion by a hundredth of a radian."""
     at = linearise(subject.program, subject.q[middle])
     steps = within(at, random_step(at, 1e-2, np.random.default_rng(1)), level=False)
     assert steps is not None
@@ -104,7 +104,7 @@ def test_a_point_that_was_moved_along_the_self_motion_is_dominated_by_both(spoil
         assert "1 points beaten, most: point 0" in row.note
 
 
-def test_what_ipopt_gains_costs_no_objective_anything(spoiled, monkeypatch):
+def test_gains_by_ipopt_cost_no_other_objective(spoiled, monkeypatch):
     ended = []
     solve = type(spoiled.peer).solve
 
@@ -120,8 +120,8 @@ def test_what_ipopt_gains_costs_no_objective_anything(spoiled, monkeypatch):
     assert risen.max() <= 1e-9
 
 
-def test_ipopt_goes_again_below_a_lower_ceiling_where_it_let_one_slip(honest, monkeypatch):
-    """A peer that exceeds its ceiling as long as that is the point's own."""
+def test_ipopt_repeats_below_a_lower_ceiling_if_it_let_one_slip(honest, monkeypatch):
+    """A peer exceeds its ceiling while that is the point's own."""
     asked = []
     better = honest.q[0]
 
@@ -140,7 +140,7 @@ def test_ipopt_goes_again_below_a_lower_ceiling_where_it_let_one_slip(honest, mo
     assert attempt.gain == pytest.approx(0.0, abs=1e-11)
 
 
-def test_random_steps_have_their_size_follow_the_path_and_keep_the_limits(subject, middle):
+def test_random_steps_have_their_size_and_satisfy_path_and_limits(subject, middle):
     at = linearise(subject.program, subject.q[middle])
     assert subject.certificates.violation_between[middle] >= 0
     for k, size in enumerate(SIZES):
@@ -153,7 +153,7 @@ def test_random_steps_have_their_size_follow_the_path_and_keep_the_limits(subjec
 
 
 def test_steps_that_leave_the_limits_are_bent_back(subject):
-    """At a point that a limit holds, half of all small steps would leave it."""
+    """A limit is active at a point: half of all small steps would leave it."""
     held = next(p for p in range(len(subject.q)) if linearise(subject.program, subject.q[p]).inequalities.min() < 1e-6)
     at, rng, left = linearise(subject.program, subject.q[held]), np.random.default_rng(3), 0
     for _ in range(10):
@@ -172,7 +172,7 @@ def test_level_steps_change_no_objective_to_first_order(subject, middle):
             [within(at, random_step(at, size, np.random.default_rng(seed)), level=level) for size in sizes]
             for seed in range(20)
         )
-        both = next(pair for pair in tries if all(one is not None for one in pair))  # others leave the limits
+        both = next(pair for pair in tries if all(one is not None for one in pair))  # other pairs leave the limits
         far, near = (
             np.abs((objectives(subject.task, one) - subject.values[middle]) / subject.ranges).max() for one in both
         )
@@ -194,7 +194,7 @@ def test_exchange_rates_agree_with_differences_and_wrong_ones_are_lost(subject):
     assert row.note.startswith(LOSS)
 
 
-def test_quotients_at_a_kink_are_held_against_the_interval(subject):
+def test_quotients_at_a_kink_are_compared_with_the_interval(subject):
     point, i, j = next(pairs(subject))
     quotient = compare_rate(subject, point, i, j)
     assert quotient is not None
@@ -205,7 +205,7 @@ def test_quotients_at_a_kink_are_held_against_the_interval(subject):
     assert aside.off == pytest.approx(0.2, rel=1e3 * STEPS[0])
 
 
-def test_what_certificates_say_is_held_against_the_goals(honest, spoiled):
+def test_certificates_are_compared_with_the_goals(honest, spoiled):
     fine, poor = ({row.column: row for row in certificate_rows(one)} for one in (honest, spoiled))
     assert not any(row.note.startswith(LOSS) for row in fine.values())
     assert {column for column, row in poor.items() if row.note.startswith(LOSS)} == {
@@ -215,12 +215,12 @@ def test_what_certificates_say_is_held_against_the_goals(honest, spoiled):
     assert poor["not a minimum"].note == f"{LOSS}1 undetermined"
 
 
-def test_a_goal_missed_is_a_loss_and_so_is_no_number():
+def test_a_missed_goal_and_a_nan_are_losses():
     notes = [goal_row("t", "r", "c", "", ours, 1.0, "said").note for ours in (1.0, 1.1, np.nan)]
     assert notes == ["said", f"{LOSS}said", f"{LOSS}said"]
 
 
-def test_seconds_a_point_count_those_that_a_peer_reached(subject):
+def test_seconds_per_point_count_only_points_that_a_peer_reached(subject):
     rows = race_rows(subject)
     for name, peer, (better, median, every, *alone) in (
         ("IPOPT", subject.peer, rows[:5]),
@@ -247,8 +247,8 @@ def test_a_motion_packed_for_fatrop_keeps_all_rows_and_gives_its_totals(subject)
     assert np.abs(again - q).max() < 1e-3
 
 
-def test_what_cannot_be_reached_is_not_and_what_is_beaten_is_told(subject):
-    """Points that are better, or worse, than any motion is."""
+def test_unreachable_points_are_not_reached_and_beaten_points_are_reported(subject):
+    """Points are better, or worse, than any motion."""
     for share in (-0.5, 0.01):
         moved = replace(subject.front, objectives=subject.front.objectives + share * subject.ranges)
         better, median, every, *_ = race_rows(replace(subject, front=moved, staged=None))
@@ -289,11 +289,11 @@ def test_ipopts_program_by_splines_ends_where_ours_does_below_a_peak_too(monkeyp
     front = pk.epsilon_front(problem, points=3, starts=6, seed=0)
     ranges = np.ptp(front.minimised, axis=0)
     peer = spline_program(problem.task)
-    for q, values in zip(front.motions.q[:2], front.minimised[:2], strict=True):  # the last is an end: flat
+    for q, values in zip(front.motions.q[:2], front.minimised[:2], strict=True):  # the last one is an end, and flat
         end, _ = peer.solve(q, 0, np.array([np.inf, values[1]]), ranges, warm=True)
         assert end is not None
         rise = (objectives(problem.task, end) - values) / ranges
-        assert -2e-4 <= rise[0] <= 2e-6  # ours keep their limits by 2.5e-5 of their ranges, IPOPT's reach them
+        assert -2e-4 <= rise[0] <= 2e-6  # ours stay 2.5e-5 of a range within limits, IPOPT's reach them
         assert rise[1] <= 1e-6
 
 

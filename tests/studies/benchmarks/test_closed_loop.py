@@ -1,4 +1,4 @@
-"""The closed-loop benchmark: everybody searches the same step, and the exact front is not beaten."""
+"""The closed-loop benchmark: all methods search the same step, and none beats the exact front."""
 
 from __future__ import annotations
 

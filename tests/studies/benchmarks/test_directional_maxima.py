@@ -1,4 +1,4 @@
-"""Directional maxima beside pymoo: every method is run and judged, and what is refined keeps to the bound."""
+"""Directional maxima and pymoo: every method runs and is judged, and refined points satisfy the bound."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The search beside the stored reference."""
+"""The search compared with the stored reference."""
 
 from __future__ import annotations
 

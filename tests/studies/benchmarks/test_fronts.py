@@ -1,4 +1,4 @@
-"""Whole fronts beside peers: the design, the budgets, the indicators, the statistics."""
+"""Whole fronts and peers: the design, the budgets, the indicators, the statistics."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def form_of(name):
 
 
 def table(**level):
-    """Return scores of the cells, whose hypervolume is the sum of the levels of those factors that they have."""
+    """Return scores of the cells: the hypervolume is the sum of the levels of a cell's factors."""
     noise = np.random.default_rng(0).normal(0.0, 0.01, 11)
     scores = {}
     for name, cell in methods.CELLS.items():
@@ -88,7 +88,7 @@ def test_a_factor_s_effect_is_what_was_put_in_and_the_others_none():
     for name in ("seeding", "MaxiMin × seeding", "MaxiMin × seeding × refinement"):
         assert abs(volume[name].mean) < 1e-12
     distance = {one.factors: one.mean for one in effects if one.indicator == "IGD+"}
-    assert distance["MaxiMin"] == pytest.approx(0.1)  # less is better: still a help
+    assert distance["MaxiMin"] == pytest.approx(0.1)  # less is better, so this helps
     assert judging.effect_rows(effects)[0].note.startswith("HURTS")
 
 
@@ -108,7 +108,7 @@ def test_one_seed_proves_no_effect():
     assert {one.verdict for one in effects} == {"undecided"}
 
 
-def test_cells_with_one_start_begin_alike_and_the_other_is_of_chance():
+def test_cells_with_the_same_start_begin_alike_and_other_starts_are_random():
     problem = cases.problem_of(CASE)
     firsts = {}
     for name, cell in methods.CELLS.items():
@@ -228,7 +228,7 @@ def test_halton_s_points_are_even_wherever_one_stops():
     assert np.histogram2d(*both.T, bins=(2, 3), range=((0, 1), (0, 1)))[0].min() >= 5
 
 
-@pytest.mark.usefixtures("unchecked")  # our kernels are fed CasADi's symbols
+@pytest.mark.usefixtures("unchecked")  # our kernels get CasADi's symbols
 @pytest.mark.parametrize("cyclic", [False, True])
 def test_the_general_program_s_optimum_is_ours(cyclic):
     path = (
@@ -291,7 +291,7 @@ def test_quick_writes_strict_json_of_every_table(tmp_path, monkeypatch, capsys):
 
 
 @pytest.mark.parametrize("words", [["--seeds", "1"], ["--evaluations", "5"], ["--problems", "none such"]])
-def test_what_cannot_be_run_is_refused(words, capsys):
+def test_impossible_runs_are_refused(words, capsys):
     with pytest.raises(SystemExit):
         study.main(words)
-    assert "wanted" in capsys.readouterr().err or words[0] == "--problems"
+    assert "must be at least" in capsys.readouterr().err or words[0] == "--problems"

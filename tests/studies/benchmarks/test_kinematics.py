@@ -1,4 +1,4 @@
-"""Robot kernels beside Pinocchio."""
+"""Robot kernels and Pinocchio."""
 
 from __future__ import annotations
 

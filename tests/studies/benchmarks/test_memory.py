@@ -32,7 +32,7 @@ def test_a_run_that_fails_is_an_error():
         run_watched([sys.executable, "-c", "raise SystemExit(3)"])
 
 
-def test_a_run_is_recorded_and_a_long_one_stands_beside_a_short_one(monkeypatch):
+def test_a_long_recorded_run_is_compared_with_a_short_one(monkeypatch):
     monkeypatch.setattr(memory, "OPTIONS", memory.MemoryOptions(population=12))
     peak, size = memory.measure(2)
     assert min(peak.run, peak.recorder, size) > 0

@@ -1,4 +1,4 @@
-"""What is counted of random moves."""
+"""Counts of random moves."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Own objectives on arms of a package: rows say seconds and what is missed."""
+"""Own objectives on arms of a package: rows have seconds and misses."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The planner beside FATROP and IPOPT: they solve our problem, evaluated or compiled, and losses come first."""
+"""The planner against FATROP and IPOPT: they solve our problem, evaluated or compiled, and losses come first."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ FEW = 26
 
 
 def motions(name, masses="printed", count=3):
-    """Return a task and random motions of it, anywhere."""
+    """Return a task and random motions of it, not on its path."""
     task = task_of(name, masses, FEW)
     q = np.cumsum(np.random.default_rng(4).normal(0.0, 0.1, (count, FEW, 3)), axis=1)
     if task.cyclic:
@@ -35,7 +35,7 @@ def motions(name, masses="printed", count=3):
 
 
 def written(question, masses, q):
-    """Return what a peer's program says of joint angles: objective and rows."""
+    """Return the values of a peer's program at joint angles: objective and rows."""
     problem = written_out(program_of(question))
     function = casadi.Function("said", [problem["x"], problem["p"]], [problem["f"], problem["g"]])
     value, rows = function(peer(question).start(q, masses), inertia(masses))
@@ -43,7 +43,7 @@ def written(question, masses, q):
 
 
 def wanted(question, task, q):
-    """Return the rows that paretoik's own values make, in the peer's order."""
+    """Return the rows from paretoik's own values, in the peer's order."""
     motion, rows = task.motion(q), []
     last = len(q) - 1
     for k in range(len(q)):
@@ -76,7 +76,7 @@ def test_a_peers_objective_and_rows_are_ours_at_any_motion(name, solver, masses)
 
 @pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize(("main", "capped"), [(ENERGY, TORQUE), (TORQUE, ENERGY)])
-def test_what_is_kept_below_a_ceiling_is_the_other_objective(solver, main, capped):
+def test_a_ceiling_bounds_the_other_objective(solver, main, capped):
     task, starts = motions("energy_torque")
     question = Question(solver=solver, problem="energy_torque", samples=FEW, main=main, capped=capped)
     both = {objective.name: objective for objective in task.objectives}
@@ -168,10 +168,10 @@ def test_losses_come_first_and_say_so():
 
 @pytest.mark.usefixtures("unchecked")  # whole plans and a grid oracle
 def test_a_simulation_is_compared_with_its_peers_on_both_cores(monkeypatch, tmp_path):
-    monkeypatch.setattr(simulations, "COMPILER", None)  # nothing new: what is compiled is tested above
+    monkeypatch.setattr(simulations, "COMPILER", None)  # compiled forms are tested above
     monkeypatch.setattr(
         simulations, "BEGINNINGS", simulations.BEGINNINGS[1:2]
-    )  # a peer takes seconds to build for each
+    )  # building a peer takes seconds for each
     monkeypatch.setattr(simulations, "WARMS", simulations.WARMS[:1])
     monkeypatch.setattr(optima, "grid_oracle", partial(grid_oracle, resolution=0.06))
     effort = simulations.Effort(starts=4, repeats=1)

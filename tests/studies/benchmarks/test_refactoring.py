@@ -1,4 +1,4 @@
-"""Two checkouts side by side: ratios, values by name, reasons, and what fails."""
+"""Two checkouts side by side: ratios, values by name, reasons, and failures."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ def results(seconds, now, before):
     [
         (1.0, "energy", 2.0, False, "energy the same bits"),
         (1.1, "energy", 2.0, True, "energy the same bits"),
-        (1.0, "energy", 1.9, False, "energy 1.9 beside 2, 5.0e-02 better"),
-        (1.0, "energy", 2.1, True, "energy 2.1 beside 2, 5.0e-02 worse"),
-        (1.0, "hypervolume", 2.1, False, "hypervolume 2.1 beside 2, 5.0e-02 better"),
-        (1.0, "hypervolume", 1.9, True, "hypervolume 1.9 beside 2, 5.0e-02 worse"),
+        (1.0, "energy", 1.9, False, "energy 1.9 against 2, 5.0e-02 better"),
+        (1.0, "energy", 2.1, True, "energy 2.1 against 2, 5.0e-02 worse"),
+        (1.0, "hypervolume", 2.1, False, "hypervolume 2.1 against 2, 5.0e-02 better"),
+        (1.0, "hypervolume", 1.9, True, "hypervolume 1.9 against 2, 5.0e-02 worse"),
         (1.0, "energy", 2.0 + 1e-10, False, "energy equal to 1e-9"),
     ],
 )
@@ -46,7 +46,7 @@ def test_a_reason_explains_a_loss_and_does_not_hide_it():
     assert "another model" not in same.note
 
 
-def test_a_checkout_beside_itself_has_the_same_bits_and_what_fails_is_a_row(tmp_path, monkeypatch):
+def test_a_checkout_compared_with_itself_has_the_same_bits_and_failures_are_rows(tmp_path, monkeypatch):
     cases = {
         "sum": Case(code="def run():\n    return {'total': sum(range(100_000))}\n", repeats=2),
         "broken": Case(code="raise ValueError('no such thing')"),

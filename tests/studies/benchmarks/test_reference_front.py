@@ -1,4 +1,4 @@
-"""The reference that CasADi and IPOPT compute, which shares nothing with paretoik: so they can be held together."""
+"""The reference of CasADi and IPOPT, which shares nothing with paretoik, agrees with it."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def test_an_optimum_follows_the_path_within_its_limits_and_beats_where_it_starte
     assert best.F[study.ENERGY] == pytest.approx(kinetic_energy(motion)[1], rel=1e-9)
 
 
-def test_of_optima_close_together_the_best_is_kept():
+def test_the_best_of_close_optima_is_kept():
     better, worse, other = optimum([1.0, 3.0], 0.0), optimum([1.1, 2.0], 5e-4), optimum([2.0, 1.0], 0.1)
     assert study.distinct_optima([worse, None, other, better], study.ENERGY, 9) == [better, other]
     assert study.distinct_optima([worse, None, other, better], study.TORQUE, 1) == [other]

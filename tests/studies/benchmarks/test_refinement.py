@@ -1,4 +1,4 @@
-"""The programs of all solvers are one program, and rows say who lost."""
+"""The programs of all solvers are one program, and rows mark losses."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def test_all_solvers_keep_the_limits_and_end_where_no_other_is_much_better(monke
 
 
 def test_ipopt_takes_a_program_by_its_functions():
-    """Along a slope within the unit disc, x at least 1/2: at (1/2, √3/2)."""
+    """The program is linear in the unit disc with x at least 1/2: the optimum is (1/2, √3/2)."""
     nlp = Nlp(
         value=lambda x: x[0] - x[1] / 10,
         gradient=lambda x: np.array([1.0, -0.1]),

@@ -1,4 +1,4 @@
-"""When the benchmark of reliability kills runs."""
+"""Moments at which the benchmark of reliability kills runs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PHASES_OF = {"search": SEARCH, "closed": SEARCH, "search and": SEARCH | REFINEME
 
 
 def whole_runs():
-    """Runs of all names with the phases that they have."""
+    """Return runs of all names with their phases."""
     amounts = {
         name: PHASES_OF[next((key for key in reversed(PHASES_OF) if name.startswith(key)), "")]
         if name.startswith(tuple(PHASES_OF))

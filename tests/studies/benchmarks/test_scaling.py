@@ -1,4 +1,4 @@
-"""The model of a cluster: what it promises of few workers and of many, and that its parameters are found again."""
+"""The model of a cluster: its predictions for few workers and for many, and the fit of its parameters."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def test_waiting_is_found_again_from_two_runs():
     assert fit_waiting([8, 40], walls, 0.25, 2) == pytest.approx((COSTS.gap, COSTS.startup))
 
 
-def test_what_a_process_computes_is_counted():
+def test_processor_seconds_of_a_process_are_counted():
     before, used = processor_seconds(os.getpid()), os.times()
     while sum(os.times()[:2]) - sum(used[:2]) < 0.3:
         pass

@@ -1,4 +1,4 @@
-"""Indicators of fronts, and how those of two methods are compared and reported."""
+"""Indicators of fronts, and the comparison and report of two methods."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_the_union_itself_scores_best_and_units_do_not_matter():
     assert study.scores(np.empty((0, 2)), union)["hypervolume"] == 0.0
 
 
-def test_a_comparison_is_reported_with_the_peer_beside_it_even_where_a_run_found_nothing():
+def test_a_comparison_is_reported_with_the_peer_even_if_a_run_found_nothing():
     (one,) = study.decide([study.compare("ZDT1", "IGD+", "cd", np.full(5, np.inf), np.linspace(0.99, 1.01, 5))])
     row = study.comparison_row("table", one, one.verdict)
     assert (row.row, row.column, row.ours, row.reference) == ("ZDT1", "IGD+ beside cd", np.inf, one.theirs)

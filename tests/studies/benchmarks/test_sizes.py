@@ -1,4 +1,4 @@
-"""What is counted, and what is not."""
+"""Lines, constants and long parts that are counted, and lines that are not."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def test_constants_are_names_in_capitals_for_numbers():
     assert list(numeric_constants(ast.parse(MODULE))) == ["LIMIT"]
 
 
-def test_a_library_is_counted_by_package_and_what_is_long_is_named(tmp_path):
+def test_a_library_is_counted_by_package_and_long_parts_are_named(tmp_path):
     (tmp_path / "part").mkdir()
     (tmp_path / "__init__.pyi").write_text("from .part import a as a, b as b\n")
     (tmp_path / "__init__.py").write_text("")

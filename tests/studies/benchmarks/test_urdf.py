@@ -1,4 +1,4 @@
-"""URDFs against Pinocchio: what is compared, and that a wrong arm is seen."""
+"""URDFs against Pinocchio: equal quantities are compared, and a wrong arm is detected."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def errors_of(arm: pk.Arm) -> dict[str, float]:
     return errors
 
 
-def test_an_arm_is_right_and_what_is_wrong_with_another_is_seen():
+def test_a_right_arm_has_no_errors_and_a_wrong_one_is_detected():
     arm = pk.Arm.from_urdf(PANDA, base=BASE, tip=TIP)
     assert max(errors_of(arm).values()) < 1e-13
     light = replace(arm, bodies=(*arm.bodies[:-1], replace(arm.bodies[-1], mass=0.9 * arm.bodies[-1].mass)))

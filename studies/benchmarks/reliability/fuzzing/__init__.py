@@ -1,1 +1,1 @@
-"""Files and command lines that nobody would write, led by the coverage of what reads them, and what comes of them."""
+"""Random files and command lines, led by the coverage of their readers, and the outcomes."""

@@ -1,9 +1,9 @@
-"""Files and command lines led by coverage: what readers of URDFs, run folders and command lines make of any bytes.
+"""Random files and command lines, led by coverage, for the readers of URDFs, run folders and command lines.
 
     python -m studies.benchmarks.reliability.fuzzing [--seconds N] [--targets NAME ...] [--crashes FOLDER]
 
-Each target is fuzzed so long, from the inputs in tests/fuzzing/corpus on. Every new kind of defect is a line with the
-file that it is kept in: copied into the corpus, it is a test. Atheris is wanted (pip install ".[bench]").
+Each target is fuzzed for the given time, from the inputs in tests/fuzzing/corpus on. Every new kind of defect is
+printed in one line with its file: copied into the corpus, it is a test. Atheris is needed (pip install ".[bench]").
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ UNITS = re.compile(r"stat::number_of_executed_units:\s*(\d+)")
 
 
 def main() -> None:
-    """Fuzz all targets in turn."""
+    """Fuzz all targets, one after the other."""
     parser = study_parser(__doc__ or "", quick=f"{OPTIONS.quick} s a target")
     parser.add_argument(
-        "--seconds", type=int, default=OPTIONS.seconds, metavar="N", help="of each target (%(default)s)"
+        "--seconds", type=int, default=OPTIONS.seconds, metavar="N", help="seconds per target (%(default)s)"
     )
     parser.add_argument("--targets", nargs="+", choices=TARGETS, default=list(TARGETS), metavar="TARGET")
-    parser.add_argument("--crashes", type=Path, metavar="FOLDER", help="where inputs with defects are kept")
+    parser.add_argument("--crashes", type=Path, metavar="FOLDER", help="folder for inputs with defects")
     arguments = parser.parse_args()
     if find_spec("atheris") is None:
-        parser.error('atheris wanted (pip install ".[bench]"), got none')
+        parser.error('atheris must be installed (pip install ".[bench]"), got none')
     seconds = OPTIONS.quick if arguments.quick else arguments.seconds
     crashes = arguments.crashes or Path(tempfile.mkdtemp(prefix="crashes-"))
     rows = [row for target in arguments.targets for row in _fuzz(target, seconds, crashes / target)]
@@ -43,7 +43,7 @@ def main() -> None:
 
 
 def _fuzz(target: str, seconds: int, crashes: Path) -> Iterator[Row]:
-    """Yield how many inputs were executed and how many kinds of defects were found; a process that ends is followed."""
+    """Yield the numbers of inputs and of kinds of defects; a process that ends is replaced by another."""
     crashes.mkdir(parents=True, exist_ok=True)
     executed, defects, ends, until = 0, 0, 0, time.monotonic() + seconds
     with tempfile.TemporaryDirectory() as work:
@@ -63,7 +63,7 @@ def _fuzz(target: str, seconds: int, crashes: Path) -> Iterator[Row]:
             if process.wait() != 0:
                 ends += 1
                 tell(f"{target}: the process ended with {process.returncode}")
-                time.sleep(1.0)  # one that cannot begin does not fill the screen
+                time.sleep(1.0)  # a process that cannot begin must not fill the screen
     note = f"from {len(list(inputs(target)))} inputs, in {seconds} s"
     yield Row(table="fuzzing", row=target, column="inputs", unit="", ours=executed, note=note)
     for column, count in (("kinds of defects", defects), ("processes that ended", ends)):

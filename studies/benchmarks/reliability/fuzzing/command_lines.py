@@ -1,4 +1,4 @@
-"""A command line of any words: it ends with a documented exit code, and says in a line what it refuses."""
+"""A command line of any words: it ends with a documented exit code, and refuses in one line."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from paretoik.cli import main
 from studies.benchmarks.reliability.fuzzing.defect import Defect, check_message, refusals
 from studies.benchmarks.reliability.fuzzing.run_folders import whole_run
 
-CODES = (0, 2, 3, 4, 5, 6, 7)  # of what ends by itself, as the help has them
+CODES = (0, 2, 3, 4, 5, 6, 7)  # the documented ones of commands that end by themselves
 FILES = {
     "robot.urdf": '<robot name="r"><link name="a"/><link name="b"/><joint name="j" type="continuous">'
     '<parent link="a"/><child link="b"/></joint></robot>',
@@ -25,7 +25,7 @@ FILES = {
     "no_problem.py": "value = 3\n",
     "tiny.py": "from pymoo.problems import get_problem\n\ntiny = get_problem('zdt1', n_var=2)\n",
 }
-SCREENS = ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET")  # no viewer is to open
+SCREENS = ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET")  # no viewer may open
 
 
 class CommandLines:
@@ -36,7 +36,7 @@ class CommandLines:
         self._folder.mkdir()
         run = {f"run/{name}": content for name, content in whole_run(folder / "run").items()}
         self._contents = run | {name: text.encode() for name, text in FILES.items()}
-        self._get_command = functools.cache(typer.main.get_command)  # which else reads all signatures anew
+        self._get_command = functools.cache(typer.main.get_command)  # otherwise all signatures are read every time
 
     def __call__(self, data: bytes) -> None:
         """Run a command; raise Defect."""
@@ -65,7 +65,7 @@ class CommandLines:
         _check(code, out.getvalue(), err.getvalue(), several=words[0] == "list")
 
     def _make_project(self) -> None:
-        """Make the folder anew, as the command before may have left anything there."""
+        """Make the folder new, as the last command may have left anything there."""
         shutil.rmtree(self._folder)
         for name, content in self._contents.items():
             (self._folder / name).parent.mkdir(parents=True, exist_ok=True)
@@ -73,7 +73,7 @@ class CommandLines:
 
 
 def _check(code: object, out: str, err: str, *, several: bool) -> None:
-    """Raise Defect; a command that looks at ``several`` files has a line for each that it refuses."""
+    """Raise Defect; a command for ``several`` files has one line for each that it refuses."""
     if code not in CODES:
         raise Defect(f"exit code {code}")
     for text in (out, err):

@@ -1,4 +1,4 @@
-"""The inputs that fuzzing begins with, and that tests run again: one folder a target, one file an input."""
+"""The first inputs of fuzzing, which tests run again: one folder per target, one file per input."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def inputs(target: str) -> Iterator[tuple[str, bytes]]:
 
 
 def keep(folder: Path, data: bytes) -> Path:
-    """Write an input into a folder under the beginning of its digest, and return where it is."""
+    """Write an input into a folder, named by the beginning of its digest, and return its path."""
     folder.mkdir(parents=True, exist_ok=True)
     file = folder / sha256(data).hexdigest()[:16]
     file.write_bytes(data)

@@ -1,4 +1,4 @@
-"""Something that came of bytes and should not have."""
+"""A wrong outcome of an input."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from studies.benchmarks.reliability.inputs.messages import message_faults
 
 
 class Defect(Exception):  # noqa: N818  the name says what it is
-    """Another error than ours, a warning, or a message that is not a good one; its text is one line."""
+    """An error that is not ours, a warning, or a bad message; its text is one line."""
 
 
 @contextmanager
 def refusals(*names: str) -> Iterator[None]:
-    """Let the body read bytes: an error of ours is a refusal, whose message has one of the ``names``; raise Defect."""
+    """Run the body: an error of ours that has one of the ``names`` is a refusal; raise Defect for others."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         try:
@@ -41,7 +41,7 @@ def check_message(message: str, *names: str) -> None:
 
 
 def kind_of(defect: Defect) -> str:
-    """Return a defect without its numbers and quotes: what one and the same says of many inputs."""
+    """Return a defect without its numbers and quotes: equal for inputs with the same defect."""
     return re.sub(r"'[^']*'|\"[^\"]*\"|/\S*|[\d.e+-]+", "~", str(defect))
 
 

@@ -1,4 +1,4 @@
-"""How long is fuzzed, and with what."""
+"""The durations and sizes of fuzzing."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, kw_only=True)
 class FuzzingOptions:
-    """A target has so many ``seconds``, with --quick ``quick``; inputs are at most so long, ``longest`` [bytes].
+    """``seconds`` per target, ``quick`` with --quick; inputs have at most ``longest`` bytes.
 
-    An input that takes ``hang`` seconds never ends. Of a robot so many chains are built, ``tips``.
+    An input that takes ``hang`` seconds never ends. ``tips`` is the number of chains built from a robot.
     """
 
     seconds: int = 600

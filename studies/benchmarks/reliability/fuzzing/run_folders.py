@@ -1,4 +1,4 @@
-"""A run folder with one file of any bytes: it is opened, or refused, by everything that reads it."""
+"""A run folder with one file of any bytes: every reader opens it, or refuses it."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ FILES = (RUN, TABLE, MOTIONS, CHOICES, STORED_JOURNAL)
 
 
 class RunFolders:
-    """Reads bytes as one file of a run: the first says which, and whether digests are made anew for the others."""
+    """Reads bytes as one file of a run: the first says which, and whether the others get new digests."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder / "run"
         self.contents = whole_run(self._folder)
 
     def __call__(self, data: bytes) -> None:
-        """Open a run with one file replaced, in every way that there is; raise Defect."""
+        """Open a run with one file replaced, by every reader; raise Defect."""
         if not data:
             return
         name, is_anew = FILES[data[0] // 2 % len(FILES)], bool(data[0] % 2)
@@ -77,7 +77,7 @@ def whole_run(folder: Path) -> dict[str, bytes]:
 
 
 def with_digests(contents: dict[str, bytes]) -> dict[str, bytes]:
-    """Return files whose digests are as if they had been written so; those of what is no JSON are left alone."""
+    """Return files with digests that fit; digests of invalid JSON stay as they are."""
     contents = dict(contents)
     for file in (RUN, CHOICES):
         try:

@@ -1,4 +1,4 @@
-"""A URDF of any bytes: its faults are listed, or it is built and can be asked for poses."""
+"""A URDF of any bytes: its faults are listed, or it is built and has poses."""
 
 from __future__ import annotations
 

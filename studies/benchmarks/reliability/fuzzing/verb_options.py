@@ -1,6 +1,6 @@
-"""A command line of a verb's own options: every verb, every option that it has, with values that fit and that do not.
+"""A command line of a verb's own options: every verb, every option, with good and bad values.
 
-What there is is read from the commands themselves, so that a new option is tried the day it is written.
+Verbs and options are read from the commands themselves, so that a new option is tried at once.
 """
 
 from __future__ import annotations
@@ -28,24 +28,24 @@ VALUES = (
     *("f", "f=1", "f=1,g=2", "f=nan,g=1", "f=1,f=2", "f=", "=1", "f<=2", "f>=3,f<=1", "f=improve,g=free", "f=10%,g"),
     *("csv", "npz", "ros2-bag", "franka", "gen3", "sqp", "auto", "tcp://", "http://127.0.0.1", "a", "b", "b,a"),
 )
-"""What an option may get; nothing of it makes a command compute for long, or connect to anything."""
+"""The values of options; none makes a command compute for long, or connect to anything."""
 
 TARGETS = {
     "list": "no_problem.py",
-    "solve": "tiny.py:tiny --out run --population 4 --generations 2",  # searches, and records, with --overwrite alone
+    "solve": "tiny.py:tiny --out run --population 4 --generations 2",  # only with --overwrite: it searches and records
     "plan": "tiny.py:tiny --out new",
     "front": "tiny.py:tiny --out new",
     "refine": "run --out new",
     "check-robot": "robot.urdf",
 }
-"""What a verb works on, by name; of the others the run."""
+"""The argument of a verb, by its name; that of the others is the run."""
 LEFT_OUT = ("--live", "--workers")  # a viewer, and processes that take seconds to begin
 
 
 class VerbOptions(CommandLines):
-    """Reads bytes as a verb and its options: one byte the verb, then two an option and its value.
+    """Reads bytes as a verb and its options: one byte for the verb, then two for an option and its value.
 
-    An option beyond the last is a word that stands alone.
+    An option beyond the last is a word without a meaning.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -58,7 +58,7 @@ class VerbOptions(CommandLines):
             self.run(self.words(data))
 
     def words(self, data: bytes) -> list[str]:
-        """Return the words of a command line that bytes, at least one, stand for."""
+        """Return the words of the command line that bytes, at least one, stand for."""
         verb = list(self.options)[data[0] % len(self.options)]
         words = [verb, *TARGETS.get(verb, "run").split()]
         for which, value in zip(data[1::2], data[2::2], strict=False):
@@ -66,7 +66,7 @@ class VerbOptions(CommandLines):
         return words
 
     def option_words(self, verb: str, which: int, value: str) -> list[str]:
-        """Return the words of an option of a verb, of which a flag has no value."""
+        """Return the words of a verb's option; a flag has no value."""
         options = self.options[verb]
         name, is_flag = [*options, ("", False)][which % (len(options) + 1)]
         return [value] if not name else [name] if is_flag else [name, value]

@@ -1,7 +1,7 @@
 """One target led by coverage, in a process of its own: ``python -m ...fuzzing.worker TARGET CRASHES WORK SECONDS``.
 
-Atheris feeds it inputs; each new kind of defect is printed in a line and its input kept in the folder of crashes. What
-ends the process (a crash of a library, a hang) leaves its input there, too, and this process.
+Atheris feeds it inputs; each new kind of defect is printed in one line and its input stored in the folder of crashes. A
+crash of a library, or a hang, ends the process and also leaves its input there.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ READERS = [
     "paretoik.verification",
     "typer",
 ]
-"""What is traced: what reads bytes, and nothing that numba compiles."""
+"""The traced modules: those that read bytes, and none that numba compiles."""
 
 
 def main() -> None:
     """Fuzz a target until the time is over."""
-    import atheris  # here: an extra of the benchmark
+    import atheris  # imported here: an extra of the benchmark
 
     name, crashes, work, seconds = sys.argv[1], Path(sys.argv[2]), sys.argv[3], sys.argv[4]
     with atheris.instrument_imports(include=READERS):

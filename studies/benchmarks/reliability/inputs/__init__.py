@@ -1,1 +1,1 @@
-"""Bad inputs made by rules for every argument of every public name, and what comes of them."""
+"""Bad inputs made by rules for every argument of every public name, and their outcomes."""

@@ -1,11 +1,12 @@
-"""Bad inputs by rules: every class of wrong values for every argument of every public name, and what comes of it.
+"""Bad inputs by rules: every class of wrong values for every argument of every public name.
 
-Problems that are none, as objects and as files, follow in rows of their own.
+Objects and files that are no problems follow in rows of their own.
 
     python -m studies.benchmarks.reliability.inputs [--quick] [--json FILE]
 
 Good is a refusal in one line that names the argument, says the wish and the fact, before any work; poor lacks one of
-these; bad is any other error, a warning, or a value taken that has no meaning. Poor and bad ones are told as they come.
+these. Bad is any other error, a warning, or an accepted value without a meaning. Poor and bad cases are printed at
+once.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from studies.benchmarks.reliability.inputs.problems import outcomes
 from studies.benchmarks.reliability.inputs.surfaces import surfaces
 from studies.reporting import Row, report, study_parser, tell
 
-QUICK = 20  # of so many cases one is tried
+QUICK = 20  # with --quick one of this many cases is tried
 
 
 def main() -> None:
@@ -45,7 +46,7 @@ def main() -> None:
 
 def _rows(chosen: list[Case], examples: Examples) -> Iterator[Row]:
     counts: dict[str, Counter[str]] = {}
-    _ = examples.objects.run_folder, examples.objects.plan_folder  # made before anything is judged
+    _ = examples.objects.run_folder, examples.objects.plan_folder  # made before the first judgement
     for case in chosen:
         outcome = judge(case, examples)
         verdict = outcome.verdict

@@ -1,4 +1,4 @@
-"""What bad inputs are taken because they mean something, and why."""
+"""Bad inputs that are accepted because they have a meaning."""
 
 from __future__ import annotations
 
@@ -30,5 +30,5 @@ ACCEPTED = {
 
 
 def reason(case: str) -> str | None:
-    """Return why a case is taken, by its name; None where it is not to be."""
+    """Return why a case is accepted, by its name; None if it must not be."""
     return next((why for pattern, why in ACCEPTED.items() if fnmatchcase(case, pattern)), None)

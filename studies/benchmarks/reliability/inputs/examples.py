@@ -1,4 +1,4 @@
-"""One good call of every public callable: what its required arguments are, so that one of them alone is bad."""
+"""One good call of every public callable: its required arguments, so that only one of them is bad."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ QUICK: dict[str, dict[str, object]] = {
     "Search.tell": {"G": np.full((8, 2), -1.0)},
     "directional_maxima": {"starts": 8, "directions": 4},
 }
-"""Settings that keep a call short where the value that was thought bad is taken."""
+"""Settings that keep a call short if a supposedly bad value is accepted."""
 
 ALSO: dict[str, tuple[str, ...]] = {"compare": ("fronts",), "resume": ("problem",)}
 """Arguments that a good call has, although their names are not required."""
@@ -42,7 +42,7 @@ STARS: dict[str, dict[str, object]] = {
     "Robust": {"weights": "kinetic_energy"},
     "Weights": {"weights": "kinetic_energy"},
 }
-"""The names that arguments in any number go by."""
+"""The names of arguments that can come in any number."""
 
 PARTS: dict[str, tuple[str, ...]] = {
     "Front.select(preference)": ("weights",),
@@ -58,7 +58,7 @@ PARTS: dict[str, tuple[str, ...]] = {
     "Arm.with_payload(center)": ("centre of gravity",),
     "Arm.with_tool(center)": ("centre of gravity",),
 }
-"""What a message may call an argument by: what is made of it, or its name in words."""
+"""Other names of an argument in messages: a thing made of it, or its name in words."""
 
 
 class Examples:
@@ -70,7 +70,7 @@ class Examples:
         self._files = count()
 
     def arguments(self, surface: Surface, bad: Argument) -> dict[str, object]:
-        """Return good arguments by name: those that a call needs, and those that keep it short, but for the bad one."""
+        """Return good arguments by name: required ones, and those that keep a call short, except the bad one."""
         required = [
             each.name for each in surface.arguments if each.is_required or each.name == "choice"
         ]  # no run has one

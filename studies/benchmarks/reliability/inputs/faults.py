@@ -1,4 +1,4 @@
-"""Classes of wrong values, each with the kinds of arguments for which it may have a meaning, or is wrong for sure."""
+"""Classes of wrong values, each with the kinds of arguments for which it may have a meaning, or is wrong."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from studies.benchmarks.reliability.inputs.surfaces import Argument
 
 
 class Raising:
-    """An object that raises at whatever it is asked."""
+    """An object that raises on every access."""
 
     def _raise(self, *_: object, **__: object) -> Any:
         raise RuntimeError("not from here\nnor from there")
@@ -22,7 +22,7 @@ class Raising:
     __getitem__ = __contains__ = __lt__ = __le__ = __gt__ = __ge__ = __add__ = __mul__ = __neg__ = __abs__ = _raise
 
     def __hash__(self) -> int:
-        """Let it be an entry of sets and mappings."""
+        """Return an id: it can be an entry of sets and mappings."""
         return 0
 
 
@@ -48,7 +48,8 @@ class LongText:
 class Fault:
     """A class of wrong values: ``make`` makes one, given a folder that has files in it.
 
-    It is none for arguments of the kinds in ``fits``, may be one for those in ``doubtful``, and is for the others.
+    It is no fault for arguments of the kinds in ``fits``, perhaps one for those in ``doubtful``, and one for the
+    others.
     """
 
     name: str
@@ -125,7 +126,7 @@ FAULTS = (
 
 @dataclass(frozen=True, kw_only=True)
 class BadInput:
-    """A class of wrong values for an argument; ``is_certain`` where it can have no meaning."""
+    """A class of wrong values for an argument; ``is_certain`` if it can have no meaning."""
 
     argument: Argument
     fault: Fault
@@ -140,7 +141,7 @@ def bad_inputs(argument: Argument) -> Iterator[BadInput]:
 
 
 def make_files(folder: Path) -> None:
-    """Make the files that paths of bad inputs lead to."""
+    """Make the files for the paths of bad inputs."""
     (folder / "file").write_bytes(b"")
     (folder / "noise").write_bytes(np.random.default_rng(0).bytes(4096))
     (folder / "link").symlink_to(folder / "nowhere")

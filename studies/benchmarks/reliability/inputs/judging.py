@@ -1,4 +1,4 @@
-"""What comes of a bad input: refused in one good line before any work, taken, or worse."""
+"""The outcome of a bad input: refused in one good line before any work, accepted, or worse."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Verdict = Literal["good", "taken", "poor", "bad"]
 
 @dataclass(frozen=True, kw_only=True)
 class JudgingOptions:
-    """What is refused takes at most so much processor time [s]."""
+    """The most processor time of a refusal [s]."""
 
     seconds: float = 0.25
 
@@ -47,7 +47,7 @@ class Case:
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """What came of a case: good, taken, poor or bad, and the words."""
+    """The outcome of a case: good, taken, poor or bad, and the words."""
 
     verdict: Verdict
     words: str
@@ -62,7 +62,7 @@ def cases(surfaces: list[Surface]) -> Iterator[Case]:
 
 
 def judge(case: Case, examples: Examples) -> Outcome:
-    """Call a surface with one bad argument, all others good, and judge what comes of it."""
+    """Call a surface with one bad argument, all others good, and judge the outcome."""
     call = _call(case, examples)
     before, began = sorted(os.walk(examples.folder)), time.process_time()
     with warnings.catch_warnings(record=True) as warned:
@@ -138,5 +138,5 @@ def _is_named(case: Case, message: str) -> bool:
     value = case.bad.fault.make(Path.cwd())
     is_told = "/" in message or (isinstance(value, str) and " ".join(value.split()) in message)
     if "path" in argument.kinds and is_told:
-        return True  # a file is called by its path
+        return True  # a file is named by its path
     return any(re.search(rf"\b{re.escape(name)}\b", message, re.IGNORECASE) for name in names)

@@ -1,4 +1,4 @@
-"""What makes a message good: one line with the name of the thing, what is wanted, and what is there."""
+"""Checks of a message: one line with the name of the thing, a wish, and a fact."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ FACT = re.compile(r"\bgot\b")
 
 @dataclass(frozen=True, kw_only=True)
 class MessageOptions:
-    """A message is at most so many characters ``long``."""
+    """The most characters of a message: ``long``."""
 
     long: int = 400
 
@@ -20,7 +20,7 @@ OPTIONS = MessageOptions()
 
 
 def message_faults(message: str, *, is_named: bool) -> list[str]:
-    """Return what a message lacks; whether the thing is named is for who knows what it is called."""
+    """Return the faults of a message; the caller says whether the thing is named."""
     faults = []
     if "\n" in message or len(message) > OPTIONS.long or not message.isprintable():
         faults.append("not one line")

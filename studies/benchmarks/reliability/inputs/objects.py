@@ -1,4 +1,4 @@
-"""The arms, problems, fronts and plans that good calls are made of."""
+"""The arms, problems, fronts and plans of good calls."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from problems import kim_2021, marcos_2012, wan_2018
 
 
 class Objects:
-    """What good arguments are made of, made when first needed, in a folder of their own."""
+    """The objects of good arguments, made when first needed, in a folder of their own."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -45,12 +45,12 @@ class Objects:
 
     @cached_property
     def front(self) -> pk.Front:
-        """A certified front, which knows its problem and has a folder."""
+        """A certified front, which has its problem and a folder."""
         return pk.epsilon_front(self.problem, points=3, starts=4, out=self.folder / "run")
 
     @cached_property
     def run_folder(self) -> Path:
-        """The folder that the front was found in, wherever it is saved later."""
+        """The folder of the run that found the front, wherever it is saved later."""
         assert self.front.folder is not None
         return self.front.folder
 

@@ -1,4 +1,4 @@
-"""Problems that are none, as objects and as files, and what comes of each: one line of our own, or worse."""
+"""Objects and files that are no problems, and the outcome of each: one line of our own, or worse."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Untold(Exception):  # noqa: N818
 
 
 class Own(BaseException):
-    """An exception that is no Exception."""
+    """An exception that does not derive from Exception."""
 
 
 class Closed:
@@ -55,7 +55,7 @@ class Odd(Problem):  # type: ignore[misc]  # pymoo is not typed
 
 
 def _set(name: str, value: object) -> Callable[[np.ndarray], dict[str, Any]]:
-    """Return what sets F, G or H to a value, whatever x is."""
+    """Return a function that sets F, G or H to a value, for any x."""
     return lambda x: {"F": x, name: value(x) if callable(value) else value}
 
 
@@ -84,7 +84,7 @@ VALUES: dict[str, object] = {
 
 
 def objects() -> Iterator[tuple[str, Callable[[], Any]]]:
-    """Yield what is no problem, or has attributes that no problem has, by name."""
+    """Yield objects that are no problems, or have invalid attributes, by name."""
     yield from (
         ("None", lambda: None),
         ("a number", lambda: 5),
@@ -105,7 +105,7 @@ def objects() -> Iterator[tuple[str, Callable[[], Any]]]:
 
 
 def evaluations() -> Iterator[tuple[str, Callable[[], Any]]]:
-    """Yield problems whose evaluation raises or sets what are no values, by name."""
+    """Yield problems whose evaluation raises or sets invalid values, by name."""
     for error in RAISED:
         yield f"an evaluation that raises {type(error).__name__}", partial(Odd, error)
     for what, value in VALUES.items():
@@ -152,7 +152,7 @@ SEARCHES: dict[str, Callable[[Any], object]] = {
 
 
 def outcomes(folder: Path) -> Iterator[tuple[str, str, Outcome]]:
-    """Yield the surface, the fault and what came of it, for every problem that is none."""
+    """Yield the surface, the fault and the outcome, for every invalid problem."""
     searched = [("Search(problem)", each) for each in (*objects(), ("a closed loop", marcos_2012.circle_3r))]
     solved = [("solve(problem)", each) for each in (*objects(), *evaluations())]
     for surface, (name, make) in (*searched, *solved):

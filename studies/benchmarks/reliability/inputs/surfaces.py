@@ -1,8 +1,8 @@
 """Every public function, constructor and method, with the kinds of values that each of its arguments takes.
 
-All of it is read from the public names, their signatures and annotations, so that a new argument is there the day it is
-written. Left out are what formulations offer to the verbs (methods that take genes and programs, not what a user has),
-and what a namespace merely imports.
+Everything is read from the public names, their signatures and annotations, so that a new argument is included at once.
+Left out are methods that formulations offer to the verbs (they take genes and programs, which no user has), and names
+that a namespace merely imports.
 """
 
 from __future__ import annotations
@@ -47,23 +47,23 @@ GENERIC: dict[str, Kind] = {
     "tuple": "sequence",
 }
 SEAM = ("formulations", "capability", "resolution", "closed_loop", "task.task")
-"""Where methods are what packages of the library offer each other; their constructors are public all the same."""
+"""Namespaces whose methods parts of the library offer each other; their constructors are public all the same."""
 
 OF_GENES = ("decode", "encode", "evaluate")
-"""Methods of formulations that users call; the rest is the seam to the verbs."""
+"""Methods of formulations that users call; the rest is for the verbs."""
 
 RESULTS = frozenset(
     {"Arm", "AxesEllipses", "Choice", "FastestPath", "FitErrors", "PerformancePolygon", "Plan", "PolynomialEllipsoids"}
     | {"ResolvedMotion", "TimeOptimalRun"}
 )
-"""Classes that functions of the library make and return; their arguments are checked there."""
+"""Classes that functions of the library make and return; the functions check their arguments."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Argument:
-    """An argument by name and the kinds of values that it takes; ``star`` says that any number of them come.
+    """An argument by name and the kinds of values that it takes; ``star`` says that it can come in any number.
 
-    Users do not write the name of one that ``is_unnamed``.
+    Users do not write its name if it ``is_unnamed``.
     """
 
     name: str
@@ -75,7 +75,7 @@ class Argument:
 
 @dataclass(frozen=True, kw_only=True)
 class Surface:
-    """A callable that users call, by its public name; methods are of the ``owner``."""
+    """A callable that users call, by its public name; a method has an ``owner``."""
 
     name: str
     owner: type | None
@@ -96,7 +96,7 @@ def surfaces() -> list[Surface]:
 
 
 def members(name: str, module: types.ModuleType) -> Iterator[tuple[str, object]]:
-    """Yield what is public in a namespace, by its public name."""
+    """Yield the public members of a namespace, by their public names."""
     package = module.__name__ if hasattr(module, "__path__") else module.__name__.rpartition(".")[0]
     for member in dir(module):
         item = getattr(module, member)
@@ -135,7 +135,7 @@ def _surface(
 ) -> Iterator[Surface]:
     try:
         parameters = list(inspect.signature(function).parameters.values())[skip:]
-    except ValueError:  # of errors that take any text
+    except ValueError:  # errors take any text
         return
     arguments = tuple(_argument(parameter, _scope(function)) for parameter in parameters)
     if method == "evaluate":

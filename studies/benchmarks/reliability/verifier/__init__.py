@@ -1,1 +1,1 @@
-"""Good runs of every kind, faults planted in them, and how many of them the verifier catches."""
+"""Good runs of every kind, faults planted in them, and the number that the verifier catches."""

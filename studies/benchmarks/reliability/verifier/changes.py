@@ -1,4 +1,4 @@
-"""Changes of a run's files that make it a wrong one."""
+"""Changes of a run's files that make it wrong."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def slide_along_the_self_motion(run: Edited) -> None:
     arm, q = pk.arms.tringali_3r(), run.motions["q"][0, 5]
     rows = jacobian(arm, q)[:2]
     free = np.linalg.svd(rows)[2][-1]
-    moved = q + 1e-6 * free  # the path is missed by 1e-12 alone
+    moved = q + 1e-6 * free  # the path is missed by only 1e-12
     run.motions["q"][0, 5] = moved
 
 
@@ -131,7 +131,7 @@ def admit_violation(run: Edited) -> None:
 
 
 def deny_criticality(run: Edited) -> None:
-    """Bend motions along the self-motion and compute their objectives again; certificates stay those of before."""
+    """Bend motions along the self-motion and compute their objectives again; certificates stay as they were."""
     problem = at_samples_of(tracking(), run.motions["q"])
     for row in range(len(run.motions["q"])):
         q = run.motions["q"][row]

@@ -1,4 +1,4 @@
-"""How many planted faults the verifier catches, and how many alarms it raises on good runs."""
+"""Numbers of planted faults that the verifier catches, and of alarms on good runs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from studies.reporting import Row, tell
 
 @dataclass(frozen=True, kw_only=True)
 class Verdicts:
-    """Of a kind of run: the alarms that it raised as it was, the faults planted in it, and those not caught."""
+    """A kind of run: its alarms without a fault, the faults planted in it, and those not caught."""
 
     alarms: tuple[str, ...]
     planted: tuple[str, ...]
@@ -26,7 +26,7 @@ class Verdicts:
 
 
 def verifier_rows(folder: Path, kinds: Sequence[str] = tuple(KINDS)) -> Iterator[Row]:
-    """Yield what the verifier says of good runs of these kinds, and of all faults planted in them."""
+    """Yield the verifier's results on good runs of these kinds, and on all faults planted in them."""
     row = partial(Row, table="verifier", unit="")
     planted = missed = 0
     for kind in kinds:
@@ -43,7 +43,7 @@ def verifier_rows(folder: Path, kinds: Sequence[str] = tuple(KINDS)) -> Iterator
 
 
 def _verify_kind(kind: str, folder: Path) -> Verdicts:
-    """Make a good run of a kind; verify it, and copies of it with a fault each."""
+    """Make a good run of a kind; verify it, and copies of it with one fault each."""
     tell(f"the verifier on {kind}")
     problem, subject = make_run(kind, folder / "good")
     alarms = [f"{row.subject}: {row.detail}" for row in pk.verify(folder / "good", subject, observe=False).failures]

@@ -1,4 +1,4 @@
-"""Editing a run as someone would who means harm: digests are made anew."""
+"""Edits of a run by someone with bad intent: digests are made new."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Edited:
 
 
 def edit(source: Path, folder: Path, change: Callable[[Edited], None]) -> Path:
-    """Copy a run, change it, and make its digests anew."""
+    """Copy a run, change it, and make new digests."""
     shutil.copytree(source, folder)
     entries = json.loads((folder / RUN).read_text())
     names = [name for name in entries.pop("files") if not name.endswith(".npz")]

@@ -1,4 +1,4 @@
-"""Planted faults by name: the kind of run, what is changed in it, and the subject of the check that must fail."""
+"""Planted faults by name: the kind of run, the change, and the subject of the check that must fail."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Runs that are given out as those of a stricter problem, whose limits or obstacles their motions do not keep."""
+"""Runs presented as those of a stricter problem, whose limits or obstacles their motions violate."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from studies.benchmarks.reliability.verifier.editing import Edited, edit
 from studies.benchmarks.reliability.verifier.good_runs import ARM, LIMITS, tracking
 
 LIMITED = {"position": "q", "velocity": "dq", "acceleration": "ddq", "torque": "torque", "power": "power"}
-"""The limits of a problem, and the arrays of a motion that they hold for."""
+"""The limits of a problem, and the arrays of a motion that they bound."""
 
 
 def forge(source: Path, folder: Path, problem: pk.Tracking) -> Path:
@@ -35,7 +35,7 @@ def _motions(front: pk.Front) -> pk.Motion:
 
 
 def thin_obstacle(front: pk.Front) -> pk.Tracking:
-    """Return the problem with a disc that a motion's tool meets between two instants, clear of it at all of them."""
+    """Return the problem with a disc that a motion's tool meets only between two instants."""
     motion = _motions(front)[0]
     for q in motion.at(motion.time[:-1] + 0.25 * np.diff(motion.time)):
         disc = pk.obstacles.Circle(ARM.pose(q).position[:2], 0.004)
@@ -45,7 +45,7 @@ def thin_obstacle(front: pk.Front) -> pk.Tracking:
 
 
 def exceeded_between(front: pk.Front) -> pk.Tracking:
-    """Return the problem with a limit that motions keep at all instants, and exceed between them."""
+    """Return the problem with a limit that motions satisfy at all instants, and exceed between them."""
     for kind, name in (("power", "power"), ("torque", "torque"), ("position", "q")):
         limit = largest(front, name)
         if np.abs(getattr(finer_motion(_motions(front)), name)).max() > (1 + 2e-4) * limit:
@@ -64,7 +64,7 @@ def exceeded(front: pk.Front, kind: str) -> pk.Tracking:
 
 
 def largest(front: pk.Front, name: str) -> float:
-    """Return the largest absolute value of an array of the motions at the instants that limits are kept at."""
+    """Return the largest absolute value of an array of the motions at the instants of limits."""
     return float(np.abs(getattr(_motions(front).instants, name)).max(axis=(1, 2)).max())
 
 
@@ -73,4 +73,4 @@ FORGERIES: dict[str, tuple[str, Callable[[pk.Front], pk.Tracking], str]] = {
     "a collision between samples": ("search", thin_obstacle, "clearance between samples"),
     "a limit exceeded between samples": ("certified", exceeded_between, "limits between samples"),
 }
-"""By name: the kind of run, the problem that its front is given out for, the subject of the check that must fail."""
+"""By name: the kind of run, the problem that its front is presented for, the subject of the check that must fail."""

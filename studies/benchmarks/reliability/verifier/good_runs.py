@@ -144,11 +144,11 @@ KINDS: dict[str, tuple[Callable[[], Any], Callable[[Any, Path], None]]] = {
     "resolved": (backward, resolve),
     "polygon": (kim_2021.directions_jam, polygon),
 }
-"""By name: what makes the problem, and what runs it into a folder."""
+"""By name: the function that makes the problem, and the one that runs it into a folder."""
 
 
 def make_run(kind: str, folder: Path) -> tuple[Any, Any]:
-    """Make a good run in a folder; return its problem, and what its motions are verified against."""
+    """Make a good run in a folder; return its problem, and the subject that its motions are verified against."""
     make_problem, run = KINDS[kind]
     problem = make_problem()
     run(problem, folder)
