@@ -20,6 +20,22 @@ import sys
 import warnings
 from collections.abc import Sequence
 
+__all__ = [
+    "EvaluationFailed",
+    "Infeasible",
+    "InvalidInput",
+    "InvalidRobot",
+    "InvalidRun",
+    "OutOfReach",
+    "ParetoikError",
+    "SolverFailed",
+]
+
+
+def __dir__() -> list[str]:
+    return __all__
+
+
 # Warnings to users, each at the line of their code that led to it.
 
 

@@ -232,6 +232,11 @@ def check_joint_names(name: str, values: object) -> tuple[str, ...]:
 
 __all__ = ["FR3", "GEN3", "PANDA", "UR3E", "UR5E", "UR10E", "UR16E", "Controller"]
 
+
+def __dir__() -> list[str]:
+    return __all__
+
+
 FCI = "Franka Control Interface Documentation, Control Interface Specification and Robot Limits"
 UR_MANUAL = "Universal Robots e-Series user manual 5.8; Max. joint torques; no accelerations or jerks published"
 UR_JOINTS = (

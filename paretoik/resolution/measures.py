@@ -12,6 +12,12 @@ from paretoik.task.motion import Motion
 from paretoik.task.objectives import Objective, objective
 from paretoik.task.starts import wrap_difference
 
+__all__ = ["distance_to", "duration", "evaluations", "limit_margin", "speed_ratio", "tracking_error"]
+
+
+def __dir__() -> list[str]:
+    return __all__
+
 
 @objective(unit="m, rad", form="general")
 def tracking_error(motion: Motion) -> np.ndarray:

@@ -40,6 +40,11 @@ __all__ = [
     "WeightedLeastNorm",
 ]
 
+
+def __dir__() -> list[str]:
+    return __all__
+
+
 Variant = Literal["paper", "consistent"]
 Gradient = TypeVar("Gradient", bound="GradientProjection")
 Weighted = TypeVar("Weighted", bound="WeightedGradientProjection")

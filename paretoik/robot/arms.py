@@ -10,6 +10,13 @@ import numpy as np
 from paretoik.inputs import check_call, check_choice
 from paretoik.robot.arm import Arm
 
+__all__ = ["TRINGALI_MASSES", "kim_3r", "marcos_nr", "tringali_3r", "wan_7r"]
+
+
+def __dir__() -> list[str]:
+    return __all__
+
+
 TRINGALI_MASSES = {"printed": (0.615, 0.615, 0.307), "fitted": (0.619, 0.821, 0.503)}
 
 

@@ -16,6 +16,12 @@ from paretoik.inputs import ArrayLike, check_call, check_magnitude, finite_array
 from paretoik.robot.pose import Pose, check_pose
 from paretoik.tables import field_representation, html_representation
 
+__all__ = ["Box", "Capsule", "Circle", "Obstacle", "Sphere"]
+
+
+def __dir__() -> list[str]:
+    return __all__
+
 
 @check_call
 @dataclass(frozen=True, init=False, eq=False)
