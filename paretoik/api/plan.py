@@ -34,8 +34,8 @@ from paretoik.runs.files import DRAWING
 from paretoik.runs.interruption import check_time_limit
 from paretoik.task.motion import Motion
 from paretoik.trajectory.levels import OPTIONS, LevelProgress
+from paretoik.trajectory.motion_terms import joint_distance
 from paretoik.trajectory.plan import Plan
-from paretoik.trajectory.program import joint_distance
 
 # Progress of a plan for observers and the recording, and its picture.
 

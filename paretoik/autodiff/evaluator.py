@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import IntEnum
 from functools import cache
 from typing import Any
 
@@ -18,19 +17,10 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from paretoik.autodiff.differentiation import dependencies
-from paretoik.autodiff.operations import NO_OPERAND, Op
+from paretoik.autodiff.operations import NO_OPERAND, Fused, Op
 from paretoik.autodiff.tape import Tape
 
 BLOCK_SIZE = 128  # points: fewer need more time to read instructions, more do not fit into the cache
-
-
-class Fused(IntEnum):
-    """Additional instructions: a product in a sum or a difference, a sine with its cosine."""
-
-    MULTIPLY_ADD = len(Op)  # first · second + third
-    MULTIPLY_SUBTRACT = len(Op) + 1  # first · second − third
-    SUBTRACT_PRODUCT = len(Op) + 2  # third − first · second
-    SINE_COSINE = len(Op) + 3  # of the first; the second operand is the register of the cosine
 
 
 @dataclass(frozen=True, eq=False)

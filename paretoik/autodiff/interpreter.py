@@ -6,8 +6,7 @@ import math
 
 import numpy as np
 
-from paretoik.autodiff.evaluator import Fused
-from paretoik.autodiff.operations import Op
+from paretoik.autodiff.operations import Fused, Op
 from paretoik.compilation.numba_cache import c_function, carray, compiled
 
 # Sine and cosine of many numbers at once, without branches, so that a processor vectorises them.

@@ -41,6 +41,15 @@ class Op(IntEnum):
     WHERE = auto()  # second if first is not 0, else third
 
 
+class Fused(IntEnum):
+    """Additional instructions: a product in a sum or a difference, a sine with its cosine."""
+
+    MULTIPLY_ADD = len(Op)  # first · second + third
+    MULTIPLY_SUBTRACT = len(Op) + 1  # first · second − third
+    SUBTRACT_PRODUCT = len(Op) + 2  # third − first · second
+    SINE_COSINE = len(Op) + 3  # of the first; the second operand is the register of the cosine
+
+
 COMMUTATIVE = frozenset({Op.ADD, Op.MULTIPLY, Op.MAXIMUM, Op.MINIMUM})
 PIECEWISE = frozenset({Op.MAXIMUM, Op.MINIMUM, Op.WHERE})
 PIECEWISE_CONSTANT = frozenset({Op.CONSTANT, Op.SIGN, Op.LESS, Op.LESS_EQUAL})

@@ -20,7 +20,7 @@ from paretoik.capability.actuation import Actuation, DistributedActuation
 from paretoik.capability.directional_program import consecutive_slices, gear_ratios, ratios_and_slacks
 from paretoik.capability.smooth_functions import Lanes, SmoothTerm
 from paretoik.errors import InvalidInput
-from paretoik.nlp.dense.dense_program import AssembledRows, Part, TracedRows, trace_rows
+from paretoik.nlp.dense.traced_rows import AssembledRows, Part, TracedRows, trace_rows
 from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arm import Arm
 from paretoik.robot.body import TOOL_FRAME

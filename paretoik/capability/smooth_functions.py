@@ -21,7 +21,7 @@ from paretoik.autodiff.kinks import Reformulation, copy_entries, reformulate_cho
 from paretoik.autodiff.operations import Op
 from paretoik.autodiff.tape import Expression, as_entry
 from paretoik.autodiff.tracing import TracedArray
-from paretoik.nlp.dense.dense_program import Part, trace_rows
+from paretoik.nlp.dense.traced_rows import Part, trace_rows
 from paretoik.task.limits import Constraint
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask

@@ -30,7 +30,7 @@ from paretoik.formulations.control_step import (
     check_steps,
     normalise_weights,
 )
-from paretoik.formulations.formulation import loop_text
+from paretoik.formulations.formulation import task_text
 from paretoik.formulations.protocol import Timeline
 from paretoik.front.choice import Choice, Preference
 from paretoik.front.front import Front
@@ -38,7 +38,7 @@ from paretoik.front.preferences import Weights
 from paretoik.inputs import check_call, check_flag, check_seed, check_size, shown
 from paretoik.robot.arm import Arm
 from paretoik.search.genes import SMALLEST_POPULATION
-from paretoik.tables import html_representation
+from paretoik.tables import fit_screen, html_representation
 from paretoik.task.limits import Limits
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
@@ -195,7 +195,6 @@ class ClosedLoop:
 
     timeline: Timeline = "step"
     search_attributes = ("weights", "_given_start", "population", "generations", "seed")  # what ``changed`` can change
-    __repr__ = loop_text
     _repr_html_ = html_representation
 
     def __init__(
@@ -234,6 +233,12 @@ class ClosedLoop:
         check_flag("warm_start", warm_start)
         self.longest, self.warm_start = check_longest_step(longest_step), bool(warm_start)
         self._set(weights=weights, start=start, population=population, generations=generations, seed=seed)
+
+    def __repr__(self) -> str:
+        weights = ", ".join(f"{name} {weight:.0%}" for name, weight in self.named_weights.items())
+        summary = "\n".join(line for line in task_text(self.task).splitlines() if not line.startswith("objectives"))
+        search = f"{self.population} individuals, {self.generations} generations, seed {self.seed}"
+        return fit_screen(f"Closed loop\n{summary}\neach step: {weights}; {search}\nnext: pk.solve(loop)")
 
     def changed(
         self,

@@ -18,7 +18,7 @@ from paretoik.formulations.motions import possible_values
 from paretoik.formulations.navigation import navigate, predict
 from paretoik.formulations.protocol import Individuals, decode
 from paretoik.front.front import Front
-from paretoik.nlp.dense.dense_program import AssembledRows
+from paretoik.nlp.dense.traced_rows import AssembledRows
 from paretoik.nlp.program import Program, Solver
 from paretoik.pareto.scalarisation import COLD_OPTIONS as COLD
 from paretoik.pareto.scalarisation import Observe, StartSearch

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import wraps
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 from pymoo.core.problem import Problem
 from pymoo.core.sampling import Sampling
@@ -18,10 +18,6 @@ from paretoik.search.operators import Seeded
 from paretoik.tables import columns, fit_screen, html_representation
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
-
-if TYPE_CHECKING:
-    from paretoik.formulations.closed_loop import ClosedLoop
-    from paretoik.formulations.tracking import Tracking
 
 # A motion problem in a few lines of text.
 
@@ -121,19 +117,3 @@ class Formulation(Problem):  # type: ignore[misc]  # pymoo is not typed
             return super().evaluate(X, *args, **kwargs)
         X = self.sampling().do(self, len(X), random_state=algorithm.random_state).get("X")
         return {**super().evaluate(X, *args, **kwargs), "X": X}
-
-
-def tracking_text(problem: Tracking) -> str:
-    """Return a tracking problem as text."""
-    summary = task_text(problem.task)
-    return fit_screen(
-        f"Tracking, {problem.n_var} genes\n{summary}\nnext: pk.solve(problem) or pk.epsilon_front(problem)"
-    )
-
-
-def loop_text(loop: ClosedLoop) -> str:
-    """Return a closed loop as text; its objectives are those of a step, with their weights."""
-    weights = ", ".join(f"{name} {weight:.0%}" for name, weight in loop.named_weights.items())
-    summary = "\n".join(line for line in task_text(loop.task).splitlines() if not line.startswith("objectives"))
-    search = f"{loop.population} individuals, {loop.generations} generations, seed {loop.seed}"
-    return fit_screen(f"Closed loop\n{summary}\neach step: {weights}; {search}\nnext: pk.solve(loop)")

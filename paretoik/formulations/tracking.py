@@ -17,7 +17,7 @@ from jaxtyping import Float, Int
 from paretoik.arrays import Genes, JointPaths, Objectives, Values
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.formulations.encoding import Encoding, choose_coefficients, encoding
-from paretoik.formulations.formulation import Formulation, check_motions, of_genes, tracking_text
+from paretoik.formulations.formulation import Formulation, check_motions, of_genes, task_text
 from paretoik.formulations.motions import values_between
 from paretoik.formulations.navigation import navigate, predict
 from paretoik.formulations.protocol import Individuals
@@ -30,6 +30,7 @@ from paretoik.robot.arm import Arm
 from paretoik.search.nsga2 import MaxiMinNSGA2
 from paretoik.search.operators import Differential, SmoothMutation
 from paretoik.stop_flag import STOP
+from paretoik.tables import fit_screen
 from paretoik.task.limits import Constraint, Limits
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask, evaluate_motions, examine_functions
@@ -44,10 +45,10 @@ from paretoik.task.task import Task, describe_errors
 from paretoik.task.validation import START_TOLERANCE, motion_task
 from paretoik.trajectory.infeasibility import explain_violation, require_feasible, warn_of_obstructed_path
 from paretoik.trajectory.levels import ObserveLevel, explained_interruption
+from paretoik.trajectory.motion_terms import joint_distance
 from paretoik.trajectory.plan import MotionColdSearch, Plan, find_optima, resolve_plan
-from paretoik.trajectory.program import MotionProgram, joint_distance
 from paretoik.trajectory.tightening import hold_all
-from paretoik.trajectory.transcription import motion_program
+from paretoik.trajectory.transcription import MotionProgram, motion_program
 
 # Base motions of ``Tracking``: the best roll-outs of every branch, others far from them, or a user's.
 
@@ -185,8 +186,6 @@ class Tracking(Formulation):
     navigate = navigate
     predict = predict
 
-    __repr__ = __str__ = tracking_text  # in place of pymoo's text
-
     def __init__(
         self,
         arm: Arm,
@@ -228,6 +227,12 @@ class Tracking(Formulation):
         self.constraint_names = ("tracking", "evaluation", *self.task.limit_names)
         self._encoded_with = coefficients, bases, seed
         self._encode_motions()
+
+    def __repr__(self) -> str:
+        next_step = "pk.solve(problem) or pk.epsilon_front(problem)"
+        return fit_screen(f"Tracking, {self.n_var} genes\n{task_text(self.task)}\nnext: {next_step}")
+
+    __str__ = __repr__  # in place of pymoo's text
 
     def _encode_motions(self) -> None:
         """Make the genes of motions at the samples of the task."""

@@ -198,8 +198,10 @@ class Tuning(Formulation):
 
     def _follow(self, genes: Genes, indices: Int[np.ndarray, "points judged"]) -> ResolvedMotion:
         """Return the motions (points · judged, time, dof) of individuals from their starts."""
+        from paretoik.resolution.follow import follow  # here: it is slow to load
+
         method = self.method(np.repeat(genes, indices.shape[1], axis=0))
-        return method.follow(self.task, self.starts[indices.ravel()], tolerance=self.tolerance)
+        return follow(self.task, method, self.starts[indices.ravel()], tolerance=self.tolerance)
 
     def _violations(self, motion: ResolvedMotion, points: int) -> Float[np.ndarray, "points limits"]:
         """Return each individual's largest violation of each limit from any of its starts, over the range."""

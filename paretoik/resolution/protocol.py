@@ -319,14 +319,6 @@ class Method:
                 raise InvalidInput(f"{type(self).__name__}: number {wish}, got {shown(name)}{hint}")
         return replace(self, **values)
 
-    def follow(
-        self, task: MotionTask, start: Float[np.ndarray, "*batch dof"], *, tolerance: float | None = None
-    ) -> ResolvedMotion:
-        """Return the motions from ``start``, as ``resolve(..., unreachable="track")`` does."""
-        from paretoik.resolution.follow import follow  # here: it is slow to load
-
-        return follow(task, self, start, tolerance=tolerance)
-
 
 def broadcast_shape(method: Method, start: np.ndarray, shapes: Sequence[tuple[int, ...]]) -> tuple[int, ...]:
     """Return the batch shape of starts (*starts, dof) and a method's numbers; raises InvalidInput if they don't fit."""

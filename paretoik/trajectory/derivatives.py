@@ -13,7 +13,7 @@ from paretoik.robot.kinematics import joint_scales
 from paretoik.task.retraction import retract, row_space_basis
 from paretoik.trajectory.curve_state_kernel import add_twist, chain_gradient, curve_multipliers, linearise_instants
 from paretoik.trajectory.curve_states import curve_arrays
-from paretoik.trajectory.program import MotionProgram, MotionValues
+from paretoik.trajectory.motion_terms import MotionTerms, MotionValues
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -31,7 +31,7 @@ class MotionLinearisation:
     sample_inputs: inputs of evaluators at the samples
     """
 
-    program: MotionProgram
+    program: MotionTerms
     values: MotionValues
     x: Float[np.ndarray, "time dof"]
     normal: Float[np.ndarray, "time dof redundancy"]
@@ -130,7 +130,7 @@ class MotionLinearisation:
         return np.concatenate(parts)
 
 
-def linearise(program: MotionProgram, q: Float[np.ndarray, "time dof"]) -> MotionLinearisation:
+def linearise(program: MotionTerms, q: Float[np.ndarray, "time dof"]) -> MotionLinearisation:
     """Return the program's values and first derivatives at a motion on the path."""
     task, samples, instants, n = program.task, len(q), len(program.task.instants), q.shape[1]
     values = program.values(q)
@@ -177,7 +177,7 @@ def linearise(program: MotionProgram, q: Float[np.ndarray, "time dof"]) -> Motio
 
 
 def _basis(
-    program: MotionProgram, chain: np.ndarray, normal: np.ndarray, wholes: int
+    program: MotionTerms, chain: np.ndarray, normal: np.ndarray, wholes: int
 ) -> tuple[sparse.csr_array, sparse.csr_array, int]:
     """Return derivatives of variables (variables · instants) and the spline's state by columns, and their number."""
     stencil, instants, r = program.stencil, len(program.task.instants), normal.shape[2]
@@ -202,7 +202,7 @@ def _basis(
     return sparse.csr_array(sparse.vstack(parts)), sparse.csr_array(spline), columns
 
 
-def _sample_basis(program: MotionProgram, normal: np.ndarray, columns: int) -> sparse.csr_array:
+def _sample_basis(program: MotionTerms, normal: np.ndarray, columns: int) -> sparse.csr_array:
     """Return the derivatives of q (dof · time) by the columns."""
     samples, n, r = normal.shape
     begin = program.stencil.first_unknown
@@ -214,7 +214,7 @@ def _sample_basis(program: MotionProgram, normal: np.ndarray, columns: int) -> s
 
 
 def _whole_functions(
-    program: MotionProgram, values: MotionValues, basis: sparse.csr_array, columns: int
+    program: MotionTerms, values: MotionValues, basis: sparse.csr_array, columns: int
 ) -> tuple[np.ndarray, list[np.ndarray], list[sparse.csr_array], list[Cone]]:
     """Return the parts of objective gradients from wholes, and the ties, their rows and the cones of wholes."""
     gradients = np.zeros((len(program.totals), columns))
@@ -251,7 +251,7 @@ def _epigraph_rows(rows: sparse.csr_array, column: int) -> sparse.csr_array:
     return sparse.csr_array((entries, indices, rows.indptr + np.arange(len(rows.indptr))), shape=rows.shape)
 
 
-def _limit_rows(program: MotionProgram, function_gradients: np.ndarray, basis: sparse.csr_array) -> sparse.csr_array:
+def _limit_rows(program: MotionTerms, function_gradients: np.ndarray, basis: sparse.csr_array) -> sparse.csr_array:
     """Return the Jacobian of limits, divided by their ranges, and of ties of instants."""
     which, at = program.limited.T
     functions, variables, instants = function_gradients.shape
@@ -316,7 +316,7 @@ def _lagrangian_hessian(
     return sparse.csr_array(hessian)
 
 
-def _whole_basis(program: MotionProgram, basis: sparse.csr_array) -> sparse.csr_array:
+def _whole_basis(program: MotionTerms, basis: sparse.csr_array) -> sparse.csr_array:
     """Return the derivatives of whole functions' inputs by the columns."""
     orders, n, instants = program.stencil.orders, program.task.arm.dof, len(program.task.instants)
     order = np.arange(orders * n * instants).reshape(orders, n, instants).swapaxes(1, 2).ravel()
@@ -326,7 +326,7 @@ def _whole_basis(program: MotionProgram, basis: sparse.csr_array) -> sparse.csr_
 
 
 def _part_multipliers(
-    program: MotionProgram, weights: np.ndarray, multipliers: np.ndarray, cone_multipliers: tuple[np.ndarray, ...]
+    program: MotionTerms, weights: np.ndarray, multipliers: np.ndarray, cone_multipliers: tuple[np.ndarray, ...]
 ) -> tuple[np.ndarray, list[np.ndarray]]:
     """Return the multipliers of limits and ties of samples, in their own units, and of the parts of every whole."""
     count, elastic = len(program.sides), program.elastic
@@ -351,7 +351,7 @@ def _part_multipliers(
 
 
 def _function_weights(
-    program: MotionProgram, weights: np.ndarray, by_limit: np.ndarray, shape: tuple[int, int, int]
+    program: MotionTerms, weights: np.ndarray, by_limit: np.ndarray, shape: tuple[int, int, int]
 ) -> tuple[Float[np.ndarray, "functions instants"], Float[np.ndarray, "variables instants"]]:
     """Return the Lagrangian's weights of all functions of an instant, and those of the variables that limits bound."""
     functions, variables, instants = shape
@@ -367,7 +367,7 @@ def _function_weights(
 
 
 def _by_positions(
-    program: MotionProgram, by_u: Float[np.ndarray, "orders dof instants"], samples: int
+    program: MotionTerms, by_u: Float[np.ndarray, "orders dof instants"], samples: int
 ) -> Float[np.ndarray, "time dof"]:
     """Return a gradient by positions of the samples, from one by positions and rates of all instants."""
     shares = np.einsum("oik,oji->ikj", program.stencil.coefficients, by_u)
@@ -377,7 +377,7 @@ def _by_positions(
 
 
 def _by_variables(
-    program: MotionProgram, seconds: Float[np.ndarray, "entries instants"], variables: int, instants: int
+    program: MotionTerms, seconds: Float[np.ndarray, "entries instants"], variables: int, instants: int
 ) -> sparse.csr_array:
     """Return second derivatives by the variables of all instants as one symmetric matrix."""
     i, j = program.evaluators.hessian_sparsity.rows, program.evaluators.hessian_sparsity.columns

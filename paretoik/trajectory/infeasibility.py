@@ -35,8 +35,7 @@ from paretoik.trajectory.levels import (
     resample,
 )
 from paretoik.trajectory.plan_starts import sample_travelling, squared_velocity
-from paretoik.trajectory.program import MotionProgram
-from paretoik.trajectory.transcription import motion_program
+from paretoik.trajectory.transcription import MotionProgram, motion_program
 
 # Obstacles on the path, which make all motions infeasible
 

@@ -22,8 +22,8 @@ from paretoik.runs.interruption import time_is_up
 from paretoik.stop_flag import Interrupted
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import SAMPLES, MotionTask, require_values
-from paretoik.trajectory.program import MotionProgram, joint_distance
-from paretoik.trajectory.transcription import motion_program
+from paretoik.trajectory.motion_terms import joint_distance
+from paretoik.trajectory.transcription import MotionProgram, motion_program
 
 # Progress of a plan after each level of samples
 

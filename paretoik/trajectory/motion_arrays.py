@@ -9,10 +9,10 @@ from paretoik.robot.kinematics import joint_scales
 from paretoik.trajectory import motion_kernel as _steps  # noqa: F401  the steps of solvers on these arrays
 from paretoik.trajectory.curve_states import curve_arrays
 from paretoik.trajectory.kernel_arrays import MotionKernel
-from paretoik.trajectory.program import MotionProgram
+from paretoik.trajectory.motion_terms import MotionTerms
 
 
-def motion_kernel(program: MotionProgram) -> MotionKernel:
+def motion_kernel(program: MotionTerms) -> MotionKernel:
     """Return a program of sums and peaks for interior points, with its own registers: one per thread."""
     evaluators, stencil = program.evaluators, program.stencil
     variables, auxiliary = len(program.variables), len(program.variables) - program.rates
@@ -59,7 +59,7 @@ def motion_kernel(program: MotionProgram) -> MotionKernel:
     )
 
 
-def _kinks(program: MotionProgram) -> tuple[Int[np.ndarray, "kinks 4"], int]:
+def _kinks(program: MotionTerms) -> tuple[Int[np.ndarray, "kinks 4"], int]:
     """Return input, variable, sign and first tie of every slack, innermost first, and the depth of nested kinks."""
     count, first_tie = program.slacks, program.sums + len(program.rows) + len(program.epigraph_rows)
     function, variable = program.evaluators.gradient_sparsity.rows, program.evaluators.gradient_sparsity.columns

@@ -47,11 +47,10 @@ from paretoik.trajectory.levels import (
     resample,
 )
 from paretoik.trajectory.plan_starts import initial_motions, sample_starts
-from paretoik.trajectory.program import MotionProgram
 from paretoik.trajectory.restarts import OPTIONS as RESTARTS
 from paretoik.trajectory.restarts import LevelRestarts, first_portions
 from paretoik.trajectory.tightening import feasible_motions, hold_all
-from paretoik.trajectory.transcription import motion_program
+from paretoik.trajectory.transcription import MotionProgram, motion_program
 
 EXCEEDS = "limits exceeded between samples"  # status of an optimum that exceeds its limits in spite of tightening
 UNDER_RESOLVED = "under-resolved"  # status of an optimum whose value differs too much from that of its curve

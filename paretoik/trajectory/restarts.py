@@ -18,8 +18,9 @@ from paretoik.task.self_motion import branch_labels
 from paretoik.task.starts import perturbed_starts, recombined_starts
 from paretoik.trajectory.levels import OPTIONS as LEVELS
 from paretoik.trajectory.levels import Further, coarse, distinct_rows
+from paretoik.trajectory.motion_terms import joint_distance
 from paretoik.trajectory.plan_starts import grid_starts, sample_starts, sample_travelling
-from paretoik.trajectory.program import MotionProgram, joint_distance
+from paretoik.trajectory.transcription import MotionProgram
 
 # Basin hopping: the best optima are perturbed, recombined and minimised again while the best improves
 #

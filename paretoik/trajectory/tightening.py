@@ -28,7 +28,7 @@ from paretoik.task.limits import LIMIT_TOLERANCE, LIMITED
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask, finer_motion
 from paretoik.task.objectives import evaluate_function
-from paretoik.trajectory.program import MotionProgram
+from paretoik.trajectory.transcription import MotionProgram
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from paretoik.autodiff.differentiation import dependencies, gradient, hessian, tangents
 from paretoik.autodiff.evaluator import compile_evaluator
@@ -15,14 +16,17 @@ from paretoik.autodiff.kinks import Reformulation, reformulate_choices, reformul
 from paretoik.autodiff.operations import Op
 from paretoik.autodiff.tape import Expression, Tape, as_entry
 from paretoik.errors import InvalidInput
+from paretoik.nlp.program import Linearisation
 from paretoik.robot.kinematics import joint_scales
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import row_scales
 from paretoik.task.task import path_equations
 from paretoik.trajectory.curve_states import instant_targets
+from paretoik.trajectory.derivatives import linearise
 from paretoik.trajectory.discretisation import stencil
 from paretoik.trajectory.functions import Functions, trace_functions
-from paretoik.trajectory.program import ORDERS, Evaluators, MotionProgram, Sparsity
+from paretoik.trajectory.kernel_arrays import MotionKernel
+from paretoik.trajectory.motion_terms import ORDERS, Evaluators, MotionTerms, Sparsity
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,6 +39,22 @@ class TranscriptionOptions:
 
 
 OPTIONS = TranscriptionOptions()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MotionProgram(MotionTerms):
+    """The nonlinear program of a MotionTask; its fields are those of ``MotionTerms``."""
+
+    def linearise(self, x: Float[np.ndarray, "time dof"]) -> Linearisation:
+        """Return the program to first order at a motion on the path."""
+        return linearise(self, x)
+
+    @property
+    def kernel(self) -> MotionKernel | None:
+        """The program for interior points, None for the SQP; each has its own registers: one per thread."""
+        from paretoik.trajectory.motion_arrays import motion_kernel  # here: numba is slow to load
+
+        return motion_kernel(self) if not self.unsupported else None
 
 
 def motion_program(task: MotionTask, scales: Sequence[float] | np.ndarray | None = None) -> MotionProgram:

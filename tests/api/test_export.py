@@ -106,7 +106,7 @@ def test_an_existing_file_is_replaced_only_if_told(tmp_path):
     [
         ({"rate": 0}, "rate: must be positive, got 0 Hz"),
         ({"rate": "1 kHz"}, "rate: must hold real numbers, got text"),
-        ({"controller": "abb"}, "controller: one of franka, ur, kinova, panda"),
+        ({"controller": "abb"}, "controller must be one of franka, ur, kinova, panda"),
         ({"controller": "kinova"}, "controller gen3: joints must be joint_1"),
         ({"joint_names": ["elbow"]}, "got 'elbow', which is not among them"),
         ({"time_scale": 0.9}, "time_scale must be 1 or more, to slow down, got 0.9"),

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 
 from paretoik.autodiff.differentiation import gradient, hessian
-from paretoik.autodiff.evaluator import BLOCK_SIZE, Fused, compile_evaluator
-from paretoik.autodiff.operations import NO_OPERAND, Op
+from paretoik.autodiff.evaluator import BLOCK_SIZE, compile_evaluator
+from paretoik.autodiff.operations import NO_OPERAND, Fused, Op
 from paretoik.autodiff.tape import Tape, as_entry
 from tests.autodiff.trees import KINKED, SMOOTH, points, seeds, taped, trees
 

@@ -10,7 +10,7 @@ import pytest
 import paretoik as pk
 from paretoik.formulations.motions import values_between
 from paretoik.front.indicators import hypervolume
-from paretoik.trajectory.program import joint_distance
+from paretoik.trajectory.motion_terms import joint_distance
 from problems import tringali_2020
 
 

@@ -12,7 +12,7 @@ from paretoik.compilation.numba_cache import compiled
 from paretoik.nlp.banded import kernel as kernel_steps
 from paretoik.nlp.dense import dense_rows as dense_restoration
 from paretoik.nlp.dense.dense_arrays import dense_kernel
-from paretoik.nlp.dense.dense_program import trace_rows
+from paretoik.nlp.dense.traced_rows import trace_rows
 
 
 @compiled

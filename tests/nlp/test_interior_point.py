@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog
 
 from paretoik.nlp.banded.interior_point import _filter_accepts, minimise
-from paretoik.nlp.dense.dense_program import DenseProgram, trace_rows
+from paretoik.nlp.dense.dense_program import DenseProgram
+from paretoik.nlp.dense.traced_rows import trace_rows
 from paretoik.nlp.program import CONVERGED, ITERATION_LIMIT, NOT_FINITE, InteriorPointOptions
 from paretoik.stop_flag import STOP
 

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.nlp.dense.dense_program import DenseProgram, trace_rows
+from paretoik.nlp.dense.dense_program import DenseProgram
+from paretoik.nlp.dense.traced_rows import trace_rows
 from paretoik.nlp.minimise import minimise
 from paretoik.nlp.program import CONVERGED, INTERRUPTED, ITERATION_LIMIT, NOT_FINITE, VIOLATED, InteriorPointOptions
 from paretoik.stop_flag import STOP, Interrupted

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from paretoik.nlp.dense.dense_program import DenseProgram, trace_rows
+from paretoik.nlp.dense.dense_program import DenseProgram
+from paretoik.nlp.dense.traced_rows import trace_rows
 from paretoik.nlp.program import Structure, structural_product, violation_at, violation_of
 
 

@@ -10,7 +10,8 @@ import pytest
 from scipy.optimize import minimize
 
 from paretoik.errors import EvaluationFailed
-from paretoik.nlp.dense.dense_program import DenseProgram, trace_rows
+from paretoik.nlp.dense.dense_program import DenseProgram
+from paretoik.nlp.dense.traced_rows import trace_rows
 from paretoik.nlp.program import CONVERGED, ITERATION_LIMIT, VIOLATED, Goal, bounded
 from paretoik.nlp.sqp import SqpOptions, minimise
 

@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from paretoik.nlp.dense.dense_program import DenseProgram, trace_rows
+from paretoik.nlp.dense.dense_program import DenseProgram
+from paretoik.nlp.dense.traced_rows import trace_rows
 from paretoik.pareto.certificates import certify
 from paretoik.pareto.epsilon import epsilon_points
 from paretoik.pareto.scalarisation import StartSearch

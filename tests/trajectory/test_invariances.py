@@ -7,7 +7,7 @@ import pytest
 
 import paretoik as pk
 from paretoik.nlp.minimise import minimise
-from paretoik.trajectory.program import joint_distance
+from paretoik.trajectory.motion_terms import joint_distance
 from paretoik.trajectory.transcription import motion_program
 from problems import tringali_2020
 from tests.pareto.motions import certify_motions

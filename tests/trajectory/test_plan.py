@@ -8,9 +8,9 @@ from paretoik.nlp.minimise import minimise
 from paretoik.nlp.program import InteriorPointOptions
 from paretoik.trajectory.grid_oracle import grid_oracle
 from paretoik.trajectory.levels import objective_scales
+from paretoik.trajectory.motion_terms import joint_distance
 from paretoik.trajectory.plan_starts import sample_starts
 from paretoik.trajectory.posture_grid import step_windows
-from paretoik.trajectory.program import joint_distance
 from paretoik.trajectory.transcription import motion_program
 from problems import tringali_2020, tringali_2021
 from studies.benchmarks.basins.cases import ur10

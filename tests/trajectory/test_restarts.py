@@ -16,9 +16,9 @@ from paretoik.trajectory import restarts
 from paretoik.trajectory import restarts as basin_hopping
 from paretoik.trajectory.levels import OPTIONS as LEVELS
 from paretoik.trajectory.levels import coarsest_level, objective_scales
+from paretoik.trajectory.motion_terms import joint_distance
 from paretoik.trajectory.plan import find_optima
 from paretoik.trajectory.plan_starts import sample_starts
-from paretoik.trajectory.program import joint_distance
 from paretoik.trajectory.transcription import motion_program
 from problems import tringali_2020
 

@@ -10,8 +10,8 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.errors import EvaluationFailed
-from paretoik.nlp.dense.dense_program import AssembledRows, Part
 from paretoik.nlp.dense.dense_rows import DenseKernel
+from paretoik.nlp.dense.traced_rows import AssembledRows, Part
 
 
 def dense_kernel(program: AssembledRows, costs: Float[np.ndarray, "objectives unknowns"]) -> DenseKernel:

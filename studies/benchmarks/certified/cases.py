@@ -14,8 +14,7 @@ import numpy as np
 import paretoik as pk
 from paretoik.front.certificates import Certificates
 from paretoik.task.motion_task import MotionTask
-from paretoik.trajectory.program import MotionProgram
-from paretoik.trajectory.transcription import motion_program
+from paretoik.trajectory.transcription import MotionProgram, motion_program
 from problems import panda, tringali_2020
 from studies.benchmarks.certified.recomputed import recomputed_difference
 from studies.benchmarks.certified.splines import spline_program

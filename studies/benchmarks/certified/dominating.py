@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import retract_nearest
 from paretoik.trajectory.derivatives import MotionLinearisation, linearise
-from paretoik.trajectory.program import joint_distance
+from paretoik.trajectory.motion_terms import joint_distance
 from paretoik.trajectory.tightening import violation_between
 from studies.benchmarks.certified.cases import HOLDS, Subject, goal_row
 from studies.reporting import Row

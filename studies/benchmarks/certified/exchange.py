@@ -11,7 +11,7 @@ import numpy as np
 from paretoik.nlp.minimise import minimise
 from paretoik.nlp.program import Solutions
 from paretoik.pareto.sweep import OPTIONS as EPSILON
-from paretoik.trajectory.program import joint_distance
+from paretoik.trajectory.motion_terms import joint_distance
 from studies.benchmarks.certified.cases import Subject, goal_row
 from studies.reporting import Row
 

@@ -12,8 +12,8 @@ from paretoik.task.motion_task import MotionTask
 from paretoik.task.starts import MOTION_OPTIONS as STARTS
 from paretoik.trajectory.grid_oracle import grid_oracle
 from paretoik.trajectory.levels import OPTIONS
+from paretoik.trajectory.motion_terms import joint_distance
 from paretoik.trajectory.plan import Plan
-from paretoik.trajectory.program import joint_distance
 from paretoik.trajectory.transcription import motion_program
 from studies.benchmarks.planner.peers import LABELS, PUSHES, Question, Settings, Solved, peer
 from studies.benchmarks.planner.verdicts import LOSS, timed

@@ -12,13 +12,11 @@ path is an equation in q at every sample. Functions that relate samples to one a
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from paretoik.autodiff.evaluator import Evaluator
-from paretoik.nlp.program import Linearisation
 from paretoik.robot.kinematics import joint_scales
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import normal_directions, retract
@@ -26,9 +24,6 @@ from paretoik.trajectory.curve_state_kernel import CurveWork, allocate_curve, pr
 from paretoik.trajectory.curve_states import curve_arrays
 from paretoik.trajectory.discretisation import Stencil
 from paretoik.trajectory.functions import Total, WholeFunction
-
-if TYPE_CHECKING:
-    from paretoik.trajectory.kernel_arrays import MotionKernel
 
 KINK_TOLERANCE = 1e-8  # share of the largest operand of a maximum, minimum or absolute value: operands meet below it
 ORDERS = ("position", "velocity", "acceleration", "jerk")
@@ -97,7 +92,7 @@ class MotionValues:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class MotionProgram:
+class MotionTerms:
     """The nonlinear program of a MotionTask.
 
     totals: numbers of a whole motion: the objectives, divided by ``scales``, then bounded ones
@@ -280,24 +275,11 @@ class MotionProgram:
         u = inputs[: self.states].reshape(self.stencil.orders, self.task.arm.dof, -1).swapaxes(1, 2)
         return np.concatenate([u.ravel(), np.zeros((4 - len(u)) * u[0].size)])
 
-    def linearise(self, x: Float[np.ndarray, "time dof"]) -> Linearisation:
-        """Return the program to first order at a motion on the path."""
-        from paretoik.trajectory.derivatives import linearise  # here: it builds on this file
-
-        return linearise(self, x)
-
     def distance(
         self, x: Float[np.ndarray, "time dof"], others: Float[np.ndarray, "others time dof"]
     ) -> Float[np.ndarray, " others"]:
         """Return the distance of a motion from others [rad, the arm's length], RMS over time, angles modulo 2π."""
         return joint_distance(self.task, x, others)
-
-    @property
-    def kernel(self) -> MotionKernel | None:
-        """The program for interior points, None for the SQP; each has its own registers: one per thread."""
-        from paretoik.trajectory.motion_arrays import motion_kernel  # here: it builds on this file
-
-        return motion_kernel(self) if not self.unsupported else None
 
 
 def joint_distance(task: MotionTask, q: np.ndarray, other: np.ndarray) -> Float[np.ndarray, "*batch"]:
