@@ -201,7 +201,9 @@ class Tuning(Formulation):
         from paretoik.resolution.follow import follow  # here: it is slow to load
 
         method = self.method(np.repeat(genes, indices.shape[1], axis=0))
-        return follow(self.task, method, self.starts[indices.ravel()], tolerance=self.tolerance)
+        starts = self.starts[indices.ravel()]
+        own = method.follow(self.task, starts, tolerance=self.tolerance)
+        return follow(self.task, method, starts, tolerance=self.tolerance) if own is None else own
 
     def _violations(self, motion: ResolvedMotion, points: int) -> Float[np.ndarray, "points limits"]:
         """Return each individual's largest violation of each limit from any of its starts, over the range."""

@@ -319,6 +319,12 @@ class Method:
                 raise InvalidInput(f"{type(self).__name__}: number {wish}, got {shown(name)}{hint}")
         return replace(self, **values)
 
+    def follow(
+        self, task: MotionTask, start: Float[np.ndarray, "*batch dof"], *, tolerance: float | None = None
+    ) -> ResolvedMotion | None:
+        """Return the motions from ``start`` of a method that has a way of its own; None if it has none."""
+        return None
+
 
 def broadcast_shape(method: Method, start: np.ndarray, shapes: Sequence[tuple[int, ...]]) -> tuple[int, ...]:
     """Return the batch shape of starts (*starts, dof) and a method's numbers; raises InvalidInput if they don't fit."""

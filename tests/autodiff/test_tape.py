@@ -109,8 +109,8 @@ def test_plain_arrays_meet_expressions_element_by_element():
     ("asked", "words"),
     [
         (lambda x: 1 if x else 0, "use np.where"),
-        (lambda x: float(x), "NumPy functions only"),
-        (lambda x: math.sin(x), "NumPy functions only"),
+        (lambda x: float(x), "use only NumPy functions"),
+        (lambda x: math.sin(x), "use only NumPy functions"),
         (lambda x: np.floor(x), "np.floor has no derivative here; those that have: absolute, add"),
         (lambda x: x % 1.0 if hasattr(x, "__mod__") else np.remainder(x, 1.0), "np.remainder has no derivative"),
         (lambda x: np.add(x, 1.0, dtype=float), "np.add.__call__ must be a plain call"),

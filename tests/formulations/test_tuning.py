@@ -415,7 +415,10 @@ def test_fingerprints_tell_problems_from_each_other():
         ({"parameters": "feedback"}, "parameters must be a list of names and Parameters, got 'feedback'"),
         ({"parameters": []}, "parameters must be at least one, got none"),
         ({"parameters": ["band", "band"]}, "parameters must name each number once, got band, band"),
-        ({"parameters": [methods.Parameter("speed", 0.0, 1.0)]}, "WeightedGradientProjection: one of feedback, region"),
+        (
+            {"parameters": [methods.Parameter("speed", 0.0, 1.0)]},
+            "WeightedGradientProjection: number must be one of feedback, region",
+        ),
         ({"parameters": [methods.Parameter("buffer", 0.0, 2.0)]}, "buffer must be 0 or more and less than 0.5"),
         (
             {
@@ -433,7 +436,7 @@ def test_fingerprints_tell_problems_from_each_other():
             {"method": methods.PredictiveKineticEnergy(objective=pk.peak_torque)},
             "objective peak_torque: form must be 'integral'",
         ),
-        ({"method": methods.Nedungadi(), "starts": np.tile(START + 0.1, (3, 1))}, "variational: start 0 is"),
+        ({"method": methods.Nedungadi(), "starts": np.tile(START + 0.1, (3, 1))}, "variational: start 0 must be"),
         (
             {"objectives": [measures.distance_to(pk.Motion(arm=ARM, time=np.arange(3.0), q=np.zeros((3, 3))))]},
             "reference",
