@@ -150,7 +150,7 @@ def _check_tilt(arm: Arm, frame: Pose, quaternions: Float[np.ndarray, "samples 4
     if tilt > OPTIONS.tilt_tolerance:
         raise InvalidInput(f"{wish}, or axes='xy', got one tilted out of it by {tilt:.3g} rad")
     if abs(normal[2]) < OPTIONS.tilt_tolerance:
-        raise InvalidInput(f"{wish} whose z axis leaves it, or axes='xy', got poses whose z axis lies in it")
+        raise InvalidInput(f"{wish}, with a z axis that leaves it, or axes='xy', got poses whose z axis lies in it")
 
 
 def _plane_text(arm: Arm, frame: Pose, is_level: bool) -> str:
@@ -158,7 +158,7 @@ def _plane_text(arm: Arm, frame: Pose, is_level: bool) -> str:
     if is_level:
         return f"the plane z = {_coordinates(frame.position[2:])} m of {arm.name}"
     point, normal = _coordinates(frame.position), _coordinates(arm.base.rotation[:, 2])
-    return f"the plane of {arm.name}, through ({point}) m with the normal ({normal}),"
+    return f"the plane of {arm.name}, through ({point}) m with the normal ({normal})"
 
 
 def _coordinates(vector: Float[np.ndarray, " coordinates"]) -> str:

@@ -65,7 +65,7 @@ def test_a_misspelt_command_is_met_with_the_right_one(paretoik):
         ),
         (["show", "OUT"], "review.rrd must be a recording, got no folder "),
         (["check-robot", "missing.urdf"], "missing.urdf"),
-        (["check-robot", "PANDA", "--tip", "thumb"], "tip: one of"),
+        (["check-robot", "PANDA", "--tip", "thumb"], "tip must be one of"),
     ],
 )
 def test_bad_input_is_one_line_on_stderr_and_exit_code_2(paretoik, mine, finished, tmp_path, words, message):

@@ -164,11 +164,15 @@ def test_a_planar_arm_follows_its_own_points_and_poses_however_it_is_mounted(rpy
     assert checked(arm, *arm.pose(POSTURES, frame="joint4"), frame="joint4").axes == "xy+angle"
     normal = arm.base.rotation[:, 2]
     off = last.position + 0.25 * normal * np.sign(normal[2])
-    with pytest.raises(InvalidInput, match=r"path: points in the plane .*, or axes='xy', got one 0\.25 m off it$"):
+    with pytest.raises(
+        InvalidInput, match=r"path must have points in the plane .*, or axes='xy', got one 0\.25 m off it$"
+    ):
         checked(arm, first.position, off)
-    with pytest.raises(InvalidInput, match=r"path: poses in .*, or axes='xy\+angle', got one 0\.25 m off it$"):
+    with pytest.raises(InvalidInput, match=r"path must have poses in .*, or axes='xy\+angle', got one 0\.25 m off it$"):
         checked(arm, first, Pose(off, last.quaternion))
-    with pytest.raises(InvalidInput, match=r"path: poses in .*, or axes='xy', got one tilted out of it by 0\.01 rad$"):
+    with pytest.raises(
+        InvalidInput, match=r"path must have poses in .*, or axes='xy', got one tilted out of it by 0\.01 rad$"
+    ):
         checked(arm, first, last @ Pose.from_rpy([0.0, 0.0, 0.0], [0.01, 0.0, 0.0]))
 
 
@@ -210,7 +214,9 @@ def test_a_tool_whose_z_axis_lies_in_the_plane_has_no_angle_to_follow():
     first, last = arm.pose(POSTURES)
     with pytest.raises(InvalidInput, match=r"axes='xy', got one tilted out of it by 0\.4 rad"):
         checked(arm, first, Pose(last.position, first.quaternion) @ Pose.from_rpy([0.0, 0.0, 0.0], [0.0, 0.0, 0.4]))
-    with pytest.raises(InvalidInput, match=r"whose z axis leaves it, or axes='xy', got poses whose z axis lies in it"):
+    with pytest.raises(
+        InvalidInput, match=r"with a z axis that leaves it, or axes='xy', got poses whose z axis lies in it"
+    ):
         checked(arm, first, last)
     assert checked(arm, first, last, axes="xy").rows == 2
 

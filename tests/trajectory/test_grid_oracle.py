@@ -284,7 +284,7 @@ def test_what_is_not_supported_is_refused_by_name(changed, said):
 
 @pytest.mark.parametrize("resolution", [0.0, -1.0, np.nan])
 def test_a_resolution_that_is_no_distance_is_refused(resolution):
-    with pytest.raises(InvalidInput, match="resolution: a positive distance"):
+    with pytest.raises(InvalidInput, match="resolution must be a positive distance"):
         grid_oracle(task_of(), resolution=resolution)
 
 
