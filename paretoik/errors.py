@@ -50,6 +50,9 @@ def warn_user(text: str) -> None:
     warnings.warn(text, RuntimeWarning, stacklevel=level)
 
 
+# The tree of errors.
+
+
 class ParetoikError(Exception):
     """Base of every error that paretoik raises on purpose; ``partial`` is the result of a verb so far, if any."""
 

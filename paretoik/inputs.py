@@ -221,6 +221,9 @@ def _duplicate(names: Sequence[str], values: Objectives, column: int) -> str:
     return ""
 
 
+# Checks of numbers, arrays, text, names, paths and functions.
+
+
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike as ArrayLike
 else:

@@ -59,6 +59,9 @@ def _octal(word: str) -> str:
     return "".join(chr(byte) if chr(byte) in PLAIN else f"\\{byte:03o}" for byte in content)
 
 
+# Messages about a path without a file.
+
+
 @dataclass(frozen=True, kw_only=True)
 class MissingFileOptions:
     """Limits of the search for a missing file.

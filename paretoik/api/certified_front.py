@@ -184,6 +184,9 @@ def phase_text(phase: SweepPhase) -> str:
     return words[phase]
 
 
+# Certification of a front, and replacement of its saddles.
+
+
 @dataclass(frozen=True, kw_only=True)
 class CertifiedFrontOptions:
     """Settings of certified fronts.

@@ -76,6 +76,9 @@ def review_polygon(polygon: PerformancePolygon, provenance: Mapping[str, Any], s
     polygon_picture(polygon, session.folder / DRAWING)
 
 
+# The verb that finds directional maxima.
+
+
 @check_call
 def directional_maxima(
     arm: Arm,

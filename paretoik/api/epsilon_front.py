@@ -144,6 +144,9 @@ class SweepDisplay:
         )
 
 
+# The verb that finds a front by ε-constraints.
+
+
 @check_call
 def epsilon_front(
     problem: Any,

@@ -141,6 +141,9 @@ def _starts(run: Mapping[str, Any]) -> int:
     return starts if isinstance(starts, int) else 0
 
 
+# The front of a run.
+
+
 @check_call
 def load_front(folder: str | Path, problem: Any = None) -> Front:
     """Return the front of a run folder.

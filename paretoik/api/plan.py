@@ -137,6 +137,9 @@ def _plan_end(plan: Plan) -> PlanEnd:
     return PlanEnd(optima=optima, provenance=dict(plan.provenance))
 
 
+# The verb that plans one objective.
+
+
 @check_call
 def plan(
     problem: Any,

@@ -102,6 +102,9 @@ def _rows_before(before: Front, after: Front) -> np.ndarray:
     return np.array([rows[int(number)] for number in after.ids], dtype=int)
 
 
+# Refinement of a front's points, and genes for a search.
+
+
 @dataclass(frozen=True, kw_only=True)
 class RefinementOptions:
     """Settings of repeated refinement.

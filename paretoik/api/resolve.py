@@ -145,6 +145,9 @@ def review_resolution(motion: ResolvedMotion, resolution: Resolution, session: R
     resolution_picture(motion, [each.objective.name for each in resolution.criteria], session.folder / DRAWING)
 
 
+# The verb that resolves one motion along a path.
+
+
 @check_call
 def resolve(
     arm: Arm,

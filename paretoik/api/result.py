@@ -124,6 +124,9 @@ def nearest_motion(problem: Any, failure: Infeasible) -> LeastViolating:
     return LeastViolating(broken=limit_words(task, motion), reason=str(failure), point=point)
 
 
+# A plan on disk: writing and reading it.
+
+
 HOLDS = "the optima of a plan, which load_plan opens"
 
 

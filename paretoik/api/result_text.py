@@ -134,6 +134,9 @@ def _stopped(status: str, usual: str) -> str:
     return "" if status == usual else f" (stopped by {status})"
 
 
+# Summaries of fronts and choices: text and entries.
+
+
 LINE = 100  # characters per line of running text
 
 

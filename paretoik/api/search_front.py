@@ -204,6 +204,9 @@ def _ids(x: Points, before: Float[np.ndarray, " before *point"], ids: np.ndarray
     return np.array([ids_before.get(one.tobytes(), first_id + i) for i, one in enumerate(x)], dtype=np.int64)
 
 
+# The evolutionary search for a front.
+
+
 INTERRUPTED = tuple(status for status in STOPPED if status != "time limit")
 
 

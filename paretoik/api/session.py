@@ -190,6 +190,9 @@ class SearchDefaults:
 DEFAULTS = SearchDefaults()
 
 
+# The surroundings of a run: folder, provenance, signals, recorder.
+
+
 SOURCE = (CHECKPOINT, "source")  # folders in the folder of a run, one in the other
 RESERVE = Path(CHECKPOINT, "reserve")
 

@@ -77,6 +77,9 @@ def unary_derivative(tape: Tape, op: Op, i: int, a: int) -> int:
     raise InvalidInput(f"{op.name.lower()} has no derivative")
 
 
+# Gradients and second derivatives of expressions.
+
+
 def dependencies(tape: Tape, outputs: Sequence[int]) -> list[int]:
     """Return the entries that outputs depend on, including the outputs, in order."""
     visited, pending = set(outputs), list(outputs)

@@ -84,6 +84,9 @@ def _sine_cosine(x):
     return -first if quarter >= 2.0 else first, -second if (quarter == 1.0) | (quarter == 2.0) else second
 
 
+# The interpreter: instructions, each on a block of points.
+
+
 ADD, SUBTRACT, MULTIPLY, DIVIDE, NEGATE = (int(op) for op in (Op.ADD, Op.SUBTRACT, Op.MULTIPLY, Op.DIVIDE, Op.NEGATE))
 MULTIPLY_ADD, MULTIPLY_SUBTRACT, SUBTRACT_PRODUCT, SINE_COSINE = (int(op) for op in Fused)
 SINE, COSINE, SQUARE_ROOT = int(Op.SINE), int(Op.COSINE), int(Op.SQUARE_ROOT)

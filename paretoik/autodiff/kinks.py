@@ -130,6 +130,9 @@ def _negate(tape: Tape, entries: Sequence[int]) -> list[int]:
     return [tape.apply(Op.NEGATE, i) for i in entries]
 
 
+# Epigraph variables in place of kinks.
+
+
 NONSMOOTH = frozenset({Op.ABSOLUTE, Op.MAXIMUM, Op.MINIMUM})
 
 

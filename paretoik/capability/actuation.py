@@ -177,6 +177,9 @@ def check_geometry(
     refuse(front_bounds[:, 1] > rod, "front bounds must be at most the rod's length", front_bounds)
 
 
+# Actuations of an arm, and those of the paper.
+
+
 LEAST_ROD_ANGLE = float(np.deg2rad(10.0))  # rad: nearer to 0 or π, sliders turn or hold the joint poorly
 
 

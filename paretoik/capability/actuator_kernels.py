@@ -55,6 +55,9 @@ def bisect(function, arguments, inside, outside, iterations):
     return inside
 
 
+# Highest speed and torque of each joint.
+
+
 DIAMOND, STRIP, BOX = range(3)
 SHAPE, STALL, FASTEST, BACK_STALL, BACK_FASTEST, ROD, ZERO, BEND, ANGLE, FRONT, BACK = 0, 1, 2, 3, 4, 5, 6, 7, 8, 10, 12
 COLUMNS = 14  # ANGLE, FRONT and BACK have two each: lower and upper

@@ -89,6 +89,9 @@ def _planar_table(arm: Arm) -> tuple[np.ndarray, ...] | None:
     return lengths, turned, offsets, np.array([first[0], first[1], base_angle]), weights, np.array(arm.position_limits)
 
 
+# Directional maxima of a tool at a position.
+
+
 @check_call
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PerformancePolygon:

@@ -74,6 +74,9 @@ def linearise_pieces(model: SpeedModel, points: Float[np.ndarray, "points task"]
     )
 
 
+# The fastest path, and the time of any path.
+
+
 @dataclass(frozen=True, kw_only=True)
 class GeodesicOptions:
     """Settings of the search for the fastest path and of the quadrature of times; no paper has them."""

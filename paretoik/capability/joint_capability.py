@@ -144,6 +144,9 @@ def _facets(
     return faces, np.where(crosses, bound, np.inf), nearest
 
 
+# Capability of joints: speeds under a torque, torques, forces.
+
+
 Quantity = Literal["velocity", "force"]
 
 

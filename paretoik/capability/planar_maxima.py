@@ -117,6 +117,9 @@ def write_loads(q, arm, loads):
         link_angle -= q[j] + turned[j]
 
 
+# Directional maxima of a planar arm over all postures.
+
+
 class PlanarSearchOptions(NamedTuple):
     """Settings of the search over all postures of a planar arm."""
 

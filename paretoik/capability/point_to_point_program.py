@@ -118,6 +118,9 @@ def require_weight(arm: Arm) -> None:
         )
 
 
+# The nonlinear program of a motion from point to point.
+
+
 REACH = 5  # number of coefficients of a cubic spline that determine two neighbouring samples
 
 

@@ -163,6 +163,9 @@ def distant_postures(arm: Arm, q: np.ndarray) -> list[np.ndarray]:
     return chosen
 
 
+# Samples of postures at a position, and errors without any.
+
+
 @dataclass(frozen=True, kw_only=True)
 class PostureSampleOptions:
     """Settings of the search for postures that motors can hold."""

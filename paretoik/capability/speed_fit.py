@@ -126,6 +126,9 @@ def _matrix(name: str, numbers: object, *, finite: bool = True) -> np.ndarray:
     return matrix
 
 
+# Fits of ellipsoids to directional maxima.
+
+
 @dataclass(frozen=True, kw_only=True)
 class EllipsoidFitOptions:
     """Settings of the fits of ellipsoids, measured on the data of ``studies.kim_2021``."""

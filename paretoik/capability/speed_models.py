@@ -133,6 +133,9 @@ def numerical_rank(matrix: np.ndarray, *, tolerance: float = 1e-9) -> int:
     return int(np.sum(sizes > tolerance * sizes[0]))
 
 
+# Speed models: an ellipsoid of velocities at every position.
+
+
 @runtime_checkable
 class SpeedModel(Protocol):
     """Ellipsoids of tool velocity, smooth in the position.

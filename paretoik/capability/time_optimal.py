@@ -187,6 +187,9 @@ class Planner:
         return velocity
 
 
+# The control loop: it plans in every period.
+
+
 @check_call
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TimeOptimalRun:

@@ -94,6 +94,9 @@ def _fact(error: Any, words: Sequence[str]) -> str:
     return f"{shown(values[-1])}{likely_spelling(values[-1], _choices(str(error)))}" if values else "another"
 
 
+# The command and its sub-commands.
+
+
 class Commands(TyperGroup):
     """The sub-commands; wrong words, and a signal before there is a result, are one line each."""
 

@@ -109,6 +109,9 @@ def _plain_letters(error: UnicodeError) -> tuple[str, int]:
     return plain.decode(), error.end
 
 
+# Arguments, results, messages and exit codes of sub-commands.
+
+
 JsonFlag = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 QuietFlag = Annotated[bool, typer.Option("--quiet", help="No progress.")]
 RunFolder = Annotated[Path, typer.Argument(help="Folder of a finished run.", show_default=False)]

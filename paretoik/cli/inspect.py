@@ -43,6 +43,9 @@ def check_robot(
         raise typer.Exit(InvalidInput.exit_code)
 
 
+# ``paretoik list``: the problems that files offer.
+
+
 def list_problems(
     files: Annotated[list[str] | None, typer.Argument(help="Problem files; problems/*.py if none.")] = None,
     as_json: JsonFlag = False,

@@ -151,6 +151,9 @@ def _to_box(box, nodes, row, count, distances):
         distances[k] = distance if distance < distances[k] else distances[k]
 
 
+# Tests of steps: bounds, and distance from obstacles.
+
+
 @compiled
 def clearance_at_start(start, constraints, w):
     """Return how far the configuration before a step exceeds the required distance; inf without obstacles."""

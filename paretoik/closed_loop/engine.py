@@ -119,6 +119,9 @@ def _eliminate(systems, r, k):
         systems[r * r + i, k] /= systems[i * r + i, k]
 
 
+# The search of a control step: NSGA-II with MaxiMin.
+
+
 @compiled(what="the search of a control step", seconds=15)
 def search(seed, step, generations, options, start, objectives, constraints, workspace, warm_start, history):
     """Search one step; return the number of individuals of the last population that have not failed.

@@ -68,6 +68,9 @@ def bounding_ball(obstacle: Obstacle) -> Obstacle:
     return Circle(place.position[:2], radius) if is_upright else obstacle
 
 
+# Evaluators of a step's objectives and of joint positions.
+
+
 ORDERS = 4  # positions, velocities, accelerations, jerks
 
 

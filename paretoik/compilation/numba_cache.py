@@ -183,6 +183,9 @@ def compilation_unit(codegen: Any, entry: str = "", *, level: int = 1) -> Iterat
             codegen._library_class = before
 
 
+# Compilation of functions at their first call, and its cache.
+
+
 # numba reads settings from a file in the current folder, also the folder of its cache, from which code is loaded: the
 # current folder may be a run of unknown origin. Settings of the environment stay valid.
 config._config_fname = ""

@@ -144,6 +144,9 @@ def explain_choice(front: Front) -> Choice:
     )
 
 
+# The closed loop as a problem.
+
+
 DIGEST_INTERVAL = 100  # steps from one digest of the state to the next
 ASKED_BY_PYMOO = ("vars", "vtype", "xl", "xu", "bounds", "has_bounds", "n_ieq_constr", "n_eq_constr")
 

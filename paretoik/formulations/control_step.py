@@ -139,6 +139,9 @@ def check_start(
     return q
 
 
+# One control step as a pymoo problem.
+
+
 @check_call
 class ControlStep(Formulation):
     """Search the next joint positions of an arm that follows ``path``: a vectorised pymoo problem.

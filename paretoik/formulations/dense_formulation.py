@@ -107,6 +107,9 @@ class WholeProgram:
         return np.concatenate([np.pad(self.base_costs, ((0, 0), (0, extra))), self.own.costs])
 
 
+# Formulations with a small, dense program.
+
+
 OBJECTIVE_TOLERANCE = 1e-6  # share of an objective's size over all points that genes may miss it by
 
 

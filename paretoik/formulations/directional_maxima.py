@@ -227,6 +227,9 @@ class Configurations:
         return motor_speeds(self.actuation, at.q[:, None], at.front[:, None], torque[:, None], at.dq)[0]
 
 
+# Trade-offs between directions as a pymoo problem.
+
+
 @dataclass(frozen=True, kw_only=True)
 class GeneRanges:
     """Ranges of the genes."""

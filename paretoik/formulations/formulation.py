@@ -54,6 +54,9 @@ def objective_text(name: str, unit: str, maximised: bool) -> str:
     return name + (f" [{unit}]" if unit else "") + (" (maximised)" if maximised else "")
 
 
+# Common parts of formulations.
+
+
 RANDOM = (FloatRandomSampling, LatinHypercubeSampling)  # samplings that do not use the problem
 
 

@@ -67,6 +67,9 @@ def possible_values(
     return np.where(possible[:, None], F, np.inf)
 
 
+# Motions of a stored run, checked against their task.
+
+
 @dataclass(frozen=True, kw_only=True)
 class StoredMotionOptions:
     """Largest distance of a stored motion from its path, or of a loop from the value in its run."""

@@ -147,6 +147,9 @@ def _points(ids: list[int]) -> str:
     return f"point{'s' * (len(ids) != 1)} {', '.join(map(str, ids))}"
 
 
+# Moves along a front: goal, certificate, and new point.
+
+
 @dataclass(frozen=True, kw_only=True)
 class FrontNavigationOptions:
     """Settings of points that satisfy limits between samples.

@@ -119,6 +119,9 @@ def positions_on_path(task: MotionTask, motions: Motion) -> JointPaths:
     return q
 
 
+# Tracking of a path as a pymoo problem.
+
+
 @dataclass(frozen=True, kw_only=True)
 class TrackingOptions:
     """Largest share of infeasible parents: optima on limits are found far sooner from both sides."""

@@ -60,6 +60,9 @@ def _kinds_of_reason(certificates: Certificates) -> list[str]:
     return [reason for reason in reasons if reason]
 
 
+# Certificates of a front's points.
+
+
 WEIGHT_TOLERANCE = 1e-6  # share of all objectives' weight below which a point may be only weakly optimal
 STATUSES = ("minimum", "saddle", "undetermined", "under-resolved")
 

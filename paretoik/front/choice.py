@@ -101,6 +101,9 @@ class Prediction:
     _repr_html_ = html_representation
 
 
+# A chosen point, and the protocol of preferences.
+
+
 @dataclass(frozen=True, kw_only=True)
 class Comparison:
     """Another point compared with the chosen one.

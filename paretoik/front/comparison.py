@@ -111,6 +111,9 @@ def _joined_motions(motions: Sequence[Any]) -> Any:
     )
 
 
+# The comparison of fronts and its numbers.
+
+
 Pairs = Float[np.ndarray, "fronts fronts"]
 ATTAINABLE = (2, 3)  # numbers of objectives for which surfaces are computed
 

@@ -159,6 +159,9 @@ def undo(front: Front) -> Choice | None:
     return chosen(front)
 
 
+# The Pareto front as named arrays.
+
+
 __all__ = ["Choice", "Front", "Preference"]
 
 MotionBuilder = Callable[[np.ndarray, np.ndarray, tuple[str, ...]], JointMotions]

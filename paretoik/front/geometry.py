@@ -142,6 +142,9 @@ def _unmatched_by_mixtures(shares: Objectives) -> Mask:
     return unmatched
 
 
+# Jumps of a front, and its missing hypervolume.
+
+
 @dataclass(frozen=True, kw_only=True)
 class JumpOptions:
     """Options of finding jumps.

@@ -304,6 +304,9 @@ def _check_bound(name: str, pair: object) -> tuple[float | None, float | None]:
     return lower, upper
 
 
+# Checks of a front's parts, and their order.
+
+
 Ranges: TypeAlias = Float[np.ndarray, "n_obj 2"]
 
 _BOOLEANS = (bool, np.bool_)

@@ -60,6 +60,9 @@ class JointTrajectoryOptions:
 OPTIONS = JointTrajectoryOptions()
 
 
+# A controller: its rate, limits and conditions at both ends.
+
+
 JOINT_LIMITS = ("velocity", "acceleration", "jerk", "torque", "torque_rate")
 
 

@@ -209,6 +209,9 @@ def slow_down(scaling: TimeScaling, measure: Callable[[TimeScaling], list[LimitU
     return replace(scaling, periods=passes)
 
 
+# Fitting a motion to a controller.
+
+
 def fit_motion(
     motion: Motion, scaling: TimeScaling, controller: Controller, *, slower: bool = False
 ) -> tuple[JointTrajectory, TimeScaling, list[LimitUse]]:

@@ -207,6 +207,9 @@ def _duration(nanoseconds: int) -> dict[str, int]:
     return {"sec": seconds, "nanosec": remainder}
 
 
+# Formats of trajectory files, by name or by ending.
+
+
 Format: TypeAlias = Literal["csv", "parquet", "npz", "joint-trajectory", "ros2-bag"]
 FORMATS: tuple[Format, ...] = get_args(Format)
 ENDINGS: dict[str, Format] = {

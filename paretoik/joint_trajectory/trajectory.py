@@ -89,6 +89,9 @@ def time_scaling(duration: float, rate: float, *, time_scale: float = 1.0, ramp:
     return TimeScaling(duration=duration, periods=int(periods), rate=rate, ramp=ramp)
 
 
+# Joint trajectories, sampled at a controller's rate.
+
+
 JointSeries = Float[np.ndarray, "time dof"]
 
 

@@ -181,6 +181,9 @@ class IntervalSolver:
         self._cones = [clarabel.NonnegativeConeT(2 * unknowns), *[clarabel.SecondOrderConeT(task + 1)] * pieces]
 
 
+# The linear program of a directional maximum.
+
+
 def furthest(
     columns: Float[np.ndarray, "task columns"],
     low: Float[np.ndarray, " columns"],

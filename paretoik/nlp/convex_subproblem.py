@@ -204,6 +204,9 @@ class CanonicalForm:
         return sparse.csc_matrix((-entries[:last], row[:last], indptr[:-1]), shape=(len(b), self.variables)), b
 
 
+# The convex subproblem of SQP steps and of the criticality.
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Step:
     """A step d, its violation t, and the multipliers of inequalities and of vectors in cones.

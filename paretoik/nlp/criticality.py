@@ -209,6 +209,9 @@ def _extreme_shares(
     return shares
 
 
+# The criticality χ of a point.
+
+
 @dataclass(frozen=True, kw_only=True)
 class CriticalityOptions:
     """How the criticality is computed; no field has a unit."""

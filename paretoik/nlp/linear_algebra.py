@@ -212,6 +212,9 @@ def substitute_lu(factors, count, x):
         x[i] /= factors[i, i]
 
 
+# Sums and products over arrays, written as loops.
+
+
 @compiled
 def finite_indices(values):
     """Return the indices of the finite values."""

@@ -109,6 +109,9 @@ def collect_solutions(
     )
 
 
+# Local minima from a batch of points, by any solver.
+
+
 def minimise(
     program: Program,
     x: Points,

@@ -247,6 +247,9 @@ def concatenate(batches: Sequence[Solutions]) -> Solutions:
     return Solutions(**{name: np.concatenate([getattr(each, name) for each in batches]) for name in vars(batches[0])})
 
 
+# Nonlinear programs, as solvers see them.
+
+
 Solver: TypeAlias = Literal["auto", "interior-point", "sqp"]
 """Solver that refines; "auto": interior points if the program has a kernel, else SQP."""
 

@@ -106,6 +106,9 @@ def weight_ratios(
     return np.where(np.isnan(ratios)[..., None], np.nan, within)
 
 
+# Certificates of a front's points.
+
+
 @dataclass(frozen=True, kw_only=True)
 class CertificateOptions:
     """Tolerances without unit: objectives and limits are divided by their ranges."""

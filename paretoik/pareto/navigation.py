@@ -106,6 +106,9 @@ class Aim:
         return change
 
 
+# Moves along a front to a new point.
+
+
 @dataclass(frozen=True, kw_only=True)
 class NavigationOptions:
     """Settings of moves; objectives are divided by their ranges.

@@ -110,6 +110,9 @@ def _gaps(values: np.ndarray) -> list[tuple[int, int]]:
     return list(zip(first[order].tolist(), second[order].tolist(), strict=True))
 
 
+# Placement of points for the most hypervolume.
+
+
 @dataclass(frozen=True, kw_only=True)
 class PlacementOptions:
     """Settings of the placement.

@@ -92,6 +92,9 @@ def suggest_points(
     return solutions.x[np.isfinite(solutions.objectives).all(axis=1)], int(solutions.iterations.sum())
 
 
+# Refinement of points: no objective gets worse.
+
+
 @dataclass(frozen=True, kw_only=True)
 class RefineOptions:
     """Settings of refinement; objectives are divided by their ranges.

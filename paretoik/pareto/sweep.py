@@ -142,6 +142,9 @@ class LevelSolver:
         return {level.key: solutions[i : i + 1] for i, level in enumerate(levels)}
 
 
+# The sweep: its points and its progress.
+
+
 SweepPhase: TypeAlias = Literal["", "gap filling", "jump search", "basin exchange"]
 
 

@@ -266,6 +266,9 @@ def intersection(bounds: Float[np.ndarray, "kinds *batch dof 2"]) -> Float[np.nd
     return np.stack([lower, upper], axis=-1)
 
 
+# Motions with limits in every step.
+
+
 ACTIVE = np.array(["", *(f"{side} {kind}" for kind in KINDS for side in ("lower", "upper")), "clearance"])
 
 

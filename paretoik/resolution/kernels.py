@@ -81,6 +81,9 @@ def least_norm_weight(q, lower, upper, span, previous_slope, j):
     return 1.0 / (1.0 + slope) if approaching else 1.0
 
 
+# Steps of all methods along a path; compiled.
+
+
 UNWEIGHTED, LEAST_NORM, CLAMPING = 0, 1, 2  # kinds of joint weights
 FEEDBACK, REGION, DAMPING, BUFFER, REPULSION, BAND = 0, 1, 2, 3, 4, 5  # columns of settings
 

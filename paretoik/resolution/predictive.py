@@ -36,7 +36,7 @@ from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective, kinetic_energy
 from paretoik.task.retraction import retract_nearest
 
-# The predictive method and its numbers
+# The predictive method and its numbers.
 
 
 Predictive = TypeVar("Predictive", bound="PredictiveKineticEnergy")
@@ -121,6 +121,9 @@ class PredictiveKineticEnergy(Method):
         elif "update_interval" in values:
             fields["update_interval"] = np.maximum(np.round(values["update_interval"] / dt), 1) * dt
         return super().with_values(fields, times)
+
+
+# Predictive minimisation along a path.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -23,7 +23,7 @@ from paretoik.task.objectives import Objective
 from paretoik.task.task import path_errors, path_jacobian
 from paretoik.task.traced_motion import trace_sample, trace_sample_function
 
-# The program of one step at a posture
+# The program of one step at a posture.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -84,7 +84,7 @@ def step_program(task: MotionTask, criteria: tuple[Objective, ...], *, with_dist
     )
 
 
-# The result of a method: a motion, and the traces of its steps
+# The result of a method: a motion, and the traces of its steps.
 
 
 STATUS = np.array(["done", "damped", "shortened", "held", "limited", "missed"])
@@ -175,6 +175,9 @@ def empty_traces(count: int, time: int, dof: int, rows: int, criteria: int) -> d
         "velocities": np.zeros((count, steps, dof)),
         "status": np.zeros((count, steps), dtype=np.int8),
     }
+
+
+# Methods and their numbers.
 
 
 Number: TypeAlias = float | np.ndarray

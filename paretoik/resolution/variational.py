@@ -162,6 +162,9 @@ def _solve_kkt(terms: Terms, force: np.ndarray, rates: np.ndarray) -> np.ndarray
     return solution
 
 
+# Motions of least kinetic energy, by integration.
+
+
 @dataclass(frozen=True, kw_only=True)
 class IntegrationOptions:
     """Settings of the step size control."""

@@ -90,6 +90,9 @@ def _side(tail: np.ndarray, tip: np.ndarray, point: np.ndarray) -> np.ndarray:
     return np.asarray(along[..., 0] * away[..., 1] - along[..., 1] * away[..., 0])
 
 
+# Obstacles as lines.
+
+
 Polyline = Float[np.ndarray, "_ axes"]
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 49) % (2.0 * np.pi)  # closed exactly
 RING = np.stack([np.cos(ANGLES), np.sin(ANGLES), np.zeros_like(ANGLES)], axis=1)

@@ -133,6 +133,9 @@ MARKS = MarkSizes()
 SCENES = SceneOptions()
 
 
+# Colours, sizes and labels on paper and on screen.
+
+
 Colour: TypeAlias = tuple[int, int, int, int]
 
 

@@ -379,6 +379,9 @@ def _significant(values: np.ndarray) -> Any:
     return np.array(rounded, dtype=object).reshape(values.shape).tolist()
 
 
+# The report of a front.
+
+
 @dataclass(frozen=True, kw_only=True)
 class ReportOptions:
     """The most bytes of a page, and the most points that it lists and draws.

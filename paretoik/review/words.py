@@ -27,6 +27,9 @@ def describe_limits_between(front: Front, rows: Sequence[int] | None = None) -> 
     return f"{message}, or refine" if message and front.certificates is None else message
 
 
+# Texts about a run: settings, endings and counts.
+
+
 SETTINGS = {  # shown settings by name, in words
     "population": "population",
     "generations": "generations",

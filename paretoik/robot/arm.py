@@ -367,7 +367,7 @@ def check_arm(name: str, arm: object) -> None:
     check_instance(name, arm, Arm, "an Arm", example="pk.arms.tringali_3r() or Arm.from_urdf(...)")
 
 
-# Joints frozen at a value
+# Joints frozen at a value.
 
 
 def fix_joint(arm: Arm, joint: str, value: float) -> Arm:

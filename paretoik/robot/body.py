@@ -127,7 +127,7 @@ def combine_bodies(first: Body, second: Body) -> Body:
     return Body(mass=mass, center=center, inertia=first.inertia_about_origin + second.inertia_about_origin - about)
 
 
-# Checks of arguments that make an arm
+# Checks of arguments that make an arm.
 
 
 JointType: TypeAlias = Literal["revolute", "continuous", "prismatic"]

@@ -35,7 +35,7 @@ from paretoik.robot.components import (
 )
 from paretoik.robot.pose import Frame, Pose
 
-# Constants of an arm as components
+# Constants of an arm as components.
 
 
 ROTATION_TOLERANCE = 1e-15  # entries of a rotation this close to 0 or ±1 come from rounded right angles
@@ -138,7 +138,7 @@ def _snap(rotation: np.ndarray) -> np.ndarray:
     return np.where(np.abs(rotation - nearest) < ROTATION_TOLERANCE, nearest, rotation)
 
 
-# Scales of joint and tool positions, which make numbers independent of units
+# Scales of joint and tool positions, which make numbers independent of units.
 
 
 @lru_cache(maxsize=256)
@@ -167,6 +167,9 @@ def geometry_key(arm: Arm) -> tuple[object, ...]:
     poses = [*arm.placements, arm.tool, arm.base]
     numbers = np.concatenate([part for pose in poses for part in (pose.position, pose.quaternion)])
     return arm.joint_types, arm.is_planar, characteristic_length(arm), numbers.tobytes()
+
+
+# Link frames, forward kinematics and the Jacobian.
 
 
 @dataclass(frozen=True)

@@ -274,7 +274,7 @@ def check_pose(name: str, pose: object) -> None:
         raise InvalidInput(f"{name} must be one pose, got a batch of {pose.position.shape[:-1]}; pick one: poses[0]")
 
 
-# A frame on an arm
+# A frame on an arm.
 
 
 @dataclass(frozen=True, kw_only=True)

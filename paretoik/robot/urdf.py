@@ -51,7 +51,7 @@ from paretoik.robot.urdf_description import (
 from paretoik.robot.urdf_reading import read_robot
 from paretoik.tables import fit_screen, html_representation
 
-# The chain of a URDF that becomes an arm
+# The chain of a URDF that becomes an arm.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -232,6 +232,9 @@ def _frozen_notice(joint: JointDescription, value: float, on_chain: bool) -> str
     unit = "m" if joint.type == "prismatic" else "rad"
     outside = "" if joint.limits.lower <= value <= joint.limits.upper else ", outside its limits"
     return f"joint {joint.name!r}: {where} the chain, frozen at {value:g} {unit}{outside}"
+
+
+# From a URDF to an arm.
 
 
 TILT_TOLERANCE = 1e-9  # m/s² of gravity: rounding error of a base that is level

@@ -143,7 +143,7 @@ def inertia_matrix(entries: Numbers) -> Matrix3:
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
-# Faults and warnings of a URDF, each with its line
+# Faults and warnings of a URDF, each with its line.
 
 
 LINK_OR_JOINT_MESSAGE = re.compile(r"(?:line \d+: )?(link|joint) ('(?:[^'\\]|\\.)*'|\"(?:[^\"\\]|\\.)*\"): (.*)")

@@ -30,7 +30,7 @@ from paretoik.robot.urdf_description import (
     list_messages,
 )
 
-# Faults of the tree of links and joints, and of mimic joints
+# Faults of the tree of links and joints, and of mimic joints.
 
 
 def find_tree_faults(
@@ -90,7 +90,7 @@ def _find_loops(
     return loops
 
 
-# Reading of XML within bounds: no entities, no network, limited size, depth and number of elements
+# Reading of XML within bounds: no entities, no network, limited size, depth and number of elements.
 
 
 PARTS = ("link", "joint")  # elements read below <robot>; transmissions, materials and plug-ins are not read
@@ -210,6 +210,9 @@ class _XmlReader:
 
     def end(self, _: str) -> None:
         self.open.pop()
+
+
+# Reading of links and joints, with all their faults.
 
 
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?inf(inity)?|[+-]?nan", re.ASCII | re.IGNORECASE)

@@ -66,6 +66,9 @@ def _is_users_module(name: str) -> bool:
     return is_named and not is_library_module(module)
 
 
+# Computation in this process, or by an executor.
+
+
 @dataclass(frozen=True, kw_only=True)
 class DistributionOptions:
     """Seconds of waiting for workers (``trial``) after which it is known whether they pay."""

@@ -78,6 +78,9 @@ def _words(entry: Mapping[str, Any]) -> str:
     return text
 
 
+# Executors: this process, local workers, or a cluster.
+
+
 def check_workers(workers: int | None, cluster: str | None) -> None:
     """Raise InvalidInput if the number of workers or the address is not valid, or if both are given."""
     if workers is not None:

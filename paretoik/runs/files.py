@@ -83,6 +83,9 @@ def _declared_bytes(stream: Any) -> int:
     return math.prod(shape) * kind.itemsize
 
 
+# Names of a run's files, and its `run.json`.
+
+
 FORMAT = 1
 RUN = "run.json"
 TABLE = "front.parquet"

@@ -302,6 +302,9 @@ def joined(label: str, *parts: bytes) -> bytes:
     return digest.digest()
 
 
+# The fingerprint of a problem.
+
+
 SCHEME = "2"  # of digests; it changes when digests are made in another way
 
 

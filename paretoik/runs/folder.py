@@ -127,6 +127,9 @@ def _free(folder: Path) -> str:
     return f"{disk.f_bavail * disk.f_frsize / 2**20:.2g} MB"
 
 
+# The folder of a run: its lock and its files.
+
+
 LOCK = ".lock"
 
 

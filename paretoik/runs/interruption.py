@@ -186,6 +186,9 @@ def reserve_time(share: float, longest: float) -> Iterator[None]:
         outer.reached, outer.late = outer.reached or inner.reached, outer.late or inner.late
 
 
+# Signals that stop a run.
+
+
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 

@@ -50,6 +50,9 @@ def child_command(module: str, *arguments: str) -> list[str]:
     return [sys.executable, "-P", "-c", f"import sys; {path}; from {module} import main; main()", *arguments]
 
 
+# Versions of packages, and features of the processor.
+
+
 PACKAGES = ("paretoik", "pymoo", "numpy", "scipy", "numba", "cvxpy", "clarabel")  # a result depends on their versions
 
 

@@ -197,6 +197,9 @@ def _place(node: ast.expr) -> Place:
     return (node.id if isinstance(node, ast.Name) else ""), attribute
 
 
+# The parts of a function.
+
+
 LOADS = {dis.opmap["LOAD_GLOBAL"]: 1, dis.opmap["LOAD_NAME"]: 0}  # number of bits that their arguments are shifted by
 
 

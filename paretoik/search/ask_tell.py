@@ -106,6 +106,9 @@ def archive_front(search: Any, points: int | None) -> Front:
     )
 
 
+# A search whose caller evaluates the problem.
+
+
 @check_call
 class Search:
     """An evolutionary search by generations: ``ask`` for genes, ``tell`` their objectives and constraints.

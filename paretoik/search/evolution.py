@@ -298,6 +298,9 @@ def _outcome(values: Mapping[str, np.ndarray]) -> Outcome:
     return Outcome(F=values["F"], G=values["G"], H=values["H"], causes=causes)
 
 
+# The loop of a search.
+
+
 def evolve(
     search: Search | Islands,
     endings: Sequence[Ending],

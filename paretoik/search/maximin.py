@@ -179,6 +179,9 @@ def front_order(Z: Floats, count: int, nearest: Floats, starts: Sequence[int] = 
     return order, by_index[order]
 
 
+# MaxiMin survival of a population.
+
+
 @dataclass(frozen=True, eq=False)
 class Survivors:
     """The survivors, best first; feasible ones come before the others.

@@ -190,6 +190,9 @@ def _draw_from_species(species: Integers, individuals: Integers, rng: np.random.
     return mates
 
 
+# NSGA-II with MaxiMin selection.
+
+
 @check_call
 class MaxiMinNSGA2(GeneticAlgorithm):  # type: ignore[misc]  # pymoo has no types
     """NSGA-II whose survival is MaxiMin; for ``pymoo.optimize.minimize``, pymoo's ask and tell, and ``Search``.

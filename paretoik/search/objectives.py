@@ -69,6 +69,9 @@ def column_tolerance(name: str, tolerance: ArrayLike, columns: int) -> Floats:
     return np.broadcast_to(values, (columns,))
 
 
+# Names, units and senses of objectives.
+
+
 def describe_objectives(problem: Any) -> tuple[tuple[str, ...], tuple[str, ...], tuple[bool, ...]]:
     """Return names, units and senses of a problem's objectives; default: f1, f2, ..., minimised.
 

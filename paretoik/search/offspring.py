@@ -74,6 +74,9 @@ def lower_integer(bits, count):
     return np.int64(((bits & LOWER_HALF) * np.uint64(count)) >> U32)
 
 
+# Offspring: tournaments, crossover and replacement of a gene.
+
+
 HALF_RANGE = 1 << 32  # number of integers that half of 64 bits represents
 
 

@@ -80,6 +80,9 @@ def _log_uniform(bounds: tuple[float, float], count: int, rng: np.random.Generat
     return samples
 
 
+# The genetic algorithm of Marcos et al. 2012.
+
+
 def elitist_algorithm(population: int, *, offspring: int | None = None, initial: Genes | None = None) -> Any:
     """Return the algorithm of section 4.2 for one objective; its population includes ``initial`` (rows, genes).
 

@@ -13,7 +13,7 @@ from paretoik.arrays import Quaternion, Times, Vector3
 from paretoik.inputs import check_choice
 from paretoik.robot.pose import quaternion_product, quaternion_to_matrix, vector_to_quaternion
 
-# Time laws: share of the path covered over time
+# Time laws: share of the path covered over time.
 
 
 TimeLaw: TypeAlias = Literal["raised-cosine", "quintic", "uniform"]
@@ -72,6 +72,9 @@ def progress_rates(
 def check_law(law: str) -> None:
     """Raise InvalidInput for an unknown law."""
     check_choice("timing:", law, TIME_LAWS)
+
+
+# Curves as functions of time.
 
 
 Samples: TypeAlias = tuple[Float[np.ndarray, "time axes"], Float[np.ndarray, "time 4"] | None]

@@ -44,7 +44,7 @@ from paretoik.task.sampling import (
 )
 from paretoik.task.task import Task
 
-# Checks of a motion's parts
+# Checks of a motion's parts.
 
 
 def checked_samples(arm: Arm, q: object, time: object) -> tuple[JointPaths, np.ndarray]:
@@ -90,6 +90,9 @@ def check_link_radius(radius: object) -> None:
     number = finite_number("link_radius", radius)
     if number < 0:
         raise InvalidInput(f"link_radius must be 0 m or more, got {number:g}")
+
+
+# The motion and its quantities.
 
 
 @check_call

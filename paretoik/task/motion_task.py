@@ -26,7 +26,7 @@ from paretoik.task.path import Path
 from paretoik.task.sampling import Derivatives, Differences, quadrature_weights, simpson_weights, with_midpoints
 from paretoik.task.task import Task
 
-# Motions between their samples: the projected curve on finer grids, and its largest values
+# Motions between their samples: the projected curve on finer grids, and its largest values.
 
 
 Pieces = Float[np.ndarray, "pieces instants"]
@@ -170,6 +170,9 @@ def _difference_matrix(points: int, order: int) -> np.ndarray:
         right[order] = order  # equals its factorial, as the order is 1 or 2
         matrix[i, begin : begin + width] = np.linalg.solve(np.vander(offsets, increasing=True).T, right)
     return read_only(matrix)
+
+
+# The motion problem of all solvers.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -468,7 +471,7 @@ class MotionTask:
         return np.isfinite(bounds).any(axis=(0, 2))
 
 
-# Evaluation of motions: objectives, limits, and causes of failures
+# Evaluation of motions: objectives, limits, and causes of failures.
 
 
 def examine_functions(task: MotionTask, motions: Motion) -> None:

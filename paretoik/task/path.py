@@ -221,7 +221,7 @@ def rotation_angles(quaternions: np.ndarray) -> np.ndarray:
     return angles
 
 
-# Constructors of paths
+# Constructors of paths.
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -18,7 +18,7 @@ from paretoik.task.retraction import relative_errors, retract, row_space_basis
 from paretoik.task.starts import MOTION_OPTIONS as STARTS
 from paretoik.task.starts import posture_distance, reach_error, sample_postures, wrap_difference
 
-# Branches: signs of bent joints as labels of motions
+# Branches: signs of bent joints as labels of motions.
 
 
 SINE_TOLERANCE = 1e-9  # sine of the angle below which axes count as parallel, or a joint as straight
@@ -232,6 +232,9 @@ def unwrap_nodes(q: np.ndarray, ranges: np.ndarray, periodic: np.ndarray) -> tup
         q[:, j] = place
         q, which = q[place <= upper], which[place <= upper]
     return q, which
+
+
+# Coordinates of the self-motion manifold around base motions.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -159,7 +159,7 @@ def wrap_difference(difference: np.ndarray, periodic: np.ndarray) -> np.ndarray:
     return np.where(periodic, difference - 2 * np.pi * np.round(difference / (2 * np.pi)), difference)
 
 
-# Start motions on the path: roll-outs, motions along the self-motion, perturbed and recombined ones
+# Start motions on the path: roll-outs, motions along the self-motion, perturbed and recombined ones.
 
 
 @dataclass(frozen=True, kw_only=True)

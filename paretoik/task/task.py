@@ -99,6 +99,9 @@ def _where(condition: Component, first: Sequence[Component], second: Sequence[Co
     return x, y, z
 
 
+# The task: a frame that must follow a path.
+
+
 Components: TypeAlias = Sequence[Component]
 Axes = Literal["xy", "xy+angle", "xyz", "xyz+z-axis", "pose"]
 ROWS: dict[str, int] = {"xy": 2, "xy+angle": 3, "xyz": 3, "xyz+z-axis": 5, "pose": 6}

@@ -144,6 +144,9 @@ def _groups(tape: Tape, entry: int) -> list[list[int]]:
     return [[smooth], *groups]
 
 
+# Objectives and limits of a task as expressions.
+
+
 LOADS = ("torque", "power")
 
 

@@ -134,6 +134,9 @@ def _may_satisfy(excess: np.ndarray, around: list[Pair]) -> np.ndarray:
     return excess <= LIMIT_TOLERANCE + margin
 
 
+# The grid oracle: all motions over a grid.
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GridOracle:
     """Motions found on the grid: the best of each class and motions far from them, best first.

@@ -37,7 +37,7 @@ from paretoik.trajectory.levels import (
 from paretoik.trajectory.plan_starts import sample_travelling, squared_velocity
 from paretoik.trajectory.transcription import MotionProgram, motion_program
 
-# Obstacles on the path, which make all motions infeasible
+# Obstacles on the path, which make all motions infeasible.
 
 
 def warn_of_obstructed_path(task: MotionTask) -> None:
@@ -97,6 +97,9 @@ def _obstruction(task: MotionTask, tool: Float[np.ndarray, "time 3"]) -> str:
         f"the worst of {count}, the end of link {task.arm.dof} (of radius {task.link_radius:g} m) {where}, but the "
         f"clearance must be {task.min_clearance:g} m: no motion along it is feasible"
     )
+
+
+# Limits that cannot all be satisfied: detection and error text.
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -25,7 +25,7 @@ from paretoik.task.motion_task import SAMPLES, MotionTask, require_values
 from paretoik.trajectory.motion_terms import joint_distance
 from paretoik.trajectory.transcription import MotionProgram, motion_program
 
-# Progress of a plan after each level of samples
+# Progress of a plan after each level of samples.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -103,6 +103,9 @@ def at_samples(task: MotionTask, motion: Motion) -> Motion:
 
 def _in_words(violation: str) -> str:
     return violation and f"no motion within the limits so far; of the least-violating one, {violation}"
+
+
+# Levels of samples, from coarse to fine.
 
 
 Result = TypeVar("Result")

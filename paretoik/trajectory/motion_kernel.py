@@ -167,6 +167,9 @@ def step_peaks(kernel, step, dx):
         dx[samples + k // n, k % n] = step[kernel.unknowns + k]
 
 
+# The kernel of motions; compiled.
+
+
 @implement(steps.dimensions, MotionKernel)
 def dimensions(kernel, x):
     """Return (size, band, border) of the Newton matrix and the number of limits."""

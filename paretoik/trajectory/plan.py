@@ -351,7 +351,7 @@ def _failure(task: MotionTask, solutions: Solutions) -> EvaluationFailed | Infea
     return infeasible_error(task, level, solutions.x, status=status)
 
 
-# Cold searches for ε-sweeps
+# Cold searches for ε-sweeps.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

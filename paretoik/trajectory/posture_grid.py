@@ -21,7 +21,7 @@ from paretoik.task.self_motion import Curve, resample_curve, self_motion_frames,
 from paretoik.task.starts import wrap_difference
 from paretoik.trajectory.shortest_paths import LayeredGraph
 
-# Costs and limits of motions on a grid of postures, by the number of consecutive samples that they depend on
+# Costs and limits of motions on a grid of postures, by the number of consecutive samples that they depend on.
 
 
 Series = Callable[[Motion], np.ndarray]
@@ -145,6 +145,9 @@ def evaluate_at(task: MotionTask, term: Series, counts: Sequence[int], at: At) -
         for i, count in enumerate(counts):
             values_at[i][first : first + rows] = values[: max(count - first, 0), i]
     return values_at
+
+
+# The grid of postures, and its transitions.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

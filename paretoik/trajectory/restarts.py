@@ -151,6 +151,9 @@ def _new(task: MotionTask, rough: Solutions, solutions: Solutions) -> Bool[np.nd
     )
 
 
+# The restart policy.
+
+
 Batch = tuple[Float[np.ndarray, "starts samples dof"], Sequence[InteriorPointOptions]]
 
 

@@ -68,6 +68,9 @@ TOLERANCES = VerificationTolerances()
 OPTIONS = VerificationOptions()
 
 
+# An arm as Pinocchio's model.
+
+
 TOOL_FRAME = "<tool>"  # the arm's own name for it
 
 

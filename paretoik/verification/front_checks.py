@@ -135,6 +135,9 @@ def certified_ranges(run: RunContents) -> np.ndarray:
     return np.array([float(each["range"][1]) - float(each["range"][0]) for each in run.objectives])
 
 
+# Certificates by differences along the self-motion.
+
+
 SUBJECTS = ("criticality by differences", "weights by differences")
 CRITICAL = ("minimum", "saddle", "converged", "under-resolved")  # statuses that claim criticality
 

@@ -228,6 +228,9 @@ def smallest_radius(obstacles: Sequence[Any]) -> float:
     return min(float(np.min(getattr(each, "half_sizes", getattr(each, "radius", np.inf)))) for each in obstacles)
 
 
+# A motion measured a second time.
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MeasuredMotion:
     """One motion (1, time, dof) at the instants at which its problem has limits and objectives.

@@ -208,6 +208,9 @@ def check_resolution(run: RunContents, task: Any, model: ArmModel | None, reason
     yield leave_out("limits and the method's steps", "a method may exceed limits if its traces say so")
 
 
+# Closed loops: the statements of a run.
+
+
 LIBRARY = "paretoik.closed_loop.objectives"
 
 

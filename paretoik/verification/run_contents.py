@@ -223,6 +223,9 @@ def _place(row: Check) -> str:
     return "" if row.point is None else f"point {row.point}, "
 
 
+# The files of a run, as the verifier reads them.
+
+
 TEXTS = ("status", "reason", "branch")  # columns of text in a table
 RESULTS = (TABLE, OPTIMA, MOTIONS, "polygon.npz", "traces.npz", "tool_path.npz")
 

@@ -184,6 +184,9 @@ def _outcome(front: Front, start: int, row: int, others: int) -> str:
     return f"point {front.ids[row]} does best of {others} others that satisfy this, with {gains} for {costs}"
 
 
+# A preference by desired values of the objectives.
+
+
 @check_call
 @dataclass(frozen=True, init=False, eq=False)
 class Aspiration:

@@ -129,6 +129,9 @@ def _trade_offs(front: Front, row: int) -> Values:
     return ratios
 
 
+# The compromise of a front as a preference.
+
+
 COMPROMISE_IN_WORDS = "the point whose hardest-hit objective gives up the least, as a share of its range on the front"
 
 

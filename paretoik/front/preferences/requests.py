@@ -113,6 +113,9 @@ def _in_words(front: Front, limits: Float[np.ndarray, "n_obj 2"]) -> str:
     return list_words(words) or "no bound"
 
 
+# Checks of preferences from users, and of their answers.
+
+
 BY_NAME: dict[str, Callable[[], Preference]] = {"knee": Knee, "compromise": Compromise}  # those that need no numbers
 
 

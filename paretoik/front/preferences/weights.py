@@ -120,6 +120,9 @@ def _step_in_words(front: Front, axis: int, best: float, tolerance: float, count
     return f"{count} {'has' if count == 1 else 'have'} the best {value} {front.units[axis]}".rstrip()
 
 
+# A preference by weights.
+
+
 @check_call
 @dataclass(frozen=True, init=False, eq=False)
 class Weights:

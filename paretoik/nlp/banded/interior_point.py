@@ -114,6 +114,9 @@ def _filter_accepts(theta, before, trial_theta, after, slope, length, infeasible
     return False, entries
 
 
+# The iterations of the interior-point method.
+
+
 @compiled(what="the interior-point method", seconds=25)
 def minimise(kernel, x, weights, rows, upper, options, stop):
     """Minimise weights · F from x subject to rows · F ≤ upper, until ``stop[0]`` is not 0.

@@ -179,6 +179,9 @@ def solve_augmented_hessian(hessian, x):
         solve(hessian.L, hessian.B, hessian.X, hessian.S, x)
 
 
+# A quadratic program in arrays, and its rows; compiled.
+
+
 class QuadraticProgram(NamedTuple):
     """Minimise ½ dᵀH d + gᵀd subject to c + A d ≥ 0: sparse rows, then dense ones, all of length one."""
 

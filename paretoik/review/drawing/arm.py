@@ -151,6 +151,9 @@ def _capsules(links: Float[np.ndarray, "rows nodes 3"]) -> dict[str, Any]:
     }
 
 
+# Views of arms in a recording.
+
+
 Links = Float[np.ndarray, "rows nodes 3"]
 
 

@@ -67,6 +67,9 @@ def _is_drawable(character: str) -> bool:
     )
 
 
+# Axes with ticks and labels.
+
+
 @dataclass(frozen=True, kw_only=True)
 class TextSize:
     """Sizes of labels and margins around a canvas [pixels], as the viewer draws them.

@@ -165,6 +165,9 @@ def _values(chunks: Iterable[rr.chunk.Chunk], component: str) -> list[Any]:
     return [value for column in columns for row in column for value in row or ()]
 
 
+# A chosen motion as a layer over a recording.
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ChoiceLayer:
     """One choice of a front, or two, with their motions on the timeline ``motion``.

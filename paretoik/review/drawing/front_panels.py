@@ -103,6 +103,9 @@ def best_words(points: Sequence[RecordedPoint], row: int, names: Sequence[str]) 
     return "\n".join(f"best {screen_text(names[axis])}" for axis in same)
 
 
+# Panels of pairs of objectives.
+
+
 Pair = tuple[int, int]
 
 

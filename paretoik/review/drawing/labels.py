@@ -74,6 +74,9 @@ def _width(line: str) -> float:
     return LABEL.height * sum(shares)
 
 
+# The place of a label, and the line to its mark.
+
+
 Labelled = tuple[Values, str]  # the objectives of a point and what its label says
 DrawnLabel: TypeAlias = tuple[rr.Points2D, rr.LineStrips2D]  # the words, and the line from them to their mark
 

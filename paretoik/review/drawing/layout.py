@@ -142,6 +142,9 @@ class Legend:
         return places
 
 
+# The layout of a recording in the viewer.
+
+
 TEXT_ENTITY = "text"  # entity of the text about the point shown
 WHY = "notes/why"  # entity of the reason of the choice
 

@@ -222,6 +222,9 @@ class StepScene:
         return ArmDrawing(entity=f"{self._root}/arm", workcell=cell, nodes=nodes)
 
 
+# The recording of a finished closed loop.
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FinishedLoop:
     """A closed loop: its steps as the generations of a ``search``, followed by its motion."""

@@ -205,6 +205,9 @@ def _without_dust(value: float, all_values: np.ndarray) -> float:
     return 0.0 if abs(value) <= DRAWING.rounding * float(np.nanmax(np.abs(all_values))) else float(value)
 
 
+# The recording of directional maxima.
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FinishedMaxima:
     """Directional maxima on the timeline ``direction``, from 1 on; ``note``: what was left out."""

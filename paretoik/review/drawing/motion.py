@@ -166,6 +166,9 @@ def has_motions(points: Sequence[RecordedPoint]) -> bool:
     return any(point.motion is not None for point in points)
 
 
+# Motions in a recording: arms and joint charts.
+
+
 CHOSEN = "chosen"
 NO_TIMES = np.zeros(0)
 

@@ -156,6 +156,9 @@ def _value(scene: PlannedScene, value: float) -> str:
     return f"{value:.5g} {scene.unit}".rstrip()
 
 
+# The recording of a plan.
+
+
 START = "start"  # layer of a start's arm
 DISTINCT = "distinct optima of the level so far"
 

@@ -93,6 +93,9 @@ def broken_lines(nearest: LeastViolating) -> list[str]:
     return [f"- {words}" for words in nearest.broken]
 
 
+# Texts of points and choices, in Markdown.
+
+
 NO_RANGE = "One point has no range to have a share of: it is drawn in the middle."
 
 

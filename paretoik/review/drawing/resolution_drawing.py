@@ -121,6 +121,9 @@ def _value(value: object) -> str:
     return f"{value:.5g}" if isinstance(value, float) and np.isfinite(value) else str(value)
 
 
+# The recording of resolved motions.
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FinishedResolution:
     """Resolved motions: the first one is solid, with some of the others next to it.

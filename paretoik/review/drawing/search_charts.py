@@ -139,6 +139,9 @@ def choice_entries(names: Sequence[str], motions: MotionScene | None, *, predict
     return [("front", SCREEN.front), *marked, *([] if motions is None else motion_entries(motions))]
 
 
+# Charts and time series of a search.
+
+
 BEST_WORST: tuple[Colour, Colour] = (SCREEN.population, SCREEN.frame)
 DrawnChart = tuple[Chart, np.ndarray, np.ndarray]  # with its instants and curves (curves, instants)
 

@@ -369,6 +369,9 @@ def spread_rows(F: Objectives, count: int) -> Int[np.ndarray, " rows"]:
     return np.asarray(np.sort(order))
 
 
+# The recording of a search while it runs, and afterwards.
+
+
 class Recording:
     """Draws a search into a stream; errors of Rerun are raised.
 

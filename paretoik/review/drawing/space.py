@@ -138,6 +138,9 @@ class Ground:
         return np.round(self.low[axis] + self.step * np.arange(count + 1), 9) + 0.0
 
 
+# Arms of URDF files as meshes.
+
+
 PACKAGE_PATHS = ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")
 PACKAGE = "package://"
 

@@ -119,6 +119,9 @@ def draw_obstacles(axes: Axes, motion: Any) -> None:
             axes.plot(*wire.T, color=PAPER.quiet, linewidth=0.6, alpha=0.8)
 
 
+# Pictures of a front and its motions.
+
+
 WITHOUT_ARM = "The run's problem is not at hand: its arm is drawn after load_front(folder, problem)."
 
 

@@ -163,6 +163,9 @@ def loop_picture(motion: Any, values: np.ndarray, ranges: np.ndarray, front: Fro
         rows[-1].set_xlabel("time [s]")
 
 
+# A picture of a plan: its levels, and its best motions.
+
+
 def plan_picture(plan: Plan, levels: Sequence[PlannedLevel], label: str, unit: str, file: Path | str) -> None:
     """Write a PNG of a plan whose objective has a ``label`` and a ``unit``.
 

@@ -207,6 +207,9 @@ def maxima_end(polygon: PerformancePolygon, provenance: Mapping[str, Any]) -> Ma
     )
 
 
+# A point of a front, and its motion.
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RecordedMotion:
     """A motion as plain arrays: joint positions ``q`` (time, dof) at ``time`` (time,) [s].

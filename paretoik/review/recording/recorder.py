@@ -302,6 +302,9 @@ def cause_of(fault: Exception) -> str:
     return (str(fault).splitlines() or [type(fault).__name__])[0]
 
 
+# The recorder of a run, and its messages.
+
+
 Population: TypeAlias = Float[np.ndarray, "individuals n_obj"]
 
 
