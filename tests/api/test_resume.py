@@ -187,7 +187,7 @@ def test_only_a_finished_search_has_more_generations(copy, tmp_path):
             InvalidInput, match="generations must be None except for a finished search of solve, got a run"
         ):
             pk.resume(folder, tracking(), generations=2)
-    with pytest.raises(InvalidInput, match="generations: "):
+    with pytest.raises(InvalidInput, match="generations must be "):
         pk.resume(copy, tracking(), generations=0)
 
 
