@@ -56,7 +56,7 @@ def test_a_point_is_written_into_its_run_by_default(paretoik, finished, tmp_path
     place = run / f"point-{front.ids[1]}.csv"
     assert ended.out == (
         f"{place}: point {front.ids[1]}, 51 samples of 3 joints at 50 Hz, 1 s\n"
-        "checked against no controller's limits: --controller NAME does it\n"
+        "not checked against a controller's limits: --controller NAME does it\n"
     )
     names, values = rows(place)
     assert names[:2] == ["time", "position.joint1"]

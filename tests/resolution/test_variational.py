@@ -62,7 +62,7 @@ def test_starts_off_the_path_and_tolerances_out_of_range_are_refused_and_others_
     task = task_of(tringali_3r(), line(first, first - 0.05, duration=1.0, samples=11), objectives=[kinetic_energy])
     near = starts_on_path(task, q + 1e-8)
     np.testing.assert_allclose(forward_kinematics(tringali_3r(), near)[1][:2], first, atol=1e-11)
-    with pytest.raises(InvalidInput, match=r"start 1 is .* off the path"):
+    with pytest.raises(InvalidInput, match=r"start 1 must be .* off the path"):
         starts_on_path(task, np.stack([q, q + 0.1]))
     with pytest.raises(InvalidInput, match="tolerance must be"):
         check_tolerance(np.array([1e-6, 0.1]))
