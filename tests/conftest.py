@@ -7,6 +7,8 @@ from collections.abc import Iterator
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):  # tests share the cores: a thread each, and before NumPy comes
     os.environ.setdefault(name, "1")
 
+from pathlib import Path
+
 import hypothesis
 import jaxtyping
 import pytest
@@ -42,6 +44,17 @@ def pytest_configure() -> None:
 
 def pytest_runtest_setup() -> None:
     tests.shape_checks.restart()
+
+
+SLOW_TESTS = frozenset((Path(__file__).parent / "slow_tests.txt").read_text(encoding="utf-8").splitlines())
+
+
+@pytest.hookimpl(tryfirst=True)  # before pytest selects by markers
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark the tests that the default run leaves out: whole runs of several seconds, next to quicker ones of a law."""
+    for item in items:
+        if item.nodeid in SLOW_TESTS or item.nodeid.partition("[")[0] in SLOW_TESTS:
+            item.add_marker(pytest.mark.slow)
 
 
 @pytest.fixture

@@ -112,6 +112,13 @@ def test_the_modules_doctests_are_run():
     assert "paretoik/robot/arms.py::paretoik.robot.arms.tringali_3r" in collected.stdout
 
 
+def test_every_slow_test_exists():
+    for line in (ROOT / "tests" / "slow_tests.txt").read_text().splitlines():
+        file, _, name = line.partition("[")[0].partition("::")
+        names = {getattr(node, "name", None) for node in ast.parse((ROOT / file).read_text()).body}
+        assert name in names, line
+
+
 def test_no_file_names_a_machine_or_a_registry():
     place = re.compile(rb"/(tm[p]|wor[k]|roo[t]|hom[e])/[a-z]|py[p]i[.]org|pythonhoste[d]|npmj[s][.]")
     assert [str(path) for path in tracked() if place.search(path.read_bytes())] == []
