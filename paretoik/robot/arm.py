@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float
 
-from paretoik.arrays import Jacobians, Vector3, read_only
-from paretoik.errors import InvalidInput
+from paretoik.arrays import Jacobians
 from paretoik.inputs import (
     ArrayLike,
     check_call,
@@ -22,18 +19,12 @@ from paretoik.inputs import (
     check_text,
     file_path,
     finite_array,
-    finite_number,
-    likely_spelling,
-    shown,
 )
 from paretoik.robot.body import (
-    BASE_FRAME,
-    OTHER_NAMES,
     TOOL_FRAME,
     Body,
     JointType,
     body_tuple,
-    check_joints,
     combine_bodies,
     joint_positions,
     joint_tuple,
@@ -44,16 +35,18 @@ from paretoik.robot.body import (
     transform_body,
     type_tuple,
 )
+from paretoik.robot.chain import EARTH_GRAVITY, SerialChain, fix_joint
 from paretoik.robot.denavit_hartenberg import joint_placements
-from paretoik.robot.pose import Frame, Pose, check_pose, matrix_to_quaternion, pose_batch
+from paretoik.robot.kinematics import forward_kinematics
+from paretoik.robot.kinematics import jacobian as geometric_jacobian
+from paretoik.robot.pose import Pose, check_pose, matrix_to_quaternion, pose_batch
+from paretoik.robot.urdf import read_chain
 from paretoik.tables import fit_screen, html_representation
-
-EARTH_GRAVITY = (0.0, 0.0, -9.81)  # m/s²
 
 
 @check_call
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Arm:
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Arm(SerialChain):
     """A serial arm, frozen; make one with ``planar``, ``from_dh`` or ``from_urdf``.
 
     Joint i moves link i about (or along) the z axis of its own frame. A missing limit is infinite.
@@ -74,43 +67,6 @@ class Arm:
 
     Every constructor and every method that returns an arm raises InvalidInput for values that no arm can have.
     """
-
-    name: str
-    joint_names: tuple[str, ...]
-    joint_types: tuple[JointType, ...]
-    placements: tuple[Pose, ...]
-    bodies: tuple[Body, ...]
-    tool: Pose
-    base: Pose
-    gravity: Vector3
-    position_limits: Float[np.ndarray, "dof 2"]
-    velocity_limits: Float[np.ndarray, " dof"]
-    torque_limits: Float[np.ndarray, " dof"]
-    acceleration_limits: Float[np.ndarray, " dof"] | None = None
-    jerk_limits: Float[np.ndarray, " dof"] | None = None
-    is_planar: bool = False
-    frames: Mapping[str, Frame] = field(default_factory=dict)
-    source: Path | None = None
-    source_digest: str | None = None
-    notices: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        """Check names, types and limits; make the arrays read-only."""
-        check_joints(self.name, self.joint_names, self.joint_types, self.position_limits)
-        limits = self.position_limits, self.velocity_limits, self.torque_limits
-        for array in (self.gravity, *limits, self.acceleration_limits, self.jerk_limits):
-            if array is not None:
-                array.setflags(write=False)
-
-    @property
-    def dof(self) -> int:
-        """Number of joints that move."""
-        return len(self.joint_names)
-
-    @cached_property
-    def periodic(self) -> np.ndarray:
-        """Whether each joint is rotational, its angle equivalent modulo 2π; shape (dof,), read-only."""
-        return read_only(np.array([joint_type != "prismatic" for joint_type in self.joint_types]))
 
     def __repr__(self) -> str:
         return fit_screen(f"Arm({self.name!r}, {self.dof} joints: {', '.join(self.joint_names)})")
@@ -250,9 +206,7 @@ class Arm:
 
         Raises InvalidRobot listing every fault, InvalidInput for unknown names or zero limits.
         """
-        from paretoik.robot.urdf import from_urdf  # here, because reading a URDF builds on this class
-
-        return from_urdf(
+        chain = read_chain(
             file_path("file", file),
             base=base,
             tip=tip,
@@ -261,6 +215,7 @@ class Arm:
             soft=soft,
             repair_inertias=repair_inertias,
         )
+        return cls(**{each.name: getattr(chain, each.name) for each in fields(chain)})
 
     def with_tool(
         self, pose: Pose, *, mass: float = 0.0, center: object = (0.0, 0.0, 0.0), inertia: object = None
@@ -320,8 +275,6 @@ class Arm:
         Functions that take a pose take this one: ``pk.line(arm.pose(q), ...)``. Raises InvalidInput for a wrong number
         of joints, a value that is not finite, or an unknown frame.
         """
-        from paretoik.robot.kinematics import forward_kinematics  # here, because it builds on this class
-
         rotation, position = forward_kinematics(self, joint_positions(q, self.dof), frame)
         return pose_batch(position, matrix_to_quaternion(rotation))
 
@@ -334,94 +287,9 @@ class Arm:
         J q̇ is the linear velocity of the frame's origin [m/s], then its angular velocity [rad/s], in world axes; a
         planar arm moves in rows 0, 1 and 5. Raises as ``pose`` does. Siciliano et al., section 3.1.
         """
-        from paretoik.robot.kinematics import jacobian  # here, because it builds on this class
-
-        return jacobian(self, joint_positions(q, self.dof), frame)
-
-    def frame(self, name: str) -> Frame:
-        """Return the frame of a name.
-
-        name: a link of the URDF, a joint (its frame is that of the link that it moves), "tool" or "base"
-
-        ``"<tool>"`` and ``"<base>"`` always are the arm's tool and base, also if a link or joint is called "tool" or
-        "base". Raises InvalidInput listing the valid names.
-        """
-        origin = Pose(np.zeros(3))
-        tool, base = Frame(link=self.dof - 1, pose=self.tool), Frame(link=-1, pose=origin)
-        frames = {
-            **dict(zip(OTHER_NAMES, (tool, base), strict=True)),
-            **{joint: Frame(link=i, pose=origin) for i, joint in enumerate(self.joint_names)},
-            **self.frames,
-            TOOL_FRAME: tool,
-            BASE_FRAME: base,
-        }
-        if not isinstance(name, str) or name not in frames:
-            hint = likely_spelling(name, frames)
-            wish = f"must be one of {', '.join(frames)}, which {self.name} has"
-            raise InvalidInput(f"frame {wish}, got {shown(name)}{hint}")
-        return frames[name]
+        return geometric_jacobian(self, joint_positions(q, self.dof), frame)
 
 
 def check_arm(name: str, arm: object) -> None:
     """Raise InvalidInput, by ``name``, unless this is an Arm."""
     check_instance(name, arm, Arm, "an Arm", example="pk.arms.tringali_3r() or Arm.from_urdf(...)")
-
-
-# Joints frozen at a value.
-
-
-def fix_joint(arm: Arm, joint: str, value: float) -> Arm:
-    """Return the arm with one joint frozen at ``value`` [rad, m]; its link joins the one before.
-
-    Raises InvalidInput for an unknown joint, a value that is not finite, or the last joint of an arm.
-    """
-    if joint not in arm.joint_names:
-        hint = likely_spelling(joint, arm.joint_names)
-        raise InvalidInput(f"fixed must name joints among {', '.join(arm.joint_names)}, got {shown(joint)}{hint}")
-    value = finite_number(f"joint {joint}", value)
-    if arm.dof == 1:
-        raise InvalidInput(f"joint {joint} must be one of several that move, got the last of {arm.name}")
-    i = arm.joint_names.index(joint)
-    lower, upper = arm.position_limits[i]
-    if not lower <= value <= upper:
-        raise InvalidInput(f"joint {joint} must be from {lower:g} to {upper:g}, got {value:g}")
-    fixed = arm.placements[i] @ joint_motion(arm.joint_types[i], value)
-    placements, bodies, tool = list(arm.placements), list(arm.bodies), arm.tool
-    if i + 1 < arm.dof:
-        placements[i + 1] = fixed @ placements[i + 1]
-    else:
-        tool = fixed @ tool
-    if i > 0:
-        bodies[i - 1] = combine_bodies(bodies[i - 1], transform_body(bodies[i], fixed))
-    del placements[i], bodies[i]
-    others = np.arange(arm.dof) != i
-    return replace(
-        arm,
-        joint_names=arm.joint_names[:i] + arm.joint_names[i + 1 :],
-        joint_types=arm.joint_types[:i] + arm.joint_types[i + 1 :],
-        placements=tuple(placements),
-        bodies=tuple(bodies),
-        tool=tool,
-        position_limits=arm.position_limits[others],
-        velocity_limits=arm.velocity_limits[others],
-        torque_limits=arm.torque_limits[others],
-        acceleration_limits=None if arm.acceleration_limits is None else arm.acceleration_limits[others],
-        jerk_limits=None if arm.jerk_limits is None else arm.jerk_limits[others],
-        frames={name: _without_joint(frame, i, fixed) for name, frame in arm.frames.items()},
-    )
-
-
-def joint_motion(joint_type: str, value: float, axis: Sequence[float] = (0.0, 0.0, 1.0)) -> Pose:
-    """Return the pose that a joint at ``value`` [rad or m] adds to its placement, the identity for other types."""
-    if joint_type == "prismatic":
-        return Pose(value * np.array(axis))
-    if joint_type in ("revolute", "continuous"):
-        return Pose(np.zeros(3), np.array([np.cos(value / 2), *(np.sin(value / 2) * np.array(axis))]))
-    return Pose(np.zeros(3))
-
-
-def _without_joint(frame: Frame, joint: int, fixed: Pose) -> Frame:
-    """Return a frame of the arm after a joint is fixed at the pose ``fixed`` on the link before."""
-    if frame.link < joint:
-        return frame
-    return Frame(link=frame.link - 1, pose=fixed @ frame.pose if frame.link == joint else frame.pose)

@@ -16,7 +16,7 @@ import numpy as np
 
 from paretoik.autodiff.tape import Expression
 from paretoik.errors import InvalidInput
-from paretoik.robot.arm import Arm
+from paretoik.robot.chain import SerialChain
 
 if TYPE_CHECKING:
     Component: TypeAlias = "float | np.ndarray"  # an expression has the type of an array here
@@ -132,7 +132,7 @@ def to_matrix(matrix: np.ndarray) -> Matrix:
 
 
 def evaluate_in_blocks(
-    kernel: Callable[..., Sequence[Component]], arm: Arm, shape: tuple[int, ...], *arrays: np.ndarray
+    kernel: Callable[..., Sequence[Component]], arm: SerialChain, shape: tuple[int, ...], *arrays: np.ndarray
 ) -> np.ndarray:
     """Run ``kernel(*columns)`` over samples (*batch, dof) in blocks; return (*batch, *shape).
 

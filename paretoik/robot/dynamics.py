@@ -12,7 +12,7 @@ from functools import partial
 import numpy as np
 
 from paretoik.arrays import InertiaMatrices, Joints, Values
-from paretoik.robot.arm import Arm
+from paretoik.robot.chain import SerialChain
 from paretoik.robot.components import (
     ZERO,
     Component,
@@ -34,7 +34,7 @@ from paretoik.robot.components import (
 from paretoik.robot.kinematics import ArmConstants, LinkConstants, arm_constants, joint_cosines_and_sines
 
 
-def inverse_dynamics(arm: Arm, q: Joints, dq: Joints, ddq: Joints) -> Joints:
+def inverse_dynamics(arm: SerialChain, q: Joints, dq: Joints, ddq: Joints) -> Joints:
     """Return the joint torques (forces) τ = M q̈ + n(q, q̇) [N m, N], gravity included.
 
     All arrays are (*batch, dof). Raises InvalidInput if they don't fit the arm.
@@ -42,13 +42,13 @@ def inverse_dynamics(arm: Arm, q: Joints, dq: Joints, ddq: Joints) -> Joints:
     return evaluate_in_blocks(partial(torque_components, arm), arm, (arm.dof,), q, dq, ddq)
 
 
-def gravity_torques(arm: Arm, q: Joints) -> Joints:
+def gravity_torques(arm: SerialChain, q: Joints) -> Joints:
     """Return the torques (*batch, dof) [N m, N] that hold the arm at rest."""
     return inverse_dynamics(arm, q, np.zeros_like(q), np.zeros_like(q))
 
 
 def torque_components(
-    arm: Arm, q: Sequence[Component], dq: Sequence[Component], ddq: Sequence[Component]
+    arm: SerialChain, q: Sequence[Component], dq: Sequence[Component], ddq: Sequence[Component]
 ) -> list[Component]:
     """Return the joint torques as components."""
     constants = arm_constants(arm)
@@ -56,7 +56,7 @@ def torque_components(
     return _newton_euler(constants, q, _cosines_and_sines(constants, q, acceleration), dq, ddq, acceleration)
 
 
-def inertia_matrix(arm: Arm, q: Joints) -> InertiaMatrices:
+def inertia_matrix(arm: SerialChain, q: Joints) -> InertiaMatrices:
     """Return M(q), (*batch, dof, dof) [kg m², kg m, kg]: its columns are the torques of unit accelerations.
 
     Raises InvalidInput if q doesn't fit the arm.
@@ -74,7 +74,7 @@ def inertia_matrix(arm: Arm, q: Joints) -> InertiaMatrices:
     return evaluate_in_blocks(kernel, arm, (dof, dof), q)
 
 
-def kinetic_energy(arm: Arm, q: Joints, dq: Joints) -> Values:
+def kinetic_energy(arm: SerialChain, q: Joints, dq: Joints) -> Values:
     """Return ½ q̇ᵀ M q̇ (*batch,) [J].
 
     Raises InvalidInput if the arrays don't fit the arm.
@@ -82,7 +82,7 @@ def kinetic_energy(arm: Arm, q: Joints, dq: Joints) -> Values:
     return evaluate_in_blocks(partial(energy_components, arm), arm, (1,), q, dq)[..., 0]
 
 
-def energy_components(arm: Arm, q: Sequence[Component], dq: Sequence[Component]) -> list[Component]:
+def energy_components(arm: SerialChain, q: Sequence[Component], dq: Sequence[Component]) -> list[Component]:
     """Return the kinetic energy as a component, in a list of one."""
     constants = arm_constants(arm)
     angular_velocity, velocity = ZERO, ZERO

@@ -15,8 +15,8 @@ import numpy as np
 from jaxtyping import Float, Inexact
 
 from paretoik.arrays import Jacobians, Joints, Positions, Rotations, read_only
-from paretoik.robot.arm import Arm
 from paretoik.robot.body import TOOL_FRAME
+from paretoik.robot.chain import SerialChain
 from paretoik.robot.components import (
     ZERO,
     Component,
@@ -75,7 +75,7 @@ class ArmConstants:
 
 
 @lru_cache(maxsize=64)
-def arm_constants(arm: Arm) -> ArmConstants:
+def arm_constants(arm: SerialChain) -> ArmConstants:
     """Return the arm's constants in the form the kernels use."""
     links = tuple(
         LinkConstants(
@@ -113,7 +113,7 @@ def pose_constants(pose: Pose) -> tuple[Matrix, Vector]:
     return to_matrix(_snap(pose.rotation)), to_vector(pose.position)
 
 
-def _regroup_inertias(arm: Arm) -> list[np.ndarray]:
+def _regroup_inertias(arm: SerialChain) -> list[np.ndarray]:
     """Return each link's pseudo-inertia (4, 4), regrouped into base parameters.
 
     Moments that a joint does not move go to the link before: mass on the axis of a rotating joint, and the rotary
@@ -142,7 +142,7 @@ def _snap(rotation: np.ndarray) -> np.ndarray:
 
 
 @lru_cache(maxsize=256)
-def characteristic_length(arm: Arm) -> float:
+def characteristic_length(arm: SerialChain) -> float:
     """Return the length [m] of a stretched-out arm from its first joint to its tool, slides at 0.
 
     If that is 0, return the longest range of a slide, or 1 m if none is limited.
@@ -156,13 +156,13 @@ def characteristic_length(arm: Arm) -> float:
 
 
 @lru_cache(maxsize=256)
-def joint_scales(arm: Arm) -> Float[np.ndarray, " dof"]:
+def joint_scales(arm: SerialChain) -> Float[np.ndarray, " dof"]:
     """Return the unit of each joint's distances: 1 rad, or the arm's characteristic length [m] for a slide."""
     return read_only(np.where(arm.periodic, 1.0, characteristic_length(arm)))
 
 
 @lru_cache(maxsize=256)
-def geometry_key(arm: Arm) -> tuple[object, ...]:
+def geometry_key(arm: SerialChain) -> tuple[object, ...]:
     """Return a dictionary key that is equal for arms with the same link poses and scales."""
     poses = [*arm.placements, arm.tool, arm.base]
     numbers = np.concatenate([part for pose in poses for part in (pose.position, pose.quaternion)])
@@ -180,7 +180,7 @@ class LinkFrames:
     origins: tuple[Vector, ...]
 
 
-def link_frames(arm: Arm, q: Sequence[Component]) -> LinkFrames:
+def link_frames(arm: SerialChain, q: Sequence[Component]) -> LinkFrames:
     """Return the link frames of an arm at joint positions given as columns."""
     constants = arm_constants(arm)
     rotation, origin = constants.base_rotation, constants.base_translation
@@ -200,7 +200,7 @@ def link_frames(arm: Arm, q: Sequence[Component]) -> LinkFrames:
     return LinkFrames(tuple(rotations), tuple(origins))
 
 
-def frame_components(arm: Arm, links: LinkFrames, frame: Frame) -> tuple[Matrix, Vector]:
+def frame_components(arm: SerialChain, links: LinkFrames, frame: Frame) -> tuple[Matrix, Vector]:
     """Return rotation and position of a frame in the world, as components."""
     constants = arm_constants(arm)
     rotation, origin = (
@@ -216,7 +216,9 @@ def frame_components(arm: Arm, links: LinkFrames, frame: Frame) -> tuple[Matrix,
     return multiply(rotation, offset_rotation), add(origin, apply(rotation, offset))
 
 
-def jacobian_components(arm: Arm, links: LinkFrames, frame: Frame, position: Vector) -> list[tuple[Vector, Vector]]:
+def jacobian_components(
+    arm: SerialChain, links: LinkFrames, frame: Frame, position: Vector
+) -> list[tuple[Vector, Vector]]:
     """Return the linear and angular Jacobian column of each joint, for a frame at ``position``."""
     columns = []
     for i, link in enumerate(arm_constants(arm).links):
@@ -230,7 +232,7 @@ def jacobian_components(arm: Arm, links: LinkFrames, frame: Frame, position: Vec
     return columns
 
 
-def forward_kinematics(arm: Arm, q: Joints, frame: str = TOOL_FRAME) -> tuple[Rotations, Positions]:
+def forward_kinematics(arm: SerialChain, q: Joints, frame: str = TOOL_FRAME) -> tuple[Rotations, Positions]:
     """Return rotation (*batch, 3, 3) and position (*batch, 3) [m] of a frame in the world at q (*batch, dof).
 
     Raises InvalidInput for an unknown frame or a wrong number of joints.
@@ -245,7 +247,7 @@ def forward_kinematics(arm: Arm, q: Joints, frame: str = TOOL_FRAME) -> tuple[Ro
     return out[..., :9].reshape(*out.shape[:-1], 3, 3), out[..., 9:]
 
 
-def jacobian(arm: Arm, q: Joints, frame: str = TOOL_FRAME) -> Jacobians:
+def jacobian(arm: SerialChain, q: Joints, frame: str = TOOL_FRAME) -> Jacobians:
     """Return the geometric Jacobian (*batch, 6, dof), linear rows first, of a frame in world axes.
 
     Raises InvalidInput for an unknown frame or a wrong number of joints.
@@ -260,12 +262,12 @@ def jacobian(arm: Arm, q: Joints, frame: str = TOOL_FRAME) -> Jacobians:
     return evaluate_in_blocks(kernel, arm, (6, arm.dof), q)
 
 
-def link_nodes(arm: Arm, q: Joints) -> Inexact[np.ndarray, "*batch nodes 3"]:
+def link_nodes(arm: SerialChain, q: Joints) -> Inexact[np.ndarray, "*batch nodes 3"]:
     """Return the arm as a polyline (*batch, dof + 2, 3) [m]: base, every joint, tool."""
     return evaluate_in_blocks(partial(node_components, arm), arm, (arm.dof + 2, 3), q)
 
 
-def node_components(arm: Arm, q: Sequence[Component]) -> list[Component]:
+def node_components(arm: SerialChain, q: Sequence[Component]) -> list[Component]:
     """Return the nodes of ``link_nodes`` as components: x, y, z of each node."""
     links = link_frames(arm, q)
     tool = frame_components(arm, links, arm.frame(TOOL_FRAME))[1]

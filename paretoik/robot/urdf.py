@@ -27,7 +27,6 @@ from paretoik.inputs import (
     listed,
     shown,
 )
-from paretoik.robot.arm import EARTH_GRAVITY, Arm, joint_motion
 from paretoik.robot.body import (
     JOINT_TYPES,
     Body,
@@ -37,6 +36,7 @@ from paretoik.robot.body import (
     nearest_inertia,
     transform_body,
 )
+from paretoik.robot.chain import EARTH_GRAVITY, SerialChain, joint_motion
 from paretoik.robot.pose import Frame, Pose
 from paretoik.robot.urdf_description import (
     ORIGIN,
@@ -309,7 +309,7 @@ def check_robot(
     return RobotReport(file=file, faults=faults, warnings=warnings, summary=tuple(summary))
 
 
-def from_urdf(
+def read_chain(
     file: Path,
     *,
     base: str | None,
@@ -318,8 +318,8 @@ def from_urdf(
     zero_limits: Literal["unlimited"] | None = None,
     soft: bool = False,
     repair_inertias: bool = False,
-) -> Arm:
-    """Return the arm between two links of a URDF; see ``Arm.from_urdf``.
+) -> SerialChain:
+    """Return the numbers of the arm between two links of a URDF; see ``Arm.from_urdf``.
 
     Raises InvalidRobot listing every fault, InvalidInput for unknown names or zero limits.
     """
@@ -364,7 +364,7 @@ def _summarise(joint: JointDescription) -> str:
 
 def _build_arm(
     robot: RobotDescription, chain: Chain, repair: bool
-) -> tuple[Arm | None, tuple[str, ...], tuple[str, ...]]:
+) -> tuple[SerialChain | None, tuple[str, ...], tuple[str, ...]]:
     """Return the arm of a chain (None if it has faults), the faults, and notices of parts that the arm lacks.
 
     Gravity is (0, 0, −9.81) m/s² in the world of the file's root.
@@ -399,7 +399,7 @@ def _build_arm(
         notices.append(f"base {chain.base!r} is tilted against the root {robot.roots[0]!r}: {text}")
     limits = [joint.limits for joint in moving]
     types: tuple[JointType, ...] = tuple(joint.type for joint in moving)  # type: ignore[misc]  # of JOINT_TYPES
-    arm = Arm(
+    arm = SerialChain(
         name=robot.name,
         joint_names=tuple(joint.name for joint in moving),
         joint_types=types,

@@ -8,8 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from paretoik.robot import dynamics, kinematics
-from paretoik.robot.arm import Arm, joint_motion
+from paretoik.robot.arm import Arm
 from paretoik.robot.arms import tringali_3r
+from paretoik.robot.chain import joint_motion
 from tests.robot.laws import pose, positions, same, seeds, state_of, turns
 from tests.robot.oracles import potential_energy
 

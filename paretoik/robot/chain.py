@@ -1,0 +1,161 @@
+"""The chain of an arm: its joints, bodies, limits and frames as data, and joints frozen at a value."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+from jaxtyping import Float
+
+from paretoik.arrays import Vector3, read_only
+from paretoik.errors import InvalidInput
+from paretoik.inputs import (
+    finite_number,
+    likely_spelling,
+    shown,
+)
+from paretoik.robot.body import (
+    BASE_FRAME,
+    OTHER_NAMES,
+    TOOL_FRAME,
+    Body,
+    JointType,
+    check_joints,
+    combine_bodies,
+    transform_body,
+)
+from paretoik.robot.pose import Frame, Pose
+
+EARTH_GRAVITY = (0.0, 0.0, -9.81)  # m/s²
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SerialChain:
+    """The numbers of a serial arm, frozen; the fields are documented in ``Arm``."""
+
+    name: str
+    joint_names: tuple[str, ...]
+    joint_types: tuple[JointType, ...]
+    placements: tuple[Pose, ...]
+    bodies: tuple[Body, ...]
+    tool: Pose
+    base: Pose
+    gravity: Vector3
+    position_limits: Float[np.ndarray, "dof 2"]
+    velocity_limits: Float[np.ndarray, " dof"]
+    torque_limits: Float[np.ndarray, " dof"]
+    acceleration_limits: Float[np.ndarray, " dof"] | None = None
+    jerk_limits: Float[np.ndarray, " dof"] | None = None
+    is_planar: bool = False
+    frames: Mapping[str, Frame] = field(default_factory=dict)
+    source: Path | None = None
+    source_digest: str | None = None
+    notices: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Check names, types and limits; make the arrays read-only."""
+        check_joints(self.name, self.joint_names, self.joint_types, self.position_limits)
+        limits = self.position_limits, self.velocity_limits, self.torque_limits
+        for array in (self.gravity, *limits, self.acceleration_limits, self.jerk_limits):
+            if array is not None:
+                array.setflags(write=False)
+
+    @property
+    def dof(self) -> int:
+        """Number of joints that move."""
+        return len(self.joint_names)
+
+    @cached_property
+    def periodic(self) -> np.ndarray:
+        """Whether each joint is rotational, its angle equivalent modulo 2π; shape (dof,), read-only."""
+        return read_only(np.array([joint_type != "prismatic" for joint_type in self.joint_types]))
+
+    def frame(self, name: str) -> Frame:
+        """Return the frame of a name.
+
+        name: a link of the URDF, a joint (its frame is that of the link that it moves), "tool" or "base"
+
+        ``"<tool>"`` and ``"<base>"`` always are the arm's tool and base, also if a link or joint is called "tool" or
+        "base". Raises InvalidInput listing the valid names.
+        """
+        origin = Pose(np.zeros(3))
+        tool, base = Frame(link=self.dof - 1, pose=self.tool), Frame(link=-1, pose=origin)
+        frames = {
+            **dict(zip(OTHER_NAMES, (tool, base), strict=True)),
+            **{joint: Frame(link=i, pose=origin) for i, joint in enumerate(self.joint_names)},
+            **self.frames,
+            TOOL_FRAME: tool,
+            BASE_FRAME: base,
+        }
+        if not isinstance(name, str) or name not in frames:
+            hint = likely_spelling(name, frames)
+            wish = f"must be one of {', '.join(frames)}, which {self.name} has"
+            raise InvalidInput(f"frame {wish}, got {shown(name)}{hint}")
+        return frames[name]
+
+
+# Joints frozen at a value.
+
+
+AnyChain = TypeVar("AnyChain", bound=SerialChain)
+
+
+def fix_joint(arm: AnyChain, joint: str, value: float) -> AnyChain:
+    """Return the arm with one joint frozen at ``value`` [rad, m]; its link joins the one before.
+
+    Raises InvalidInput for an unknown joint, a value that is not finite, or the last joint of an arm.
+    """
+    if joint not in arm.joint_names:
+        hint = likely_spelling(joint, arm.joint_names)
+        raise InvalidInput(f"fixed must name joints among {', '.join(arm.joint_names)}, got {shown(joint)}{hint}")
+    value = finite_number(f"joint {joint}", value)
+    if arm.dof == 1:
+        raise InvalidInput(f"joint {joint} must be one of several that move, got the last of {arm.name}")
+    i = arm.joint_names.index(joint)
+    lower, upper = arm.position_limits[i]
+    if not lower <= value <= upper:
+        raise InvalidInput(f"joint {joint} must be from {lower:g} to {upper:g}, got {value:g}")
+    fixed = arm.placements[i] @ joint_motion(arm.joint_types[i], value)
+    placements, bodies, tool = list(arm.placements), list(arm.bodies), arm.tool
+    if i + 1 < arm.dof:
+        placements[i + 1] = fixed @ placements[i + 1]
+    else:
+        tool = fixed @ tool
+    if i > 0:
+        bodies[i - 1] = combine_bodies(bodies[i - 1], transform_body(bodies[i], fixed))
+    del placements[i], bodies[i]
+    others = np.arange(arm.dof) != i
+    return replace(
+        arm,
+        joint_names=arm.joint_names[:i] + arm.joint_names[i + 1 :],
+        joint_types=arm.joint_types[:i] + arm.joint_types[i + 1 :],
+        placements=tuple(placements),
+        bodies=tuple(bodies),
+        tool=tool,
+        position_limits=arm.position_limits[others],
+        velocity_limits=arm.velocity_limits[others],
+        torque_limits=arm.torque_limits[others],
+        acceleration_limits=None if arm.acceleration_limits is None else arm.acceleration_limits[others],
+        jerk_limits=None if arm.jerk_limits is None else arm.jerk_limits[others],
+        frames={name: _without_joint(frame, i, fixed) for name, frame in arm.frames.items()},
+    )
+
+
+def joint_motion(joint_type: str, value: float, axis: Sequence[float] = (0.0, 0.0, 1.0)) -> Pose:
+    """Return the pose that a joint at ``value`` [rad or m] adds to its placement, the identity for other types."""
+    if joint_type == "prismatic":
+        return Pose(value * np.array(axis))
+    if joint_type in ("revolute", "continuous"):
+        return Pose(np.zeros(3), np.array([np.cos(value / 2), *(np.sin(value / 2) * np.array(axis))]))
+    return Pose(np.zeros(3))
+
+
+def _without_joint(frame: Frame, joint: int, fixed: Pose) -> Frame:
+    """Return a frame of the arm after a joint is fixed at the pose ``fixed`` on the link before."""
+    if frame.link < joint:
+        return frame
+    return Frame(link=frame.link - 1, pose=fixed @ frame.pose if frame.link == joint else frame.pose)
