@@ -1,6 +1,6 @@
 """Tells whether a signal asked the verb under way to stop; long computations check it, compiled code included.
 
-``execution.interrupts`` sets it while a verb runs. Solvers then end with the present iteration and raise
+``runs.interruption`` sets it while a verb runs. Solvers then end with the present iteration and raise
 ``Interrupted``; a verb that has results by then returns them.
 """
 

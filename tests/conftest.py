@@ -51,7 +51,7 @@ SLOW_TESTS = frozenset((Path(__file__).parent / "slow_tests.txt").read_text(enco
 
 @pytest.hookimpl(tryfirst=True)  # before pytest selects by markers
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark the tests that the default run leaves out: whole runs of several seconds, next to quicker ones of a law."""
+    """Mark the tests that the default run leaves out, because they take several seconds each."""
     for item in items:
         if item.nodeid in SLOW_TESTS or item.nodeid.partition("[")[0] in SLOW_TESTS:
             item.add_marker(pytest.mark.slow)

@@ -233,7 +233,7 @@ class JointActuation:
 
     @cached_property
     def table(self) -> Float[np.ndarray, "dof columns"]:
-        """Columns of ``compiled.actuators``, one row per joint."""
+        """Columns of ``actuator_kernels``, one row per joint."""
         rows = np.zeros((self.dof, actuators.COLUMNS))
         rows[:, actuators.SHAPE] = SHAPES.index(self.motors.shape)
         rows[:, actuators.STALL], rows[:, actuators.FASTEST] = self.motors.stall, self.motors.fastest
@@ -338,7 +338,7 @@ class DistributedActuation:
 
     @cached_property
     def table(self) -> Float[np.ndarray, "dof columns"]:
-        """Columns of ``compiled.actuators``, one row per joint."""
+        """Columns of ``actuator_kernels``, one row per joint."""
         rows = np.zeros((self.dof, actuators.COLUMNS))
         rows[:, actuators.SHAPE] = SHAPES.index(self.front.shape)
         rows[:, actuators.STALL], rows[:, actuators.FASTEST] = self.front.stall, self.front.fastest

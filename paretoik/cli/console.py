@@ -21,7 +21,7 @@ from rich.text import Text
 
 from paretoik.errors import InvalidInput, SolverFailed
 from paretoik.paths import shell_command
-from paretoik.runs.files import RUN, is_run, problem_words, read_run
+from paretoik.runs.files import RUN, is_run, problem_words, read_run, to_json
 
 if TYPE_CHECKING:
     from paretoik.front.front import Front
@@ -162,8 +162,6 @@ def says_how_to_go_on(out: Path | None, time_limit: float | None = None) -> Iter
 
 def print_json(value: object) -> None:
     """Print a result as strict JSON."""
-    from paretoik.runs.files import to_json
-
     print(json.dumps(to_json(value), indent=2, allow_nan=False))
 
 

@@ -22,7 +22,7 @@ from paretoik.cli.console import (
     stdout_for_results,
 )
 from paretoik.errors import InvalidInput
-from paretoik.runs.files import PICTURE_MARK, check_target
+from paretoik.runs.files import PICTURE_MARK, RUN, check_target, read_run
 
 NUMBERS = "NAME=NUMBER,NAME=NUMBER"
 
@@ -134,7 +134,6 @@ def select(
 def _show_history(run: Path, wishes: Mapping[str, object], *, undo: bool, problem: str | None, as_json: bool) -> None:
     """Print the choices of a run, after one step back if ``undo``; raises InvalidInput with a preference."""
     from paretoik.front.choice_tree import read_choices
-    from paretoik.runs.files import RUN, read_run
 
     if wishes:
         raise InvalidInput(f"--history and --undo must come without a preference, got --{next(iter(wishes))} too")
