@@ -39,6 +39,18 @@ def test_importing_paretoik_loads_nothing_heavy():
     assert imported.stdout.strip() == "[]"
 
 
+def test_every_file_that_implements_steps_is_imported_by_another():
+    """numba finds an implementation only if its file was imported; tests import all such files (conftest)."""
+    trees = {file: file.read_text(encoding="utf-8") for file in (ROOT / "paretoik").rglob("*.py")}
+    imports = re.compile(r"^ *from (\S+) import (\w+)|^ *import (\S+)", re.MULTILINE)
+    imported = {".".join(filter(None, names)) for text in trees.values() for names in imports.findall(text)}
+    implementing = [
+        file.relative_to(ROOT) for file, text in trees.items() if re.search(r"^@implement\(", text, re.MULTILINE)
+    ]
+    assert len(implementing) == 2
+    assert [str(file) for file in implementing if ".".join(file.with_suffix("").parts) not in imported] == []
+
+
 def test_the_public_names_are_those_of_the_snapshot():
     snapshot = (Path(__file__).parent / "public_names.txt").read_text().split()
     assert sorted(paretoik.__all__) == snapshot

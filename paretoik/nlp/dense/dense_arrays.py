@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.errors import EvaluationFailed
+from paretoik.nlp.dense import dense_kernel as _steps  # noqa: F401  the steps of solvers on these arrays
 from paretoik.nlp.dense.dense_rows import DenseKernel
 from paretoik.nlp.dense.traced_rows import AssembledRows, Part
 
