@@ -55,7 +55,7 @@ class TighteningOptions:
     shares: tuple[float, ...] = (1.0, 0.5, 0.25)
     weight: float = 0.1
     least_weight: float = 1e-3
-    warm: InteriorPointOptions = InteriorPointOptions(barrier=1e-4, radius=0.02, iterations=400)
+    warm: InteriorPointOptions = InteriorPointOptions(barrier=1e-6, radius=0.02)
     holding: InteriorPointOptions = InteriorPointOptions(barrier=1e-4, penalty=100.0, radius=0.02, iterations=400)
 
 

@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from paretoik.errors import Infeasible
 from paretoik.trajectory.tightening import hold_between
 from paretoik.trajectory.transcription import motion_program
 from studies.benchmarks.between.cases import Case, minimise_from, random_cases
@@ -32,7 +33,10 @@ CASES, QUICK_CASES = 40, 4
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """A motion's worst violation, its place in words, the objective, and seconds; NaN without a motion."""
+    """A motion's worst violation, its place in words, the objective, and seconds; NaN without a motion.
+
+    The violation of a motion whose curve leaves its path between samples is infinite.
+    """
 
     violation: float = np.nan
     where: str = "none found"
@@ -92,7 +96,10 @@ def _minimised(case: Case, differences: str) -> tuple[np.ndarray | None, Outcome
 def _outcome(case: Case, differences: str, q: np.ndarray, seconds: float) -> Outcome:
     task = case.problem(differences).task
     motion = task.motion(q)
-    violation, where = worst_violation(task, motion)
+    try:
+        violation, where = worst_violation(task, motion)
+    except Infeasible as error:  # its curve leaves the path
+        violation, where = np.inf, str(error)
     return Outcome(violation=violation, where=where, objective=float(case.objective(motion)), seconds=seconds)
 
 

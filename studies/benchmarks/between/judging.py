@@ -17,8 +17,11 @@ from paretoik.task.motion_task import MotionTask
 from paretoik.task.sampling import Derivatives
 
 FINER = 50
-STEP = 1 / 40  # of an interval: four of them fit into half of it
-FORWARD = {1: (-25 / 12, 4.0, -3.0, 4 / 3, -1 / 4), 2: (35 / 12, -26 / 3, 19 / 2, -14 / 3, 11 / 12)}  # Fornberg 1988
+STEP = 1 / 40  # of an interval: five of them fit into half of it
+FORWARD = {  # weights of six neighbours for the first and second derivative (Fornberg 1988, table 3)
+    1: (-137 / 60, 5.0, -5.0, 10 / 3, -5 / 4, 1 / 5),
+    2: (15 / 4, -77 / 6, 107 / 6, -13.0, 61 / 12, -5 / 6),
+}
 
 
 def worst_violation(task: MotionTask, motion: Motion, finer: int = FINER) -> tuple[float, str]:
@@ -35,8 +38,8 @@ def worst_violation(task: MotionTask, motion: Motion, finer: int = FINER) -> tup
 
 def motion_at(motion: Motion, times: np.ndarray, step: float) -> Motion:
     """Return a motion's positions at times, and velocities and accelerations by differences of positions."""
-    ahead = (times[:, None] + step * np.arange(5)).ravel()
-    places = motion.at(np.clip(ahead, motion.time[0], motion.time[-1])).reshape(len(times), 5, -1)
+    ahead = (times[:, None] + step * np.arange(6)).ravel()
+    places = motion.at(np.clip(ahead, motion.time[0], motion.time[-1])).reshape(len(times), 6, -1)
     dq, ddq = (np.einsum("k,tkj->tj", FORWARD[order], places) / step**order for order in (1, 2))
     rates = Derivatives(dq=dq, ddq=ddq, jerk=np.zeros_like(dq), velocity_bounds=dq.copy())
     return replace(motion, time=times, q=places[:, 0], cyclic=False, derivatives=rates)
