@@ -8,15 +8,11 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from paretoik.arrays import Mask, Objectives, Values
 from paretoik.errors import InvalidInput
-
-if TYPE_CHECKING:
-    from paretoik.front.front import Front
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,11 +82,6 @@ def ranges_of(values: Objectives, sizes: Values | None = None) -> Values:
     return np.where(width > OPTIONS.rounding * sizes, width, np.where(sizes > 0, sizes, 1.0))
 
 
-def widths_of(front: Front) -> Values:
-    """Return the divisors (n_obj,) of objectives in a front's certificates: its ranges, as in ``ranges_of``."""
-    return ranges_of(front.ranges.T, np.abs(front.objectives).max(axis=0))
-
-
 def non_dominated(F: Objectives, tolerance: float = 0.0) -> Mask:
     """Mark the rows of `F` that no other row dominates; only the first of equal rows.
 
@@ -103,10 +94,16 @@ def non_dominated(F: Objectives, tolerance: float = 0.0) -> Mask:
         raise InvalidInput(f"non_dominated: tolerance must be a finite number >= 0, got {tolerance}")
     mask = np.zeros(len(F), dtype=bool)
     finite = np.flatnonzero(np.isfinite(F).all(axis=1))
-    if finite.size:
-        # With keep_weakly every copy stays, so that the first of them can be chosen below.
-        rows = finite[moocore.is_nondominated(F[finite], keep_weakly=True)]
-        mask[_first_of_each(F, rows, tolerance)] = True
+    if not finite.size:
+        return mask
+    # With keep_weakly every copy stays, so that the first of them can be chosen.
+    rows = finite[moocore.is_nondominated(F[finite], keep_weakly=True)]
+    if tolerance == 0.0:
+        mask[rows[np.unique(F[rows], axis=0, return_index=True)[1]]] = True
+        return mask
+    near = tolerance * np.ptp(F[rows], axis=0)
+    for row in rows:
+        mask[row] = not (np.abs(F[mask] - F[row]) <= near).all(axis=1).any()
     return mask
 
 
@@ -126,19 +123,6 @@ def _check_reference(F: Objectives, reference: Values | Sequence[float]) -> Valu
     if limit.shape != (F.shape[1],) or not np.isfinite(limit).all():
         raise InvalidInput(f"hypervolume reference must be {F.shape[1]} finite numbers, got {limit.tolist()}")
     return limit
-
-
-def _first_of_each(F: Objectives, rows: np.ndarray, tolerance: float) -> np.ndarray:
-    """Return the indices `rows` without those that repeat an earlier one within `tolerance` of the range."""
-    if tolerance == 0.0:
-        first: np.ndarray = rows[np.unique(F[rows], axis=0, return_index=True)[1]]
-        return first
-    near = tolerance * np.ptp(F[rows], axis=0)
-    chosen: list[int] = []
-    for index in rows:
-        if not (np.abs(F[chosen] - F[index]) <= near).all(axis=1).any():
-            chosen.append(int(index))
-    return np.array(chosen, dtype=int)
 
 
 # The hypervolume of a growing front, up to the corner of the first front, so that it never falls.
@@ -189,8 +173,10 @@ class HypervolumeCurve:
         if self._latest > self._options.free and self._spent > self._options.share * elapsed:
             return None
         started = time.thread_time()
-        former, self._number = self._value, number
-        self._value = 0.0 if corner is None else self._estimate(front, corner)
+        former, self._number, self._value = self._value, number, 0.0
+        if corner is not None:
+            self._width = ranges_of(np.vstack([front, corner])) if self._width is None else self._width
+            self._value = estimate_hypervolume(front, corner, self._width)
         if former:  # the first one also loads a library
             self._latest = time.thread_time() - started
             self._spent += self._latest
@@ -200,8 +186,3 @@ class HypervolumeCurve:
         """Return the last hypervolume in words, with its generation if that is not the present one."""
         then = "" if self._number == number else f" of generation {self._number}"
         return f"hypervolume {self._value:.4g}{then}"
-
-    def _estimate(self, front: Objectives, corner: Values) -> float:
-        if self._width is None:
-            self._width = ranges_of(np.vstack([front, corner]))
-        return estimate_hypervolume(front, corner, self._width)

@@ -14,7 +14,7 @@ from scipy.optimize import linprog, nnls
 from paretoik.front.certificates import Certificates
 from paretoik.front.front import Front
 from paretoik.front.geometry import PREFERENCE_OPTIONS as OPTIONS
-from paretoik.front.geometry import _unmatched_by_mixtures
+from paretoik.front.geometry import unmatched_by_mixtures
 from tests.front.random_fronts import random_front
 
 seeds = st.integers(0, 10**6)
@@ -204,7 +204,7 @@ def test_a_straight_and_a_bulging_front_are_reached_and_a_hollow_one_at_its_ends
 @pytest.mark.parametrize("seed", range(100))
 def test_the_hull_agrees_with_mixtures_of_points_for_two_objectives(seed):
     front = random_front(seed, n_obj=2, points=1 + seed)
-    assert np.array_equal(front.supported, _unmatched_by_mixtures(front.shares))
+    assert np.array_equal(front.supported, unmatched_by_mixtures(front.shares))
 
 
 def test_the_hull_of_a_front_is_computed_once():
@@ -229,7 +229,7 @@ def test_mixtures_of_near_points_decide_like_mixtures_of_all_points(n_obj):
     residuals = [nnls(matrix, np.append(point - OPTIONS.hull, 1.0))[1] for point in shares]
     expected = np.array(residuals) > 0.1 * OPTIONS.hull
     assert 0 < expected.sum() < 120
-    assert np.array_equal(_unmatched_by_mixtures(shares), expected)
+    assert np.array_equal(unmatched_by_mixtures(shares), expected)
 
 
 def test_a_point_next_to_a_steep_or_a_flat_side_of_the_hull_is_reached():

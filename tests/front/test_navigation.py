@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from paretoik.errors import Infeasible, InvalidInput
-from paretoik.front import Front
 from paretoik.front.certificates import Certificates, concatenate
+from paretoik.front.front import Front
 
 NAMES = ("energy", "torque", "travel")
 
