@@ -15,8 +15,6 @@ from paretoik.errors import InvalidInput
 from paretoik.inputs import shown
 from paretoik.tables import fit_screen, html_representation
 
-# Certificates in a few lines of text.
-
 
 def certificate_text(certificates: Certificates) -> str:
     """Return the points per status, the worst values, and why points are undetermined."""
@@ -46,9 +44,6 @@ def _worst(values: Values) -> str:
         return ""
     worst = float(np.fmax.reduce(values, initial=0.0))
     return f"at most {worst:.1e}" if worst else "at most 0"
-
-
-# Certificates of a front's points.
 
 
 WEIGHT_TOLERANCE = 1e-6  # share of all objectives' weight below which a point may be only weakly optimal

@@ -23,8 +23,6 @@ from paretoik.tables import field_representation, fit_screen, html_representatio
 if TYPE_CHECKING:
     Front = Any  # of a preference: the class on top, ``front.Front``
 
-# Numbers by objective, given as a mapping, keywords, or both.
-
 
 def named_numbers(
     kind: str, mapping: Mapping[str, float] | None, keywords: Mapping[str, float], *, signed: bool = True
@@ -51,9 +49,6 @@ def named_text(numbers: Mapping[str, float]) -> str:
     return ", ".join(f"{name}={value:g}" for name, value in numbers.items()) if identifiers else str(dict(numbers))
 
 
-# Ties: which point comes first if several have the same score.
-
-
 def first_row(front: FrontData, scores: Values, among: Mask | None = None) -> int:
     """Return the row with the least of ``scores`` (points,), in shares of the ranges.
 
@@ -66,9 +61,6 @@ def first_row(front: FrontData, scores: Values, among: Mask | None = None) -> in
         rows = rows[values[rows] <= values[rows].min() + OPTIONS.rounding]
     order = np.lexsort((front.ids[rows], *front.minimised[rows].T[::-1]))
     return int(rows[order[0]])
-
-
-# The expected result of a move along a front.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -91,9 +83,6 @@ class Prediction:
         return fit_screen(f"Prediction, not certified: {', '.join(values)}")
 
     _repr_html_ = html_representation
-
-
-# A chosen point, and the protocol of preferences.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -344,14 +333,19 @@ def percent(share: float) -> str:
     return f"{100 * share:.3g}%"
 
 
+def with_unit(front: FrontData, name: str, text: str) -> str:
+    """Return text that ends with a value of an objective, followed by its unit if it has one."""
+    return f"{text} {front.units[front.names.index(name)]}".rstrip()
+
+
 def quantity(front: FrontData, name: str, amount: float) -> str:
     """Return an amount of an objective with its unit, with three digits."""
-    return f"{float(f'{amount:.3g}'):g} {front.units[front.names.index(name)]}".rstrip()
+    return with_unit(front, name, f"{float(f'{amount:.3g}'):g}")
 
 
 def named_quantity(front: FrontData, axis: int, value: float) -> str:
     """Return a value of an objective with its name and unit, with four digits."""
-    return f"{front.names[axis]} {value:.4g} {front.units[axis]}".rstrip()
+    return with_unit(front, front.names[axis], f"{front.names[axis]} {value:.4g}")
 
 
 def list_words(words: Sequence[str], conjunction: str = "and") -> str:
@@ -425,7 +419,7 @@ def _rates(front: FrontData, choice: Choice) -> Iterator[str]:
         for rate in rates:
             is_one = np.isclose(rate.low, rate.high, rtol=1e-3, atol=0)
             value = f"{rate.low:.3g}" if is_one else f"{rate.low:.3g} to {rate.high:.3g}"
-            costs.append(f"{value} {front.units[front.names.index(rate.cost)]}".rstrip() + f" of {rate.cost}")
+            costs.append(f"{with_unit(front, rate.cost, value)} of {rate.cost}")
         verb, unit = ("gaining" if front.maximised[axis] else "saving"), front.units[axis] or "unit"
         text = f"By its certificate {verb} {gain} costs {list_words(costs, 'or')} per {unit}"
         text += ", the others unchanged" * (len(front.names) > 2)

@@ -19,8 +19,6 @@ from paretoik.front.points import PARTS, widths_of
 from paretoik.inputs import likely_spelling, shown
 from paretoik.tables import columns, html_table, html_text
 
-# Merging fronts of one problem into one front.
-
 
 def _joined(name: str, fronts: Sequence[Front], rows: Sequence[Int[np.ndarray, " _"]]) -> Any:
     """Return a part of all fronts, front by front; None if it is missing or does not agree."""

@@ -52,8 +52,6 @@ from paretoik.tables import fit_screen, html_representation
 
 __all__ = ["Choice", "Front", "Preference"]
 
-# A front in a notebook: the Rerun viewer below a cell.
-
 
 def view(
     front: Front,
@@ -102,9 +100,6 @@ def show_choice(front: Front) -> None:
         HANDED_DOWN["show_choice"](front)
 
 
-# Choosing a point of a front by a preference, and undoing a choice.
-
-
 def select(front: Front, preference: Preference | str | Mapping[str, float] | int, *, keep: bool = True) -> Choice:
     """Return the point that a preference chooses; a closed loop is followed again with it.
 
@@ -138,9 +133,6 @@ def undo(front: Front) -> Choice | None:
     go_back(front.folder, front=front)
     show_choice(front)
     return chosen(front)
-
-
-# The front.
 
 
 @check_call

@@ -10,8 +10,6 @@ from jaxtyping import Float, Int
 
 from paretoik.arrays import Mask, Objectives
 
-# Tangents of a front of two objectives, from the weights of the objectives at its points.
-
 
 def tangents_meet(
     left: Float[np.ndarray, " 2"],
@@ -48,9 +46,6 @@ def curve_area(values: Float[np.ndarray, "2 2"], meeting: Float[np.ndarray, " 2"
     offset = 0.5 * width if meeting is None else meeting - left
     bulge = (offset[0] * width[1] - offset[1] * width[0]) / 3  # two thirds of the triangle, positive below the chord
     return float(bulge - 0.5 * width[0] * width[1])
-
-
-# Tolerances of preferences and of their explanations.
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -256,5 +256,5 @@ def _critical_row(front: FrontData, choice: Choice | int | None, verb: str) -> i
 def _axes(front: FrontData, label: str, names: str | Sequence[str]) -> list[int]:
     """Return the indices of named objectives."""
     names = read_list(label, [names] if isinstance(names, str) else names, str, "names of objectives")
-    check_known(front, label, names)
+    check_known(front.names, label, names)
     return list(dict.fromkeys(front.names.index(name) for name in names))

@@ -2,7 +2,7 @@
 
 # Annotations are not postponed here: a class below a dataclass takes the types of the fields as they stand.
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -30,9 +30,6 @@ from paretoik.inputs import (
 )
 from paretoik.tables import field_representation, html_representation
 
-# Names and units of objectives that fit a table.
-
-
 RESERVED_NAMES = ("id", "violation", "violation_between", "criticality", "kkt_residual", "status")
 
 
@@ -51,9 +48,6 @@ def check_names(names: Sequence[str], units: Sequence[str]) -> None:
     for unit in units:
         if not isinstance(unit, str) or not unit.isprintable():
             raise InvalidInput(f"front units must be printable text, got {shown(unit)}")
-
-
-# The part of a motion that a front uses, so that it depends on no robot.
 
 
 @runtime_checkable
@@ -222,9 +216,6 @@ def check_ranges(values: np.ndarray, objectives: Objectives) -> Ranges:
             f"front ranges must have upper − lower of at most {np.finfo(float).max:.3g}, got {ranges[wide][0].tolist()}"
         )
     return read_only(ranges)
-
-
-# The data of a front.
 
 
 PARTS = ("genes", "motions", "violation", "certificates")  # what a point of a front may have
@@ -468,7 +459,7 @@ def bounds_by_axis(
 
     Raises InvalidInput, by ``name``, for a bound of an unknown objective.
     """
-    check_known(front, name, bounds)
+    check_known(front.names, name, bounds)
     limits = np.tile([-np.inf, np.inf], (len(front.names), 1))
     for objective, pair in bounds.items():
         for side, value in enumerate(pair):
@@ -483,9 +474,9 @@ def inside(front: FrontData, limits: Float[np.ndarray, "n_obj 2"]) -> Mask:
     return np.asarray(((front.objectives >= low) & (front.objectives <= high)).all(axis=1))
 
 
-def check_known(front: FrontData, name: str, objectives: Mapping[str, object] | Sequence[str]) -> None:
-    """Raise InvalidInput, with the valid names, if a name is no objective of the front."""
-    unknown = [each for each in objectives if each not in front.names]
-    if unknown:
-        hint = likely_spelling(unknown[0], front.names)
-        raise InvalidInput(f"{name} must have names among {', '.join(front.names)}, got {shown(unknown[0])}{hint}")
+def check_known(names: Sequence[str], label: str, given: Iterable[str]) -> None:
+    """Raise InvalidInput, with the valid names, if a given one is not among them."""
+    for each in given:
+        if each not in names:
+            hint = likely_spelling(each, names)
+            raise InvalidInput(f"{label} must have names among {', '.join(names)}, got {shown(each)}{hint}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,13 +20,14 @@ from paretoik.front.choice import (
     named_text,
     percent,
     quantity,
+    with_unit,
 )
 from paretoik.front.geometry import PREFERENCE_OPTIONS as OPTIONS
 from paretoik.front.points import Front, FrontData, check_front, check_known, row_of, shares_of
 from paretoik.inputs import check_call, is_integer, read_list, shown
 from paretoik.tables import html_representation
 
-# A preference by classification: objectives that improve and objectives that may get worse (NIMBUS).
+CLASSES = ("improve", "improve_to", "keep", "relax_to", "free")
 
 
 @check_call
@@ -78,7 +79,7 @@ class Classify:
             assign(self, field, read_list(f"classify {field}", names, str, "a list of names"))
         for field, values in (("improve_to", improve_to), ("relax_to", relax_to)):
             assign(self, field, named_numbers(f"classify {field}", values, {}))
-        names = [name for _, name in self._classes()]
+        names = self._names()
         twice = [name for name in names if names.count(name) > 1]
         if twice:
             raise InvalidInput(f"classify: each objective must be in one class, got {twice[0]} in several")
@@ -88,8 +89,7 @@ class Classify:
             raise InvalidInput("classify: an objective must be allowed to get worse (relax_to or free), got none")
 
     def __repr__(self) -> str:
-        fields = ("improve", "improve_to", "keep", "relax_to", "free")
-        classes = {field: getattr(self, field) for field in fields if getattr(self, field)}
+        classes = {field: getattr(self, field) for field in CLASSES if getattr(self, field)}
         plain = {field: dict(value) if isinstance(value, Mapping) else list(value) for field, value in classes.items()}
         return f"Classify({self.current}, {', '.join(f'{field}={value!r}' for field, value in plain.items())})"
 
@@ -99,8 +99,8 @@ class Classify:
         """Return the best point that satisfies the classes; raises InvalidInput if these do not suit the front."""
         check_front(front)
         start = row_of(front, self.current, name="classify")
-        names = [name for _, name in self._classes()]
-        check_known(front, "classify", names)
+        names = self._names()
+        check_known(front.names, "classify", names)
         if missing := set(front.names) - set(names):
             raise InvalidInput(f"classify: every objective must be in a class, got {sorted(missing)[0]} in none")
         values = {
@@ -126,28 +126,19 @@ class Classify:
         row, others = first_row(front, scores, within), int(within.sum()) - 1
 
         if row == start:
-            outcome = (
-                f"none of {others} others that satisfy this does better" if others else "no other point satisfies this"
-            )
-            outcome += ", so that it stays"
+            outcome = f"none of {others} others that satisfy this does better, so that it stays"
+            outcome = outcome if others else "no other point satisfies this, so that it stays"
         else:
             change = compare(front, start, row)
             gains = amounts_in_words(front, change.gains, better=True)
             costs = amounts_in_words(front, change.costs, better=False)
             outcome = f"point {front.ids[row]} does best of {others} others that satisfy this, with {gains} for {costs}"
-        return explain(
-            front,
-            row,
-            f"From point {self.current}, {self._in_words(front)}: {outcome}.",
-            preference=self,
-            score=float(scores[row]),
-            details={"current": int(self.current), "within": tuple(front.ids[within].tolist())},
-        )
+        verdict = f"From point {self.current}, {self._in_words(front)}: {outcome}."
+        details = {"current": int(self.current), "within": tuple(front.ids[within].tolist())}
+        return explain(front, row, verdict, preference=self, score=float(scores[row]), details=details)
 
-    def _classes(self) -> Iterator[tuple[str, str]]:
-        for field in ("improve", "improve_to", "keep", "relax_to", "free"):
-            for name in getattr(self, field):
-                yield field, name
+    def _names(self) -> list[str]:
+        return [name for field in CLASSES for name in getattr(self, field)]
 
     def _check_values(self, front: FrontData, start: int, values: Mapping[str, float]) -> None:
         """Raise InvalidInput if a value to improve or relax to, minimised, is on the wrong side of the current one."""
@@ -162,8 +153,7 @@ class Classify:
 
     def _in_words(self, front: FrontData) -> str:
         def to(values: Mapping[str, float]) -> list[str]:
-            units = {name: front.units[front.names.index(name)] for name in values}
-            return [f"{name} to {value:.4g} {units[name]}".rstrip() for name, value in values.items()]
+            return [with_unit(front, name, f"{name} to {value:.4g}") for name, value in values.items()]
 
         words = [f"improve {list_words(self.improve)}"] if self.improve else []
         words += [f"improve {goal}" for goal in to(self.improve_to)]
@@ -171,9 +161,6 @@ class Classify:
         words += [f"relax {goal}" for goal in to(self.relax_to)]
         words += [f"leave {list_words(self.free)} free"] if self.free else []
         return list_words(words)
-
-
-# A preference by desired values of the objectives.
 
 
 @check_call
@@ -207,7 +194,7 @@ class Aspiration:
     def choose(self, front: Front) -> Choice:
         """Return the point with the least achievement function; raises InvalidInput if a name is no objective."""
         check_front(front)
-        check_known(front, "aspiration", self.values)
+        check_known(front.names, "aspiration", self.values)
         axes = np.array([front.names.index(name) for name in self.values])
         wishes = np.full(len(front.names), np.nan)
         wishes[axes] = list(self.values.values())
@@ -220,28 +207,20 @@ class Aspiration:
         meets = ~(missed > OPTIONS.rounding * np.ptp(front.ranges, axis=1))
         met_by = front.ids[meets[:, axes].all(axis=1)].tolist()
         misses = {front.names[axis]: float(missed[row, axis]) for axis in axes if not meets[row, axis]}
-        return explain(
-            front,
-            row,
-            self._verdict(front, row, met_by, misses, excess[row]),
-            preference=self,
-            score=float(score[row]),
-            details={
-                "within_reach": bool(met_by),
-                "misses": misses,
-                "spares": {front.names[axis]: float(-missed[row, axis]) for axis in axes if meets[row, axis]},
-                "worst_share": float(excess[row].max()),
-            },
-        )
+        details = {
+            "within_reach": bool(met_by),
+            "misses": misses,
+            "spares": {front.names[axis]: float(-missed[row, axis]) for axis in axes if meets[row, axis]},
+            "worst_share": float(excess[row].max()),
+        }
+        verdict = self._verdict(front, row, met_by, misses, excess[row])
+        return explain(front, row, verdict, preference=self, score=float(score[row]), details=details)
 
     def _verdict(
         self, front: FrontData, row: int, met_by: Sequence[int], misses: Mapping[str, float], excess: Values
     ) -> str:
-        wishes = []
-        for name, value in self.values.items():
-            axis = front.names.index(name)
-            side = "least" if front.maximised[axis] else "most"
-            wishes.append(f"{name} at {side} {value:.4g} {front.units[axis]}".rstrip())
+        sides = dict(zip(front.names, np.where(front.maximised, "least", "most"), strict=True))
+        wishes = [with_unit(front, each, f"{each} at {sides[each]} {value:.4g}") for each, value in self.values.items()]
         point, worst = f"point {front.ids[row]} of {len(front)}", list(self.values)[int(excess.argmax())]
         wish = f"The wish, {list_words(wishes)}, is"
         if not misses and excess.max() > -OPTIONS.rounding:

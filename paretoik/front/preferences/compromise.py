@@ -14,8 +14,6 @@ from paretoik.front.points import Front, FrontData, check_front, check_has_point
 from paretoik.inputs import check_call
 from paretoik.tables import html_representation
 
-# A preference for one point, by its id.
-
 
 @dataclass(frozen=True)
 class Point:
@@ -29,9 +27,6 @@ class Point:
         """Return the point; raises InvalidInput if the front does not have it."""
         row = row_of(front, self.point, name="select: point")
         return explain(front, row, f"Point {front.ids[row]} of {len(front)} was picked by its id.", preference=self)
-
-
-# The knee of a front as a preference.
 
 
 @check_call
@@ -82,31 +77,27 @@ class Knee:
                 f"knee: a point must be below the straight line between the ends, got none among {len(front)}: "
                 "no knee; use Compromise or Aspiration"
             )
-        return explain(
-            front,
-            row,
+        verdict = (
             f"{subject(front, row)} is the knee: it lies farthest below the straight line between the ends, points "
             f"{front.ids[ends[0]]} and {front.ids[ends[1]]}: {percent(depths[row])} of the way from the line to the "
-            "best of both.",
-            preference=self,
-            score=-float(depths[row]),
-            details={"depth": float(depths[row]), "ends": tuple(int(front.ids[end]) for end in ends)},
+            "best of both."
         )
+        depth = float(depths[row])
+        details = {"depth": depth, "ends": tuple(int(front.ids[end]) for end in ends)}
+        return explain(front, row, verdict, preference=self, score=-depth, details=details)
 
     def _least_trade_off(self, front: FrontData) -> Choice:
         ratios = np.array([_trade_offs(front, row).min() for row in range(len(front))])
         row = first_row(front, -ratios)
         other = int(front.ids[first_row(front, _trade_offs(front, row))])
-        return explain(
-            front,
-            row,
+        verdict = (
             f"{subject(front, row)} is the knee, with the largest least trade-off: going from it to any other costs at "
             f"least {ratios[row]:.3g} times what it gains, in shares of the ranges; going to point {other} costs that "
-            "little.",
-            preference=self,
-            score=-float(ratios[row]),
-            details={"least_trade_off": float(ratios[row]), "nearest_exchange": other},
+            "little."
         )
+        ratio = float(ratios[row])
+        details = {"least_trade_off": ratio, "nearest_exchange": other}
+        return explain(front, row, verdict, preference=self, score=-ratio, details=details)
 
 
 def _trade_offs(front: FrontData, row: int) -> Values:
@@ -118,9 +109,6 @@ def _trade_offs(front: FrontData, row: int) -> Values:
     ratios = np.full(len(front), np.inf)
     np.divide(costs, gains, out=ratios, where=gains > 0)
     return ratios
-
-
-# The compromise of a front as a preference.
 
 
 COMPROMISE_IN_WORDS = "the point whose hardest-hit objective gives up the least, as a share of its range on the front"
@@ -146,13 +134,8 @@ class Compromise:
         row = first_row(front, scores)
         worst = int(front.shares[row].argmax())
         given_up = f", {COMPROMISE_IN_WORDS}: {percent(front.shares[row, worst])}, of {front.names[worst]}"
-        return explain(
-            front,
-            row,
-            f"{subject(front, row)} is the compromise{given_up if len(front) > 1 else ''}.",
-            preference=self,
-            score=float(scores[row]),
-        )
+        verdict = f"{subject(front, row)} is the compromise{given_up if len(front) > 1 else ''}."
+        return explain(front, row, verdict, preference=self, score=float(scores[row]))
 
 
 def score_shares(shares: Objectives) -> Values:

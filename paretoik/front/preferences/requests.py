@@ -11,7 +11,16 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.errors import Infeasible, InvalidInput
-from paretoik.front.choice import Choice, Preference, check_preference, explain, first_row, list_words, percent
+from paretoik.front.choice import (
+    Choice,
+    Preference,
+    check_preference,
+    explain,
+    first_row,
+    list_words,
+    percent,
+    with_unit,
+)
 from paretoik.front.points import (
     Bound,
     Front,
@@ -27,8 +36,6 @@ from paretoik.front.preferences.compromise import Compromise, Knee, Point
 from paretoik.front.preferences.weights import Weights
 from paretoik.inputs import check_call, is_integer, likely_spelling, shown, user_function
 from paretoik.tables import html_representation
-
-# A preference by bounds, and by another preference that decides among the points within.
 
 
 @check_call
@@ -77,14 +84,10 @@ class Bounds:
         choice = ask(self.then, part)
         count = f"all {len(front)}" if len(part) == len(front) else f"{len(part)} of {len(front)}"
         verb = "has" if len(part) == 1 < len(front) else "have"
-        return explain(
-            front,
-            row_of(front, choice.id),
-            f"{count.capitalize()} points {verb} {_in_words(front, limits)}. {choice.verdict}",
-            preference=self,
-            score=choice.score,
-            details={**choice.details, "within": tuple(part.ids.tolist())},
-        )
+        verdict = f"{count.capitalize()} points {verb} {_in_words(front, limits)}. {choice.verdict}"
+        details = {**choice.details, "within": tuple(part.ids.tolist())}
+        row = row_of(front, choice.id)
+        return explain(front, row, verdict, preference=self, score=choice.score, details=details)
 
 
 def _out_of_bounds(front: FrontData, limits: Float[np.ndarray, "n_obj 2"]) -> Infeasible:
@@ -95,12 +98,11 @@ def _out_of_bounds(front: FrontData, limits: Float[np.ndarray, "n_obj 2"]) -> In
     shares = missed / np.where(width > 0, width, np.maximum(np.abs(front.ranges).max(axis=1), 1e-300))
     row = first_row(front, shares.max(axis=1))
     worst = int(shares[row].argmax())
-    parts = [
-        f"{front.names[axis]} {front.objectives[row, axis]:.4g} misses it by "
-        f"{missed[row, axis]:.3g} {front.units[axis]}".rstrip()
-        + f" ({percent(shares[row, axis])} of {'the range' if width[axis] > 0 else 'the value that all have'})"
-        for axis in np.flatnonzero(missed[row]).tolist()
-    ]
+    parts = []
+    for axis in np.flatnonzero(missed[row]).tolist():
+        name, whole = front.names[axis], "the range" if width[axis] > 0 else "the value that all have"
+        text = f"{name} {front.objectives[row, axis]:.4g} misses it by {missed[row, axis]:.3g}"
+        parts.append(f"{with_unit(front, name, text)} ({percent(shares[row, axis])} of {whole})")
     return Infeasible(
         f"bounds: a point must have {_in_words(front, limits)}, got none of {len(front)} points; nearest is point "
         f"{front.ids[row]}: {list_words(parts)}",
@@ -116,7 +118,7 @@ def _in_words(front: FrontData, limits: Float[np.ndarray, "n_obj 2"]) -> str:
         sides = zip(("at least", "at most"), limits[axis].tolist(), strict=True)
         parts = [f"{side} {value:.4g}" for side, value in sides if np.isfinite(value)]
         if parts:
-            words.append(f"{name} {list_words(parts)} {front.units[axis]}".rstrip())
+            words.append(with_unit(front, name, f"{name} {list_words(parts)}"))
     return list_words(words) or "no bound"
 
 

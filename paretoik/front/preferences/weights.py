@@ -18,13 +18,12 @@ from paretoik.front.choice import (
     named_numbers,
     named_text,
     subject,
+    with_unit,
 )
 from paretoik.front.geometry import PREFERENCE_OPTIONS as OPTIONS
 from paretoik.front.points import Front, FrontData, check_front, check_known
-from paretoik.inputs import check_call, finite_number, likely_spelling, shown
+from paretoik.inputs import check_call, finite_number, shown
 from paretoik.tables import html_representation
-
-# A lexicographic preference: the first objective decides, the second among equally good points, and so on.
 
 
 @check_call
@@ -66,11 +65,7 @@ class Lexicographic:
             for field, each in (("tolerances", tolerances), ("tolerance_shares", tolerance_shares))
         )
         for field, named in (("tolerances", amounts), ("tolerance_shares", shares)):
-            for name in named.keys() - set(order):
-                hint = likely_spelling(name, order)
-                raise InvalidInput(
-                    f"lexicographic {field} must have names among {', '.join(order)}, got {shown(name)}{hint}"
-                )
+            check_known(order, f"lexicographic {field}", named)
         both = [name for name in amounts if name in shares]
         if both:
             raise InvalidInput(f"lexicographic: {both[0]} must have one tolerance, got one in units and one as a share")
@@ -90,31 +85,23 @@ class Lexicographic:
     def choose(self, front: Front) -> Choice:
         """Return the point that the order leads to; raises InvalidInput if a name is no objective."""
         check_front(front)
-        check_known(front, "lexicographic", self.order)
+        check_known(front.names, "lexicographic", self.order)
         among, words, remaining = np.ones(len(front), dtype=bool), [], {}
         for name in self.order:
             axis = front.names.index(name)
-            width, unit = float(np.ptp(front.ranges[axis])), front.units[axis]
+            width = float(np.ptp(front.ranges[axis]))
             tolerance = self.tolerances.get(name, self.tolerance_shares.get(name, 0.0) * width)
             best = float(front.minimised[among, axis].min())
             among &= front.minimised[:, axis] <= best + tolerance + OPTIONS.rounding * width
             count = remaining[name] = int(among.sum())
             verb = ("is" if count == 1 else "are") if tolerance else ("has" if count == 1 else "have")
-            within = f" within {f'{tolerance:.3g} {unit}'.rstrip()} of" if tolerance else ""
-            value = f"{name}, {-best if front.maximised[axis] else best:.4g}"
-            words.append(f"{count} {verb}{within} the best {value} {unit}".rstrip())
+            within = f" within {with_unit(front, name, f'{tolerance:.3g}')} of" if tolerance else ""
+            value = -best if front.maximised[axis] else best
+            words.append(with_unit(front, name, f"{count} {verb}{within} the best {name}, {value:.4g}"))
         row = first_row(front, np.zeros(len(front)), among)
         last = f"point {front.ids[row]}" + ", whose sum of shares is the lowest" * (count > 1)
-        return explain(
-            front,
-            row,
-            f"Among {len(front)} points, {'; among these, '.join(words)}: {last}.",
-            preference=self,
-            details={"remaining": remaining},
-        )
-
-
-# A preference by weights.
+        verdict = f"Among {len(front)} points, {'; among these, '.join(words)}: {last}."
+        return explain(front, row, verdict, preference=self, details={"remaining": remaining})
 
 
 @check_call
@@ -162,14 +149,9 @@ class Weights:
             )
             verdict += "others" + f", among them its neighbour{'s' * (len(near) > 1)} {list_words(near)}" * bool(near)
             verdict += "; an aspiration can reach them."
-        return explain(
-            front,
-            row,
-            verdict,
-            preference=self,
-            score=float(sums[row]),
-            details={"weights": dict(zip(front.names, weights.tolist(), strict=True)), "unreached": tuple(unreached)},
-        )
+        named = dict(zip(front.names, weights.tolist(), strict=True))
+        details = {"weights": named, "unreached": tuple(unreached)}
+        return explain(front, row, verdict, preference=self, score=float(sums[row]), details=details)
 
 
 def check_weights(kind: str, mapping: Mapping[str, float] | None, keywords: Mapping[str, float]) -> Mapping[str, float]:
@@ -182,7 +164,7 @@ def check_weights(kind: str, mapping: Mapping[str, float] | None, keywords: Mapp
 
 def weights_by_axis(front: FrontData, named: Mapping[str, float], kind: str) -> Values:
     """Return the weights of a front's objectives, their sum 1; raises InvalidInput if one names no objective."""
-    check_known(front, kind, named)
+    check_known(front.names, kind, named)
     weights: Values = np.array([named.get(name, 0.0) for name in front.names])
     weights /= weights.max()  # so that the sum of huge weights stays finite
     return weights / weights.sum()
@@ -191,9 +173,6 @@ def weights_by_axis(front: FrontData, named: Mapping[str, float], kind: str) -> 
 def weights_in_words(front: FrontData, weights: Values) -> str:
     """Return the weights that are not 0 in percent, by name."""
     return ", ".join(f"{name} {weight:.3g}%" for name, weight in zip(front.names, 100 * weights, strict=True) if weight)
-
-
-# A preference by weights that are not known exactly.
 
 
 @check_call
@@ -249,15 +228,9 @@ class Robust:
             text += f"{front.ids[rival]} is less by that amount."
         else:
             text += ": for all of these it has the least weighted sum."
-        return explain(
-            front,
-            row,
-            text,
-            preference=self,
-            score=regret,
-            details={
-                "weights": dict(zip(front.names, weights.tolist(), strict=True)),
-                "worst_weights": dict(zip(front.names, worst.tolist(), strict=True)),
-                "rival": int(front.ids[rival]),
-            },
-        )
+        details = {
+            "weights": dict(zip(front.names, weights.tolist(), strict=True)),
+            "worst_weights": dict(zip(front.names, worst.tolist(), strict=True)),
+            "rival": int(front.ids[rival]),
+        }
+        return explain(front, row, text, preference=self, score=regret, details=details)
