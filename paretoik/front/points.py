@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Protocol, Self, TypeAlias, TypeVar, runtime_checkable
+from typing import Any, Protocol, TypeAlias, TypeVar, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -92,8 +92,8 @@ class StoredMotions:
     def __len__(self) -> int:
         return len(self.q)
 
-    def __getitem__(self, index: Any, /) -> Self:
-        return type(self)(arm=self.arm, time=self.time[index], q=self.q[index])
+    def __getitem__(self, index: Any, /) -> "StoredMotions":
+        return StoredMotions(arm=self.arm, time=self.time[index], q=self.q[index])
 
 
 # How fronts were made, as names and values.
