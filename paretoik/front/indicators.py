@@ -1,4 +1,4 @@
-"""Hypervolume, non-domination, ideal and nadir of objectives, all minimised.
+"""Hypervolume and non-domination of objectives, all minimised.
 
 Rows with a NaN or an infinity are ignored: a failed evaluation is no point.
 """
@@ -33,22 +33,16 @@ class IndicatorOptions:
 OPTIONS = IndicatorOptions()
 
 
-def hypervolume(F: Objectives, reference: Values | Sequence[float], *, check: bool = False) -> float:
+def hypervolume(F: Objectives, reference: Values | Sequence[float]) -> float:
     """Return the volume that `F` dominates and `reference` bounds, in the product of the objectives' units.
 
     Points that are not below the reference in every objective add nothing; neither do rows that are not finite. Raises
-    InvalidInput if the reference is no vector of `n_obj` finite numbers, and, with `check`, if a point adds nothing.
+    InvalidInput if the reference is no vector of `n_obj` finite numbers.
     """
     import moocore
 
     limit = _check_reference(F, reference)
-    finite = np.isfinite(F).all(axis=1)
-    counts = finite & np.less(F, limit).all(axis=1)
-    if check and not counts.all():
-        raise InvalidInput(
-            f"hypervolume reference {limit.tolist()} must be beyond every point, got "
-            f"{int((finite & ~counts).sum())} of {len(F)} points not below it and {int((~finite).sum())} not finite"
-        )
+    counts = np.isfinite(F).all(axis=1) & np.less(F, limit).all(axis=1)
     return float(moocore.hypervolume(F[counts], limit)) if counts.any() else 0.0
 
 
@@ -105,17 +99,6 @@ def non_dominated(F: Objectives, tolerance: float = 0.0) -> Mask:
     for row in rows:
         mask[row] = not (np.abs(F[mask] - F[row]) <= near).all(axis=1).any()
     return mask
-
-
-def ideal_and_nadir(F: Objectives) -> tuple[Values, Values]:
-    """Return the best and the worst value of each objective over the non-dominated rows of `F`.
-
-    Raises InvalidInput if no row is finite.
-    """
-    front = F[non_dominated(F)]
-    if len(front) == 0:
-        raise InvalidInput(f"ideal and nadir: there must be at least one finite point, got none among {len(F)}")
-    return front.min(axis=0), front.max(axis=0)
 
 
 def _check_reference(F: Objectives, reference: Values | Sequence[float]) -> Values:
