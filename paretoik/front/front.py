@@ -13,14 +13,7 @@ import numpy as np
 from paretoik.arrays import Ids
 from paretoik.errors import InvalidInput
 from paretoik.front import navigation, storage
-from paretoik.front.choice import (
-    Choice,
-    Preference,
-    check_preference,
-    explain,
-    explain_named,
-    named_quantity,
-)
+from paretoik.front.choice import Choice, Preference, check_preference, explain, explain_named, named_quantity
 from paretoik.front.choice_tree import Choices, chosen, go_back, keep_choice, kept_choices
 from paretoik.front.points import (
     Bound,

@@ -19,15 +19,7 @@ import numpy as np
 
 from paretoik.errors import InvalidInput, InvalidRun
 from paretoik.front.certificates import Certificates
-from paretoik.front.points import (
-    Front,
-    FrontData,
-    JointMotions,
-    MotionBuilder,
-    StoredJoints,
-    StoredMotions,
-    attach,
-)
+from paretoik.front.points import Front, FrontData, JointMotions, MotionBuilder, StoredJoints, StoredMotions, attach
 from paretoik.runs.file_replacement import only_writer, replace_files, without_writers
 from paretoik.runs.files import (
     CHOICES,
