@@ -11,11 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import linprog, nnls
 
-from paretoik.front.certificates import Certificates
 from paretoik.front.front import Front
 from paretoik.front.geometry import PREFERENCE_OPTIONS as OPTIONS
 from paretoik.front.geometry import unmatched_by_mixtures
-from tests.front.random_fronts import random_front
+from tests.front.random_fronts import minima, random_front
 
 seeds = st.integers(0, 10**6)
 
@@ -45,16 +44,6 @@ def certified(problem, *, scales=(1.0, 1.0), maximised=(False, False)):
     weights = np.abs(slope[:, ::-1]) / np.abs(slope).sum(axis=1, keepdims=True)
     rates = np.ones((len(values), 2, 2))
     rates[:, 0, 1], rates[:, 1, 0] = rate, 1 / rate
-    zeros = np.zeros(len(values))
-    certificates = Certificates(
-        violation=zeros,
-        violation_between=zeros,
-        criticality=zeros,
-        weights=weights,
-        exchange_rates=rates,
-        exchange_intervals=np.stack([rates, rates], axis=-1),
-        status=np.full(len(values), "minimum"),
-    )
     bound = SimpleNamespace(
         values_between=lambda front, shares: problem.values_between(front, shares) * np.array(scales)
     )
@@ -64,7 +53,7 @@ def certified(problem, *, scales=(1.0, 1.0), maximised=(False, False)):
         names=["one", "other"],
         units=["", ""],
         maximised=maximised,
-        certificates=certificates,
+        certificates=minima(weights, rates),
         problem=bound,
     )
 
