@@ -7,7 +7,7 @@ from typing import Any
 
 import lazy_loader
 
-from .capability.keepers import KEEPERS as _KEEPERS
+from .handed_down import HANDED_DOWN as _HANDED_DOWN
 
 
 def _keep_path(*arguments: Any, **named: Any) -> Any:
@@ -17,6 +17,20 @@ def _keep_path(*arguments: Any, **named: Any) -> Any:
     return keep_path(*arguments, **named)
 
 
-_KEEPERS.append(_keep_path)  # its package is below ``api`` and cannot import it
+def _open_view(*arguments: Any, **named: Any) -> Any:
+    """Return a front in a notebook."""
+    from .review.drawing.front_view import open_view
+
+    return open_view(*arguments, **named)
+
+
+def _show_choice(*arguments: Any, **named: Any) -> Any:
+    """Make the recording of a front's run open on the present choice."""
+    from .review.drawing.choice_layer import show_choice_in_recording
+
+    return show_choice_in_recording(*arguments, **named)
+
+
+_HANDED_DOWN.update(keep_path=_keep_path, open_view=_open_view, show_choice=_show_choice)
 __version__ = "0.1.0"
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -14,6 +14,7 @@ import pytest
 
 import paretoik
 from paretoik import errors
+from studies.benchmarks.sizes import circles, imported_files
 
 ROOT = Path(__file__).parents[1]
 
@@ -111,6 +112,13 @@ def test_no_room_reaches_through_the_face():
         if alias.name in paretoik.__all__
     ]
     assert reached == []
+
+
+def test_no_files_of_the_library_import_each_other_in_a_circle():
+    """Not even by way of others, within functions, or for type checks."""
+    library = ROOT / "paretoik"
+    files = {file.relative_to(library).as_posix(): file.read_text(encoding="utf-8") for file in library.rglob("*.py")}
+    assert circles(imported_files({name: ast.parse(text) for name, text in files.items()})) == []
 
 
 def test_the_modules_doctests_are_run():

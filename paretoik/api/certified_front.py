@@ -17,8 +17,8 @@ from paretoik.errors import ParetoikError
 from paretoik.formulations.protocol import Differentiable, Individuals, added_samples, exceeded_between, task_of
 from paretoik.front.certificates import Certificates
 from paretoik.front.front import Front
-from paretoik.front.indicators import ranges_of, widths_of
-from paretoik.front.points import confirmation
+from paretoik.front.indicators import ranges_of
+from paretoik.front.points import confirmation, widths_of
 from paretoik.nlp.minimise import chosen_solver
 from paretoik.nlp.program import Program, Solver
 from paretoik.pareto.certificates import OPTIONS as CERTIFICATES

@@ -10,8 +10,8 @@ from typing import Any, TypeVar
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.capability.keepers import KEEPERS
 from paretoik.capability.speed_models import SpeedModel
+from paretoik.handed_down import HANDED_DOWN
 from paretoik.inputs import check_flag
 
 Result = TypeVar("Result")
@@ -40,5 +40,5 @@ def run_path(
     check_flag("overwrite", overwrite)
     if out is None and observe is None:  # the quick way, for thousands of paths
         return compute()
-    result: Result = KEEPERS[0](query, compute, out=out, overwrite=overwrite, observe=observe)
+    result: Result = HANDED_DOWN["keep_path"](query, compute, out=out, overwrite=overwrite, observe=observe)
     return result

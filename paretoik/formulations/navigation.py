@@ -18,9 +18,8 @@ from paretoik.formulations.protocol import Differentiable, Individuals, exceeded
 from paretoik.front.certificates import Certificates, concatenate
 from paretoik.front.choice import Prediction
 from paretoik.front.front import Front
-from paretoik.front.indicators import widths_of
 from paretoik.front.navigation import NavigationRequest
-from paretoik.front.points import NAVIGATIONS, StoredJoints, StoredMotions, largest_id, take
+from paretoik.front.points import NAVIGATIONS, StoredJoints, StoredMotions, largest_id, take, widths_of
 from paretoik.nlp.program import Goal, Program
 from paretoik.pareto.certificates import certify
 from paretoik.pareto.continuation import Optimum, can_follow, guess_optimum

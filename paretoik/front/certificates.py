@@ -15,33 +15,27 @@ from paretoik.errors import InvalidInput
 from paretoik.inputs import shown
 from paretoik.tables import fit_screen, html_representation
 
-# Certificates in a few lines of text.
-
 
 def certificate_text(certificates: Certificates) -> str:
     """Return the points per status, the worst values, and why points are undetermined."""
     values, counts = np.unique(certificates.status, return_counts=True)
-    statuses = ", ".join(f"{count} {status}" for status, count in zip(values, counts, strict=True))
-    lines = [
-        f"certified: {statuses or 'no point'}; criticality {_worst(certificates.criticality) or 'unknown'}, "
-        f"{_violation_text(certificates)}"
-    ]
+    statuses = ", ".join(f"{count} {status}" for status, count in zip(values, counts, strict=True)) or "no point"
+    samples, between = _worst(certificates.violation), _worst(certificates.violation_between)
+    if samples:
+        violation = f"limits violated by {samples} at the samples"
+        violation += f" and {between} between them" if between else ", violation between them unknown"
+    else:
+        violation = "violation of limits unknown" + f" at the samples, {between} between them" * bool(between)
+    lines = [f"certified: {statuses}; criticality {_worst(certificates.criticality) or 'unknown'}, {violation}"]
     if errors := _worst(certificates.discretisation_error.max(axis=1, initial=0.0)):
         lines.append(f"values off those of the curves by {errors} of their units")
-    reasons, counts = np.unique(_kinds_of_reason(certificates), return_counts=True)
+    reasons = certificates.reason[certificates.status == "undetermined"].tolist()
+    if len(reasons) > 1:  # the same text if only numbers differ
+        reasons = [re.sub(r"^(criticality|curvature) \S+?(:?) ", r"\1\2 ", reason) for reason in reasons]
+    kinds, counts = np.unique([reason for reason in reasons if reason], return_counts=True)
     order = np.argsort(-counts, kind="stable")
-    lines += [f"undetermined: {counts[i]} of {len(certificates)}, {reasons[i]}" for i in order]
+    lines += [f"undetermined: {counts[i]} of {len(certificates)}, {kinds[i]}" for i in order]
     return "\n".join(lines)
-
-
-def _violation_text(certificates: Certificates) -> str:
-    """Return the worst violations of limits, at the samples and between them, in words."""
-    samples, between = _worst(certificates.violation), _worst(certificates.violation_between)
-    if samples and between:
-        return f"limits violated by {samples} at the samples and {between} between them"
-    if samples:
-        return f"limits violated by {samples} at the samples, violation between them unknown"
-    return f"violation of limits unknown{between and f' at the samples, {between} between them'}"
 
 
 def _worst(values: Values) -> str:
@@ -50,17 +44,6 @@ def _worst(values: Values) -> str:
         return ""
     worst = float(np.fmax.reduce(values, initial=0.0))
     return f"at most {worst:.1e}" if worst else "at most 0"
-
-
-def _kinds_of_reason(certificates: Certificates) -> list[str]:
-    """Return the reasons of undetermined points, the same text if only numbers differ."""
-    reasons = certificates.reason[certificates.status == "undetermined"].tolist()
-    if len(reasons) > 1:
-        reasons = [re.sub(r"^(criticality|curvature) \S+?(:?) ", r"\1\2 ", reason) for reason in reasons]
-    return [reason for reason in reasons if reason]
-
-
-# Certificates of a front's points.
 
 
 WEIGHT_TOLERANCE = 1e-6  # share of all objectives' weight below which a point may be only weakly optimal

@@ -2,47 +2,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import groupby
 from numbers import Real
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Protocol, TypeGuard, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from paretoik.arrays import Mask, Values
 from paretoik.errors import InvalidInput
+from paretoik.front.certificates import WEIGHT_TOLERANCE
 from paretoik.front.geometry import PREFERENCE_OPTIONS as OPTIONS
-from paretoik.inputs import check_call, check_mapping, shown
+from paretoik.front.points import NAVIGATIONS, FrontData, merge_named
+from paretoik.inputs import check_call, check_text, finite_number, shown
 from paretoik.tables import field_representation, fit_screen, html_representation
 
 if TYPE_CHECKING:
-    from paretoik.front.front import Front
-
-# Numbers by objective, given as a mapping, keywords, or both.
+    Front = Any  # of a preference: the class on top, ``front.Front``
 
 
 def named_numbers(
-    kind: str,
-    mapping: Mapping[str, float] | None,
-    keywords: Mapping[str, float],
-    *,
-    accept: Callable[[float], bool] = np.isfinite,
-    requirement: str = "a finite number",
+    kind: str, mapping: Mapping[str, float] | None, keywords: Mapping[str, float], *, signed: bool = True
 ) -> Mapping[str, float]:
-    """Return read-only numbers by objective; raises InvalidInput for other values and repeated names."""
-    if mapping is not None:
-        check_mapping(kind, mapping, "numbers by objective", example="{'energy': 0.3}")
-    merged = dict(mapping or {})
-    twice = sorted(merged.keys() & keywords.keys())
-    if twice:
-        raise InvalidInput(f"{kind} must have each objective once, got {twice[0]} twice")
-    merged.update(keywords)
+    """Return read-only numbers by objective, ``signed`` or at least 0.
+
+    Raises InvalidInput for other values and repeated names.
+    """
+    merged: Mapping[str, Any] = merge_named(kind, mapping, keywords, "numbers", "{'energy': 0.3}")
     for name, value in merged.items():
-        if not _is_number(value) or not accept(float(value)):
-            raise InvalidInput(f"{kind} must be {requirement} for {name}, got {shown(value)}")
+        try:
+            is_number = isinstance(value, Real) and not isinstance(value, bool) and np.isfinite(float(value))
+        except OverflowError:  # an integer that no float can hold
+            is_number = False
+        if not is_number or (value < 0 and not signed):
+            wish = "a finite number" if signed else "a finite number >= 0"
+            raise InvalidInput(f"{kind} must be {wish} for {name}, got {shown(value)}")
     return MappingProxyType({name: float(value) for name, value in merged.items()})
 
 
@@ -52,17 +49,7 @@ def named_text(numbers: Mapping[str, float]) -> str:
     return ", ".join(f"{name}={value:g}" for name, value in numbers.items()) if identifiers else str(dict(numbers))
 
 
-def _is_number(value: object) -> bool:
-    try:
-        return not isinstance(value, bool) and isinstance(value, Real) and not np.isnan(float(value))
-    except OverflowError:
-        return False
-
-
-# Ties: which point comes first if several have the same score.
-
-
-def first_row(front: Front, scores: Values, among: Mask | None = None) -> int:
+def first_row(front: FrontData, scores: Values, among: Mask | None = None) -> int:
     """Return the row with the least of ``scores`` (points,), in shares of the ranges.
 
     Scores within rounding of the least are equal. Among these the point with the lowest sum of shares ΣZ comes first,
@@ -74,9 +61,6 @@ def first_row(front: Front, scores: Values, among: Mask | None = None) -> int:
         rows = rows[values[rows] <= values[rows].min() + OPTIONS.rounding]
     order = np.lexsort((front.ids[rows], *front.minimised[rows].T[::-1]))
     return int(rows[order[0]])
-
-
-# The expected result of a move along a front.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -99,9 +83,6 @@ class Prediction:
         return fit_screen(f"Prediction, not certified: {', '.join(values)}")
 
     _repr_html_ = html_representation
-
-
-# A chosen point, and the protocol of preferences.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -205,21 +186,59 @@ class Preference(Protocol):
         """Return the preferred point of `front`."""
 
 
-def is_preference(value: object) -> TypeGuard[Preference]:
-    """Return whether a value can choose a point; not a class, nor an array, whose ``choose`` is another one."""
-    return callable(getattr(type(value), "choose", None)) and not isinstance(value, type | np.ndarray)
-
-
 def check_preference(name: str, value: object) -> None:
-    """Raise InvalidInput, by ``name``, unless a value is a preference or None."""
-    if value is not None and not is_preference(value):
+    """Raise InvalidInput, by ``name``, unless a value can choose a point; no class, nor array."""
+    if not callable(getattr(type(value), "choose", None)) or isinstance(value, type | np.ndarray):
         raise InvalidInput(f"{name}: must be a preference, such as Weights(...), got {shown(value)}")
 
 
 # The explanation of a point: ends of the front, neighbours, exchange rates and how far they hold.
 
 
-def compare_ends(front: Front, row: int) -> tuple[Comparison, ...]:
+def explain(
+    front: FrontData,
+    row: int,
+    verdict: str,
+    *,
+    preference: Any = None,
+    score: float | None = None,
+    details: Mapping[str, Any] | None = None,
+) -> Choice:
+    """Return the point of a row as a choice with its reason.
+
+    Raises InvalidInput for a verdict that is no line of text, or a score that is not finite.
+    """
+    check_text("verdict", verdict)
+    if score is not None:
+        finite_number("score", score)
+    choice = Choice(
+        id=int(front.ids[row]),
+        index=row,
+        objectives=front.objectives[row],
+        motion=None if front.motions is None else front.motions[row],
+        reason="",
+        verdict=verdict,
+        preference=preference,
+        score=score,
+        details=MappingProxyType(dict(details or {})),
+        shares=front.shares[row],
+        ends=compare_ends(front, row),
+        neighbours=compare_neighbours(front, row),
+        rates=exchange_rates(front, row),
+        jumps=tuple(pair for pair in front.jumps or () if int(front.ids[row]) in pair),
+    )
+    sentences = [verdict] if len(front) == 1 else [verdict, *_trade_offs(front, choice), *_rates(front, choice)]
+    return replace(choice, reason=" ".join(filter(None, sentences)))
+
+
+def explain_named(front: FrontData, row: int) -> Choice:
+    """Return the point of a row that was named; its verdict says how a move led to it, if one did."""
+    id = int(front.ids[row])
+    moves = [move for move in front.provenance.get(NAVIGATIONS, ()) if move["to"] == id]
+    return explain(front, row, str(moves[-1]["reason"]) if moves else f"Point {id} was named.")
+
+
+def compare_ends(front: FrontData, row: int) -> tuple[Comparison, ...]:
     """Return the best points of the objectives in which the point of a row is not the best."""
     shares, best = front.shares, dict[int, list[str]]()
     for axis, name in enumerate(front.names):
@@ -228,7 +247,7 @@ def compare_ends(front: Front, row: int) -> tuple[Comparison, ...]:
     return tuple(compare(front, row, other, names) for other, names in best.items())
 
 
-def compare_neighbours(front: Front, row: int) -> tuple[Comparison, ...]:
+def compare_neighbours(front: FrontData, row: int) -> tuple[Comparison, ...]:
     """Return for each objective the nearest point, in shares, that is better in it."""
     shares, nearest = front.shares, dict[int, list[str]]()
     distance = np.linalg.norm(shares - shares[row], axis=1)
@@ -239,27 +258,7 @@ def compare_neighbours(front: Front, row: int) -> tuple[Comparison, ...]:
     return tuple(compare(front, row, other, names) for other, names in nearest.items())
 
 
-def jumps_beside(front: Front, row: int) -> tuple[tuple[int, int], ...]:
-    """Return the jumps of the front that begin or end at the point of a row."""
-    return tuple(pair for pair in front.jumps or () if int(front.ids[row]) in pair)
-
-
-def exchange_rates(front: Front, row: int) -> tuple[ExchangeRate, ...]:
-    """Return the certified exchange rates of a row, and how far they hold; none without certificates."""
-    if front.certificates is None:
-        return ()
-    rates = np.sort(np.abs(front.certificates.exchange_intervals[row]), axis=-1)
-    result = []
-    for i, gain in enumerate(front.names):
-        reach = _reach(front, row, i, rates)
-        for j, cost in enumerate(front.names):
-            low, high = map(float, rates[i, j])
-            if i != j and np.isfinite(high):
-                result.append(replace(reach, gain=gain, cost=cost, low=low, high=high))
-    return tuple(result)
-
-
-def compare(front: Front, row: int, other: int, better_in: Sequence[str] = ()) -> Comparison:
+def compare(front: FrontData, row: int, other: int, better_in: Sequence[str] = ()) -> Comparison:
     """Return the point of row ``other`` compared with that of ``row``."""
     gained = front.shares[row] - front.shares[other]
     amounts = np.abs(front.objectives[other] - front.objectives[row])
@@ -270,31 +269,41 @@ def compare(front: Front, row: int, other: int, better_in: Sequence[str] = ()) -
     return Comparison(id=int(front.ids[other]), better_in=tuple(better_in), gains=gains, costs=costs)
 
 
-def _reach(front: Front, row: int, axis: int, rates: Float[np.ndarray, "n_obj n_obj 2"]) -> ExchangeRate:
-    """Return how far all rates that gain an objective hold, as a rate without its value.
+def exchange_rates(front: FrontData, row: int) -> tuple[ExchangeRate, ...]:
+    """Return the certified exchange rates of a row, and how far they hold; none without certificates."""
+    if front.certificates is None:
+        return ()
+    rates = np.sort(np.abs(front.certificates.exchange_intervals[row]), axis=-1)
+    jumps = np.flatnonzero(np.isin(front.ids, [pair[0] for pair in front.jumps or ()]))
+    on_branch = np.searchsorted(jumps, np.arange(len(front))) == np.searchsorted(jumps, row)
+    shares, result = front.shares, list[ExchangeRate]()
+    for i, gain in enumerate(front.names):
+        # Points that gain are checked from the nearest (in shares) on, until rates do not hold or the front jumps.
+        better = np.flatnonzero(shares[row, i] - shares[:, i] > OPTIONS.rounding)
+        distance = np.linalg.norm(shares[better] - shares[row], axis=1)
+        rows = better[np.lexsort((front.ids[better], distance))]
+        holds = _holds(front, row, i, rates)
+        if holds is None:
+            rows, holds = rows[:0], on_branch
+        count = int(np.argmin(np.append((holds & on_branch)[rows], False)))
+        last, after = rows[:count][-1:], rows[count:][:1]
+        for j, cost in enumerate(front.names):
+            low, high = map(float, rates[i, j])
+            if i != j and np.isfinite(high):
+                rate = ExchangeRate(
+                    gain=gain,
+                    cost=cost,
+                    low=low,
+                    high=high,
+                    holds_to=int(front.ids[last[0]]) if len(last) else None,
+                    holds_for=float(np.abs(front.objectives[last, i] - front.objectives[row, i]).sum()),
+                    fails_at=int(front.ids[after[0]]) if len(after) else None,
+                )
+                result.append(rate)
+    return tuple(result)
 
-    Points that gain in it are checked from the nearest (in shares) on, until rates do not hold or the front jumps.
-    """
-    shares = front.shares
-    better = np.flatnonzero(shares[row, axis] - shares[:, axis] > OPTIONS.rounding)
-    distance = np.linalg.norm(shares[better] - shares[row], axis=1)
-    rows = better[np.lexsort((front.ids[better], distance))]
-    holds = _holds(front, row, axis, rates)
-    unknown = ExchangeRate(gain="", cost="", low=np.nan, high=np.nan)
-    if holds is None or not len(rows):
-        return unknown
-    count = int(np.argmin(np.append(holds[rows] & ~_beyond_jump(front, row)[rows], False)))
-    last, after = rows[:count][-1:], rows[count:][:1]
-    gained = np.abs(front.objectives[last, axis] - front.objectives[row, axis])
-    return replace(
-        unknown,
-        holds_to=int(front.ids[last[0]]) if len(last) else None,
-        holds_for=float(gained.sum()),
-        fails_at=int(front.ids[after[0]]) if len(after) else None,
-    )
 
-
-def _holds(front: Front, row: int, axis: int, rates: Float[np.ndarray, "n_obj n_obj 2"]) -> Mask | None:
+def _holds(front: FrontData, row: int, axis: int, rates: Float[np.ndarray, "n_obj n_obj 2"]) -> Mask | None:
     """Mark the points whose costs, seen from ``row``, the rates predict; None if rates are missing.
 
     The cost in objective j is Σ_k r_kj g_k over the gains g_k of all others: the tangent plane of the front.
@@ -311,21 +320,12 @@ def _holds(front: Front, row: int, axis: int, rates: Float[np.ndarray, "n_obj n_
     return holds
 
 
-def _beyond_jump(front: Front, row: int) -> Mask:
-    """Mark the points beyond a jump, seen from the point of a row; none if jumps are unknown."""
-    starts: Int[np.ndarray, " jumps"] = np.flatnonzero(np.isin(front.ids, [pair[0] for pair in front.jumps or ()]))
-    crossed: Values = np.searchsorted(starts, np.arange(len(front))) - np.searchsorted(starts, row)
-    return np.asarray(crossed != 0)
-
-
 # The reason of a choice in sentences, made only from its fields.
 
 
-def subject(front: Front, row: int) -> str:
+def subject(front: FrontData, row: int) -> str:
     """Return the first words of a verdict on the point of a row."""
-    if len(front) == 1:
-        return f"Point {front.ids[row]}, the only one,"
-    return f"Point {front.ids[row]} of {len(front)}"
+    return f"Point {front.ids[row]}" + (", the only one," if len(front) == 1 else f" of {len(front)}")
 
 
 def percent(share: float) -> str:
@@ -333,9 +333,19 @@ def percent(share: float) -> str:
     return f"{100 * share:.3g}%"
 
 
-def quantity(front: Front, name: str, amount: float) -> str:
+def with_unit(front: FrontData, name: str, text: str) -> str:
+    """Return text that ends with a value of an objective, followed by its unit if it has one."""
+    return f"{text} {front.units[front.names.index(name)]}".rstrip()
+
+
+def quantity(front: FrontData, name: str, amount: float) -> str:
     """Return an amount of an objective with its unit, with three digits."""
-    return f"{float(f'{amount:.3g}'):g} {front.units[front.names.index(name)]}".rstrip()
+    return with_unit(front, name, f"{float(f'{amount:.3g}'):g}")
+
+
+def named_quantity(front: FrontData, axis: int, value: float) -> str:
+    """Return a value of an objective with its name and unit, with four digits."""
+    return with_unit(front, front.names[axis], f"{front.names[axis]} {value:.4g}")
 
 
 def list_words(words: Sequence[str], conjunction: str = "and") -> str:
@@ -343,77 +353,7 @@ def list_words(words: Sequence[str], conjunction: str = "and") -> str:
     return f" {conjunction} ".join(filter(None, [", ".join(words[:-1]), *words[-1:]]))
 
 
-def explain(
-    front: Front, row: int, verdict: str, *, preference: Any, score: float | None, details: Mapping[str, Any]
-) -> Choice:
-    """Return the point of a row as a choice with its reason."""
-    choice = Choice(
-        id=int(front.ids[row]),
-        index=row,
-        objectives=front.objectives[row],
-        motion=None if front.motions is None else front.motions[row],
-        reason="",
-        verdict=verdict,
-        preference=preference,
-        score=score,
-        details=MappingProxyType(dict(details)),
-        shares=front.shares[row],
-        ends=compare_ends(front, row),
-        neighbours=compare_neighbours(front, row),
-        rates=exchange_rates(front, row),
-        jumps=jumps_beside(front, row),
-    )
-    return replace(choice, reason=_reason(front, choice))
-
-
-def _reason(front: Front, choice: Choice) -> str:
-    """Return why a point was chosen, its values, its trade-offs, and how far its rates hold."""
-    if len(front) == 1:
-        return choice.verdict
-    sentences = [choice.verdict, _place(front, choice), *_ends(front, choice), *_neighbours(front, choice)]
-    return " ".join(filter(None, [*sentences, *_jumps(choice), *_rates(front, choice)]))
-
-
-def _place(front: Front, choice: Choice) -> str:
-    """Return the objectives' values, and their distances from the best if no other sentence gives these."""
-    parts = []
-    for axis, (share, (low, high)) in enumerate(zip(choice.shares.tolist(), front.ranges.tolist(), strict=True)):
-        note = " (the same at every point)" if low == high else ""
-        if low < high and len(front.names) > OPTIONS.described:
-            note = f" ({percent(share)} of the range from the best)"
-        parts.append(f"{front.quantity(axis, choice.objectives[axis])}{note}")
-    return f"It has {list_words(parts)}."
-
-
-def _ends(front: Front, choice: Choice) -> Iterator[str]:
-    names = {name for end in choice.ends for name in end.better_in}
-    best = [
-        name for name, (low, high) in zip(front.names, front.ranges, strict=True) if low < high and name not in names
-    ]
-    if best:
-        yield f"No point is better in {list_words(best, 'or')}."
-    if len(front.names) > OPTIONS.described:
-        parts = [f"point {end.id} in {list_words(end.better_in)}" for end in choice.ends]
-        yield f"The best are {list_words(parts)}." if parts else ""
-        return
-    for end in choice.ends:
-        more, less = (
-            amounts_in_words(front, end.gains, better=False, shares=True),
-            amounts_in_words(front, end.costs, better=True, shares=True),
-        )
-        yield f"Compared with point {end.id}, the best in {list_words(end.better_in)}, it has {more} for {less}."
-
-
-def _neighbours(front: Front, choice: Choice) -> Iterator[str]:
-    parts = []
-    for each in choice.neighbours[: OPTIONS.described]:
-        gains, costs = (amounts_in_words(front, part, better=part is each.gains) for part in (each.gains, each.costs))
-        parts.append(f"point {each.id} has {gains} for {costs}")
-    if parts:
-        yield f"Its neighbour{'s' * (len(parts) > 1)}: {'; '.join(parts)}."
-
-
-def amounts_in_words(front: Front, amounts: Mapping[str, float], *, better: bool, shares: bool = False) -> str:
+def amounts_in_words(front: FrontData, amounts: Mapping[str, float], *, better: bool, shares: bool = False) -> str:
     """Return amounts in words, such as "0.3 J more energy"; ``better`` says whether the point gains by them."""
     words = []
     for name, amount in amounts.items():
@@ -424,54 +364,69 @@ def amounts_in_words(front: Front, amounts: Mapping[str, float], *, better: bool
     return list_words(words)
 
 
-def _jumps(choice: Choice) -> Iterator[str]:
+def _trade_offs(front: FrontData, choice: Choice) -> Iterator[str]:
+    """Yield sentences on a point's values, on the ends of the front, on neighbours and on jumps."""
+    # Distances from the best are given with the values if there are too many objectives for a sentence on each.
+    several = len(front.names) > OPTIONS.described
+    parts = []
+    for axis, (share, (low, high)) in enumerate(zip(choice.shares.tolist(), front.ranges.tolist(), strict=True)):
+        distance = f" ({percent(share)} of the range from the best)" * several
+        note = " (the same at every point)" if low == high else distance
+        parts.append(f"{named_quantity(front, axis, choice.objectives[axis])}{note}")
+    yield f"It has {list_words(parts)}."
+
+    names = {name for end in choice.ends for name in end.better_in}
+    ranged = [name for name, (low, high) in zip(front.names, front.ranges, strict=True) if low < high]
+    if best := [name for name in ranged if name not in names]:
+        yield f"No point is better in {list_words(best, 'or')}."
+    if several and choice.ends:
+        yield f"The best are {list_words([f'point {end.id} in {list_words(end.better_in)}' for end in choice.ends])}."
+    for end in choice.ends if not several else ():
+        more = amounts_in_words(front, end.gains, better=False, shares=True)
+        less = amounts_in_words(front, end.costs, better=True, shares=True)
+        yield f"Compared with point {end.id}, the best in {list_words(end.better_in)}, it has {more} for {less}."
+
+    parts = []
+    for each in choice.neighbours[: OPTIONS.described]:
+        gains = amounts_in_words(front, each.gains, better=True)
+        costs = amounts_in_words(front, each.costs, better=False)
+        parts.append(f"point {each.id} has {gains} for {costs}")
+    if parts:
+        yield f"Its neighbour{'s' * (len(parts) > 1)}: {'; '.join(parts)}."
     for one, other in choice.jumps:
         yield f"Between points {one} and {other} the front jumps to another branch of optima."
 
 
-def _rates(front: Front, choice: Choice) -> Iterator[str]:
+def _rates(front: FrontData, choice: Choice) -> Iterator[str]:
+    """Yield a sentence on the exchange rates of every objective that can gain, or why there are none."""
     certificates, row = front.certificates, choice.index
-    if certificates is None:
-        return
-    if not choice.rates:
+    if certificates is not None and not choice.rates:
         cause = str(certificates.reason[row])
         if not cause and certificates.weak[row]:
-            weak = [name for name, weight in zip(front.names, certificates.weights[row], strict=True) if weight < 1e-6]
+            weights = zip(front.names, certificates.weights[row], strict=True)
+            weak = [name for name, weight in weights if weight < WEIGHT_TOLERANCE]
             cause = f"{list_words(weak)} has no weight, as at an end of the front"
         yield f"No exchange rate is certified here{': ' * bool(cause)}{cause}."
-        return
     gained = {name for neighbour in choice.neighbours for name in neighbour.better_in}
-    for gain, rates in groupby(choice.rates, key=lambda rate: rate.gain):
-        if gain in gained:  # in the other objectives no point is better
-            yield _rate_sentence(front, gain, list(rates))
-
-
-def _rate_sentence(front: Front, gain: str, rates: list[ExchangeRate]) -> str:
-    axis = front.names.index(gain)
-    if len(front.names) > OPTIONS.described:  # the cheapest, in shares of the ranges
-        rates = [
-            min(rates, key=lambda rate: rate.high / max(np.ptp(front.ranges[front.names.index(rate.cost)]), 1e-300))
-        ]
-    costs = []
-    for rate in rates:
-        value = (
-            f"{rate.low:.3g}"
-            if np.isclose(rate.low, rate.high, rtol=1e-3, atol=0)
-            else f"{rate.low:.3g} to {rate.high:.3g}"
-        )
-        costs.append(f"{value} {front.units[front.names.index(rate.cost)]}".rstrip() + f" of {rate.cost}")
-    verb, unit = ("gaining" if front.maximised[axis] else "saving"), front.units[axis] or "unit"
-    condition = ", the others unchanged" if len(front.names) > 2 else ""
-    price = f"By its certificate {verb} {gain} costs {list_words(costs, 'or')} per {unit}{condition}"
-    return f"{price}{_validity(front, rates[0])}."
-
-
-def _validity(front: Front, rate: ExchangeRate) -> str:
-    if rate.holds_to is not None:
-        amount = quantity(front, rate.gain, rate.holds_for)
-        return f"; that holds within {OPTIONS.prediction:.0%} as far as point {rate.holds_to}, {amount} away"
-    return (
-        ""
-        if rate.fails_at is None
-        else f"; it is off by more than {OPTIONS.prediction:.0%} already at point {rate.fails_at}"
-    )
+    for gain, group in groupby(choice.rates, key=lambda rate: rate.gain):
+        if gain not in gained:  # no point is better in it
+            continue
+        axis, rates = front.names.index(gain), list(group)
+        if len(front.names) > OPTIONS.described:  # the cheapest, in shares of the ranges
+            widths = dict(zip(front.names, np.ptp(front.ranges, axis=1), strict=True))
+            rates = [min(rates, key=lambda rate: rate.high / max(widths[rate.cost], 1e-300))]
+        costs = []
+        for rate in rates:
+            is_one = np.isclose(rate.low, rate.high, rtol=1e-3, atol=0)
+            value = f"{rate.low:.3g}" if is_one else f"{rate.low:.3g} to {rate.high:.3g}"
+            costs.append(f"{with_unit(front, rate.cost, value)} of {rate.cost}")
+        verb, unit = ("gaining" if front.maximised[axis] else "saving"), front.units[axis] or "unit"
+        text = f"By its certificate {verb} {gain} costs {list_words(costs, 'or')} per {unit}"
+        text += ", the others unchanged" * (len(front.names) > 2)
+        reach = rates[0]
+        if reach.holds_to is not None:
+            away = quantity(front, gain, reach.holds_for)
+            text += f"; that holds within {OPTIONS.prediction:.0%} as far as point {reach.holds_to}, {away} away"
+        elif reach.fails_at is not None:
+            text += f"; it is off by more than {OPTIONS.prediction:.0%} already at point {reach.fails_at}"
+        yield f"{text}."

@@ -12,28 +12,27 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from paretoik.errors import InvalidInput, InvalidRun, warn_user
-from paretoik.front.choice import Choice, Preference
-from paretoik.front.points import row_of
+from paretoik.front.choice import Choice, Preference, explain_named
+from paretoik.front.points import FrontData, row_of
+from paretoik.front.storage import stored_points
 from paretoik.paths import missing_file
 from paretoik.runs.file_replacement import only_writer, replace_file
 from paretoik.runs.files import CHOICES, RUN, check_digest, read_run, run_bytes, to_json
 from paretoik.tables import field_representation, fit_screen, html_representation
 
-if TYPE_CHECKING:
-    from paretoik.front.front import Front
-
-
-@dataclass(frozen=True, kw_only=True)
-class ChoiceOptions:
-    """Limits on what is kept of a choice."""
-
-    text: int = 300  # most characters of a preference's text: a user's own may have any number
-
-
-OPTIONS = ChoiceOptions()
+ENTRY_TYPES = {
+    "id": int,
+    "parent": int | None,
+    "point": int,
+    "preference": dict,
+    "objectives": dict,
+    "reason": str,
+    "time": str,
+}
+LONGEST_TEXT = 300  # characters that are kept of a preference's text: a user's own may have any number
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,22 +80,21 @@ class Choices:
 
     @property
     def text(self) -> str:
-        """The whole tree, one line per choice, with the present one marked."""
-        return "\n".join(self._lines()) or "no choice yet"
-
-    def _lines(self) -> Iterator[str]:
-        """Yield one line per choice; only branches are indented."""
+        """The whole tree, one line per choice, with the present one marked; only branches are indented."""
         children: dict[int | None, list[KeptChoice]] = {}
         for entry in self.entries:
             children.setdefault(entry.parent, []).append(entry)
-        stack = [("  " * (len(children.get(None, ())) > 1), entry) for entry in reversed(children.get(None, ()))]
+        lines, stack = list[str](), list[tuple[str, int | None]]([("", None)])
         while stack:
-            indent, entry = stack.pop()
-            values = ", ".join(f"{name} {value:.4g}" for name, value in entry.objectives.items())
-            mark = "  <- now" if entry.id == self.current else ""
-            yield f"{indent}{entry.id}. point {entry.point} ({values}) by {entry.preference['text']}{mark}"
-            following = children.get(entry.id, ())
-            stack += [(indent + "  " * (len(following) > 1), each) for each in reversed(following)]
+            indent, id = stack.pop()
+            if id is not None:
+                entry = self.entries[id - 1]
+                values = ", ".join(f"{name} {value:.4g}" for name, value in entry.objectives.items())
+                mark = "  <- now" if id == self.current else ""
+                lines.append(f"{indent}{id}. point {entry.point} ({values}) by {entry.preference['text']}{mark}")
+            following = children.get(id, ())
+            stack += [(indent + "  " * (len(following) > 1), each.id) for each in reversed(following)]
+        return "\n".join(lines) or "no choice yet"
 
 
 def read_choices(folder: Path) -> Choices:
@@ -111,14 +109,23 @@ def read_choices(folder: Path) -> Choices:
     check_digest(file, content)
     try:
         entries, current = content["entries"], content["current"]
-        _check_tree(entries, current)
+        for place, entry in enumerate(entries, 1):  # ids count from 1 on, and parents come first
+            wrong = [name for name, kind in ENTRY_TYPES.items() if not isinstance(entry[name], kind)]
+            if wrong:
+                raise ValueError(f"{wrong[0]} of entry {place} is {entry[wrong[0]]!r}")
+            if not isinstance(entry["preference"].get("text"), str):
+                raise ValueError(f"the preference of entry {place} has no text")
+            if entry["id"] != place or not (entry["parent"] is None or 1 <= entry["parent"] < place):
+                raise ValueError(f"entry {place} is out of order")
+        if not (current is None or (isinstance(current, int) and 1 <= current <= len(entries))):
+            raise ValueError(f"no entry {current!r}")
         return Choices(entries=tuple(KeptChoice(**entry) for entry in entries), current=current)
     except (KeyError, TypeError, ValueError) as fault:
         raise InvalidRun(f"{file}: entries must be choices, got others: {fault}") from fault
 
 
 def keep_choice(
-    front: Front, choice: Choice, preference: Preference, *, former: Mapping[str, Any] | None = None
+    front: FrontData, choice: Choice, preference: Preference, *, former: Mapping[str, Any] | None = None
 ) -> bool:
     """Append a choice to those in the front's run folder, and return whether it is kept.
 
@@ -129,7 +136,12 @@ def keep_choice(
     assert folder is not None
     try:
         with _run_locked(folder):
-            _check_holds(front, choice, folder)
+            try:
+                values = stored_points(folder).get(choice.id)
+            except InvalidRun as fault:
+                raise InvalidInput(str(fault)) from fault
+            if values is None or list(values) != choice.objectives.tolist():
+                raise InvalidInput(f"{folder} must be the run with point {choice.id} of this front, got another")
             choices = read_choices(folder)
             entry = KeptChoice(
                 id=len(choices) + 1,
@@ -150,7 +162,7 @@ def keep_choice(
     return True
 
 
-def go_back(folder: Path, *, front: Front | None = None) -> Choices:
+def go_back(folder: Path, *, front: FrontData | None = None) -> Choices:
     """Make the parent of the present choice the present one.
 
     Raises InvalidInput if there is no choice, and if a given ``front`` does not have the parent's point.
@@ -166,15 +178,18 @@ def go_back(folder: Path, *, front: Front | None = None) -> Choices:
     return choices
 
 
-def chosen(front: Front) -> Choice | None:
+def kept_choices(front: FrontData) -> Choices:
+    """Return the choices kept in the front's run folder; none without a folder."""
+    return Choices() if front.folder is None else read_choices(front.folder)
+
+
+def chosen(front: FrontData) -> Choice | None:
     """Return the present choice of the front's run folder with its stored reason, or None.
 
     Raises InvalidInput if the front does not have its point.
     """
-    entry = front.choices.chosen
-    if entry is None:
-        return None
-    return replace(front[entry.point], reason=entry.reason)
+    entry = kept_choices(front).chosen
+    return None if entry is None else replace(explain_named(front, row_of(front, entry.point)), reason=entry.reason)
 
 
 def present_point(choices: Choices, *, name: str) -> int:
@@ -188,7 +203,7 @@ def present_point(choices: Choices, *, name: str) -> int:
 
 
 def pick_point(
-    front: Front, point: Choice | int | None, *, name: str, otherwise: Callable[[Front], Choice] | None = None
+    front: FrontData, point: Choice | int | None, *, name: str, otherwise: Callable[[FrontData], Choice] | None = None
 ) -> Choice:
     """Return a point of a front: the named one, or else the present choice, or the only point.
 
@@ -196,23 +211,23 @@ def pick_point(
     does not have, and if there is no point to pick.
     """
     if point is not None:
-        return front[int(front.ids[row_of(front, getattr(point, "id", point), name=name)])]
+        return explain_named(front, row_of(front, getattr(point, "id", point), name=name))
     choice = chosen(front)
     if choice is None and otherwise is not None:
         choice = otherwise(front)
-    return choice or front[present_id(front, name=name)]
+    return choice or explain_named(front, row_of(front, present_id(front, name=name)))
 
 
-def present_id(front: Front, *, name: str) -> int:
+def present_id(front: FrontData, *, name: str) -> int:
     """Return the id of the present choice or of the only point; raises InvalidInput, by ``name``, for neither."""
-    choices = front.choices
+    choices = kept_choices(front)
     return int(front.ids[0]) if choices.chosen is None and len(front) == 1 else present_point(choices, name=name)
 
 
 def preference_data(preference: Preference) -> dict[str, Any]:
     """Return a preference as data: type, text, and for one of this project its parameters by name."""
     kind = type(preference)
-    data = {"type": kind.__name__, "text": repr(preference)[: OPTIONS.text]}
+    data = {"type": kind.__name__, "text": repr(preference)[:LONGEST_TEXT]}
     if not kind.__module__.startswith("paretoik."):
         return data
     values = {name: getattr(preference, name) for name in getattr(kind, "__dataclass_fields__", ())}
@@ -221,50 +236,9 @@ def preference_data(preference: Preference) -> dict[str, Any]:
     }
 
 
-ENTRY_TYPES = {
-    "id": int,
-    "parent": int | None,
-    "point": int,
-    "preference": dict,
-    "objectives": dict,
-    "reason": str,
-    "time": str,
-}
-
-
-def _check_tree(entries: Any, current: Any) -> None:
-    """Raise ValueError unless ids count from 1 on, parents come first, and the current id exists."""
-    for place, entry in enumerate(entries, 1):
-        wrong = [name for name, kind in ENTRY_TYPES.items() if not isinstance(entry[name], kind)]
-        if wrong:
-            raise ValueError(f"{wrong[0]} of entry {place} is {entry[wrong[0]]!r}")
-        if not isinstance(entry["preference"].get("text"), str):
-            raise ValueError(f"the preference of entry {place} has no text")
-        if entry["id"] != place or not (entry["parent"] is None or 1 <= entry["parent"] < place):
-            raise ValueError(f"entry {place} is out of order")
-    if not (current is None or (isinstance(current, int) and 1 <= current <= len(entries))):
-        raise ValueError(f"no entry {current!r}")
-
-
-def _check_holds(front: Front, choice: Choice, folder: Path) -> None:
-    """Raise InvalidInput unless a run folder contains the chosen point of a front."""
-    from paretoik.front.storage import stored_points
-
-    try:
-        values = stored_points(folder).get(choice.id)
-    except InvalidRun as fault:
-        raise InvalidInput(str(fault)) from fault
-    if values is None or list(values) != choice.objectives.tolist():
-        raise InvalidInput(f"{folder} must be the run with point {choice.id} of this front, got another")
-
-
 def _write(folder: Path, choices: Choices) -> None:
-    replace_file(folder / CHOICES, choices_bytes(choices))
-
-
-def choices_bytes(choices: Choices) -> bytes:
-    """Return the content of `choices.json`."""
-    return run_bytes({"entries": [asdict(entry) for entry in choices.entries], "current": choices.current})
+    content = {"entries": [asdict(entry) for entry in choices.entries], "current": choices.current}
+    replace_file(folder / CHOICES, run_bytes(content))
 
 
 @contextmanager

@@ -8,128 +8,62 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
 from paretoik.arrays import Objectives, Values
 from paretoik.errors import InvalidInput
 from paretoik.front.certificates import concatenate
 from paretoik.front.front import Front
-from paretoik.front.indicators import estimate_hypervolume, non_dominated, ranges_of, widths_of
-from paretoik.front.points import differences as differing_entries
+from paretoik.front.indicators import estimate_hypervolume, non_dominated, ranges_of
+from paretoik.front.points import PARTS, widths_of
 from paretoik.inputs import likely_spelling, shown
 from paretoik.tables import columns, html_table, html_text
 
-# Merging fronts of one problem into one front.
 
-
-Rows = Sequence[Int[np.ndarray, " _"]]
-PARTS = ("genes", "motions", "violation", "certificates")
-
-
-def merge(comparison: Comparison) -> Front:
-    """Return one front of the points that no point of any front dominates.
-
-    Among equal points only the first front's is kept. Ids count from 0, front by front; ``provenance["merged"]`` has
-    the label and the folder of every front (``fronts``), and for every point its id, the place of its front, and its
-    id there (``origins``). Genes, motions, violations and certificates are kept if all fronts with merged points have
-    them in sizes that agree; ``left_out`` names the others.
-
-    Raises InvalidInput if fronts are of different problems or of closed loops.
-    """
-    _check_one_problem(comparison)
-    of_each = zip(range(len(comparison.fronts)), comparison.fronts, comparison.merged_rows, strict=True)
-    places, fronts, rows = zip(*(each for each in of_each if len(each[2])), strict=True)
-    parts = {name: _joined(name, fronts, rows) for name in PARTS}
-    ids = np.arange(sum(len(part) for part in rows))
-    old = [
-        [place, int(number)]
-        for place, front, part in zip(places, fronts, rows, strict=True)
-        for number in front.ids[part]
-    ]
-    left_out = [
-        name for name in PARTS if parts[name] is None and any(getattr(front, name) is not None for front in fronts)
-    ]
-    first = fronts[0]
-    provenance = {
-        name: first.provenance[name] for name in ("problem", "fingerprint", "versions") if name in first.provenance
-    }
-    sources = [
-        {"label": label, "folder": None if front.folder is None else str(front.folder.absolute())}
-        for front, label in zip(comparison.fronts, comparison.labels, strict=True)
-    ]
-    merged = {"fronts": sources, "origins": [[i, *origin] for i, origin in enumerate(old)]}
-    return Front(
-        ids=ids,
-        objectives=np.concatenate([front.objectives[part] for front, part in zip(fronts, rows, strict=True)]),
-        names=first.names,
-        units=first.units,
-        maximised=first.maximised,
-        provenance={**provenance, "status": "merged", "merged": {**merged, "left_out": left_out}},
-        problem=next((front.problem for front in fronts if front.problem is not None), None),
-        **parts,
-    )
-
-
-def _check_one_problem(comparison: Comparison) -> None:
-    first, label = comparison.fronts[0], comparison.labels[0]
-    for front, other in zip(comparison.fronts, comparison.labels, strict=True):
-        if front.provenance.get("timeline") == "step":
-            raise InvalidInput(f"merge: fronts must not be of a closed loop, got its one motion in {other}")
-        if front.provenance.get("fingerprint") != first.provenance.get("fingerprint"):
-            raise InvalidInput(f"merge: fronts must be of one problem, got others in {label} and {other}")
-
-
-def _joined(name: str, fronts: Sequence[Front], rows: Rows) -> Any:
+def _joined(name: str, fronts: Sequence[Front], rows: Sequence[Int[np.ndarray, " _"]]) -> Any:
     """Return a part of all fronts, front by front; None if it is missing or does not agree."""
     parts = [getattr(front, name) for front in fronts]
     if any(part is None for part in parts):
         return None
     picked = [part[each] for part, each in zip(parts, rows, strict=True)]
-    if name == "motions":
-        return _joined_motions(picked)
     if name == "certificates":
         merged = ranges_of(np.concatenate([front.minimised[each] for front, each in zip(fronts, rows, strict=True)]))
         return concatenate([part.rescale(widths_of(front), merged) for front, part in zip(fronts, picked, strict=True)])
-    agree = len({each.shape[1:] for each in picked}) == 1
-    return np.concatenate(picked) if agree else None
-
-
-def _joined_motions(motions: Sequence[Any]) -> Any:
-    """Return motions of one arm as a batch; None if joints, sizes or kinds differ."""
-    first = motions[0]
-    alike = all(
-        type(each) is type(first)
-        and each.arm.joint_names == first.arm.joint_names
-        and each.q.shape[1:] == first.q.shape[1:]
-        and getattr(each, "derivatives", None) is None
-        for each in motions
-    )
-    if not alike:
+    if name != "motions":
+        return np.concatenate(picked) if len({each.shape[1:] for each in picked}) == 1 else None
+    # Motions agree if their kinds, joints and samples do, and none has derivatives of its own.
+    kinds = {(type(each), tuple(each.arm.joint_names), each.q.shape[1:]) for each in picked}
+    if len(kinds) > 1 or any(getattr(each, "derivatives", None) is not None for each in picked):
         return None
-    return replace(
-        first, q=np.concatenate([each.q for each in motions]), time=np.concatenate([each.time for each in motions])
-    )
+    q, time = (np.concatenate([getattr(each, field) for each in picked]) for field in ("q", "time"))
+    return replace(picked[0], q=q, time=time)
 
 
 # The comparison of fronts and its numbers.
 
 
+COMPARED = ("problem", "fingerprint", "settings", "versions", "computed", "status")  # counts and seconds always differ
+KEPT = ("problem", "fingerprint", "versions")  # in the merged front: these are the same in all
 Pairs = Float[np.ndarray, "fronts fronts"]
 ATTAINABLE = (2, 3)  # numbers of objectives for which surfaces are computed
+# Corner of hypervolumes in every share of the ranges; it is more than 1, so that the ends of fronts count and no
+# front's own worst point sets the scale (Ishibuchi et al. 2018).
+REFERENCE = 1.1
 
 
-@dataclass(frozen=True, kw_only=True)
-class ComparisonOptions:
-    """Options of comparisons.
+def flatten(entries: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
+    """Return nested entries as text by name.
 
-    reference: corner of hypervolumes in every share of the ranges; it is more than 1, so that the ends of fronts count
-        and no front's own worst point sets the scale (Ishibuchi et al. 2018)
+    >>> flatten({"settings": {"seed": 1, "refine": None}})
+    {'settings.seed': '1', 'settings.refine': '–'}
     """
-
-    reference: float = 1.1
-
-
-OPTIONS = ComparisonOptions()
+    flat: dict[str, str] = {}
+    for name, value in entries.items():
+        if isinstance(value, Mapping):
+            flat |= flatten(value, f"{prefix}{name}.")
+        else:
+            flat[f"{prefix}{name}"] = "–" if value is None or value == "" else str(value)
+    return flat
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -149,8 +83,17 @@ class Comparison:
             raise InvalidInput(f"compare: there must be at least two fronts, got {len(self.fronts)}")
         if len(self.labels) != len(self.fronts):
             raise InvalidInput(f"labels must be one for each of {len(self.fronts)} fronts, got {len(self.labels)}")
+        first, first_label = self.fronts[0], self.labels[0]
         for front, label in zip(self.fronts, self.labels, strict=True):
-            _check_alike(self.fronts[0], front, self.labels[0], label)
+            if len(front) == 0:
+                raise InvalidInput(f"compare: fronts must have at least one point, got none in {label}")
+            for name in ("names", "units", "maximised"):
+                expected, actual = (", ".join(str(each) or "none" for each in getattr(f, name)) for f in (first, front))
+                if getattr(first, name) != getattr(front, name):
+                    raise InvalidInput(
+                        f"compare: {name} of objectives must be the same in all fronts, got {expected} in "
+                        f"{first_label} and {actual} in {label}"
+                    )
 
     @property
     def points(self) -> Int[np.ndarray, " fronts"]:
@@ -166,8 +109,8 @@ class Comparison:
     @cached_property
     def on_merged(self) -> Int[np.ndarray, " fronts"]:
         """Number of points of each front on the merged front; equal points count in each front."""
-        merged = self._merged_values
-        return np.array([_is_row_of(front.minimised, merged).sum() for front in self.fronts])
+        merged = {row.tobytes() for row in self._merged_values + 0.0}  # so that −0 is 0
+        return np.array([sum(row.tobytes() in merged for row in front.minimised + 0.0) for front in self.fronts])
 
     @cached_property
     def ranges(self) -> Float[np.ndarray, "n_obj 2"]:
@@ -191,7 +134,7 @@ class Comparison:
 
         It is exact up to four objectives, an estimate for more; see ``estimate_hypervolume``.
         """
-        reference = np.full(len(self.fronts[0].names), OPTIONS.reference)
+        reference = np.full(len(self.fronts[0].names), REFERENCE)
         merged = np.concatenate([shares[rows] for shares, rows in zip(self.shares, self.merged_rows, strict=True)])
         volumes = [
             estimate_hypervolume(shares, reference, np.ones_like(reference)) for shares in (*self.shares, merged)
@@ -204,7 +147,8 @@ class Comparison:
 
         Zitzler & Thiele (1999): C(i, j) and C(j, i) need not sum to 1.
         """
-        return np.array([[_covered(one.minimised, other.minimised) for other in self.fronts] for one in self.fronts])
+        values = [front.minimised for front in self.fronts]
+        return np.array([[np.mean([(i <= point).all(axis=1).any() for point in j]) for j in values] for i in values])
 
     @cached_property
     def epsilon(self) -> Pairs:
@@ -220,16 +164,67 @@ class Comparison:
 
     @cached_property
     def differences(self) -> Mapping[str, tuple[str, ...]]:
-        """Differences in how the fronts were made, by name, with one value per front."""
-        return differing_entries([front.provenance for front in self.fronts])
+        """Differences in how the fronts were made, by name, with one value per front, "–" if it has none.
+
+        Only problems, settings, versions, what computed a run and what ended it are compared.
+        """
+        known = [
+            {name: front.provenance[name] for name in COMPARED if name in front.provenance} for front in self.fronts
+        ]
+        flat = [flatten(entries) for entries in known]
+        values = {name: tuple(each.get(name, "–") for each in flat) for entries in flat for name in entries}
+        return {name: each for name, each in values.items() if len(set(each)) > 1}
 
     @cached_property
     def merged(self) -> Front:
-        """Front of the points that no point of any front dominates, with ids of its own (see ``origins``).
+        """Front of the points that no point of any front dominates.
+
+        Among equal points only the first front's is kept. Ids count from 0, front by front; ``provenance["merged"]``
+        has the label and the folder of every front (``fronts``), and for every point its id, the place of its front,
+        and its id there (``origins``). Genes, motions, violations and certificates are kept if all fronts with merged
+        points have them in sizes that agree; ``left_out`` names the others.
 
         Raises InvalidInput if fronts are of different problems or of closed loops.
         """
-        return merge(self)
+        for front, label in zip(self.fronts, self.labels, strict=True):
+            if front.provenance.get("timeline") == "step":
+                raise InvalidInput(f"merge: fronts must not be of a closed loop, got its one motion in {label}")
+            if front.provenance.get("fingerprint") != self.fronts[0].provenance.get("fingerprint"):
+                raise InvalidInput(f"merge: fronts must be of one problem, got others in {self.labels[0]} and {label}")
+        merged = [each for each in zip(self.fronts, self.merged_rows, strict=True) if len(each[1])]
+        fronts, rows = [front for front, _ in merged], [part for _, part in merged]
+        points = [
+            [place, int(number)]
+            for place, (front, part) in enumerate(zip(self.fronts, self.merged_rows, strict=True))
+            for number in front.ids[part]
+        ]
+        parts = {name: _joined(name, fronts, rows) for name in PARTS}
+        first = fronts[0]
+        provenance = {name: first.provenance[name] for name in KEPT if name in first.provenance} | {
+            "status": "merged",
+            "merged": {
+                "fronts": [
+                    {"label": label, "folder": None if front.folder is None else str(front.folder.absolute())}
+                    for front, label in zip(self.fronts, self.labels, strict=True)
+                ],
+                "origins": [[number, *origin] for number, origin in enumerate(points)],
+                "left_out": [
+                    name
+                    for name, part in parts.items()
+                    if part is None and any(getattr(front, name) is not None for front in fronts)
+                ],
+            },
+        }
+        return Front(
+            ids=np.arange(len(points)),
+            objectives=np.concatenate([front.objectives[part] for front, part in merged]),
+            names=first.names,
+            units=first.units,
+            maximised=first.maximised,
+            provenance=provenance,
+            problem=next((front.problem for front in fronts if front.problem is not None), None),
+            **parts,
+        )
 
     @property
     def origins(self) -> dict[int, tuple[int, int]]:
@@ -243,6 +238,11 @@ class Comparison:
         for place, label in enumerate(self.labels):
             places.setdefault(label, []).append(place)
         return places
+
+    @property
+    def runs(self) -> dict[str, list[int]]:
+        """Places of the fronts with each label that several have: runs of one method."""
+        return {label: places for label, places in self.groups.items() if len(places) > 1}
 
     def attainment(self, share: float = 0.5, label: str | None = None) -> Objectives:
         """Return points of the surface that at least ``share`` of the runs attain, in the user's own sign.
@@ -269,8 +269,9 @@ class Comparison:
         return {name: self.attainment(share, label) for name, share in shares.items()}
 
     def __str__(self) -> str:
-
-        return comparison_text(self)
+        """Return the normalisation, and aligned tables, for a terminal."""
+        tables = [(f"{title}\n" if title else "") + columns(rows) for title, rows in _tables(self)]
+        return "\n\n".join([_normalisation(self), *tables])
 
     def __repr__(self) -> str:
         """Return one line with the label and the hypervolume of each front."""
@@ -280,8 +281,9 @@ class Comparison:
         return f"Comparison of {len(self.fronts)} fronts, hypervolume {volumes} of the merged front's"
 
     def _repr_html_(self) -> str:
-
-        return comparison_html(self)
+        """Return the same as HTML without scripts, for a notebook."""
+        tables = "".join(html_table(rows, caption=title) for title, rows in _tables(self))
+        return f"<div>{html_text(_normalisation(self))}{tables}</div>"
 
     def _runs(self, label: str | None) -> Sequence[int]:
         if label is not None and label not in self.labels:
@@ -295,33 +297,6 @@ class Comparison:
         return np.concatenate(parts)
 
 
-def _check_alike(first: Front, front: Front, first_label: str, label: str) -> None:
-    if len(front) == 0:
-        raise InvalidInput(f"compare: fronts must have at least one point, got none in {label}")
-    for name in ("names", "units", "maximised"):
-        expected, actual = getattr(first, name), getattr(front, name)
-        if expected != actual:
-            raise InvalidInput(
-                f"compare: {name} of objectives must be the same in all fronts, got {_listed(expected)} in "
-                f"{first_label} and {_listed(actual)} in {label}"
-            )
-
-
-def _listed(values: Sequence[object]) -> str:
-    return ", ".join(str(value) or "none" for value in values)
-
-
-def _is_row_of(values: Objectives, others: Float[np.ndarray, "others n_obj"]) -> Bool[np.ndarray, " points"]:
-    rows = {row.tobytes() for row in others + 0.0}  # so that −0 is 0
-    return np.array([row.tobytes() in rows for row in values + 0.0], dtype=bool)
-
-
-def _covered(one: Float[np.ndarray, "points n_obj"], other: Float[np.ndarray, "others n_obj"]) -> float:
-    """Return the share of the points of ``other`` that some point of ``one`` weakly dominates."""
-    covered = [bool((one <= point).all(axis=1).any()) for point in other]
-    return float(np.mean(covered))
-
-
 # Text and tables of a comparison, for a terminal and for a notebook.
 
 
@@ -330,23 +305,12 @@ EPSILON = "additive epsilon: by how much the row must improve to weakly dominate
 DIFFERENT = "what differs in how they were made"
 
 
-def comparison_text(comparison: Comparison) -> str:
-    """Return the comparison as text: its normalisation, and aligned tables."""
-    parts = [_normalisation(comparison)]
-    for title, rows in _tables(comparison):
-        parts.append("\n".join([title, columns(rows)] if title else [columns(rows)]))
-    return "\n\n".join(parts)
-
-
-def comparison_html(comparison: Comparison) -> str:
-    """Return the comparison as HTML without scripts."""
-    tables = "".join(html_table(rows, caption=title) for title, rows in _tables(comparison))
-    return f"<div>{html_text(_normalisation(comparison))}{tables}</div>"
-
-
 def comparison_entries(comparison: Comparison) -> dict[str, Any]:
     """Return the comparison as data that JSON can hold."""
-    front = comparison.fronts[0]
+    front, attainment = comparison.fronts[0], None
+    if len(front.names) in ATTAINABLE:  # surfaces of all runs, and of each label with several
+        labels = {label: comparison.surfaces(label) for label in comparison.runs}
+        attainment = {"all": comparison.surfaces(), "labels": labels}
     return {
         "objectives": [
             {"name": name, "unit": unit, "maximised": maximised, "best": best, "worst": worst}
@@ -360,17 +324,9 @@ def comparison_entries(comparison: Comparison) -> dict[str, Any]:
         "hypervolume": comparison.hypervolume,
         "coverage": comparison.coverage,
         "epsilon": comparison.epsilon,
-        "attainment": _attainment(comparison),
+        "attainment": attainment,
         "differences": comparison.differences,
     }
-
-
-def _attainment(comparison: Comparison) -> dict[str, Any] | None:
-    """Return the surfaces of all runs, and of each label with several; None for other numbers of objectives."""
-    if len(comparison.fronts[0].names) not in ATTAINABLE:
-        return None
-    several = [label for label, places in comparison.groups.items() if len(places) > 1]
-    return {"all": comparison.surfaces(), "labels": {label: comparison.surfaces(label) for label in several}}
 
 
 def _normalisation(comparison: Comparison) -> str:
@@ -387,40 +343,28 @@ def _normalisation(comparison: Comparison) -> str:
 
 def _tables(comparison: Comparison) -> list[tuple[str, list[list[str]]]]:
     """Return the tables with their titles: points and hypervolume, coverage, epsilon, settings that differ."""
-    names = _distinct(comparison.labels)
+    labels = comparison.labels
+    counted = [f"{label} {labels[: place + 1].count(label)}" for place, label in enumerate(labels)]
+    names = [number if labels.count(label) > 1 else label for number, label in zip(counted, labels, strict=True)]
     rows = [["front", "points", "on the merged front", "hypervolume"]]
     for name, points, shared, volume in zip(
         names, comparison.points, comparison.on_merged, comparison.hypervolume, strict=True
     ):
         rows.append([name, str(points), str(shared), f"{volume:.4f}"])
-    merged = sum(len(part) for part in comparison.merged_rows)
-    rows.append(["merged", str(merged), str(merged), "1.0000"])
-    tables = [("", rows), (COVERAGE, _pairs(names, comparison.coverage)), (EPSILON, _pairs(names, comparison.epsilon))]
-    runs = {label: places for label, places in comparison.groups.items() if len(places) > 1}
-    if runs:
-        tables.append(("runs with one label", _runs(comparison, runs)))
+    merged = str(sum(len(part) for part in comparison.merged_rows))
+    tables = [("", [*rows, ["merged", merged, merged, "1.0000"]])]
+    for title, values in ((COVERAGE, comparison.coverage), (EPSILON, comparison.epsilon)):
+        rows = [["", *names]]
+        for i, name in enumerate(names):
+            rows.append([name, *("–" if i == j else f"{value:.4f}" for j, value in enumerate(values[i]))])
+        tables.append((title, rows))
+    if comparison.runs:
+        rows = [["label", "runs", "hypervolume: median", "worst", "best"]]
+        for label, places in comparison.runs.items():
+            volumes = comparison.hypervolume[places]
+            numbers = (np.median(volumes), volumes.min(), volumes.max())
+            rows.append([label, str(len(places)), *(f"{number:.4f}" for number in numbers)])
+        tables.append(("runs with one label", rows))
     if comparison.differences:
         tables.append((DIFFERENT, [["", *names], *([name, *each] for name, each in comparison.differences.items())]))
     return tables
-
-
-def _runs(comparison: Comparison, runs: dict[str, list[int]]) -> list[list[str]]:
-    rows = [["label", "runs", "hypervolume: median", "worst", "best"]]
-    for label, places in runs.items():
-        volumes = comparison.hypervolume[places]
-        numbers = (np.median(volumes), volumes.min(), volumes.max())
-        rows.append([label, str(len(places)), *(f"{number:.4f}" for number in numbers)])
-    return rows
-
-
-def _pairs(names: list[str], values: np.ndarray) -> list[list[str]]:
-    rows = [["", *names]]
-    for i, name in enumerate(names):
-        rows.append([name, *("–" if i == j else f"{value:.4f}" for j, value in enumerate(values[i]))])
-    return rows
-
-
-def _distinct(labels: tuple[str, ...]) -> list[str]:
-    """Return different labels: equal ones are numbered."""
-    counted = [f"{label} {labels[: place + 1].count(label)}" for place, label in enumerate(labels)]
-    return [number if labels.count(label) > 1 else label for number, label in zip(counted, labels, strict=True)]

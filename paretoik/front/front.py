@@ -1,50 +1,41 @@
-"""The Pareto front as named arrays."""
+"""The Pareto front as named arrays, with its verbs."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
-from importlib import import_module
+from dataclasses import dataclass
 from numbers import Integral
 from pathlib import Path
-from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Literal, overload
+from typing import Any, Literal, overload
 
 import numpy as np
 
-from paretoik.arrays import Genes, Ids, Objectives, Values, read_only
+from paretoik.arrays import Ids
 from paretoik.errors import InvalidInput
-from paretoik.front.certificates import Certificates
-from paretoik.front.choice import Choice, Preference, check_preference, explain
-from paretoik.front.geometry import find_jumps, missing_hypervolume, supported
-from paretoik.front.navigation import navigate, navigated, predict, refine_around, verdict_on
+from paretoik.front import navigation, storage
+from paretoik.front.choice import Choice, Preference, check_preference, explain, explain_named, named_quantity
+from paretoik.front.choice_tree import Choices, chosen, go_back, keep_choice, kept_choices
 from paretoik.front.points import (
     Bound,
-    JointMotions,
-    Ranges,
+    FrontData,
+    MotionBuilder,
+    bounds_by_axis,
     check_has_points,
-    check_ids,
-    check_non_dominated,
-    check_objectives,
-    check_ranges,
-    has_point,
+    inside,
+    merge_bounds,
     row_of,
-    sort_certificates,
-    sort_motions,
-    sort_rows,
-    with_ids,
-    within_bounds,
+    rows_of,
+    take,
 )
+from paretoik.front.preferences.requests import as_preference, ask
+from paretoik.handed_down import HANDED_DOWN
 from paretoik.inputs import (
     check_call,
     check_flag,
     check_function,
     check_mapping,
     check_size,
-    check_text,
     file_path,
-    finite_number,
     is_integer,
     real_number,
     shown,
@@ -52,15 +43,7 @@ from paretoik.inputs import (
 from paretoik.runs.files import RECORDING
 from paretoik.tables import fit_screen, html_representation
 
-if TYPE_CHECKING:
-    from paretoik.front.choice_tree import Choices
-
-# A front in a notebook: the Rerun viewer below a cell.
-
-
-# Names, so that this package does not depend on those that draw.
-OPENED_BY = "paretoik.review.drawing.front_view:open_view"
-RECORDED_BY = "paretoik.review.drawing.choice_layer:show_choice_in_recording"
+__all__ = ["Choice", "Front", "Preference"]
 
 
 def view(
@@ -101,22 +84,13 @@ def view(
         if not (isinstance(size, str) and size == "auto"):
             check_size(edge, size, 1)
     check_function("on_select", on_select)
-    return drawn_by(OPENED_BY)(front, on_select=on_select, width=width, height=height)
+    return HANDED_DOWN["open_view"](front, on_select=on_select, width=width, height=height)
 
 
 def show_choice(front: Front) -> None:
     """Make the recording of a front's run, if there is one, open on the present choice."""
     if front.folder is not None and (front.folder / RECORDING).exists():
-        drawn_by(RECORDED_BY)(front)
-
-
-def drawn_by(reference: str) -> Any:
-    """Return the function named by "module:name"."""
-    module, _, name = reference.partition(":")
-    return getattr(import_module(module), name)
-
-
-# Choosing a point of a front by a preference, and undoing a choice.
+        HANDED_DOWN["show_choice"](front)
 
 
 def select(front: Front, preference: Preference | str | Mapping[str, float] | int, *, keep: bool = True) -> Choice:
@@ -130,9 +104,6 @@ def select(front: Front, preference: Preference | str | Mapping[str, float] | in
     A recording that cannot be replaced stays as it is, with a warning; the choice is kept.
     Raises Infeasible if the front is empty or no point suits, and InvalidInput for other preferences.
     """
-    from paretoik.front.choice_tree import keep_choice
-    from paretoik.front.preferences.requests import as_preference, ask
-
     check_flag("keep", keep)
     check_has_points(front, "select")
     wish = as_preference(preference)
@@ -150,8 +121,6 @@ def undo(front: Front) -> Choice | None:
     Nothing is deleted: the next choice becomes another branch of the tree. Raises InvalidInput if there is no choice to
     go back from, or if this part of the run's front does not have the point of the choice before.
     """
-    from paretoik.front.choice_tree import chosen, go_back
-
     if front.folder is None:
         raise InvalidInput("undo: the front must be loaded from a run folder or saved into one, got no folder")
     go_back(front.folder, front=front)
@@ -159,17 +128,9 @@ def undo(front: Front) -> Choice | None:
     return chosen(front)
 
 
-# The Pareto front as named arrays.
-
-
-__all__ = ["Choice", "Front", "Preference"]
-
-MotionBuilder = Callable[[np.ndarray, np.ndarray, tuple[str, ...]], JointMotions]
-
-
 @check_call
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Front:
+class Front(FrontData):
     """Mutually non-dominated points, sorted by the first objective.
 
     Points may be given in any order; they are checked, sorted, copied and made read-only. An empty front is a result
@@ -193,42 +154,6 @@ class Front:
     a table, and a point that another one dominates.
     """
 
-    ids: Ids
-    objectives: Objectives
-    names: Sequence[str]
-    units: Sequence[str]
-    maximised: Sequence[bool]
-    genes: Genes | None = None
-    motions: JointMotions | None = None
-    violation: Values | None = None
-    certificates: Certificates | None = None
-    ranges: Ranges = field(default_factory=lambda: np.empty((0, 2)))
-    provenance: Mapping[str, Any] = field(default_factory=dict)
-    problem: Any = field(default=None, repr=False)
-    folder: Path | None = field(default=None, init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        objectives = check_objectives(self.names, self.units, self.maximised, self.objectives)
-        ids = check_ids(self.ids, len(objectives))
-        order = np.lexsort((ids, *objectives.T[::-1]))
-        assign = object.__setattr__
-        assign(self, "names", tuple(self.names))
-        assign(self, "units", tuple(self.units))
-        assign(self, "maximised", tuple(bool(flag) for flag in self.maximised))
-        assign(self, "ids", read_only(ids[order]))
-        assign(self, "objectives", read_only(objectives[order]))
-        assign(self, "genes", sort_rows("genes", self.genes, order, dimensions=2))
-        assign(self, "violation", sort_rows("violation", self.violation, order, dimensions=1))
-        assign(self, "motions", sort_motions(self.motions, order))
-        assign(self, "certificates", sort_certificates(self.certificates, order))
-        assign(self, "ranges", check_ranges(self.ranges, objectives))
-        check_mapping("front provenance", self.provenance, "entries by name")
-        assign(self, "provenance", MappingProxyType(dict(self.provenance)))
-        check_non_dominated(self)
-
-    def __len__(self) -> int:
-        return len(self.ids)
-
     def __repr__(self) -> str:
         """Return the number of points, the range of each objective, and what further points could add."""
         points = "1 point" if len(self) == 1 else f"{len(self)} points"
@@ -242,64 +167,11 @@ class Front:
         )
         missing = self.missing_hypervolume
         further = (
-            "" if missing is None else f"; further points could add about {100 * missing:.2g} % of the hypervolume"
+            f"; further points could add about {100 * missing:.2g} % of the hypervolume" if missing is not None else ""
         )
         return fit_screen(f"Front of {points}: {', '.join(ranges)}{further}")
 
     _repr_html_ = html_representation
-
-    @property
-    def minimised(self) -> Objectives:
-        """Objectives (points, n_obj), with maximised ones negated, so that less is always better."""
-        minimised: Objectives = np.where(self.maximised, -self.objectives, self.objectives)
-        return minimised
-
-    @cached_property
-    def shares(self) -> Objectives:
-        """Place of each point in the ranges (points, n_obj): 0 is best, 1 worst; 0 on a zero range.
-
-        Marcos et al. (2012), Eq. 19, on the stored ranges.
-        """
-        low, high = self.ranges.T
-        width = high - low
-        distance = np.where(self.maximised, high - self.objectives, self.objectives - low)
-        shares: Objectives = np.divide(distance, width, out=np.zeros_like(distance), where=width > 0)
-        return read_only(shares)
-
-    supported = cached_property(supported)
-
-    @property
-    def violation_between(self) -> Values | None:
-        """Worst violation of each motion's limits between its samples.
-
-        It is measured if there are no certificates; None without these and without a problem with motions.
-        """
-        if self.certificates is not None:
-            return self.certificates.violation_between
-        measure = getattr(getattr(self.problem, "task", None), "violation_between", None)
-        return None if measure is None or self.motions is None else measure(self.motions)
-
-    @cached_property
-    def jumps(self) -> tuple[tuple[int, int], ...] | None:
-        """Pairs of neighbours (ids) between which the front jumps to another branch of optima.
-
-        A barrier lies between the two: points interpolated there are worse than both in some objective, or impossible.
-        Navigation from one to the other cannot be continuous there.
-
-        None if this is not defined or not known: unless there are two objectives (others give points no order),
-        certificates, and a problem that can interpolate (the one that the front came from).
-        """
-        return find_jumps(self)
-
-    @cached_property
-    def missing_hypervolume(self) -> float | None:
-        """Estimated share of the hypervolume that further points could still add, 0 to 1.
-
-        The hypervolume ends at the front's worst values. Between neighbours the front is approximated by the parabola
-        that touches the tangents of their exchange rates, or by the chord if these contradict each other or are
-        unknown. None for other than two objectives, without certificates, and for fewer than two points.
-        """
-        return missing_hypervolume(self)
 
     @overload
     def __getitem__(self, ids: int) -> Choice: ...
@@ -308,21 +180,20 @@ class Front:
     def __getitem__(self, ids: Sequence[int] | np.ndarray) -> Front: ...
 
     def __getitem__(self, ids: Any) -> Choice | Front:
-        """Return the point with an id as a choice, or several points as a front of the same ranges.
+        """Return the point with an id as a choice, or several points, in the front's order, as a front of its ranges.
 
-        Raises InvalidInput for ids that the front does not have.
+        Raises InvalidInput for ids that repeat or that the front does not have.
         """
-        if not isinstance(ids, Integral):
-            return with_ids(self, ids)
-        row = row_of(self, ids)
-        return self.choice(row, verdict_on(self, row))
-
-    def __contains__(self, point: object) -> bool:
-        """Return whether a point, given as id or choice, is on the front."""
-        return has_point(self, point)
+        if isinstance(ids, Integral):
+            return explain_named(self, row_of(self, ids))
+        is_row = isinstance(ids, Sequence | np.ndarray) and not isinstance(ids, str)
+        array = np.asarray(ids) if is_row else np.empty((0, 0))
+        if array.ndim != 1 or (array.size and array.dtype.kind not in "iu"):
+            raise InvalidInput(f"front: the index must be an id, or several, got {shown(ids)}")
+        return take(self, rows_of(self, array, "front"))
 
     def __iter__(self) -> Iterator[Choice]:
-        return (self.choice(row, verdict_on(self, row)) for row in range(len(self)))
+        return (explain_named(self, row) for row in range(len(self)))
 
     def where(self, bounds: Mapping[str, Bound] | None = None, /, **named: Bound) -> Front:
         """Return the front of the points within bounds, ``front.where(kinetic_energy=(None, 0.05))``.
@@ -332,14 +203,15 @@ class Front:
 
         Raises InvalidInput for other names and bounds.
         """
-        return within_bounds(self, bounds, named)
+        limits = bounds_by_axis(self, merge_bounds("where", bounds, named), name="where")
+        return take(self, np.flatnonzero(inside(self, limits)))
 
     select = select
     undo = undo
-    navigate = navigate
-    predict = predict
-    refine_around = refine_around
-    navigated = property(navigated)
+    navigate = navigation.navigate
+    predict = navigation.predict
+    refine_around = navigation.refine_around
+    navigated = property(navigation.navigated)
     view = view
 
     @property
@@ -348,9 +220,7 @@ class Front:
 
         Raises InvalidRun if the file is damaged.
         """
-        from paretoik.front.choice_tree import Choices, read_choices
-
-        return Choices() if self.folder is None else read_choices(self.folder)
+        return kept_choices(self)
 
     def choice(
         self,
@@ -366,19 +236,16 @@ class Front:
         Raises InvalidInput if the front has no such row.
         """
         self._check_index("index", index, len(self), "a row")
-        check_text("verdict", verdict)
-        check_preference("preference", preference)
-        if score is not None:
-            finite_number("score", score)
+        if preference is not None:
+            check_preference("preference", preference)
         if details is not None:
             check_mapping("details", details, "numbers by name")
-        return explain(self, int(index), verdict, preference=preference, score=score, details=details or {})
+        return explain(self, int(index), verdict, preference=preference, score=score, details=details)
 
     def quantity(self, axis: int, value: float) -> str:
         """Return a value of an objective with its name and unit; raises InvalidInput for other values or axes."""
         self._check_index("axis", axis, len(self.names), "an objective")
-        value = real_number("value", value)
-        return f"{self.names[axis]} {value:.4g} {self.units[axis]}".rstrip()
+        return named_quantity(self, axis, real_number("value", value))
 
     def _check_index(self, name: str, index: object, count: int, wish: str) -> None:
         if not is_integer(index) or not 0 <= int(index) < count:
@@ -389,10 +256,8 @@ class Front:
 
         Raises InvalidInput if it contains another run, or points that this front has not, unless ``overwrite`` is set.
         """
-        from paretoik.front.storage import save
-
         check_flag("overwrite", overwrite)
-        save(self, file_path("folder", folder), overwrite=overwrite)
+        storage.save(self, file_path("folder", folder), overwrite=overwrite)
 
     @staticmethod
     def load(folder: Path | str, *, motions: MotionBuilder | None = None) -> Front:
@@ -400,7 +265,5 @@ class Front:
 
         Raises InvalidRun if a file is missing, damaged, a link, of another version, or of another run.
         """
-        from paretoik.front.storage import load
-
         check_function("motions", motions)
-        return load(file_path("folder", folder), build_motions=motions)
+        return storage.load(file_path("folder", folder), make=Front, build_motions=motions)

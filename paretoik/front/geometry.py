@@ -4,17 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from paretoik.arrays import Mask, Objectives
-
-if TYPE_CHECKING:
-    from paretoik.front.front import Front
-
-# Tangents of a front of two objectives, from the weights of the objectives at its points.
 
 
 def tangents_meet(
@@ -54,9 +48,6 @@ def curve_area(values: Float[np.ndarray, "2 2"], meeting: Float[np.ndarray, " 2"
     return float(bulge - 0.5 * width[0] * width[1])
 
 
-# Tolerances of preferences and of their explanations.
-
-
 @dataclass(frozen=True, kw_only=True)
 class PreferenceOptions:
     """Settings of choosing; shares are of the ranges.
@@ -83,22 +74,21 @@ PREFERENCE_OPTIONS = PreferenceOptions()
 # Points that weights can reach: those on the convex hull.
 
 
-def supported(front: Front) -> Mask:
-    """Mark the points that have the least weighted sum of shares for some weights.
+def supported(shares: Objectives) -> Mask:
+    """Mark the points, as shares of the ranges, that have the least weighted sum for some weights.
 
-    The tolerance is a millionth of the ranges. The other points are above the convex hull: a mixture of points is
-    better in every objective, so that for any weights one of these has a smaller sum.
+    Two objectives: points on the lower convex hull; Andrew 1979, Information Processing Letters 9(5).
     """
-    return _on_lower_hull(front.shares) if len(front.names) == 2 else _unmatched_by_mixtures(front.shares)
-
-
-def _on_lower_hull(shares: Objectives) -> Mask:
-    """Mark points (points, 2) on the lower convex hull; Andrew 1979, Information Processing Letters 9(5)."""
+    if shares.shape[1] != 2:
+        return unmatched_by_mixtures(shares)
     hull = list[tuple[float, float]]()
     for x, y in sorted(map(tuple, shares.tolist())):
         if hull and x == hull[-1][0]:  # no better than the one before
             continue
-        while len(hull) > 1 and _turns_right(hull[-2], hull[-1], (x, y)):
+        while len(hull) > 1:
+            (ax, ay), (bx, by) = hull[-2:]
+            if (bx - ax) * (y - ay) > (by - ay) * (x - ax):  # the hull turns left
+                break
             hull.pop()
         hull.append((x, y))
     corners_x, corners_y = np.array(hull).T
@@ -106,11 +96,7 @@ def _on_lower_hull(shares: Objectives) -> Mask:
     return np.asarray(shares[:, 1] - PREFERENCE_OPTIONS.hull < heights)
 
 
-def _turns_right(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> bool:
-    return (b[0] - a[0]) * (c[1] - a[1]) <= (b[1] - a[1]) * (c[0] - a[0])
-
-
-def _unmatched_by_mixtures(shares: Objectives) -> Mask:
+def unmatched_by_mixtures(shares: Objectives) -> Mask:
     """Mark points (points, n_obj) that no mixture of points beats, by least-squares problems.
 
     A mixture beats p if λ, s >= 0 exist with Σλ = 1 and Σ λ_q Z_q + s = Z_p − δ. The least residual of a point on the
@@ -157,57 +143,27 @@ class JumpOptions:
     height: float = 1e-6
 
 
-OPTIONS = JumpOptions()
+JUMPS = JumpOptions()
 
 
-def find_jumps(front: Front) -> tuple[tuple[int, int], ...] | None:
-    """Return the neighbours, as pairs of ids, with a barrier between them; None if that is not known.
+def barriers(values: Objectives, inner: Float[np.ndarray, "pairs places 2"]) -> Int[np.ndarray, " jumps"]:
+    """Return the rows after which a front jumps, from its values and those at places between neighbours.
 
     On one branch the optimum moves continuously from one neighbour to the other, and points in between are, to first
     order, a trade-off between the two: no worse than the worse of them in either objective. Between two branches, or
     valleys, they are worse. Tangents do not show a jump: if branches cross, they agree with a front that bulges out,
     and at an inflection of one branch they contradict each other.
     """
-    between = getattr(front.problem, "values_between", None)
-    if not _has_order(front) or between is None:
-        return None
-    if len(front) < 2:
-        return ()
-    values, inner = front.minimised, between(front, np.arange(1, OPTIONS.places + 1) / (OPTIONS.places + 1))
-    corners = np.maximum(values[:-1], values[1:]) + OPTIONS.height * np.ptp(values, axis=0)
-    barrier = (inner > corners[:, None]).any(axis=(1, 2))
-    return tuple((int(front.ids[i]), int(front.ids[i + 1])) for i in np.flatnonzero(barrier))
+    corners = np.maximum(values[:-1], values[1:]) + JUMPS.height * np.ptp(values, axis=0)
+    return np.flatnonzero((inner > corners[:, None]).any(axis=(1, 2)))
 
 
-def missing_hypervolume(front: Front) -> float | None:
-    """Return the estimated share of the hypervolume that the points miss; None if it is not defined."""
-    if not _has_order(front) or len(front) < 2:
-        return None
-    rows = _order(front)
-    values, normals = front.minimised[rows], _normals(front)[rows]
-    pairs = [[i, j] for i, j in pairwise(range(len(rows))) if (values[i] != values[j]).all()]
+def missing_hypervolume(values: Objectives, normals: Float[np.ndarray, "points 2"]) -> float:
+    """Return the estimated share of the hypervolume that two points or more miss, from the normals of their front."""
+    order = np.argsort(values[:, 0], kind="stable")
+    values, normals = values[order], normals[order]
+    pairs = [[i, j] for i, j in pairwise(range(len(values))) if (values[i] != values[j]).all()]
     missing = sum(curve_area(values[pair], tangents_meet(*values[pair], *normals[pair])) for pair in pairs)
     steps = (values[-1, 0] - values[1:, 0]) * (values[:-1, 1] - values[1:, 1])
     whole = float(steps.sum()) + missing
     return missing / whole if whole > 0 else 0.0
-
-
-def _has_order(front: Front) -> bool:
-    return len(front.names) == 2 and front.certificates is not None
-
-
-def _order(front: Front) -> Int[np.ndarray, " points"]:
-    """Return the rows by the first objective, the best first."""
-    return np.argsort(front.minimised[:, 0], kind="stable")
-
-
-def _normals(front: Front) -> Float[np.ndarray, "points 2"]:
-    """Return the weights of the minimised objectives, in natural units, from the exchange rates.
-
-    If one objective has no weight, the other has all; weights are NaN without a reliable rate.
-    """
-    assert front.certificates is not None
-    sign = np.prod(np.where(front.maximised, -1.0, 1.0))
-    rates = sign * front.certificates.exchange_rates[:, 0, 1]
-    normals = np.stack([-rates, np.ones(len(front))], axis=1)
-    return np.where(front.certificates.weak[:, None], np.round(front.certificates.weights), normals)

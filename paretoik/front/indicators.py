@@ -1,4 +1,4 @@
-"""Hypervolume, non-domination, ideal and nadir of objectives, all minimised.
+"""Hypervolume and non-domination of objectives, all minimised.
 
 Rows with a NaN or an infinity are ignored: a failed evaluation is no point.
 """
@@ -8,15 +8,11 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from paretoik.arrays import Mask, Objectives, Values
 from paretoik.errors import InvalidInput
-
-if TYPE_CHECKING:
-    from paretoik.front.front import Front
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,22 +33,16 @@ class IndicatorOptions:
 OPTIONS = IndicatorOptions()
 
 
-def hypervolume(F: Objectives, reference: Values | Sequence[float], *, check: bool = False) -> float:
+def hypervolume(F: Objectives, reference: Values | Sequence[float]) -> float:
     """Return the volume that `F` dominates and `reference` bounds, in the product of the objectives' units.
 
     Points that are not below the reference in every objective add nothing; neither do rows that are not finite. Raises
-    InvalidInput if the reference is no vector of `n_obj` finite numbers, and, with `check`, if a point adds nothing.
+    InvalidInput if the reference is no vector of `n_obj` finite numbers.
     """
     import moocore
 
     limit = _check_reference(F, reference)
-    finite = np.isfinite(F).all(axis=1)
-    counts = finite & np.less(F, limit).all(axis=1)
-    if check and not counts.all():
-        raise InvalidInput(
-            f"hypervolume reference {limit.tolist()} must be beyond every point, got "
-            f"{int((finite & ~counts).sum())} of {len(F)} points not below it and {int((~finite).sum())} not finite"
-        )
+    counts = np.isfinite(F).all(axis=1) & np.less(F, limit).all(axis=1)
     return float(moocore.hypervolume(F[counts], limit)) if counts.any() else 0.0
 
 
@@ -86,11 +76,6 @@ def ranges_of(values: Objectives, sizes: Values | None = None) -> Values:
     return np.where(width > OPTIONS.rounding * sizes, width, np.where(sizes > 0, sizes, 1.0))
 
 
-def widths_of(front: Front) -> Values:
-    """Return the divisors (n_obj,) of objectives in a front's certificates: its ranges, as in ``ranges_of``."""
-    return ranges_of(front.ranges.T, np.abs(front.objectives).max(axis=0))
-
-
 def non_dominated(F: Objectives, tolerance: float = 0.0) -> Mask:
     """Mark the rows of `F` that no other row dominates; only the first of equal rows.
 
@@ -103,22 +88,17 @@ def non_dominated(F: Objectives, tolerance: float = 0.0) -> Mask:
         raise InvalidInput(f"non_dominated: tolerance must be a finite number >= 0, got {tolerance}")
     mask = np.zeros(len(F), dtype=bool)
     finite = np.flatnonzero(np.isfinite(F).all(axis=1))
-    if finite.size:
-        # With keep_weakly every copy stays, so that the first of them can be chosen below.
-        rows = finite[moocore.is_nondominated(F[finite], keep_weakly=True)]
-        mask[_first_of_each(F, rows, tolerance)] = True
+    if not finite.size:
+        return mask
+    # With keep_weakly every copy stays, so that the first of them can be chosen.
+    rows = finite[moocore.is_nondominated(F[finite], keep_weakly=True)]
+    if tolerance == 0.0:
+        mask[rows[np.unique(F[rows], axis=0, return_index=True)[1]]] = True
+        return mask
+    near = tolerance * np.ptp(F[rows], axis=0)
+    for row in rows:
+        mask[row] = not (np.abs(F[mask] - F[row]) <= near).all(axis=1).any()
     return mask
-
-
-def ideal_and_nadir(F: Objectives) -> tuple[Values, Values]:
-    """Return the best and the worst value of each objective over the non-dominated rows of `F`.
-
-    Raises InvalidInput if no row is finite.
-    """
-    front = F[non_dominated(F)]
-    if len(front) == 0:
-        raise InvalidInput(f"ideal and nadir: there must be at least one finite point, got none among {len(F)}")
-    return front.min(axis=0), front.max(axis=0)
 
 
 def _check_reference(F: Objectives, reference: Values | Sequence[float]) -> Values:
@@ -126,19 +106,6 @@ def _check_reference(F: Objectives, reference: Values | Sequence[float]) -> Valu
     if limit.shape != (F.shape[1],) or not np.isfinite(limit).all():
         raise InvalidInput(f"hypervolume reference must be {F.shape[1]} finite numbers, got {limit.tolist()}")
     return limit
-
-
-def _first_of_each(F: Objectives, rows: np.ndarray, tolerance: float) -> np.ndarray:
-    """Return the indices `rows` without those that repeat an earlier one within `tolerance` of the range."""
-    if tolerance == 0.0:
-        first: np.ndarray = rows[np.unique(F[rows], axis=0, return_index=True)[1]]
-        return first
-    near = tolerance * np.ptp(F[rows], axis=0)
-    chosen: list[int] = []
-    for index in rows:
-        if not (np.abs(F[chosen] - F[index]) <= near).all(axis=1).any():
-            chosen.append(int(index))
-    return np.array(chosen, dtype=int)
 
 
 # The hypervolume of a growing front, up to the corner of the first front, so that it never falls.
@@ -189,8 +156,10 @@ class HypervolumeCurve:
         if self._latest > self._options.free and self._spent > self._options.share * elapsed:
             return None
         started = time.thread_time()
-        former, self._number = self._value, number
-        self._value = 0.0 if corner is None else self._estimate(front, corner)
+        former, self._number, self._value = self._value, number, 0.0
+        if corner is not None:
+            self._width = ranges_of(np.vstack([front, corner])) if self._width is None else self._width
+            self._value = estimate_hypervolume(front, corner, self._width)
         if former:  # the first one also loads a library
             self._latest = time.thread_time() - started
             self._spent += self._latest
@@ -200,8 +169,3 @@ class HypervolumeCurve:
         """Return the last hypervolume in words, with its generation if that is not the present one."""
         then = "" if self._number == number else f" of generation {self._number}"
         return f"hypervolume {self._value:.4g}{then}"
-
-    def _estimate(self, front: Objectives, corner: Values) -> float:
-        if self._width is None:
-            self._width = ranges_of(np.vstack([front, corner]))
-        return estimate_hypervolume(front, corner, self._width)

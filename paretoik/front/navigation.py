@@ -8,18 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.front.certificates import WEIGHT_TOLERANCE
-from paretoik.front.choice import Prediction
-from paretoik.front.points import NAVIGATIONS, check_known, row_of
+from paretoik.front.choice import Choice, Prediction, explain_named, named_quantity
+from paretoik.front.choice_tree import present_id
+from paretoik.front.points import NAVIGATIONS, Front, FrontData, check_known, row_of
 from paretoik.inputs import check_size, finite_number, listed, read_list, shown
-
-if TYPE_CHECKING:  # a front imports this file
-    from paretoik.front.front import Choice, Front
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,7 +98,7 @@ def navigate(
 
 
 def predict(
-    front: Front,
+    front: FrontData,
     choice: Choice | int | None = None,
     *,
     improve: str,
@@ -137,7 +135,10 @@ def refine_around(front: Front, choice: Choice | int | None = None, *, points: i
     row = _critical_row(front, choice, "refine_around")
     move, id = _part(front, "refine_around", "navigate"), int(front.ids[row])
     values, widths = front.minimised, np.ptp(front.ranges, axis=1)
-    for k, share in _places(values[row], values, points):
+    # Points are shared out among the objectives in which some point is better, at even shares of the way there.
+    axes = [k for k in range(len(front.names)) if (values[:, k] < values[row, k]).any()]
+    counts = [len(range(i, points, len(axes))) for i in range(len(axes))]
+    for k, share in [(k, (j + 1) / (count + 1)) for k, count in zip(axes, counts, strict=True) for j in range(count)]:
         better = values[:, k] < values[row, k]
         by = share * float((values[row, k] - values[better, k]).min())
         if by > DEFAULTS.smallest_gain * widths[k]:
@@ -152,34 +153,20 @@ def refine_around(front: Front, choice: Choice | int | None = None, *, points: i
     return front
 
 
-def navigated(front: Front) -> Choice | None:
+def navigated(front: FrontData) -> Choice | None:
     """Return the point that the last move led to, with a reason that says how, or None."""
     moves = front.provenance.get(NAVIGATIONS, ())
-    return front[moves[-1]["to"]] if moves and moves[-1]["to"] in front else None
+    return explain_named(front, row_of(front, moves[-1]["to"])) if moves and moves[-1]["to"] in front else None
 
 
-def verdict_on(front: Front, row: int) -> str:
-    """Return the verdict on a row that was named: how a move led to it, if one did."""
-    id = int(front.ids[row])
-    moves = [move for move in front.provenance.get(NAVIGATIONS, ()) if move["to"] == id]
-    return str(moves[-1]["reason"]) if moves else f"Point {id} was named."
-
-
-def _places(value: np.ndarray, values: np.ndarray, points: int) -> list[tuple[int, float]]:
-    """Return objectives in which some point is better, and evenly spaced shares of the way there."""
-    axes = [k for k in range(len(value)) if (values[:, k] < value[k]).any()]
-    counts = [len(range(i, points, len(axes))) for i in range(len(axes))]
-    return [(k, (j + 1) / (count + 1)) for k, count in zip(axes, counts, strict=True) for j in range(count)]
-
-
-def _part(front: Front, verb: str, part: str | None = None) -> Callable[[Front, NavigationRequest], Any]:
+def _part(front: FrontData, verb: str, part: str | None = None) -> Callable[[Any, NavigationRequest], Any]:
     """Return the method of a front's problem for a verb, by default that of the same name."""
     if front.problem is None:
         raise InvalidInput(
             f"{verb}: the front must have its problem, got none: use load_front(run, problem), or "
             "--problem FILE.py:NAME"
         )
-    offered: Callable[[Front, NavigationRequest], Any] | None = getattr(front.problem, part or verb, None)
+    offered: Callable[[Any, NavigationRequest], Any] | None = getattr(front.problem, part or verb, None)
     if offered is None:
         kind = type(front.problem).__name__
         raise InvalidInput(f"{verb}: the problem must have gradients, such as Tracking, got a front of {kind}")
@@ -187,7 +174,7 @@ def _part(front: Front, verb: str, part: str | None = None) -> Callable[[Front, 
 
 
 def _request(
-    front: Front,
+    front: FrontData,
     verb: str,
     choice: Choice | int | None,
     improve: str,
@@ -213,56 +200,45 @@ def _request(
     if both or not payers:
         raise InvalidInput(f"allow must be objectives that are not on hold, got {', '.join(both) or 'none'}")
     step = _step(front, verb, row, k, by, to)
-    _check_not_at_end(front, row, k, payers)
+    # At an end of the front no payer has weight, and no known point is better.
+    assert front.certificates is not None
+    weight = float(front.certificates.weights[row, payers].sum())
+    if weight < WEIGHT_TOLERANCE and not (front.minimised[:, k] < front.minimised[row, k]).any():
+        raise InvalidInput(
+            f"improve must be an objective that can get better, got point {front.ids[row]}, the end of the front in "
+            f"{improve}"
+        )
     return NavigationRequest(row=row, improve=k, by=step, payers=tuple(payers))
 
 
-def _step(front: Front, verb: str, row: int, axis: int, by: float | None, to: float | None) -> float:
+def _step(front: FrontData, verb: str, row: int, axis: int, by: float | None, to: float | None) -> float:
     """Return the amount by which to improve an objective, in its own unit."""
-    name, value = front.names[axis], float(front.objectives[row, axis])
+    name, value, width = front.names[axis], float(front.objectives[row, axis]), float(np.ptp(front.ranges[axis]))
     if by is not None and to is not None:
         raise InvalidInput(f"{verb}: the gain must be given as by= or to=, got both")
+    if by is None and to is None:
+        remaining = float((front.minimised[row, axis] - front.minimised[:, axis]).max())
+        share = DEFAULTS.share * width
+        if max(remaining, share) <= 0.0:
+            raise InvalidInput(f"by must be given to improve {name}, got none: the front has only one value of it")
+        return min(share, DEFAULTS.remaining * remaining) if 0.0 < remaining < 2 * share else share
     if by is not None:
-        by = finite_number("by", by)
-        if by <= 0:
-            raise InvalidInput(f"by must be more than 0 {front.units[axis]} of {name}, got {by:g}")
-        _check_gain(front, axis, "by", by)
-        return by
-    if to is not None:
-        gain = (finite_number("to", to) - value) * (1.0 if front.maximised[axis] else -1.0)
+        label, gain = "by", finite_number("by", by)
         if gain <= 0:
-            raise InvalidInput(f"to must be better than {front.quantity(axis, value)}, got {to:g}")
-        _check_gain(front, axis, "to", gain)
-        return gain
-    remaining = float((front.minimised[row, axis] - front.minimised[:, axis]).max())
-    share = DEFAULTS.share * float(np.ptp(front.ranges[axis]))
-    if max(remaining, share) <= 0.0:
-        raise InvalidInput(f"by must be given to improve {name}, got none: the front has only one value of it")
-    return min(share, DEFAULTS.remaining * remaining) if 0.0 < remaining < 2 * share else share
-
-
-def _check_gain(front: Front, axis: int, label: str, gain: float) -> None:
-    """Raise InvalidInput for a gain that is far larger than the range of an objective."""
-    largest = DEFAULTS.largest_gain * float(np.ptp(front.ranges[axis]))
+            raise InvalidInput(f"by must be more than 0 {front.units[axis]} of {name}, got {gain:g}")
+    else:
+        label, goal = "to", finite_number("to", to)
+        gain = (goal - value) * (1.0 if front.maximised[axis] else -1.0)
+        if gain <= 0:
+            raise InvalidInput(f"to must be better than {named_quantity(front, axis, value)}, got {goal:g}")
+    largest = DEFAULTS.largest_gain * width
     if gain > largest > 0.0:
-        raise InvalidInput(f"{label}: the gain must be at most {front.quantity(axis, largest)}, got {gain:g}")
+        raise InvalidInput(f"{label}: the gain must be at most {named_quantity(front, axis, largest)}, got {gain:g}")
+    return gain
 
 
-def _check_not_at_end(front: Front, row: int, axis: int, payers: Sequence[int]) -> None:
-    """Raise InvalidInput if no payer has weight and no known point is better."""
-    assert front.certificates is not None
-    weight = float(front.certificates.weights[row, list(payers)].sum())
-    if weight < WEIGHT_TOLERANCE and not (front.minimised[:, axis] < front.minimised[row, axis]).any():
-        raise InvalidInput(
-            f"improve must be an objective that can get better, got point {front.ids[row]}, the end of the front in "
-            f"{front.names[axis]}"
-        )
-
-
-def _critical_row(front: Front, choice: Choice | int | None, verb: str) -> int:
+def _critical_row(front: FrontData, choice: Choice | int | None, verb: str) -> int:
     """Return the row of a choice, by default the present one; it must be certified as critical."""
-    from paretoik.front.choice_tree import present_id
-
     id = present_id(front, name=verb) if choice is None else getattr(choice, "id", choice)
     row = row_of(front, id, name=verb)
     if front.certificates is None:
@@ -277,8 +253,8 @@ def _critical_row(front: Front, choice: Choice | int | None, verb: str) -> int:
     return row
 
 
-def _axes(front: Front, label: str, names: str | Sequence[str]) -> list[int]:
+def _axes(front: FrontData, label: str, names: str | Sequence[str]) -> list[int]:
     """Return the indices of named objectives."""
     names = read_list(label, [names] if isinstance(names, str) else names, str, "names of objectives")
-    check_known(front, label, names)
+    check_known(front.names, label, names)
     return list(dict.fromkeys(front.names.index(name) for name in names))

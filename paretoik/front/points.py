@@ -1,18 +1,22 @@
-"""The parts of a front, checked, sorted and made read-only."""
+"""The data of a front: its parts, checked, sorted and read-only, what follows from them, and subsets."""
 
-from __future__ import annotations
+# Annotations are not postponed here: a class below a dataclass takes the types of the fields as they stand.
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, runtime_checkable
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Protocol, TypeAlias, TypeVar, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from paretoik.arrays import Ids, Mask, Objectives, read_only
+from paretoik.arrays import Genes, Ids, Mask, Objectives, Values, read_only
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.front.certificates import Certificates
-from paretoik.front.indicators import non_dominated
+from paretoik.front.geometry import JUMPS, barriers, missing_hypervolume, supported
+from paretoik.front.indicators import non_dominated, ranges_of
 from paretoik.inputs import (
     check_instance,
     check_mapping,
@@ -25,12 +29,6 @@ from paretoik.inputs import (
     shown,
 )
 from paretoik.tables import field_representation, html_representation
-
-if TYPE_CHECKING:
-    from paretoik.front.front import Front
-
-# Names and units of objectives that fit a table.
-
 
 RESERVED_NAMES = ("id", "violation", "violation_between", "criticality", "kkt_residual", "status")
 
@@ -50,9 +48,6 @@ def check_names(names: Sequence[str], units: Sequence[str]) -> None:
     for unit in units:
         if not isinstance(unit, str) or not unit.isprintable():
             raise InvalidInput(f"front units must be printable text, got {shown(unit)}")
-
-
-# The part of a motion that a front uses, so that it depends on no robot.
 
 
 @runtime_checkable
@@ -97,7 +92,7 @@ class StoredMotions:
     def __len__(self) -> int:
         return len(self.q)
 
-    def __getitem__(self, index: Any, /) -> StoredMotions:
+    def __getitem__(self, index: Any, /) -> "StoredMotions":
         return StoredMotions(arm=self.arm, time=self.time[index], q=self.q[index])
 
 
@@ -105,9 +100,6 @@ class StoredMotions:
 
 
 NAVIGATIONS, LARGEST_ID = "navigations", "largest_id"  # entries: moves made; largest id of the whole front
-COMPARED = ("problem", "fingerprint", "settings", "versions", "computed", "status")  # counts and seconds always differ
-
-
 ADDED_SAMPLES = "samples"  # entry: samples of the user's path, and of the motions if refinement added some
 SOLVERS = "solvers"  # entry: solver that refined points, and number confirmed by a convex program
 REFINED_BY = {"interior-point": "the interior-point method", "sqp": "SQP (cvxpy, Clarabel)"}
@@ -133,184 +125,10 @@ def confirmation_text(provenance: Mapping[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def flatten(entries: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
-    """Return nested entries as text by name.
-
-    >>> flatten({"settings": {"seed": 1, "refine": None}})
-    {'settings.seed': '1', 'settings.refine': '–'}
-    """
-    flat: dict[str, str] = {}
-    for name, value in entries.items():
-        if isinstance(value, Mapping):
-            flat |= flatten(value, f"{prefix}{name}.")
-        else:
-            flat[f"{prefix}{name}"] = "–" if value is None or value == "" else str(value)
-    return flat
-
-
-def differences(provenances: Sequence[Mapping[str, Any]]) -> dict[str, tuple[str, ...]]:
-    """Return the entries that differ, by name, with the value of each, "–" if it has none.
-
-    Only problems, settings, versions, what computed a run and what ended it are compared.
-    """
-    flat = [flatten({name: each[name] for name in COMPARED if name in each}) for each in provenances]
-    names = dict.fromkeys(name for each in flat for name in each)
-    values = {name: tuple(each.get(name, "–") for each in flat) for name in names}
-    return {name: each for name, each in values.items() if len(set(each)) > 1}
-
-
-# Some points of a front: by their ids, or within bounds.
-
-
-Bound: TypeAlias = tuple[float | None, float | None]
-
-
-def check_front(front: object) -> None:
-    """Raise InvalidInput unless this is a front of at least one point."""
-    from paretoik.front.front import Front
-
-    if not isinstance(front, Front) or len(front) == 0:
-        raise InvalidInput(f"front must be a front of at least one point, got {shown(front)}")
-
-
-def check_has_points(front: Front, verb: str) -> None:
-    """Raise Infeasible, in the name of a verb, if a front is empty."""
-    if len(front) == 0:
-        cause = "no point was feasible" if largest_id(front) < 0 else "this part of the front has no point"
-        raise Infeasible(f"{verb}: the front must have at least one point, got none: {cause}")
-
-
-def row_of(front: Front, number: object, *, name: str = "front") -> int:
-    """Return the row of the point with an id; raises InvalidInput if there is no such point."""
-    if not is_integer(number):
-        raise InvalidInput(f"{name}: the id of a point must be an integer, got {shown(number)}")
-    return int(_rows_of(front, np.array([int(number)], dtype=object), name)[0])
-
-
-def has_point(front: Front, point: object) -> bool:
-    """Return whether a front has a point, given as id or choice; never raises."""
-    number, objectives = getattr(point, "id", point), getattr(point, "objectives", None)
-    if not is_integer(number):
-        return False
-    (rows,) = np.nonzero(front.ids == int(number))
-    return len(rows) == 1 and (objectives is None or np.array_equal(front.objectives[rows[0]], objectives))
-
-
-def with_ids(front: Front, ids: Any) -> Front:
-    """Return the front of the points with these ids, in their order on the front.
-
-    Raises InvalidInput for ids that repeat or that the front does not have.
-    """
-    array = np.asarray(ids) if isinstance(ids, Sequence | np.ndarray) and not isinstance(ids, str) else np.empty((0, 0))
-    if array.ndim != 1 or (array.size and array.dtype.kind not in "iu"):
-        raise InvalidInput(f"front: the index must be an id, or several, got {shown(ids)}")
-    return take(front, _rows_of(front, array, "front"))
-
-
-def largest_id(front: Front) -> int:
-    """Return the largest id that a front, or the whole front of a part, ever had; −1 if none."""
-    moves = (int(move["to"]) for move in front.provenance.get(NAVIGATIONS, ()))
-    return max([int(front.ids.max(initial=-1)), int(front.provenance.get(LARGEST_ID, -1)), *moves])
-
-
-def take(front: Front, rows: Int[np.ndarray, " rows"]) -> Front:
-    """Return the front of some rows, with the same ranges and the same folder for choices.
-
-    Its provenance has the largest id of the whole front, so that new points of the part get other ids.
-    """
-    largest = largest_id(front)
-    note = {} if largest in front.ids[rows] else {LARGEST_ID: largest}
-    part = replace(
-        front,
-        ids=front.ids[rows],
-        objectives=front.objectives[rows],
-        genes=None if front.genes is None else front.genes[rows],
-        motions=None if front.motions is None else front.motions[rows],
-        violation=None if front.violation is None else front.violation[rows],
-        certificates=None if front.certificates is None else front.certificates[rows],
-        provenance={**front.provenance, **note},
-    )
-    return attach(part, front.folder)
-
-
-def attach(front: Front, folder: Any) -> Front:
-    """Set the run folder that keeps a front's choices, and return the same front."""
-    object.__setattr__(front, "folder", folder)
-    return front
-
-
-def within_bounds(front: Front, bounds: Mapping[str, Bound] | None, named: Mapping[str, Bound]) -> Front:
-    """Return the front of the points within bounds, by objective; raises InvalidInput for other bounds."""
-    limits = bounds_by_axis(front, merge_bounds("where", bounds, named), name="where")
-    return take(front, np.flatnonzero(inside(front, limits)))
-
-
-def merge_bounds(
-    name: str, bounds: Mapping[str, Bound] | None, named: Mapping[str, Bound]
-) -> dict[str, tuple[float | None, float | None]]:
-    """Return bounds by objective, after all checks that need no front."""
-    if bounds is not None:
-        check_mapping(name, bounds, "bounds by objective", example="{'energy': (None, 0.05)}")
-    merged, twice = {**(bounds or {}), **named}, sorted((bounds or {}).keys() & named.keys())
-    if twice:
-        raise InvalidInput(f"{name} must have each objective once, got {twice[0]} twice")
-    return {each: _check_bound(f"{name} {each}", pair) for each, pair in merged.items()}
-
-
-def bounds_by_axis(front: Front, bounds: Mapping[str, Bound], *, name: str = "bounds") -> Float[np.ndarray, "n_obj 2"]:
-    """Return the lower and upper bound of every objective, infinite if open.
-
-    Raises InvalidInput, by ``name``, for a bound of an unknown objective.
-    """
-    check_known(front, name, bounds)
-    limits = np.tile([-np.inf, np.inf], (len(front.names), 1))
-    for objective, pair in bounds.items():
-        for side, value in enumerate(pair):
-            if value is not None:
-                limits[front.names.index(objective), side] = value
-    return limits
-
-
-def inside(front: Front, limits: Float[np.ndarray, "n_obj 2"]) -> Mask:
-    """Mark the points within the limits of every objective, or at these."""
-    low, high = limits.T
-    return np.asarray(((front.objectives >= low) & (front.objectives <= high)).all(axis=1))
-
-
-def check_known(front: Front, name: str, objectives: Mapping[str, object] | Sequence[str]) -> None:
-    """Raise InvalidInput, with the valid names, if a name is no objective of the front."""
-    unknown = [each for each in objectives if each not in front.names]
-    if unknown:
-        hint = likely_spelling(unknown[0], front.names)
-        raise InvalidInput(f"{name} must have names among {', '.join(front.names)}, got {shown(unknown[0])}{hint}")
-
-
-def _rows_of(front: Front, ids: np.ndarray, name: str) -> Int[np.ndarray, " rows"]:
-    rows = {number: row for row, number in enumerate(front.ids.tolist())}
-    unknown = [number for number in ids.tolist() if number not in rows]
-    if unknown:
-        some = ", ".join(map(shown, unknown[:5])) + ", ..." * (len(unknown) > 5)
-        extent = f"{len(front)} from {front.ids.min()} to {front.ids.max()}" if len(front) else "none"
-        raise InvalidInput(f"{name}: ids must be those of the front's points ({extent}), got {some}")
-    return np.array([rows[number] for number in ids.tolist()], dtype=np.int64)
-
-
-def _check_bound(name: str, pair: object) -> tuple[float | None, float | None]:
-    if not isinstance(pair, list | tuple) or len(pair) != 2:
-        raise InvalidInput(f"{name} must be (lower, upper), with None for an open side, got {shown(pair)}")
-    lower, upper = (None if side is None else finite_number(name, side) for side in pair)
-    if lower is not None and upper is not None and lower > upper:
-        raise InvalidInput(f"{name} must have lower <= upper, got {shown(pair)}")
-    return lower, upper
-
-
 # Checks of a front's parts, and their order.
 
 
 Ranges: TypeAlias = Float[np.ndarray, "n_obj 2"]
-
-_BOOLEANS = (bool, np.bool_)
-_WISHES = {"names": "a list of names", "units": "a list of texts", "maximised": "a list of True or False"}
 
 
 def check_objectives(
@@ -324,10 +142,13 @@ def check_objectives(
         bad = int((~np.isfinite(objectives).all(axis=1)).sum())
         raise InvalidInput(f"front objectives must be finite numbers, got {bad} of {len(objectives)} points without")
     n_obj = objectives.shape[1]
-    for field_name, each, kind in (("names", names, str), ("units", units, str), ("maximised", maximised, _BOOLEANS)):
-        members = read_list(f"front {field_name}", each, kind, _WISHES[field_name])
-        if len(members) != n_obj:
-            raise InvalidInput(f"front {field_name} must be one for each of {n_obj} objectives, got {shown(each)}")
+    for part, each, kind, wish in (
+        ("names", names, str, "a list of names"),
+        ("units", units, str, "a list of texts"),
+        ("maximised", maximised, (bool, np.bool_), "a list of True or False"),
+    ):
+        if len(read_list(f"front {part}", each, kind, wish)) != n_obj:
+            raise InvalidInput(f"front {part} must be one for each of {n_obj} objectives, got {shown(each)}")
     check_names(names, units)
     return objectives
 
@@ -397,12 +218,265 @@ def check_ranges(values: np.ndarray, objectives: Objectives) -> Ranges:
     return read_only(ranges)
 
 
-def check_non_dominated(front: Front) -> None:
-    """Raise InvalidInput if a point of a front dominates another."""
-    unique, first = np.unique(front.minimised, axis=0, return_index=True)
-    dominated = first[~non_dominated(unique)]
-    if dominated.size:
-        raise InvalidInput(
-            f"front points must be mutually non-dominated, got {dominated.size} dominated ones, "
-            f"the first with id {front.ids[dominated.min()]}"
-        )
+PARTS = ("genes", "motions", "violation", "certificates")  # what a point of a front may have
+MotionBuilder = Callable[[np.ndarray, np.ndarray, tuple[str, ...]], JointMotions]
+T = TypeVar("T")
+Front = TypeVar("Front", bound="FrontData")  # the class on top, ``front.Front``, in signatures that users see
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class FrontData:
+    """The data of a front, and what follows from it; ``front.Front`` adds its verbs, and describes the fields."""
+
+    ids: Ids
+    objectives: Objectives
+    names: Sequence[str]
+    units: Sequence[str]
+    maximised: Sequence[bool]
+    genes: Genes | None = None
+    motions: JointMotions | None = None
+    violation: Values | None = None
+    certificates: Certificates | None = None
+    ranges: Ranges = field(default_factory=lambda: np.empty((0, 2)))
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+    problem: Any = None
+    folder: Path | None = field(default=None, init=False)
+
+    def __post_init__(self) -> None:
+        objectives = check_objectives(self.names, self.units, self.maximised, self.objectives)
+        ids = check_ids(self.ids, len(objectives))
+        order = np.lexsort((ids, *objectives.T[::-1]))
+        parts = {
+            "names": tuple(self.names),
+            "units": tuple(self.units),
+            "maximised": tuple(bool(flag) for flag in self.maximised),
+            "ids": read_only(ids[order]),
+            "objectives": read_only(objectives[order]),
+            "genes": sort_rows("genes", self.genes, order, dimensions=2),
+            "violation": sort_rows("violation", self.violation, order, dimensions=1),
+            "motions": sort_motions(self.motions, order),
+            "certificates": sort_certificates(self.certificates, order),
+            "ranges": check_ranges(self.ranges, objectives),
+        }
+        check_mapping("front provenance", self.provenance, "entries by name")
+        parts["provenance"] = MappingProxyType(dict(self.provenance))
+        for name, part in parts.items():
+            object.__setattr__(self, name, part)
+        unique, first = np.unique(self.minimised, axis=0, return_index=True)
+        dominated = first[~non_dominated(unique)]
+        if dominated.size:
+            raise InvalidInput(
+                f"front points must be mutually non-dominated, got {dominated.size} dominated ones, "
+                f"the first with id {self.ids[dominated.min()]}"
+            )
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    def __contains__(self, point: object) -> bool:
+        """Return whether a point, given as id or choice, is on the front; never raises."""
+        number, objectives = getattr(point, "id", point), getattr(point, "objectives", None)
+        if not is_integer(number):
+            return False
+        (rows,) = np.nonzero(self.ids == int(number))
+        return len(rows) == 1 and (objectives is None or np.array_equal(self.objectives[rows[0]], objectives))
+
+    @property
+    def minimised(self) -> Objectives:
+        """Objectives (points, n_obj), with maximised ones negated, so that less is always better."""
+        minimised: Objectives = np.where(self.maximised, -self.objectives, self.objectives)
+        return minimised
+
+    @cached_property
+    def shares(self) -> Objectives:
+        """Place of each point in the ranges (points, n_obj): 0 is best, 1 worst; 0 on a zero range.
+
+        Marcos et al. (2012), Eq. 19, on the stored ranges.
+        """
+        return read_only(shares_of(self, self.objectives))
+
+    @cached_property
+    def supported(self) -> Mask:
+        """Mark the points that have the least weighted sum of shares for some weights.
+
+        The tolerance is a millionth of the ranges. The other points are above the convex hull: a mixture of points is
+        better in every objective, so that for any weights one of these has a smaller sum.
+        """
+        return supported(self.shares)
+
+    @property
+    def violation_between(self) -> Values | None:
+        """Worst violation of each motion's limits between its samples.
+
+        It is measured if there are no certificates; None without these and without a problem with motions.
+        """
+        if self.certificates is not None:
+            return self.certificates.violation_between
+        measure = getattr(getattr(self.problem, "task", None), "violation_between", None)
+        return None if measure is None or self.motions is None else measure(self.motions)
+
+    @cached_property
+    def jumps(self) -> tuple[tuple[int, int], ...] | None:
+        """Pairs of neighbours (ids) between which the front jumps to another branch of optima.
+
+        A barrier lies between the two: points interpolated there are worse than both in some objective, or impossible.
+        Navigation from one to the other cannot be continuous there.
+
+        None if this is not defined or not known: unless there are two objectives (others give points no order),
+        certificates, and a problem that can interpolate (the one that the front came from).
+        """
+        between = getattr(self.problem, "values_between", None)
+        if len(self.names) != 2 or self.certificates is None or between is None:
+            return None
+        if len(self) < 2:
+            return ()
+        inner = between(self, np.arange(1, JUMPS.places + 1) / (JUMPS.places + 1))
+        return tuple((int(self.ids[row]), int(self.ids[row + 1])) for row in barriers(self.minimised, inner))
+
+    @cached_property
+    def missing_hypervolume(self) -> float | None:
+        """Estimated share of the hypervolume that further points could still add, 0 to 1.
+
+        The hypervolume ends at the front's worst values. Between neighbours the front is approximated by the parabola
+        that touches the tangents of their exchange rates, or by the chord if these contradict each other or are
+        unknown. None for other than two objectives, without certificates, and for fewer than two points.
+        """
+        if len(self.names) != 2 or self.certificates is None or len(self) < 2:
+            return None
+        # The normals of the minimised front follow from the exchange rates, NaN if these are unreliable; if one
+        # objective has no weight, the other has all.
+        sign = np.prod(np.where(self.maximised, -1.0, 1.0))
+        rates = sign * self.certificates.exchange_rates[:, 0, 1]
+        normals = np.stack([-rates, np.ones(len(self))], axis=1)
+        normals = np.where(self.certificates.weak[:, None], np.round(self.certificates.weights), normals)
+        return missing_hypervolume(self.minimised, normals)
+
+
+def shares_of(front: FrontData, values: Values) -> Values:
+    """Return values of the objectives (..., n_obj) as shares of the stored ranges: 0 is best; 0 on a zero range."""
+    low, high = front.ranges.T
+    width = high - low
+    distance = np.where(front.maximised, high - values, values - low)
+    shares: Values = np.divide(distance, width, out=np.zeros_like(distance), where=width > 0)
+    return shares
+
+
+def widths_of(front: FrontData) -> Values:
+    """Return the divisors (n_obj,) of objectives in a front's certificates: its ranges, as in ``ranges_of``."""
+    return ranges_of(front.ranges.T, np.abs(front.objectives).max(axis=0))
+
+
+# Some points of a front: by their ids, or within bounds.
+
+
+Bound: TypeAlias = tuple[float | None, float | None]
+
+
+def check_front(front: object) -> None:
+    """Raise InvalidInput unless this is a front of at least one point."""
+    if not isinstance(front, FrontData) or len(front) == 0:
+        raise InvalidInput(f"front must be a front of at least one point, got {shown(front)}")
+
+
+def check_has_points(front: FrontData, verb: str) -> None:
+    """Raise Infeasible, in the name of a verb, if a front is empty."""
+    if len(front) == 0:
+        cause = "no point was feasible" if largest_id(front) < 0 else "this part of the front has no point"
+        raise Infeasible(f"{verb}: the front must have at least one point, got none: {cause}")
+
+
+def row_of(front: FrontData, number: object, *, name: str = "front") -> int:
+    """Return the row of the point with an id; raises InvalidInput if there is no such point."""
+    if not is_integer(number):
+        raise InvalidInput(f"{name}: the id of a point must be an integer, got {shown(number)}")
+    return int(rows_of(front, np.array([int(number)], dtype=object), name)[0])
+
+
+def rows_of(front: FrontData, ids: np.ndarray, name: str) -> Int[np.ndarray, " rows"]:
+    """Return the rows of the points with these ids; raises InvalidInput, by ``name``, for others."""
+    rows = {number: row for row, number in enumerate(front.ids.tolist())}
+    unknown = [number for number in ids.tolist() if number not in rows]
+    if unknown:
+        some = ", ".join(map(shown, unknown[:5])) + ", ..." * (len(unknown) > 5)
+        extent = f"{len(front)} from {front.ids.min()} to {front.ids.max()}" if len(front) else "none"
+        raise InvalidInput(f"{name}: ids must be those of the front's points ({extent}), got {some}")
+    return np.array([rows[number] for number in ids.tolist()], dtype=np.int64)
+
+
+def largest_id(front: FrontData) -> int:
+    """Return the largest id that a front, or the whole front of a part, ever had; −1 if none."""
+    moves = (int(move["to"]) for move in front.provenance.get(NAVIGATIONS, ()))
+    return max([int(front.ids.max(initial=-1)), int(front.provenance.get(LARGEST_ID, -1)), *moves])
+
+
+def take(front: Front, rows: Int[np.ndarray, " rows"]) -> Front:
+    """Return the front of some rows, with the same ranges and the same folder for choices.
+
+    Its provenance has the largest id of the whole front, so that new points of the part get other ids.
+    """
+    largest = largest_id(front)
+    note = {} if largest in front.ids[rows] else {LARGEST_ID: largest}
+    whole = {name: getattr(front, name) for name in ("ids", "objectives", *PARTS)}
+    parts = {name: each if each is None else each[rows] for name, each in whole.items()}
+    return attach(replace(front, **parts, provenance={**front.provenance, **note}), front.folder)
+
+
+def attach(front: Front, folder: Any) -> Front:
+    """Set the run folder that keeps a front's choices, and return the same front."""
+    object.__setattr__(front, "folder", folder)
+    return front
+
+
+def merge_named(
+    kind: str, mapping: Mapping[str, T] | None, keywords: Mapping[str, T], members: str, example: str
+) -> dict[str, T]:
+    """Return what is given by objective, in a mapping and as keywords; raises InvalidInput for repeated names."""
+    if mapping is not None:
+        check_mapping(kind, mapping, f"{members} by objective", example=example)
+    twice = sorted((mapping or {}).keys() & keywords.keys())
+    if twice:
+        raise InvalidInput(f"{kind} must have each objective once, got {twice[0]} twice")
+    return {**(mapping or {}), **keywords}
+
+
+def merge_bounds(name: str, bounds: Mapping[str, Bound] | None, named: Mapping[str, Bound]) -> dict[str, Bound]:
+    """Return bounds by objective, after all checks that need no front."""
+    merged = merge_named(name, bounds, named, "bounds", "{'energy': (None, 0.05)}")
+    for each, pair in merged.items():
+        if not isinstance(pair, list | tuple) or len(pair) != 2:
+            raise InvalidInput(f"{name} {each} must be (lower, upper), with None for an open side, got {shown(pair)}")
+        lower, upper = (None if side is None else finite_number(f"{name} {each}", side) for side in pair)
+        if lower is not None and upper is not None and lower > upper:
+            raise InvalidInput(f"{name} {each} must have lower <= upper, got {shown(pair)}")
+        merged[each] = lower, upper
+    return merged
+
+
+def bounds_by_axis(
+    front: FrontData, bounds: Mapping[str, Bound], *, name: str = "bounds"
+) -> Float[np.ndarray, "n_obj 2"]:
+    """Return the lower and upper bound of every objective, infinite if open.
+
+    Raises InvalidInput, by ``name``, for a bound of an unknown objective.
+    """
+    check_known(front.names, name, bounds)
+    limits = np.tile([-np.inf, np.inf], (len(front.names), 1))
+    for objective, pair in bounds.items():
+        for side, value in enumerate(pair):
+            if value is not None:
+                limits[front.names.index(objective), side] = value
+    return limits
+
+
+def inside(front: FrontData, limits: Float[np.ndarray, "n_obj 2"]) -> Mask:
+    """Mark the points within the limits of every objective, or at these."""
+    low, high = limits.T
+    return np.asarray(((front.objectives >= low) & (front.objectives <= high)).all(axis=1))
+
+
+def check_known(names: Sequence[str], label: str, given: Iterable[str]) -> None:
+    """Raise InvalidInput, with the valid names, if a given one is not among them."""
+    for each in given:
+        if each not in names:
+            hint = likely_spelling(each, names)
+            raise InvalidInput(f"{label} must have names among {', '.join(names)}, got {shown(each)}{hint}")

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import hashlib
 import io
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +19,7 @@ import numpy as np
 
 from paretoik.errors import InvalidInput, InvalidRun
 from paretoik.front.certificates import Certificates
-from paretoik.front.choice_tree import Choices, choices_bytes
-from paretoik.front.front import Front, MotionBuilder
-from paretoik.front.points import JointMotions, StoredJoints, StoredMotions, attach
+from paretoik.front.points import Front, FrontData, JointMotions, MotionBuilder, StoredJoints, StoredMotions, attach
 from paretoik.runs.file_replacement import only_writer, replace_files, without_writers
 from paretoik.runs.files import (
     CHOICES,
@@ -35,6 +33,7 @@ from paretoik.runs.files import (
     read_run,
     read_table,
     result_files,
+    run_bytes,
     unfinished_note,
 )
 
@@ -46,7 +45,7 @@ LATER_ARRAYS = ("discretisation_error",)  # earlier runs have none
 ERROR_COLUMN = "discretisation error of {}"
 
 
-def save(front: Front, folder: Path, *, overwrite: bool = False) -> None:
+def save(front: FrontData, folder: Path, *, overwrite: bool = False) -> None:
     """Write the front's files into `folder`, all of them at once or none.
 
     An existing run is replaced if this front is of the same problem and has all its points, or with ``overwrite``; the
@@ -55,36 +54,57 @@ def save(front: Front, folder: Path, *, overwrite: bool = False) -> None:
     """
     files = front_files(front)
     with only_writer(folder) as opened:
-        if _is_replaced(front, folder, overwrite=overwrite) and (folder / CHOICES).exists():
-            files[CHOICES] = choices_bytes(Choices())
+        if is_run(folder / RUN) and not _keeps_run(front, folder):
+            if not overwrite:
+                raise InvalidInput(
+                    f"{folder} must be a new folder or this front's own, got one that holds another run, or points "
+                    "that this front has not; overwrite=True replaces it"
+                )
+            if (folder / CHOICES).exists():
+                files[CHOICES] = run_bytes({"entries": [], "current": None})
         replace_files(opened, files)
     attach(front, folder)
 
 
-def front_files(front: Front) -> dict[str, bytes]:
+def _keeps_run(front: FrontData, folder: Path) -> bool:
+    """Return whether a front keeps all of the run in a folder: the same problem, and all of its points."""
+    try:
+        run, points = _read_front_entries(folder / RUN), stored_points(folder)
+    except InvalidRun:
+        return False
+    values = dict(zip(front.ids.tolist(), map(tuple, front.objectives.tolist()), strict=True))
+    return (
+        run.get("fingerprint") == front.provenance.get("fingerprint")
+        and [entry["name"] for entry in run["objectives"]] == list(front.names)
+        and all(values.get(number) == stored for number, stored in points.items())
+    )
+
+
+def front_files(front: FrontData) -> dict[str, bytes]:
     """Return the contents of a front's files by name; raises InvalidInput as ``save`` does for its provenance."""
     clashes = [name for name in RESERVED_ENTRIES if name in front.provenance]
     if clashes:
         raise InvalidInput(f"front provenance must not have any of {', '.join(RESERVED_ENTRIES)}, got {clashes[0]!r}")
+    objectives = [
+        {"name": name, "unit": unit, "maximised": maximised, "range": [float(low), float(high)]}
+        for name, unit, maximised, (low, high) in zip(
+            front.names, front.units, front.maximised, front.ranges, strict=True
+        )
+    ]
+    arrays = {"id": front.ids}
+    if front.genes is not None:
+        arrays["genes"] = front.genes
+    if front.motions is not None:
+        arrays |= motion_arrays(front.motions)
+    if front.certificates is not None:
+        arrays |= {name: getattr(front.certificates, name) for name in (*CERTIFICATE_ARRAYS, *LATER_ARRAYS)}
     files = {TABLE: _table_bytes(front)}
-    if front.motions is not None or front.genes is not None or front.certificates is not None:
-        files[MOTIONS] = _motions_bytes(front)
+    if len(arrays) > 1:
+        files[MOTIONS] = array_bytes(arrays)
     try:
-        return result_files(_run_entries(front), files)
+        return result_files({**front.provenance, "objectives": objectives, "points": len(front)}, files)
     except (TypeError, ValueError) as fault:
         raise InvalidInput(f"front provenance must fit strict JSON, got {fault}") from fault
-
-
-def _is_replaced(front: Front, folder: Path, *, overwrite: bool) -> bool:
-    """Return whether a front replaces another run in a folder; raises InvalidInput if it must not."""
-    if not is_run(folder / RUN) or _keeps_run(front, folder):
-        return False
-    if not overwrite:
-        raise InvalidInput(
-            f"{folder} must be a new folder or this front's own, got one that holds another run, or points that this "
-            "front has not; overwrite=True replaces it"
-        )
-    return True
 
 
 def stored_points(folder: Path) -> dict[int, tuple[float, ...]]:
@@ -96,33 +116,15 @@ def stored_points(folder: Path) -> dict[int, tuple[float, ...]]:
     return dict(zip(table["id"].tolist(), rows, strict=True))
 
 
-def has_points(front: Front, points: Mapping[int, tuple[float, ...]]) -> bool:
-    """Return whether a front has these points, with the same objectives."""
-    values_by_id = dict(zip(front.ids.tolist(), map(tuple, front.objectives.tolist()), strict=True))
-    return all(values_by_id.get(number) == values for number, values in points.items())
-
-
-def _keeps_run(front: Front, folder: Path) -> bool:
-    """Return whether a front keeps all of the run in a folder: the same problem, and all of its points."""
-    try:
-        run, points = _read_front_entries(folder / RUN), stored_points(folder)
-    except InvalidRun:
-        return False
-    same = run.get("fingerprint") == front.provenance.get("fingerprint")
-    names = [entry["name"] for entry in run["objectives"]] == list(front.names)
-    return same and names and has_points(front, points)
-
-
-def load(folder: Path, *, build_motions: MotionBuilder | None = None) -> Front:
+def load(folder: Path, *, make: Callable[..., Front], build_motions: MotionBuilder | None = None) -> Front:
     """Return the front that `save` wrote, after checks; without `build_motions` motions are `StoredMotions`."""
     with without_writers(folder):
-        return _load(folder, build_motions)
-
-
-def _load(folder: Path, build_motions: MotionBuilder | None) -> Front:
-    run = _read_front_entries(folder / RUN)
-    contents = {name: read_verified(folder / name, expected) for name, expected in run["files"].items()}
-    table = _read_table(folder / TABLE, contents[TABLE], [entry["name"] for entry in run["objectives"]])
+        run = _read_front_entries(folder / RUN)
+        contents = {name: read_verified(folder / name, expected) for name, expected in run["files"].items()}
+    names, units, maximised, ranges = (
+        [entry[part] for entry in run["objectives"]] for part in ("name", "unit", "maximised", "range")
+    )
+    table = _read_table(folder / TABLE, contents[TABLE], names)
     arrays = read_motions(folder / MOTIONS, contents[MOTIONS], table["id"]) if MOTIONS in contents else {}
     motions: JointMotions | None = None
     if "q" in arrays:
@@ -132,17 +134,24 @@ def _load(folder: Path, build_motions: MotionBuilder | None) -> Front:
         else:
             motions = build_motions(arrays["time"], arrays["q"], joint_names)
     try:
-        front = Front(
+        certificates = None
+        if "criticality" in table and all(name in arrays for name in CERTIFICATE_ARRAYS):
+            certificates = Certificates(
+                **{name: table[name] for name in ("violation", *CERTIFICATE_COLUMNS, "status")},
+                **{name: arrays[name] for name in (*CERTIFICATE_ARRAYS, *LATER_ARRAYS) if name in arrays},
+                **{name: table[name] for name in ("reason",) if name in table},
+            )
+        front = make(
             ids=table["id"],
-            objectives=np.stack([table[entry["name"]] for entry in run["objectives"]], axis=1),
-            names=[entry["name"] for entry in run["objectives"]],
-            units=[entry["unit"] for entry in run["objectives"]],
-            maximised=[entry["maximised"] for entry in run["objectives"]],
+            objectives=np.stack([table[name] for name in names], axis=1),
+            names=names,
+            units=units,
+            maximised=maximised,
             genes=arrays.get("genes"),
             motions=motions,
             violation=table["violation"],
-            certificates=_certificates(table, arrays),
-            ranges=np.array([entry["range"] for entry in run["objectives"]], dtype=float),
+            certificates=certificates,
+            ranges=np.array(ranges, dtype=float),
             provenance={key: value for key, value in run.items() if key not in RESERVED_ENTRIES},
         )
     except (InvalidInput, TypeError, ValueError) as fault:
@@ -150,38 +159,14 @@ def _load(folder: Path, build_motions: MotionBuilder | None) -> Front:
     return attach(front, folder)
 
 
-def _run_entries(front: Front) -> dict[str, Any]:
-    return {
-        **front.provenance,
-        "objectives": [
-            {"name": name, "unit": unit, "maximised": maximised, "range": [float(low), float(high)]}
-            for name, unit, maximised, (low, high) in zip(
-                front.names, front.units, front.maximised, front.ranges, strict=True
-            )
-        ],
-        "points": len(front),
-    }
-
-
-def _certificates(table: dict[str, Any], arrays: dict[str, np.ndarray]) -> Certificates | None:
-    if "criticality" not in table or not all(name in arrays for name in CERTIFICATE_ARRAYS):
-        return None
-    return Certificates(
-        **{name: table[name] for name in ("violation", *CERTIFICATE_COLUMNS, "status")},
-        **{name: arrays[name] for name in (*CERTIFICATE_ARRAYS, *LATER_ARRAYS) if name in arrays},
-        **{name: table[name] for name in ("reason",) if name in table},
-    )
-
-
-def _table_bytes(front: Front) -> bytes:
+def _table_bytes(front: FrontData) -> bytes:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    missing = pa.nulls(len(front), pa.float64())
-    columns = {"id": pa.array(front.ids)}
+    missing, certificates = pa.nulls(len(front), pa.float64()), front.certificates
+    columns, units = {"id": pa.array(front.ids)}, dict(zip(front.names, front.units, strict=True))
     columns |= {name: pa.array(values) for name, values in zip(front.names, front.objectives.T, strict=True)}
     columns["violation"] = missing if front.violation is None else pa.array(front.violation)
-    certificates = front.certificates
     if certificates is None:
         columns |= dict.fromkeys(CERTIFICATE_COLUMNS, missing)
         columns |= dict.fromkeys(CERTIFICATE_TEXTS, pa.nulls(len(front), pa.string()))
@@ -190,7 +175,6 @@ def _table_bytes(front: Front) -> bytes:
         columns |= {name: pa.array(getattr(certificates, name).tolist(), pa.string()) for name in CERTIFICATE_TEXTS}
         errors = zip(front.names, certificates.discretisation_error.T, strict=True)
         columns |= {ERROR_COLUMN.format(name): pa.array(values) for name, values in errors}
-    units = dict(zip(front.names, front.units, strict=True))
     units |= {ERROR_COLUMN.format(name): unit for name, unit in units.items()}
     schema = pa.schema(
         [pa.field(name, values.type, metadata={"unit": units.get(name, "")}) for name, values in columns.items()]
@@ -198,17 +182,6 @@ def _table_bytes(front: Front) -> bytes:
     sink = io.BytesIO()
     pq.write_table(pa.table(columns, schema=schema), sink)
     return sink.getvalue()
-
-
-def _motions_bytes(front: Front) -> bytes:
-    arrays = {"id": front.ids}
-    if front.genes is not None:
-        arrays["genes"] = front.genes
-    if front.motions is not None:
-        arrays |= motion_arrays(front.motions)
-    if front.certificates is not None:
-        arrays |= {name: getattr(front.certificates, name) for name in (*CERTIFICATE_ARRAYS, *LATER_ARRAYS)}
-    return array_bytes(arrays)
 
 
 def motion_arrays(motions: JointMotions) -> dict[str, np.ndarray]:
@@ -233,14 +206,8 @@ def _read_front_entries(file: Path) -> dict[str, Any]:
     check_digest(file, run)
     if "holds" in run:
         raise InvalidRun(f"{file} must be a run with a front, got one that holds {run['holds']}")
-    if not _is_complete(run):
-        raise InvalidRun(f"{file} must have objectives and the digests of {TABLE} and {MOTIONS}, got other entries")
-    return run
-
-
-def _is_complete(run: dict[str, Any]) -> bool:
     files, objectives = run["files"], run.get("objectives")
-    return (
+    is_complete = (
         isinstance(files, dict)
         and TABLE in files
         and not files.keys() - {TABLE, MOTIONS}
@@ -250,6 +217,9 @@ def _is_complete(run: dict[str, Any]) -> bool:
         and all(entry.keys() == {"name", "unit", "maximised", "range"} for entry in objectives)
         and all(isinstance(entry["name"], str) and isinstance(entry["unit"], str) for entry in objectives)
     )
+    if not is_complete:
+        raise InvalidRun(f"{file} must have objectives and the digests of {TABLE} and {MOTIONS}, got other entries")
+    return run
 
 
 def _read_table(file: Path, content: bytes, names: list[str]) -> dict[str, Any]:
@@ -300,4 +270,5 @@ def read_verified(file: Path, expected: object) -> bytes:
 
 
 def _line(fault: Exception) -> str:
+    """Return the first line of an error."""
     return (str(fault).splitlines() or [type(fault).__name__])[0]

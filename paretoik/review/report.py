@@ -20,8 +20,9 @@ from jaxtyping import Float, Int
 from paretoik.arrays import Values
 from paretoik.formulations.protocol import task_of
 from paretoik.front.choice_tree import Choices
+from paretoik.front.comparison import flatten
 from paretoik.front.front import Front
-from paretoik.front.points import flatten, take
+from paretoik.front.points import take
 from paretoik.front.preferences.compromise import best_rows, compromise
 from paretoik.review.outlines import outline, wires
 from paretoik.review.palette import PAPER, objective_label

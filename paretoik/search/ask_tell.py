@@ -29,7 +29,7 @@ from paretoik.search.objectives import (
 from paretoik.tables import field_representation, html_representation
 
 if TYPE_CHECKING:
-    from paretoik.front import Front
+    from paretoik.front.front import Front
 
 # Candidates, their outcomes, and the front of an archive.
 
@@ -85,7 +85,7 @@ class Feasibility:
 
 def archive_front(search: Any, points: int | None) -> Front:
     """Return the front of a search's archive; MaxiMin thins it to ``points`` points (None: all)."""
-    from paretoik.front import Front  # here: it takes time
+    from paretoik.front.front import Front  # here: it takes time
 
     check_count("points", points)
     members, problem = search.archive.members, search.problem

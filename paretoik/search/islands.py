@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from paretoik.arrays import Genes, Ids, Objectives
-from paretoik.front import Front
+from paretoik.front.front import Front
 from paretoik.inputs import check_size
 from paretoik.search.archive import Failures
 from paretoik.search.ask_tell import Candidates, Outcome, Search, archive_front

@@ -1,9 +1,10 @@
-"""Random fronts: few and many objectives, some maximised, with ties, duplicates and zero ranges."""
+"""Random fronts: few and many objectives, some maximised, with ties, duplicates and zero ranges; certificates."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from paretoik.front.certificates import Certificates
 from paretoik.front.front import Front
 from paretoik.front.indicators import non_dominated
 
@@ -32,4 +33,18 @@ def random_front(seed: int, *, n_obj: int | None = None, points: int | None = No
         units=["J", "", "m", "rad", "s"][:n_obj],
         maximised=maximised.tolist(),
         ranges=flipped,
+    )
+
+
+def minima(weights: np.ndarray, rates: np.ndarray, criticality: float | np.ndarray = 0.0) -> Certificates:
+    """Return the certificates of minima with these weights (points, n_obj) and exchange rates."""
+    zeros = np.zeros(len(weights))
+    return Certificates(
+        violation=zeros,
+        violation_between=zeros,
+        criticality=zeros + criticality,
+        weights=weights,
+        exchange_rates=rates,
+        exchange_intervals=np.stack([rates, rates], axis=-1),
+        status=np.full(len(weights), "minimum"),
     )

@@ -8,11 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from paretoik.front.certificates import Certificates
 from paretoik.front.choice import Choice
 from paretoik.front.front import Front
 from paretoik.front.preferences import Weights
-from tests.front.random_fronts import random_front
+from tests.front.random_fronts import minima, random_front
 
 NUMBER = r"[-+.\de]+"
 AMOUNT = (
@@ -136,19 +135,8 @@ def with_certificates(front: Front, weights: np.ndarray) -> Front:
     signs = np.where(front.maximised, -1.0, 1.0)
     rates = -weights[:, :, None] / weights[:, None, :] * (signs[:, None] * signs)
     rates[:, np.arange(len(signs)), np.arange(len(signs))] = 1.0
-    zeros, widths = np.zeros(len(front)), np.ptp(front.ranges, axis=1)
-    return replace(
-        front,
-        certificates=Certificates(
-            violation=zeros,
-            violation_between=zeros,
-            criticality=zeros,
-            weights=weights * widths / (weights * widths).sum(axis=1, keepdims=True),
-            exchange_rates=rates,
-            exchange_intervals=np.stack([rates, rates], axis=-1),
-            status=np.full(len(front), "minimum"),
-        ),
-    )
+    widths = np.ptp(front.ranges, axis=1)
+    return replace(front, certificates=minima(weights * widths / (weights * widths).sum(axis=1, keepdims=True), rates))
 
 
 def convex_front(n_obj: int, points: int, seed: int) -> Front:

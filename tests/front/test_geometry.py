@@ -11,11 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import linprog, nnls
 
-from paretoik.front.certificates import Certificates
 from paretoik.front.front import Front
 from paretoik.front.geometry import PREFERENCE_OPTIONS as OPTIONS
-from paretoik.front.geometry import _unmatched_by_mixtures
-from tests.front.random_fronts import random_front
+from paretoik.front.geometry import unmatched_by_mixtures
+from tests.front.random_fronts import minima, random_front
 
 seeds = st.integers(0, 10**6)
 
@@ -45,16 +44,6 @@ def certified(problem, *, scales=(1.0, 1.0), maximised=(False, False)):
     weights = np.abs(slope[:, ::-1]) / np.abs(slope).sum(axis=1, keepdims=True)
     rates = np.ones((len(values), 2, 2))
     rates[:, 0, 1], rates[:, 1, 0] = rate, 1 / rate
-    zeros = np.zeros(len(values))
-    certificates = Certificates(
-        violation=zeros,
-        violation_between=zeros,
-        criticality=zeros,
-        weights=weights,
-        exchange_rates=rates,
-        exchange_intervals=np.stack([rates, rates], axis=-1),
-        status=np.full(len(values), "minimum"),
-    )
     bound = SimpleNamespace(
         values_between=lambda front, shares: problem.values_between(front, shares) * np.array(scales)
     )
@@ -64,7 +53,7 @@ def certified(problem, *, scales=(1.0, 1.0), maximised=(False, False)):
         names=["one", "other"],
         units=["", ""],
         maximised=maximised,
-        certificates=certificates,
+        certificates=minima(weights, rates),
         problem=bound,
     )
 
@@ -204,7 +193,7 @@ def test_a_straight_and_a_bulging_front_are_reached_and_a_hollow_one_at_its_ends
 @pytest.mark.parametrize("seed", range(100))
 def test_the_hull_agrees_with_mixtures_of_points_for_two_objectives(seed):
     front = random_front(seed, n_obj=2, points=1 + seed)
-    assert np.array_equal(front.supported, _unmatched_by_mixtures(front.shares))
+    assert np.array_equal(front.supported, unmatched_by_mixtures(front.shares))
 
 
 def test_the_hull_of_a_front_is_computed_once():
@@ -229,7 +218,7 @@ def test_mixtures_of_near_points_decide_like_mixtures_of_all_points(n_obj):
     residuals = [nnls(matrix, np.append(point - OPTIONS.hull, 1.0))[1] for point in shares]
     expected = np.array(residuals) > 0.1 * OPTIONS.hull
     assert 0 < expected.sum() < 120
-    assert np.array_equal(_unmatched_by_mixtures(shares), expected)
+    assert np.array_equal(unmatched_by_mixtures(shares), expected)
 
 
 def test_a_point_next_to_a_steep_or_a_flat_side_of_the_hull_is_reached():

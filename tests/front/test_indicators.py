@@ -1,4 +1,4 @@
-"""Hypervolume, non-domination, ideal and nadir."""
+"""Hypervolume and non-domination."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ from paretoik.front.indicators import (
     HypervolumeCurve,
     estimate_hypervolume,
     hypervolume,
-    ideal_and_nadir,
     non_dominated,
 )
 
@@ -71,26 +70,16 @@ def test_a_tolerance_that_is_no_share_is_refused(tolerance):
         non_dominated(np.zeros((1, 2)), tolerance=tolerance)
 
 
-def test_a_reference_inside_the_front_is_counted_and_refused_when_checked():
+def test_points_beyond_the_reference_add_nothing():
     F = np.array([[0.0, 3.0], [1.0, 1.0], [3.0, 0.0], [np.nan, 0.0]])
     assert hypervolume(F, [2.0, 2.0]) == 1.0
-    with pytest.raises(InvalidInput, match="2 of 4 points not below it and 1 not finite"):
-        hypervolume(F, [2.0, 2.0], check=True)
-    assert hypervolume(F[:3], [4.0, 4.0], check=True) == pytest.approx(11.0)
+    assert hypervolume(F, [4.0, 4.0]) == pytest.approx(11.0)
 
 
 @pytest.mark.parametrize("reference", [[1.0], [1.0, 2.0, 3.0], [np.nan, 1.0], [np.inf, 1.0]])
 def test_a_reference_that_is_no_point_is_refused(reference):
     with pytest.raises(InvalidInput, match="must be 2 finite numbers"):
         hypervolume(np.zeros((1, 2)), reference)
-
-
-def test_ideal_and_nadir_are_those_of_the_non_dominated_points():
-    ideal, nadir = ideal_and_nadir(np.array([[0.0, 2.0], [1.0, 1.0], [9.0, 9.0], [np.nan, -5.0]]))
-    assert ideal.tolist() == [0.0, 1.0]
-    assert nadir.tolist() == [1.0, 2.0]
-    with pytest.raises(InvalidInput, match="at least one finite point"):
-        ideal_and_nadir(np.full((3, 2), np.nan))
 
 
 @pytest.mark.parametrize("n_obj", [1, 2, 4, 5, 6])

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from paretoik.errors import Infeasible, InvalidInput
-from paretoik.front import Front
-from paretoik.front.certificates import Certificates, concatenate
+from paretoik.front.certificates import concatenate
+from paretoik.front.front import Front
+from tests.front.random_fronts import minima
 
 NAMES = ("energy", "torque", "travel")
 
@@ -25,15 +26,7 @@ class NeverMoved:
 
 def certified(residual=0.0, weights=None):
     weights = np.full((3, 3), 1 / 3) if weights is None else np.asarray(weights)
-    return Certificates(
-        violation=np.zeros(3),
-        violation_between=np.zeros(3),
-        criticality=np.full(3, residual),
-        weights=weights,
-        exchange_rates=-np.ones((3, 3, 3)),
-        exchange_intervals=-np.ones((3, 3, 3, 2)),
-        status=np.full(3, "minimum"),
-    )
+    return minima(weights, -np.ones((3, 3, 3)), np.asarray(residual))
 
 
 def front(**parts):

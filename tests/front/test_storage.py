@@ -15,9 +15,9 @@ import pyarrow.parquet as pq
 import pytest
 
 from paretoik.errors import InvalidInput, InvalidRun
-from paretoik.front.certificates import Certificates
 from paretoik.front.front import Front
 from paretoik.runs.files import MOTIONS, RUN, TABLE
+from tests.front.random_fronts import minima
 
 FILES = (RUN, TABLE, MOTIONS)
 THREADS = """
@@ -105,15 +105,7 @@ def test_the_table_is_readable_by_others_with_units_and_empty_certificates(front
 def test_criticality_is_read_by_its_former_name_too(front, tmp_path):
     points, n = front.objectives.shape
     rates = np.full((points, n, n), np.nan)
-    certificates = Certificates(
-        violation=np.zeros(points),
-        violation_between=np.zeros(points),
-        criticality=np.linspace(0.0, 1e-7, points),
-        weights=np.full((points, n), 1 / n),
-        exchange_rates=rates,
-        exchange_intervals=np.stack([rates, rates], axis=-1),
-        status=np.full(points, "minimum"),
-    )
+    certificates = minima(np.full((points, n), 1 / n), rates, np.linspace(0.0, 1e-7, points))
     replace(front, certificates=certificates).save(tmp_path)
     table = pq.read_table(tmp_path / TABLE)
     names = ["kkt_residual" if name == "criticality" else name for name in table.column_names]

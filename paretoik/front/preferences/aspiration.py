@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 
 import numpy as np
-from jaxtyping import Bool
 
 from paretoik.arrays import Mask, Values
 from paretoik.errors import InvalidInput
@@ -15,20 +13,21 @@ from paretoik.front.choice import (
     Choice,
     amounts_in_words,
     compare,
+    explain,
     first_row,
     list_words,
     named_numbers,
     named_text,
     percent,
     quantity,
+    with_unit,
 )
-from paretoik.front.front import Front
 from paretoik.front.geometry import PREFERENCE_OPTIONS as OPTIONS
-from paretoik.front.points import check_front, check_known, row_of
+from paretoik.front.points import Front, FrontData, check_front, check_known, row_of, shares_of
 from paretoik.inputs import check_call, is_integer, read_list, shown
 from paretoik.tables import html_representation
 
-# A preference by classification: objectives that improve and objectives that may get worse (NIMBUS).
+CLASSES = ("improve", "improve_to", "keep", "relax_to", "free")
 
 
 @check_call
@@ -79,8 +78,8 @@ class Classify:
         for field, names in (("improve", improve), ("keep", keep), ("free", free)):
             assign(self, field, read_list(f"classify {field}", names, str, "a list of names"))
         for field, values in (("improve_to", improve_to), ("relax_to", relax_to)):
-            assign(self, field, MappingProxyType(dict(named_numbers(f"classify {field}", values, {}))))
-        names = [name for _, name in self._classes()]
+            assign(self, field, named_numbers(f"classify {field}", values, {}))
+        names = self._names()
         twice = [name for name in names if names.count(name) > 1]
         if twice:
             raise InvalidInput(f"classify: each objective must be in one class, got {twice[0]} in several")
@@ -90,8 +89,7 @@ class Classify:
             raise InvalidInput("classify: an objective must be allowed to get worse (relax_to or free), got none")
 
     def __repr__(self) -> str:
-        fields = ("improve", "improve_to", "keep", "relax_to", "free")
-        classes = {field: getattr(self, field) for field in fields if getattr(self, field)}
+        classes = {field: getattr(self, field) for field in CLASSES if getattr(self, field)}
         plain = {field: dict(value) if isinstance(value, Mapping) else list(value) for field, value in classes.items()}
         return f"Classify({self.current}, {', '.join(f'{field}={value!r}' for field, value in plain.items())})"
 
@@ -101,90 +99,68 @@ class Classify:
         """Return the best point that satisfies the classes; raises InvalidInput if these do not suit the front."""
         check_front(front)
         start = row_of(front, self.current, name="classify")
-        check_known(front, "classify", [name for _, name in self._classes()])
-        missing = set(front.names) - {name for _, name in self._classes()}
-        if missing:
+        names = self._names()
+        check_known(front.names, "classify", names)
+        if missing := set(front.names) - set(names):
             raise InvalidInput(f"classify: every objective must be in a class, got {sorted(missing)[0]} in none")
-        self._check_values(front, start)
-        within = self._within(front, start)
-        scores = self._scores(front)
-        row = first_row(front, scores, within)
-        others = int(within.sum()) - 1
-        return front.choice(
-            row,
-            f"From point {self.current}, {self._in_words(front)}: {_outcome(front, start, row, others)}.",
-            preference=self,
-            score=float(scores[row]),
-            details={"current": int(self.current), "within": tuple(front.ids[within].tolist())},
-        )
+        values = {
+            name: -value if front.maximised[front.names.index(name)] else value
+            for name, value in {**self.improve_to, **self.relax_to}.items()
+        }
+        self._check_values(front, start, values)
 
-    def _classes(self) -> Iterator[tuple[str, str]]:
-        for field in ("improve", "improve_to", "keep", "relax_to", "free"):
-            for name in getattr(self, field):
-                yield field, name
+        # Points in which no objective is worse than its class allows.
+        limits, widths = front.minimised[start].copy(), np.ptp(front.ranges, axis=1)
+        for axis, name in enumerate(front.names):
+            if name in self.free or name in self.relax_to:
+                limits[axis] = values.get(name, np.inf)
+        within: Mask = (front.minimised <= limits + OPTIONS.rounding * widths).all(axis=1)
 
-    def _check_values(self, front: Front, start: int) -> None:
-        """Raise InvalidInput if a value to improve or relax to is on the wrong side of the current one."""
-        for field, values, side in (("improve_to", self.improve_to, -1.0), ("relax_to", self.relax_to, 1.0)):
-            for name, value in values.items():
+        # Among these the one with the least max (Z_i; Z_j − a_j) + 1e-4 ΣZ.
+        lost = []
+        for name in (*self.improve, *self.improve_to):
+            axis = front.names.index(name)
+            has_goal = name in self.improve_to and widths[axis] > 0
+            lost.append((front.minimised[:, axis] - values[name]) / widths[axis] if has_goal else front.shares[:, axis])
+        scores: Values = np.max(lost, axis=0) + OPTIONS.augmentation * front.shares.sum(axis=1)
+        row, others = first_row(front, scores, within), int(within.sum()) - 1
+
+        if row == start:
+            outcome = f"none of {others} others that satisfy this does better, so that it stays"
+            outcome = outcome if others else "no other point satisfies this, so that it stays"
+        else:
+            change = compare(front, start, row)
+            gains = amounts_in_words(front, change.gains, better=True)
+            costs = amounts_in_words(front, change.costs, better=False)
+            outcome = f"point {front.ids[row]} does best of {others} others that satisfy this, with {gains} for {costs}"
+        verdict = f"From point {self.current}, {self._in_words(front)}: {outcome}."
+        details = {"current": int(self.current), "within": tuple(front.ids[within].tolist())}
+        return explain(front, row, verdict, preference=self, score=float(scores[row]), details=details)
+
+    def _names(self) -> list[str]:
+        return [name for field in CLASSES for name in getattr(self, field)]
+
+    def _check_values(self, front: FrontData, start: int, values: Mapping[str, float]) -> None:
+        """Raise InvalidInput if a value to improve or relax to, minimised, is on the wrong side of the current one."""
+        for field, side in (("improve_to", -1.0), ("relax_to", 1.0)):
+            for name, value in getattr(self, field).items():
                 axis = front.names.index(name)
-                worse = side * (_minimised(front, axis, value) - front.minimised[start, axis])
+                worse = side * (values[name] - front.minimised[start, axis])
                 if worse < 0 or (worse == 0 and field == "improve_to"):
                     wish = "better than" if field == "improve_to" else "no better than"
                     now = f"{front.objectives[start, axis]:.6g}"
                     raise InvalidInput(f"classify {field}: {name} must be {wish} the current {now}, got {value:g}")
 
-    def _within(self, front: Front, start: int) -> Mask:
-        """Mark the points in which no objective is worse than its class allows."""
-        limits = front.minimised[start].copy()
-        for axis, name in enumerate(front.names):
-            if name in self.free:
-                limits[axis] = np.inf
-            elif name in self.relax_to:
-                limits[axis] = _minimised(front, axis, self.relax_to[name])
-        within: Mask = (front.minimised <= limits + OPTIONS.rounding * np.ptp(front.ranges, axis=1)).all(axis=1)
-        return within
+    def _in_words(self, front: FrontData) -> str:
+        def to(values: Mapping[str, float]) -> list[str]:
+            return [with_unit(front, name, f"{name} to {value:.4g}") for name, value in values.items()]
 
-    def _scores(self, front: Front) -> Values:
-        width = np.ptp(front.ranges, axis=1)
-        shares_lost = []
-        for name in (*self.improve, *self.improve_to):
-            axis = front.names.index(name)
-            share = front.shares[:, axis]
-            if name in self.improve_to and width[axis] > 0:
-                share = (front.minimised[:, axis] - _minimised(front, axis, self.improve_to[name])) / width[axis]
-            shares_lost.append(share)
-        scores: Values = np.max(shares_lost, axis=0) + OPTIONS.augmentation * front.shares.sum(axis=1)
-        return scores
-
-    def _in_words(self, front: Front) -> str:
         words = [f"improve {list_words(self.improve)}"] if self.improve else []
-        words += [f"improve {self._to(front, name, value)}" for name, value in self.improve_to.items()]
+        words += [f"improve {goal}" for goal in to(self.improve_to)]
         words += [f"keep {list_words(self.keep)}"] if self.keep else []
-        words += [f"relax {self._to(front, name, value)}" for name, value in self.relax_to.items()]
+        words += [f"relax {goal}" for goal in to(self.relax_to)]
         words += [f"leave {list_words(self.free)} free"] if self.free else []
         return list_words(words)
-
-    def _to(self, front: Front, name: str, value: float) -> str:
-        return f"{name} to {value:.4g} {front.units[front.names.index(name)]}".rstrip()
-
-
-def _minimised(front: Front, axis: int, value: float) -> float:
-    return -value if front.maximised[axis] else value
-
-
-def _outcome(front: Front, start: int, row: int, others: int) -> str:
-    """Return the result in words; ``others`` is the number of other points that satisfy the classes."""
-    if row == start:
-        points = f"none of {others} others that satisfy this does better" if others else "no other point satisfies this"
-        return f"{points}, so that it stays"
-    change = compare(front, start, row)
-    gains = amounts_in_words(front, change.gains, better=True)
-    costs = amounts_in_words(front, change.costs, better=False)
-    return f"point {front.ids[row]} does best of {others} others that satisfy this, with {gains} for {costs}"
-
-
-# A preference by desired values of the objectives.
 
 
 @check_call
@@ -218,73 +194,49 @@ class Aspiration:
     def choose(self, front: Front) -> Choice:
         """Return the point with the least achievement function; raises InvalidInput if a name is no objective."""
         check_front(front)
-        check_known(front, "aspiration", self.values)
+        check_known(front.names, "aspiration", self.values)
         axes = np.array([front.names.index(name) for name in self.values])
         wishes = np.full(len(front.names), np.nan)
         wishes[axes] = list(self.values.values())
-        excess = front.shares[:, axes] - _shares(front, wishes)[axes]
+        excess = front.shares[:, axes] - shares_of(front, wishes)[axes]
         score = excess.max(axis=1) + OPTIONS.augmentation * (
             excess.sum(axis=1) + np.delete(front.shares, axes, axis=1).sum(axis=1)
         )
         row = first_row(front, score)
-        meets = _meets(front, wishes)
+        missed = front.minimised - np.where(front.maximised, -wishes, wishes)
+        meets = ~(missed > OPTIONS.rounding * np.ptp(front.ranges, axis=1))
         met_by = front.ids[meets[:, axes].all(axis=1)].tolist()
-        amounts = front.minimised[row] - np.where(front.maximised, -wishes, wishes)
-        misses = {front.names[axis]: float(amounts[axis]) for axis in axes if not meets[row, axis]}
-        return front.choice(
-            row,
-            _verdict(front, row, self.values, met_by, misses, excess[row]),
-            preference=self,
-            score=float(score[row]),
-            details={
-                "within_reach": bool(met_by),
-                "misses": misses,
-                "spares": {front.names[axis]: float(-amounts[axis]) for axis in axes if meets[row, axis]},
-                "worst_share": float(excess[row].max()),
-            },
-        )
+        misses = {front.names[axis]: float(missed[row, axis]) for axis in axes if not meets[row, axis]}
+        details = {
+            "within_reach": bool(met_by),
+            "misses": misses,
+            "spares": {front.names[axis]: float(-missed[row, axis]) for axis in axes if meets[row, axis]},
+            "worst_share": float(excess[row].max()),
+        }
+        verdict = self._verdict(front, row, met_by, misses, excess[row])
+        return explain(front, row, verdict, preference=self, score=float(score[row]), details=details)
 
-
-def _shares(front: Front, wishes: Values) -> Values:
-    """Return values as shares of the stored ranges: 0 is best; 0 on a zero range, as for points."""
-    low, high = front.ranges.T
-    distance = np.where(front.maximised, high - wishes, wishes - low)
-    shares: Values = np.divide(distance, high - low, out=np.zeros_like(distance), where=high > low)
-    return shares
-
-
-def _meets(front: Front, wishes: Values) -> Bool[np.ndarray, "points n_obj"]:
-    """Return which wishes each point meets, within rounding."""
-    missed = front.minimised - np.where(front.maximised, -wishes, wishes) > OPTIONS.rounding * np.ptp(
-        front.ranges, axis=1
-    )
-    return np.asarray(~missed)
-
-
-def _verdict(
-    front: Front, row: int, wishes: Mapping[str, float], met_by: list[int], misses: Mapping[str, float], excess: Values
-) -> str:
-    words = list_words([_wish_in_words(front, name, value) for name, value in wishes.items()])
-    point, worst = f"point {front.ids[row]} of {len(front)}", list(wishes)[int(excess.argmax())]
-    if not misses and excess.max() > -OPTIONS.rounding:
-        return f"The wish, {words}, is just within reach: {point} meets it, but is not better in all of it."
-    if not misses:
+    def _verdict(
+        self, front: FrontData, row: int, met_by: Sequence[int], misses: Mapping[str, float], excess: Values
+    ) -> str:
+        sides = dict(zip(front.names, np.where(front.maximised, "least", "most"), strict=True))
+        wishes = [with_unit(front, each, f"{each} at {sides[each]} {value:.4g}") for each, value in self.values.items()]
+        point, worst = f"point {front.ids[row]} of {len(front)}", list(self.values)[int(excess.argmax())]
+        wish = f"The wish, {list_words(wishes)}, is"
+        if not misses and excess.max() > -OPTIONS.rounding:
+            return f"{wish} just within reach: {point} meets it, but is not better in all of it."
+        if not misses:
+            return (
+                f"{wish} within reach: {point} has the largest margin in its worst objective, "
+                f"{percent(-excess.max())} of the range, in {worst}."
+            )
+        missed = list_words([f"{name} by {quantity(front, name, amount)}" for name, amount in misses.items()])
+        if met_by:
+            return (
+                f"{wish} within reach: point {met_by[0]} meets it, but {point} misses it only by a trace, {missed}, "
+                "and has a lower sum of shares."
+            )
         return (
-            f"The wish, {words}, is within reach: {point} has the largest margin in its worst objective, "
-            f"{percent(-excess.max())} of the range, in {worst}."
+            f"{wish} out of reach: {point} misses it the least, by at most {percent(excess.max())} of a range, in "
+            f"{worst}. It misses {missed}."
         )
-    missed = list_words([f"{name} by {quantity(front, name, amount)}" for name, amount in misses.items()])
-    if met_by:
-        return (
-            f"The wish, {words}, is within reach: point {met_by[0]} meets it, but {point} misses it only by a trace, "
-            f"{missed}, and has a lower sum of shares."
-        )
-    return (
-        f"The wish, {words}, is out of reach: {point} misses it the least, by at most {percent(excess.max())} of a "
-        f"range, in {worst}. It misses {missed}."
-    )
-
-
-def _wish_in_words(front: Front, name: str, value: float) -> str:
-    axis = front.names.index(name)
-    return f"{name} at {'least' if front.maximised[axis] else 'most'} {value:.4g} {front.units[axis]}".rstrip()

@@ -8,14 +8,11 @@ import numpy as np
 
 from paretoik.arrays import Ids, Objectives, Values
 from paretoik.errors import InvalidInput
-from paretoik.front.choice import Choice, first_row, percent, subject
-from paretoik.front.front import Front
+from paretoik.front.choice import Choice, explain, first_row, percent, subject
 from paretoik.front.geometry import PREFERENCE_OPTIONS as OPTIONS
-from paretoik.front.points import check_front, check_has_points, row_of
+from paretoik.front.points import Front, FrontData, check_front, check_has_points, row_of
 from paretoik.inputs import check_call
 from paretoik.tables import html_representation
-
-# A preference for one point, by its id.
 
 
 @dataclass(frozen=True)
@@ -29,10 +26,7 @@ class Point:
     def choose(self, front: Front) -> Choice:
         """Return the point; raises InvalidInput if the front does not have it."""
         row = row_of(front, self.point, name="select: point")
-        return front.choice(row, f"Point {front.ids[row]} of {len(front)} was picked by its id.", preference=self)
-
-
-# The knee of a front as a preference.
+        return explain(front, row, f"Point {front.ids[row]} of {len(front)} was picked by its id.", preference=self)
 
 
 @check_call
@@ -67,58 +61,46 @@ class Knee:
                 if best.all()
                 else "is the knee: it is the best in every objective, within rounding"
             )
-            return front.choice(row, f"{subject(front, row)} {words}.", preference=self)
+            return explain(front, row, f"{subject(front, row)} {words}.", preference=self)
         return self._below_line(front) if len(front.names) == 2 else self._least_trade_off(front)
 
-    def _below_line(self, front: Front) -> Choice:
-        depths = _depths(front)
+    def _below_line(self, front: FrontData) -> Choice:
+        # Depths below the line between the ends, 1 at the corner that is best in both objectives.
+        shares = front.shares
+        ends = [first_row(front, shares[:, axis]) for axis in range(2)]
+        first, second = shares[ends[0]], shares[ends[1]]
+        width, height = second[0] - first[0], first[1] - second[1]  # both positive, as no point is the best in both
+        depths: Values = 1.0 - (shares[:, 0] - first[0]) / width - (shares[:, 1] - second[1]) / height
         row = first_row(front, -depths)
         if depths[row] <= OPTIONS.rounding:
             raise InvalidInput(
                 f"knee: a point must be below the straight line between the ends, got none among {len(front)}: "
                 "no knee; use Compromise or Aspiration"
             )
-        ends = [first_row(front, front.shares[:, axis]) for axis in range(2)]
-        return front.choice(
-            row,
+        verdict = (
             f"{subject(front, row)} is the knee: it lies farthest below the straight line between the ends, points "
             f"{front.ids[ends[0]]} and {front.ids[ends[1]]}: {percent(depths[row])} of the way from the line to the "
-            "best of both.",
-            preference=self,
-            score=-float(depths[row]),
-            details={"depth": float(depths[row]), "ends": tuple(int(front.ids[end]) for end in ends)},
+            "best of both."
         )
+        depth = float(depths[row])
+        details = {"depth": depth, "ends": tuple(int(front.ids[end]) for end in ends)}
+        return explain(front, row, verdict, preference=self, score=-depth, details=details)
 
-    def _least_trade_off(self, front: Front) -> Choice:
-        ratios = _least_trade_offs(front)
+    def _least_trade_off(self, front: FrontData) -> Choice:
+        ratios = np.array([_trade_offs(front, row).min() for row in range(len(front))])
         row = first_row(front, -ratios)
         other = int(front.ids[first_row(front, _trade_offs(front, row))])
-        return front.choice(
-            row,
+        verdict = (
             f"{subject(front, row)} is the knee, with the largest least trade-off: going from it to any other costs at "
-            f"least {ratios[row]:.3g} times what it gains, in shares of the ranges; going to point "
-            f"{other} costs that little.",
-            preference=self,
-            score=-float(ratios[row]),
-            details={"least_trade_off": float(ratios[row]), "nearest_exchange": other},
+            f"least {ratios[row]:.3g} times what it gains, in shares of the ranges; going to point {other} costs that "
+            "little."
         )
+        ratio = float(ratios[row])
+        details = {"least_trade_off": ratio, "nearest_exchange": other}
+        return explain(front, row, verdict, preference=self, score=-ratio, details=details)
 
 
-def _depths(front: Front) -> Values:
-    """Return how far points are below the line between the ends, 1 at the corner that is best in both objectives."""
-    shares = front.shares
-    first, second = (shares[first_row(front, shares[:, axis])] for axis in range(2))
-    width, height = second[0] - first[0], first[1] - second[1]  # both positive, as no point is the best in both
-    depths: Values = 1.0 - (shares[:, 0] - first[0]) / width - (shares[:, 1] - second[1]) / height
-    return depths
-
-
-def _least_trade_offs(front: Front) -> Values:
-    """Return the least trade-off of every point, over all exchanges."""
-    return np.array([_trade_offs(front, row).min() for row in range(len(front))])
-
-
-def _trade_offs(front: Front, row: int) -> Values:
+def _trade_offs(front: FrontData, row: int) -> Values:
     """Return the cost of each exchange of a row's point divided by its gain; inf without a gain."""
     shares = np.ascontiguousarray(front.shares.T)
     steps = shares - shares[:, row, None]
@@ -127,9 +109,6 @@ def _trade_offs(front: Front, row: int) -> Values:
     ratios = np.full(len(front), np.inf)
     np.divide(costs, gains, out=ratios, where=gains > 0)
     return ratios
-
-
-# The compromise of a front as a preference.
 
 
 COMPROMISE_IN_WORDS = "the point whose hardest-hit objective gives up the least, as a share of its range on the front"
@@ -155,12 +134,8 @@ class Compromise:
         row = first_row(front, scores)
         worst = int(front.shares[row].argmax())
         given_up = f", {COMPROMISE_IN_WORDS}: {percent(front.shares[row, worst])}, of {front.names[worst]}"
-        return front.choice(
-            row,
-            f"{subject(front, row)} is the compromise{given_up if len(front) > 1 else ''}.",
-            preference=self,
-            score=float(scores[row]),
-        )
+        verdict = f"{subject(front, row)} is the compromise{given_up if len(front) > 1 else ''}."
+        return explain(front, row, verdict, preference=self, score=float(scores[row]))
 
 
 def score_shares(shares: Objectives) -> Values:
@@ -170,7 +145,7 @@ def score_shares(shares: Objectives) -> Values:
     return scores
 
 
-def compromise(front: Front) -> Choice:
+def compromise(front: FrontData) -> Choice:
     """Return the compromise of a front (``Compromise``), without keeping the choice.
 
     Raises Infeasible if the front is empty.

@@ -11,15 +11,31 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.errors import Infeasible, InvalidInput
-from paretoik.front.choice import Choice, Preference, first_row, is_preference, list_words, percent
-from paretoik.front.front import Front
-from paretoik.front.points import Bound, bounds_by_axis, check_front, inside, merge_bounds, row_of, take
+from paretoik.front.choice import (
+    Choice,
+    Preference,
+    check_preference,
+    explain,
+    first_row,
+    list_words,
+    percent,
+    with_unit,
+)
+from paretoik.front.points import (
+    Bound,
+    Front,
+    FrontData,
+    bounds_by_axis,
+    check_front,
+    inside,
+    merge_bounds,
+    row_of,
+    take,
+)
 from paretoik.front.preferences.compromise import Compromise, Knee, Point
 from paretoik.front.preferences.weights import Weights
 from paretoik.inputs import check_call, is_integer, likely_spelling, shown, user_function
 from paretoik.tables import html_representation
-
-# A preference by bounds, and by another preference that decides among the points within.
 
 
 @check_call
@@ -46,7 +62,6 @@ class Bounds:
         then: Preference | str | Mapping[str, float] = "compromise",
         **bounds: Bound,
     ) -> None:
-
         object.__setattr__(self, "bounds", MappingProxyType(merge_bounds("bounds", mapping, bounds)))
         object.__setattr__(self, "then", as_preference(then, name="then"))
 
@@ -61,7 +76,6 @@ class Bounds:
         Raises InvalidInput if a name is no objective, and Infeasible if no point satisfies the bounds.
         """
         check_front(front)
-
         limits = bounds_by_axis(front, self.bounds)
         within = inside(front, limits)
         if not within.any():
@@ -70,16 +84,13 @@ class Bounds:
         choice = ask(self.then, part)
         count = f"all {len(front)}" if len(part) == len(front) else f"{len(part)} of {len(front)}"
         verb = "has" if len(part) == 1 < len(front) else "have"
-        return front.choice(
-            row_of(front, choice.id),
-            f"{count.capitalize()} points {verb} {_in_words(front, limits)}. {choice.verdict}",
-            preference=self,
-            score=choice.score,
-            details={**choice.details, "within": tuple(part.ids.tolist())},
-        )
+        verdict = f"{count.capitalize()} points {verb} {_in_words(front, limits)}. {choice.verdict}"
+        details = {**choice.details, "within": tuple(part.ids.tolist())}
+        row = row_of(front, choice.id)
+        return explain(front, row, verdict, preference=self, score=choice.score, details=details)
 
 
-def _out_of_bounds(front: Front, limits: Float[np.ndarray, "n_obj 2"]) -> Infeasible:
+def _out_of_bounds(front: FrontData, limits: Float[np.ndarray, "n_obj 2"]) -> Infeasible:
     """Return the error with the point nearest to the bounds, by the largest share of a range that it misses."""
     low, high = limits.T
     missed = np.maximum(np.maximum(low - front.objectives, front.objectives - high), 0.0)
@@ -87,29 +98,27 @@ def _out_of_bounds(front: Front, limits: Float[np.ndarray, "n_obj 2"]) -> Infeas
     shares = missed / np.where(width > 0, width, np.maximum(np.abs(front.ranges).max(axis=1), 1e-300))
     row = first_row(front, shares.max(axis=1))
     worst = int(shares[row].argmax())
-    parts = [
-        f"{front.names[axis]} {front.objectives[row, axis]:.4g} misses it by "
-        f"{missed[row, axis]:.3g} {front.units[axis]}".rstrip()
-        + f" ({percent(shares[row, axis])} of {'the range' if width[axis] > 0 else 'the value that all have'})"
-        for axis in np.flatnonzero(missed[row]).tolist()
-    ]
-    motion: Any = None if front.motions is None else front.motions[row]
+    parts = []
+    for axis in np.flatnonzero(missed[row]).tolist():
+        name, whole = front.names[axis], "the range" if width[axis] > 0 else "the value that all have"
+        text = f"{name} {front.objectives[row, axis]:.4g} misses it by {missed[row, axis]:.3g}"
+        parts.append(f"{with_unit(front, name, text)} ({percent(shares[row, axis])} of {whole})")
     return Infeasible(
         f"bounds: a point must have {_in_words(front, limits)}, got none of {len(front)} points; nearest is point "
         f"{front.ids[row]}: {list_words(parts)}",
-        motion=motion,
+        motion=None if front.motions is None else front.motions[row],
         limit=front.names[worst],
         violation=float(shares[row, worst]),
     )
 
 
-def _in_words(front: Front, limits: Float[np.ndarray, "n_obj 2"]) -> str:
+def _in_words(front: FrontData, limits: Float[np.ndarray, "n_obj 2"]) -> str:
     words = []
     for axis, name in enumerate(front.names):
         sides = zip(("at least", "at most"), limits[axis].tolist(), strict=True)
         parts = [f"{side} {value:.4g}" for side, value in sides if np.isfinite(value)]
         if parts:
-            words.append(f"{name} {list_words(parts)} {front.units[axis]}".rstrip())
+            words.append(with_unit(front, name, f"{name} {list_words(parts)}"))
     return list_words(words) or "no bound"
 
 
@@ -136,12 +145,11 @@ def as_preference(wish: Any, *, name: str = "select") -> Preference:
         return Weights(wish)
     if is_integer(wish):
         return Point(int(wish))
-    if is_preference(wish):
-        return wish
-    raise InvalidInput(f"{name}: must be a preference, such as Weights(...), got {shown(wish)}")
+    check_preference(name, wish)
+    return wish
 
 
-def ask(preference: Preference, front: Front) -> Choice:
+def ask(preference: Preference, front: FrontData) -> Choice:
     """Return the choice of a preference on a front with at least one point.
 
     Raises InvalidInput if the preference fails, or returns anything but a choice of this front.

@@ -4,21 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 
 import numpy as np
-from jaxtyping import Float
 
-from paretoik.arrays import Objectives, Values
+from paretoik.arrays import Values
 from paretoik.errors import InvalidInput
-from paretoik.front.choice import Choice, compare_neighbours, first_row, list_words, named_numbers, named_text, subject
-from paretoik.front.front import Front
+from paretoik.front.choice import (
+    Choice,
+    compare_neighbours,
+    explain,
+    first_row,
+    list_words,
+    named_numbers,
+    named_text,
+    subject,
+    with_unit,
+)
 from paretoik.front.geometry import PREFERENCE_OPTIONS as OPTIONS
-from paretoik.front.points import check_front, check_known
-from paretoik.inputs import check_call, finite_number, likely_spelling, shown
+from paretoik.front.points import Front, FrontData, check_front, check_known
+from paretoik.inputs import check_call, finite_number, shown
 from paretoik.tables import html_representation
-
-# A lexicographic preference: the first objective decides, the second among equally good points, and so on.
 
 
 @check_call
@@ -56,28 +61,18 @@ class Lexicographic:
         if twice:
             raise InvalidInput(f"lexicographic must have each objective once, got {twice[0]} twice")
         amounts, shares = (
-            named_numbers(
-                f"lexicographic {field}",
-                each,
-                {},
-                accept=lambda size: 0.0 <= size < np.inf,
-                requirement="a finite number >= 0",
-            )
+            named_numbers(f"lexicographic {field}", each, {}, signed=False)
             for field, each in (("tolerances", tolerances), ("tolerance_shares", tolerance_shares))
         )
         for field, named in (("tolerances", amounts), ("tolerance_shares", shares)):
-            for name in named.keys() - set(order):
-                hint = likely_spelling(name, order)
-                raise InvalidInput(
-                    f"lexicographic {field} must have names among {', '.join(order)}, got {shown(name)}{hint}"
-                )
+            check_known(order, f"lexicographic {field}", named)
         both = [name for name in amounts if name in shares]
         if both:
             raise InvalidInput(f"lexicographic: {both[0]} must have one tolerance, got one in units and one as a share")
         assign = object.__setattr__
         assign(self, "order", order)
-        assign(self, "tolerances", MappingProxyType(dict(amounts)))
-        assign(self, "tolerance_shares", MappingProxyType(dict(shares)))
+        assign(self, "tolerances", amounts)
+        assign(self, "tolerance_shares", shares)
 
     def __repr__(self) -> str:
         parts = [repr(name) for name in self.order]
@@ -90,7 +85,7 @@ class Lexicographic:
     def choose(self, front: Front) -> Choice:
         """Return the point that the order leads to; raises InvalidInput if a name is no objective."""
         check_front(front)
-        check_known(front, "lexicographic", self.order)
+        check_known(front.names, "lexicographic", self.order)
         among, words, remaining = np.ones(len(front), dtype=bool), [], {}
         for name in self.order:
             axis = front.names.index(name)
@@ -98,29 +93,15 @@ class Lexicographic:
             tolerance = self.tolerances.get(name, self.tolerance_shares.get(name, 0.0) * width)
             best = float(front.minimised[among, axis].min())
             among &= front.minimised[:, axis] <= best + tolerance + OPTIONS.rounding * width
-            remaining[name] = int(among.sum())
-            words.append(_step_in_words(front, axis, best, tolerance, remaining[name]))
+            count = remaining[name] = int(among.sum())
+            verb = ("is" if count == 1 else "are") if tolerance else ("has" if count == 1 else "have")
+            within = f" within {with_unit(front, name, f'{tolerance:.3g}')} of" if tolerance else ""
+            value = -best if front.maximised[axis] else best
+            words.append(with_unit(front, name, f"{count} {verb}{within} the best {name}, {value:.4g}"))
         row = first_row(front, np.zeros(len(front)), among)
-        last = f"point {front.ids[row]}" + ", whose sum of shares is the lowest" * (remaining[name] > 1)
-        return front.choice(
-            row,
-            f"Among {len(front)} points, {'; among these, '.join(words)}: {last}.",
-            preference=self,
-            details={"remaining": remaining},
-        )
-
-
-def _step_in_words(front: Front, axis: int, best: float, tolerance: float, count: int) -> str:
-    value = f"{front.names[axis]}, {-best if front.maximised[axis] else best:.4g}"
-    if tolerance:
-        within = f"{tolerance:.3g} {front.units[axis]}".rstrip()
-        return (
-            f"{count} {'is' if count == 1 else 'are'} within {within} of the best {value} {front.units[axis]}".rstrip()
-        )
-    return f"{count} {'has' if count == 1 else 'have'} the best {value} {front.units[axis]}".rstrip()
-
-
-# A preference by weights.
+        last = f"point {front.ids[row]}" + ", whose sum of shares is the lowest" * (count > 1)
+        verdict = f"Among {len(front)} points, {'; among these, '.join(words)}: {last}."
+        return explain(front, row, verdict, preference=self, details={"remaining": remaining})
 
 
 @check_call
@@ -155,59 +136,43 @@ class Weights:
         weights = weights_by_axis(front, self.weights, "weights")
         sums = front.shares @ weights
         row = first_row(front, sums)
-        unreached = front.ids[~front.supported].tolist()
         verdict = (
             f"{subject(front, row)} has the least weighted sum, {sums[row]:.3g}, of what objectives give up of their "
             f"ranges ({weights_in_words(front, weights)})."
         )
-        return front.choice(
-            row,
-            " ".join(filter(None, [verdict, _unnamed(front, weights), _unreached(front, row, unreached)])),
-            preference=self,
-            score=float(sums[row]),
-            details={"weights": dict(zip(front.names, weights.tolist(), strict=True)), "unreached": tuple(unreached)},
-        )
+        if unnamed := [name for name, weight in zip(front.names, weights, strict=True) if not weight]:
+            verdict += f" Without a weight, {list_words(unnamed)} decided only between equal sums."
+        if unreached := front.ids[~front.supported].tolist():
+            near = [str(each.id) for each in compare_neighbours(front, row) if each.id in unreached]
+            verdict += (
+                f" No weights at all reach {len(unreached)} of the points, which lie above straight lines between "
+            )
+            verdict += "others" + f", among them its neighbour{'s' * (len(near) > 1)} {list_words(near)}" * bool(near)
+            verdict += "; an aspiration can reach them."
+        named = dict(zip(front.names, weights.tolist(), strict=True))
+        details = {"weights": named, "unreached": tuple(unreached)}
+        return explain(front, row, verdict, preference=self, score=float(sums[row]), details=details)
 
 
 def check_weights(kind: str, mapping: Mapping[str, float] | None, keywords: Mapping[str, float]) -> Mapping[str, float]:
     """Return weights by objective; raises InvalidInput unless all are at least 0 and one is positive."""
-    weights = named_numbers(
-        kind, mapping, keywords, accept=lambda weight: 0.0 <= weight < np.inf, requirement="a finite number >= 0"
-    )
+    weights = named_numbers(kind, mapping, keywords, signed=False)
     if not any(weights.values()):
         raise InvalidInput(f"{kind} must have at least one above zero, got {shown(dict(weights))}")
     return weights
 
 
-def weights_by_axis(front: Front, named: Mapping[str, float], kind: str) -> Values:
+def weights_by_axis(front: FrontData, named: Mapping[str, float], kind: str) -> Values:
     """Return the weights of a front's objectives, their sum 1; raises InvalidInput if one names no objective."""
-    check_known(front, kind, named)
+    check_known(front.names, kind, named)
     weights: Values = np.array([named.get(name, 0.0) for name in front.names])
     weights /= weights.max()  # so that the sum of huge weights stays finite
     return weights / weights.sum()
 
 
-def weights_in_words(front: Front, weights: Values) -> str:
+def weights_in_words(front: FrontData, weights: Values) -> str:
     """Return the weights that are not 0 in percent, by name."""
     return ", ".join(f"{name} {weight:.3g}%" for name, weight in zip(front.names, 100 * weights, strict=True) if weight)
-
-
-def _unnamed(front: Front, weights: Values) -> str:
-    unnamed = [name for name, weight in zip(front.names, weights, strict=True) if not weight]
-    return f"Without a weight, {list_words(unnamed)} decided only between equal sums." if unnamed else ""
-
-
-def _unreached(front: Front, row: int, unreached: list[int]) -> str:
-    if not unreached:
-        return ""
-    near = [each.id for each in compare_neighbours(front, row) if each.id in unreached]
-    text = f"No weights at all reach {len(unreached)} of the points, which lie above straight lines between others"
-    if near:
-        text += f", among them its neighbour{'s' * (len(near) > 1)} {list_words(list(map(str, near)))}"
-    return f"{text}; an aspiration can reach them."
-
-
-# A preference by weights that are not known exactly.
 
 
 @check_call
@@ -244,7 +209,13 @@ class Robust:
         """Return the point with the least largest regret; raises InvalidInput if a weight names no objective."""
         check_front(front)
         weights = weights_by_axis(front, self.weights, "robust")
-        regrets, rivals = _largest_regrets(front.shares, weights, self.uncertainty)
+        # The largest regret of a point compared with another over the box is w·d + x w·|d|, d = Z_p − Z_q.
+        regrets, rivals = np.empty(len(front)), np.empty(len(front), dtype=np.int64)
+        for p, point in enumerate(front.shares):
+            steps = point - front.shares
+            against = steps @ weights + self.uncertainty * (np.abs(steps) @ weights)
+            rivals[p] = against.argmax()
+            regrets[p] = against[rivals[p]]
         row = first_row(front, regrets)
         rival, regret = int(rivals[row]), float(regrets[row])
         worst = weights * (1 + self.uncertainty * np.sign(front.shares[row] - front.shares[rival]))
@@ -252,36 +223,14 @@ class Robust:
             f"{subject(front, row)} has the least largest regret, {regret:.3g}, if each of the weights "
             f"{weights_in_words(front, weights)} may be wrong by {100 * self.uncertainty:.3g}%"
         )
-        text += (
-            f": at worst they are {weights_in_words(front, worst)}, and with these the weighted sum of point "
-            f"{front.ids[rival]} is less by that amount."
-            if regret > 0
-            else ": for all of these it has the least weighted sum."
-        )
-        return front.choice(
-            row,
-            text,
-            preference=self,
-            score=regret,
-            details={
-                "weights": dict(zip(front.names, weights.tolist(), strict=True)),
-                "worst_weights": dict(zip(front.names, worst.tolist(), strict=True)),
-                "rival": int(front.ids[rival]),
-            },
-        )
-
-
-def _largest_regrets(
-    shares: Objectives, weights: Float[np.ndarray, " n_obj"], uncertainty: float
-) -> tuple[Values, np.ndarray]:
-    """Return the largest regret of every point over the box, and the row of the point with less.
-
-    Against one rival it is the largest v·(Z_p − Z_q) over the box, w·d + x w·|d|, without a list of vertices.
-    """
-    regrets, rivals = np.empty(len(shares)), np.empty(len(shares), dtype=np.int64)
-    for row, point in enumerate(shares):
-        steps = point - shares
-        against = steps @ weights + uncertainty * (np.abs(steps) @ weights)
-        rivals[row] = against.argmax()
-        regrets[row] = against[rivals[row]]
-    return regrets, rivals
+        if regret > 0:
+            text += f": at worst they are {weights_in_words(front, worst)}, and with these the weighted sum of point "
+            text += f"{front.ids[rival]} is less by that amount."
+        else:
+            text += ": for all of these it has the least weighted sum."
+        details = {
+            "weights": dict(zip(front.names, weights.tolist(), strict=True)),
+            "worst_weights": dict(zip(front.names, worst.tolist(), strict=True)),
+            "rival": int(front.ids[rival]),
+        }
+        return explain(front, row, text, preference=self, score=regret, details=details)

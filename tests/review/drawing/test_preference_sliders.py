@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.front import Front
+from paretoik.front.front import Front
 from tests.review.drawing.test_front_view import PANEL, present, select, sent
 
 CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")

@@ -1,0 +1,12 @@
+"""Functions of packages above, for those below, which cannot import them; ``paretoik`` itself hands them down.
+
+keep_path: saves a tool path in a run folder
+open_view, show_choice: show a front in a notebook, and its present choice in the recording of its run
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+HANDED_DOWN: dict[str, Callable[..., Any]] = {}
