@@ -10,7 +10,6 @@ from pymoo.algorithms.soo.nonconvex.pso import PSO
 from pymoo.optimize import minimize
 
 import paretoik as pk
-from paretoik.closed_loop.exact_loop import exact_steps
 from paretoik.closed_loop.objectives import Step, step_objective
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.formulations import closed_loop
@@ -27,17 +26,6 @@ STEPS = 25
 def small(links, weight=0.5, **settings):
     defaults = {"start": posture(links), "steps": STEPS, "population": 60, "generations": 40, "as_printed": True}
     return marcos_2012.loop(links, 0.7, weight=weight, **{**defaults, **settings})
-
-
-@pytest.mark.parametrize("weight", [0.3, 1.0])
-def test_searched_loops_go_where_exact_ones_go(weight):
-    loop = small(3, weight, population=120, generations=100)
-    run = loop.run(fronts=[1, STEPS])
-    q = exact_steps(loop.task, loop.start, weight=weight)
-    assert run.position_error == pytest.approx(loop.task.motion(q).position_error[1:].mean(), rel=0.01)
-    assert np.abs(run.q - q).max() < 2e-3
-    assert sorted(run.fronts) == [1, STEPS]
-    assert run.drift == pytest.approx(np.linalg.norm(run.q[-1] - run.q[0]) / 3)
 
 
 def test_weights_change_only_the_choice():
