@@ -11,11 +11,10 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from paretoik.closed_loop.control_step import OPTIONS as ENGINE
 from paretoik.closed_loop.control_step import StepState, reach_by_joint
 from paretoik.closed_loop.loop import required_standoff, step_limits
-from paretoik.closed_loop.programs import tabulate, tabulate_balls, trace_nodes
-from paretoik.closed_loop.workspace import OPTIONS as ENGINE
-from paretoik.closed_loop.workspace import StepConstraints, StepStart, allocate
+from paretoik.closed_loop.programs import StepConstraints, StepStart, allocate, bounding_ball, tabulate, trace_nodes
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.inputs import check_size, finite_array, shown
 from paretoik.robot.arm import Arm
@@ -109,7 +108,7 @@ def planar_steps(
     constraints = StepConstraints(
         trace_nodes(task).arrays,
         tabulate(task.obstacles),
-        tabulate_balls(task.obstacles),
+        tabulate([bounding_ball(obstacle) for obstacle in task.obstacles]),
         task.min_clearance + task.link_radius,
         reach_by_joint(task),
         np.zeros(n),
