@@ -119,6 +119,7 @@ def reachable_share(step: StepState, *, farthest: float = 1e3) -> tuple[float, I
     error, jacobian = step.linearise()
     if not error.any():
         return 1.0, np.zeros(0, dtype=int)
+    # maximise s subject to J Δq = s Δx, low ≤ Δq ≤ high
     low, high = np.clip(step.lower, -farthest, 0.0), np.clip(step.upper, 0.0, farthest)
     share, moved = furthest(jacobian, low, high, error)
     return max(share, np.finfo(float).tiny), np.flatnonzero((moved <= low) | (moved >= high))

@@ -246,7 +246,7 @@ class ClosedLoop:
             raise InvalidInput("path must have samples evenly spaced in time, one per control step, got uneven ones")
         check_flag("warm_start", warm_start)
         self.longest, self.warm_start = check_longest_step(longest_step), bool(warm_start)
-        self._set(weights=weights, start=start, population=population, generations=generations, seed=seed)
+        self._set(weights, start, population, generations, seed)
 
     def __repr__(self) -> str:
         weights = ", ".join(f"{name} {weight:.0%}" for name, weight in self.named_weights.items())
@@ -271,23 +271,16 @@ class ClosedLoop:
         if start is not None or (seed is not None and seed != self.seed):
             other.__dict__.pop("start", None)
         other._set(
-            weights=self.weights if weights is None else weights,
-            start=self._given_start if start is None else start,
-            population=self.population if population is None else population,
-            generations=self.generations if generations is None else generations,
-            seed=self.seed if seed is None else seed,
+            self.weights if weights is None else weights,
+            self._given_start if start is None else start,
+            self.population if population is None else population,
+            self.generations if generations is None else generations,
+            self.seed if seed is None else seed,
         )
         return other
 
-    def _set(
-        self,
-        *,
-        weights: Weights | Sequence[float] | np.ndarray | None,
-        start: Sequence[float] | np.ndarray | None,
-        population: int,
-        generations: int,
-        seed: int,
-    ) -> None:
+    def _set(self, weights: Any, start: Any, population: int, generations: int, seed: int) -> None:
+        """Check and take the settings that ``changed`` can change."""
         check_size("population", population, SMALLEST_POPULATION)
         check_size("generations", generations, 1)
         check_seed("seed", seed)

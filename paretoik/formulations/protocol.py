@@ -97,9 +97,9 @@ class ProblemParts:
 class Differentiable(Protocol):
     """The part of a formulation that gradients need: its nonlinear program, and the meaning of its points."""
 
-    names: Sequence[str]
-    units: Sequence[str]
-    maximised: Sequence[bool]
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    maximised: tuple[bool, ...]
 
     def program(self, scales: Float[np.ndarray, " n_obj"] | None = None) -> Program:
         """Return the nonlinear program, its objectives divided by ``scales``."""

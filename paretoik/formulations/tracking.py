@@ -311,15 +311,19 @@ class Tracking(Formulation, Differentiable):
         """Return motions as individuals: without genes, which are inexact; unchecked between samples after a signal."""
         motions = self.task.motion(x)
         values = np.stack([o(motions) * o.sign for o in self.task.objectives], axis=1)
-        individuals = Individuals(
-            x=x, objectives=values, genes=None, motions=motions, violation_between=np.full(len(x), np.nan)
-        )
-        if STOP[0]:
-            return individuals
-        between, errors = self.task.violation_between(motions), self.task.discretisation_errors(motions)
         judged = self.task.differences == "spline"
-        discretisation = Discretisation(names=self.names, values=values, errors=errors, judged=judged)
-        return replace(individuals, violation_between=between, discretisation=discretisation)
+        return Individuals(
+            x=x,
+            objectives=values,
+            genes=None,
+            motions=motions,
+            violation_between=np.full(len(x), np.nan) if STOP[0] else self.task.violation_between(motions),
+            discretisation=None
+            if STOP[0]
+            else Discretisation(
+                names=self.names, values=values, errors=self.task.discretisation_errors(motions), judged=judged
+            ),
+        )
 
     def hold_between(
         self,

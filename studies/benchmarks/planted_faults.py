@@ -66,7 +66,7 @@ FAULTS = (
     Fault(
         "joint_trajectory/trajectory.py", "self.ramp * x**4 * (2.5 +", "self.ramp * x**4 * (2.0 +", "joint_trajectory"
     ),
-    Fault("formulations/encoding.py", "* self.radius[which][..., None]", "", "formulations"),
+    Fault("formulations/encoding.py", "- y) * self.radius[which][..., None]", "- y)", "formulations"),
 )
 
 
