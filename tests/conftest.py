@@ -16,7 +16,6 @@ import pytest
 import paretoik.capability.actuator_kernels
 import paretoik.capability.planar_maxima
 import paretoik.closed_loop.engine
-import paretoik.closed_loop.exact_step
 import paretoik.closed_loop.open_loop_engine
 import paretoik.nlp.banded.interior_point  # before the hook: numba compiles functions, not wrappers
 import paretoik.nlp.dense.dense_kernel

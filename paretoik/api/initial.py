@@ -9,7 +9,7 @@ import numpy as np
 
 from paretoik.arrays import Genes, Points
 from paretoik.errors import InvalidInput, warn_user
-from paretoik.formulations.protocol import Differentiable, encode
+from paretoik.formulations.protocol import Differentiable, ProblemParts
 from paretoik.front.front import Front
 from paretoik.front.indicators import ranges_of
 from paretoik.pareto.scalarisation import WARM_OPTIONS as WARM_STARTS
@@ -36,7 +36,7 @@ def initial_genes(problem: Any, initial: Genes | Motion | Front | None, *, toler
         return initial
     if not isinstance(initial, Motion):
         raise InvalidInput(f"initial must be genes, motions or a front, got {type(initial).__name__}")
-    genes, deviation = encode(problem, initial)
+    genes, deviation = ProblemParts(problem).encode(initial)
     inexact = deviation > tolerance
     if inexact.any():
         warn_user(

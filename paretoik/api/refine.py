@@ -18,7 +18,7 @@ from paretoik.api.session import RunSession, Subject, computing, review_front, r
 from paretoik.arrays import Genes, Ids, Objectives, Point, Points, Values
 from paretoik.compilation_notices import computing_clock
 from paretoik.errors import InvalidInput
-from paretoik.formulations.protocol import Differentiable, at_samples_of, require_feasible, require_program
+from paretoik.formulations.protocol import Differentiable, ProblemParts, at_samples_of, require_program
 from paretoik.front import indicators
 from paretoik.front.front import Front
 from paretoik.front.indicators import HypervolumeCurve, ranges_of
@@ -249,7 +249,7 @@ def refine_front(
         x, ranges = formulation.front_points(front), ranges_of(front.minimised)
         check_solver(formulation.program(ranges), solver)
         if len(x) and not (evaluate_points(formulation.program(ranges), x).violation <= WARM_STARTS.violation).any():
-            require_feasible(problem)
+            ProblemParts(problem).require_feasible()
         refined = _refine_and_certify(
             problem, x, front.ids, ranges, front.provenance, solver, session.observe, before=front, complete=complete
         )

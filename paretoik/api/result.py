@@ -18,7 +18,7 @@ import numpy as np
 from paretoik.api.infeasible_run import ObjectiveNames, infeasible_files
 from paretoik.api.session import RunSession
 from paretoik.errors import Infeasible, InvalidRun
-from paretoik.formulations.protocol import broken_words, decode, explain_violation, task_of, violation_words
+from paretoik.formulations.protocol import ProblemParts, broken_words, explain_violation, task_of, violation_words
 from paretoik.front.points import StoredJoints, StoredMotions
 from paretoik.front.storage import array_bytes, motion_arrays, read_motions, read_verified
 from paretoik.review.recording.messages import LeastViolating, PlanEnd, RecordedPoint, record_motion
@@ -51,7 +51,7 @@ def infeasible_error(search: Search | Islands) -> Infeasible:
     if nearest is None:
         return Infeasible(f"no feasible point in {search.evaluations} evaluations, and none without a failure")
     limit, reason = explain_violation(search.problem, nearest.X, nearest.G[0])
-    motions = decode(search.problem, nearest.X)
+    motions = ProblemParts(search.problem).decode(nearest.X)
     return Infeasible(
         f"no motion within the limits in {search.evaluations} evaluations; of the least-violating one, {reason}",
         motion=None if motions is None else motions[0],

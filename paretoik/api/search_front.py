@@ -27,7 +27,7 @@ from paretoik.arrays import Ids, Points
 from paretoik.compilation_notices import computing_clock
 from paretoik.errors import Infeasible, InvalidInput, SolverFailed
 from paretoik.formulations.control_step import read_steps
-from paretoik.formulations.protocol import Differentiable, decode, has_branches, require_feasible, require_program
+from paretoik.formulations.protocol import Differentiable, ProblemParts, require_program
 from paretoik.front.front import Front
 from paretoik.front.indicators import HypervolumeCurve
 from paretoik.front.preferences.compromise import marked_rows
@@ -107,7 +107,7 @@ class GenerationMotions:
         members = self._search.archive.members
         assert members is not None
         unique, place = np.unique(rows, return_inverse=True)
-        motions = decode(self._search.problem, members.X[unique])
+        motions = ProblemParts(self._search.problem).decode(members.X[unique])
         if motions is None:
             self._moves = False
             return points
@@ -430,7 +430,7 @@ class _Hopeless:
             return None
         self._looked = True
         try:
-            require_feasible(self._problem)
+            ProblemParts(self._problem).require_feasible()
         except Infeasible as failure:
             self.failure = failure
             return "infeasible"
@@ -441,7 +441,7 @@ def _anchors(problem: Any, settings: SolveSettings, generations: int) -> int:
     """Return the generations for each objective alone; by default half of all, shared, if there are branches."""
     if settings.anchors is not None:
         return settings.anchors
-    branches = settings.algorithm is None and problem.n_obj > 1 and has_branches(problem)
+    branches = settings.algorithm is None and problem.n_obj > 1 and hasattr(problem, "species")
     return generations // (2 * problem.n_obj) if branches else 0
 
 

@@ -10,7 +10,7 @@ from paretoik.api.load import load_front
 from paretoik.api.progress import Observer
 from paretoik.api.solve import solve
 from paretoik.errors import InvalidInput, ParetoikError, warn_user
-from paretoik.formulations.protocol import is_loop, reweigh
+from paretoik.formulations.protocol import ProblemParts, is_loop
 from paretoik.front.choice_tree import Choices, go_back, keep_choice
 from paretoik.front.front import Choice, Front, Preference, show_choice
 from paretoik.front.preferences.requests import as_preference
@@ -68,7 +68,7 @@ def select(
             "front must come with the closed loop that its run followed, got none; load it with its problem: "
             "load_front(run, problem), or --problem FILE.py:NAME"
         )
-    problem = reweigh(front.problem, front, preference)
+    problem = ProblemParts(front.problem).reweigh(front, preference)
     if problem is None:
         if out is not None:
             raise InvalidInput("out must come with a closed loop and other weights than its own, got no new run")

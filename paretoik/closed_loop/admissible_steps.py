@@ -161,19 +161,6 @@ def clearance_at_start(start, constraints, w):
         return np.inf
     for j in range(start.previous.shape[0]):
         w.configurations[j, 0] = start.previous[j]
-    return _first_excess(constraints, w)
-
-
-@compiled
-def excess_at(share, start, constraints, w):
-    """Return the same excess after a share of the first step, to ``w.inputs``."""
-    for j in range(start.previous.shape[0]):
-        w.configurations[j, 0] = start.previous[j] + share * (w.inputs[j, 0] - start.previous[j])
-    return _first_excess(constraints, w)
-
-
-@compiled
-def _first_excess(constraints, w):
     run_first(constraints.nodes, w.configurations, w.nodes, 1)
     _evaluate_excess(constraints.obstacles, constraints.required, 1, w)
     return w.distances[0]

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from paretoik.arrays import Genes
 from paretoik.closed_loop.objectives import Step
-from paretoik.closed_loop.workspace import OPTIONS
 from paretoik.errors import Infeasible
 from paretoik.robot.kinematics import link_nodes
 from paretoik.task.motion import Motion
@@ -21,34 +21,35 @@ from paretoik.task.retraction import task_errors
 HISTORY = 3  # configurations before a step: enough for a jerk
 
 
+class EngineOptions(NamedTuple):
+    """Settings of a step's search and of the test whether a step is admissible."""
+
+    crossover_probability: float = 0.5  # p_c of Marcos et al. 2012, section 5.1
+    mutation_probability: float = 0.5  # p_m, ibid.
+    gene_bound: float = 1.0  # genes lie within ±1, ibid.
+    max_redraws: int = 100  # of inadmissible chromosomes (section 5.2 redraws until they are admissible)
+    bound_tolerance: float = 1e-10  # rad or m: rounding error of a shortened step at its bounds
+    shortest_interval: float = 2.0**-8  # share of a step: intervals not proven clear are halved down to this
+    interval_batch: int = 64  # number of intervals whose middles are evaluated together
+    interval_depth: int = 16  # number of batches that fit on the stack of intervals
+    singular_ratio: float = 1e-9  # ratio of a Jacobian's singular values below which no finite step makes every Δx
+
+
+OPTIONS = EngineOptions()
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StepState:
-    """The state before the step to sample ``sample`` of the path.
-
-    Attributes
-    ----------
-    history
-        Last joint positions (history, dof), the present ones last.
-    home
-        Joint positions (dof,) in which the loop began.
-    lower
-        Lower bounds (dof,) of the joints' moves [rad, m].
-    upper
-        Upper bounds (dof,) of the joints' moves [rad, m].
-    swept
-        Flag: whether the whole step must be clear of obstacles; otherwise only its end.
-    standoff
-        Distance [m] from obstacles at the end of a swept step, beyond the required one.
-    """
+    """The state before the step to sample ``sample`` of the path."""
 
     task: MotionTask
     sample: int
-    history: Float[np.ndarray, "history dof"]
-    home: Float[np.ndarray, " dof"]
-    lower: Float[np.ndarray, " dof"]
-    upper: Float[np.ndarray, " dof"]
-    swept: bool
-    standoff: float
+    history: Float[np.ndarray, "history dof"]  # last joint positions, the present ones last
+    home: Float[np.ndarray, " dof"]  # joint positions in which the loop began
+    lower: Float[np.ndarray, " dof"]  # rad, m: lower bounds of the joints' moves
+    upper: Float[np.ndarray, " dof"]  # rad, m: upper bounds of the joints' moves
+    swept: bool  # whether the whole step must be clear of obstacles; otherwise only its end
+    standoff: float  # m: distance from obstacles at the end of a swept step, beyond the required one
 
     @property
     def previous(self) -> Float[np.ndarray, " dof"]:
@@ -156,14 +157,14 @@ class StepState:
         If the whole step must be clear, it is halved until, in each interval, no point of the arm moves farther than
         the sum of the distances from obstacles at both ends. Steps too near for this proof count as not clear.
         """
-        end = self.excess_clearances(q)
+        end = excess_clearance(self.task, q)
         left = end - self.standoff
         if not self.swept:
             return left
         moved = q - self.previous
         travel, width = np.abs(moved) @ reach_by_joint(self.task), 1.0
         index, begin = np.arange(len(q)), np.zeros(len(q))
-        low, high = self.excess_clearances(self.previous[None]).repeat(len(q)), end
+        low, high = excess_clearance(self.task, self.previous[None]).repeat(len(q)), end
         while True:
             spare = low + high - travel[index] * width
             waiting = (left[index] > 0) & (spare <= 0)
@@ -174,15 +175,11 @@ class StepState:
             if not index.size:
                 return left
             width /= 2
-            middle = self.excess_clearances(self.previous + (begin + width)[:, None] * moved[index])
+            middle = excess_clearance(self.task, self.previous + (begin + width)[:, None] * moved[index])
             blocked = middle <= 0
             np.minimum.at(left, index[blocked], middle[blocked])
             index, begin = np.tile(index, 2), np.concatenate([begin, begin + width])
             low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
-
-    def excess_clearances(self, q: Float[np.ndarray, "points dof"]) -> Float[np.ndarray, " points"]:
-        """Return how far [m] configurations exceed the required clearance; inf without obstacles."""
-        return excess_clearance(self.task, q)
 
 
 def rotation_rows(task: MotionTask) -> Bool[np.ndarray, " rows"]:

@@ -126,7 +126,7 @@ def _eliminate(systems, r, k):
 def search(seed, step, generations, options, start, objectives, constraints, workspace, warm_start, history):
     """Search one step; return the number of individuals of the last population that have not failed.
 
-    The arguments are those of ``workspace.py``. A ``warm_start`` begins with the population in the workspace. The
+    The arguments are those of ``programs.py``. A ``warm_start`` begins with the population in the workspace. The
     ``history`` stores as many generations as it has room for.
     """
     options, start, objectives = refer(options), refer(start), refer(objectives)

@@ -1,8 +1,7 @@
-"""The loop: a search, a choice by weights and a step at every sample (Marcos et al. 2012, section 4.1, Fig. 1)."""
+"""The steps of a loop: their bounds, the choice by weights, and reasons (Marcos et al. 2012, section 4.1)."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,15 +9,13 @@ from jaxtyping import Float, Int
 
 from paretoik.arrays import Objectives
 from paretoik.closed_loop.control_step import (
-    HISTORY,
+    OPTIONS,
     StepState,
     describe_nearest_obstacle,
     excess_clearance,
     reach_by_joint,
 )
-from paretoik.closed_loop.step_evolution import Generations, Population, StepEvolution
-from paretoik.closed_loop.workspace import OPTIONS, EngineOptions
-from paretoik.errors import Infeasible
+from paretoik.closed_loop.step_evolution import Generations, Population
 from paretoik.nlp.convex_programs import furthest
 from paretoik.task.limits import Bounds
 from paretoik.task.motion_task import MotionTask
@@ -42,33 +39,6 @@ class StepRecord:
         return self.front.q[self.index]
 
 
-def take_steps(
-    search: StepEvolution,
-    make_step: Callable[[int, Float[np.ndarray, "history dof"]], StepState],
-    *,
-    start: Float[np.ndarray, " dof"],
-    weights: Float[np.ndarray, " n_obj"],
-    samples: int,
-    record_steps: Collection[int] = (),
-) -> Iterator[StepRecord]:
-    """Take one step after the other from a start; ``make_step`` makes the step to a sample from the history.
-
-    The generations of the searches to samples in ``record_steps`` are kept. Raises Infeasible, naming the step, if no
-    configuration is admissible or none can be reached.
-    """
-    history = np.tile(start, (HISTORY, 1))
-    for sample in range(1, samples):
-        step = make_step(sample, history)
-        recorded = sample in record_steps
-        population, generations = search.with_generations(step) if recorded else (search(step), None)
-        if not len(population.F):
-            raise Infeasible(explain_no_step(step))
-        front = nondominated(population)
-        record = StepRecord(sample=sample, front=front, index=choose(front.F, weights), generations=generations)
-        yield record
-        history = np.concatenate([history[1:], record.q[None]])
-
-
 def step_limits(task: MotionTask, longest: float) -> tuple[Float[np.ndarray, "time dof 2"], Bounds]:
     """Return the bounds of joints' moves in the step to a sample [rad, m], and the limits of their positions.
 
@@ -80,22 +50,11 @@ def step_limits(task: MotionTask, longest: float) -> tuple[Float[np.ndarray, "ti
     return np.clip(moves, -longest, longest), task.bounds.get("position", boundless)
 
 
-def step_bounds(
-    task: MotionTask, sample: int, previous: Float[np.ndarray, " dof"], longest: float
-) -> Float[np.ndarray, "dof 2"]:
-    """Return the bounds of joints' moves in the step to a sample [rad, m], as in ``step_limits``."""
-    moves, positions = step_limits(task, longest)
-    position = positions[sample if len(positions) > 1 else 0] - previous[:, None]
-    return np.stack(
-        [np.maximum(moves[sample, :, 0], position[:, 0]), np.minimum(moves[sample, :, 1], position[:, 1])], axis=1
-    )
-
-
-def required_standoff(task: MotionTask, longest: float, options: EngineOptions = OPTIONS) -> float:
+def required_standoff(task: MotionTask, longest: float) -> float:
     """Return the extra distance [m] from obstacles at the end of steps that must be clear all the way; 0 for others."""
     if not np.isfinite(longest):
         return 0.0
-    return options.shortest_interval * longest * float(reach_by_joint(task).sum())
+    return OPTIONS.shortest_interval * longest * float(reach_by_joint(task).sum())
 
 
 def state_before(
@@ -107,23 +66,18 @@ def state_before(
     longest: float,
 ) -> StepState:
     """Return what is known before the step to a sample, after these joint positions."""
-    bounds = step_bounds(task, sample, history[-1], longest)
+    moves, positions = step_limits(task, longest)
+    room = positions[sample if len(positions) > 1 else 0] - history[-1][:, None]
     return StepState(
         task=task,
         sample=sample,
         history=history,
         home=home,
-        lower=bounds[:, 0].copy(),
-        upper=bounds[:, 1].copy(),
+        lower=np.maximum(moves[sample, :, 0], room[:, 0]),
+        upper=np.minimum(moves[sample, :, 1], room[:, 1]),
         swept=bool(np.isfinite(longest)),
         standoff=required_standoff(task, longest),
     )
-
-
-def nondominated(population: Population) -> Population:
-    """Return the non-dominated points, in order of the first objective."""
-    index = nondominated_rows(population.F)
-    return Population(genes=population.genes[index], F=population.F[index], q=population.q[index])
 
 
 def nondominated_rows(F: Objectives) -> Int[np.ndarray, " front"]:
@@ -165,6 +119,7 @@ def reachable_share(step: StepState, *, farthest: float = 1e3) -> tuple[float, I
     error, jacobian = step.linearise()
     if not error.any():
         return 1.0, np.zeros(0, dtype=int)
+    # maximise s subject to J Δq = s Δx, low ≤ Δq ≤ high
     low, high = np.clip(step.lower, -farthest, 0.0), np.clip(step.upper, 0.0, farthest)
     share, moved = furthest(jacobian, low, high, error)
     return max(share, np.finfo(float).tiny), np.flatnonzero((moved <= low) | (moved >= high))

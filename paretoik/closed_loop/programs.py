@@ -1,10 +1,10 @@
-"""Evaluators of a step's objectives and of the positions of the arm's joints, traced for the engine."""
+"""What the engine takes: obstacles as rows, evaluators traced from objectives and the arm, and its workspace."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -12,7 +12,7 @@ from jaxtyping import Float
 from paretoik.autodiff.evaluator import Evaluator, compile_evaluator
 from paretoik.autodiff.tape import Expression, as_entry
 from paretoik.autodiff.tracing import TracedArray
-from paretoik.closed_loop.control_step import HISTORY, reach_by_joint, rotation_rows
+from paretoik.closed_loop.control_step import HISTORY, OPTIONS, reach_by_joint, rotation_rows
 from paretoik.closed_loop.objectives import Step, StepObjective
 from paretoik.errors import InvalidInput
 from paretoik.task.motion_task import MotionTask
@@ -20,8 +20,7 @@ from paretoik.task.obstacles import Box, Capsule, Circle, Obstacle, Sphere
 from paretoik.task.task import path_errors
 from paretoik.task.traced_motion import TracedMotion, trace_sample, trace_sample_function
 
-# Obstacles as rows of numbers, for compiled code.
-
+# Obstacles as rows of numbers.
 
 POINT, SEGMENT, BOX = range(3)
 KIND, RADIUS, FIRST, SECOND, AXES, COLUMNS = 0, 1, 2, 5, 8, 17
@@ -49,11 +48,6 @@ def tabulate(obstacles: Sequence[Obstacle]) -> Float[np.ndarray, "obstacles colu
     return rows
 
 
-def tabulate_balls(obstacles: Sequence[Obstacle]) -> Float[np.ndarray, "obstacles columns"]:
-    """Return the rows of a ball or circle around each obstacle; the obstacle itself if it has none."""
-    return tabulate([bounding_ball(obstacle) for obstacle in obstacles])
-
-
 def bounding_ball(obstacle: Obstacle) -> Obstacle:
     """Return a ball or circle around an obstacle; the obstacle itself if it has none."""
     if isinstance(obstacle, Capsule):
@@ -70,8 +64,7 @@ def bounding_ball(obstacle: Obstacle) -> Obstacle:
 
 # Evaluators of a step's objectives and of joint positions.
 
-
-ORDERS = 4  # positions, velocities, accelerations, jerks
+ORDERS = HISTORY + 1  # positions, velocities, accelerations, jerks
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -79,18 +72,17 @@ class StepPrograms:
     """Evaluators of one arm, task and set of objectives, for every step.
 
     ``objectives`` takes positions, velocities, accelerations and jerks (dof rows each), then the home joint positions,
-    the target and constants. It reads rates of fewer than ``orders`` orders, and has at least two outputs: a single
-    objective twice. ``nodes``, ``obstacles``, ``bounding`` and ``reach`` are those of ``StepConstraints``.
+    the target and constants; a single objective is an output twice. The other fields are those of ``StepConstraints``.
     """
 
     objectives: Evaluator
-    orders: int
+    orders: int  # number of orders of rates that it reads: 1 for positions only
+    inputs: int
+    constants: Float[np.ndarray, " numbers"]
     nodes: Evaluator
     obstacles: Float[np.ndarray, "obstacles columns"]
     bounding: Float[np.ndarray, "obstacles columns"]
     reach: Float[np.ndarray, " dof"]
-    inputs: int
-    constants: Float[np.ndarray, " numbers"]
 
 
 def trace_step(task: MotionTask, objectives: Sequence[StepObjective], dt: float) -> StepPrograms:
@@ -126,7 +118,7 @@ def trace_step(task: MotionTask, objectives: Sequence[StepObjective], dt: float)
         orders=max(rates, default=0) + 1,
         nodes=trace_nodes(task),
         obstacles=tabulate(task.obstacles),
-        bounding=tabulate_balls(task.obstacles),
+        bounding=tabulate([bounding_ball(obstacle) for obstacle in task.obstacles]),
         reach=reach_by_joint(task),
         inputs=len(trace.tape.inputs),
         constants=np.array([values[-1] for values in trace.parameters.values()]),
@@ -142,3 +134,142 @@ def trace_nodes(task: MotionTask) -> Evaluator:
     """Return the evaluator, from joint positions, of x, y and z [m] of the base, joints and tool in order."""
     motion = trace_sample(task)
     return compile_evaluator(motion.trace.tape, [as_entry(motion.trace.tape, x) for x in motion.links.entries.ravel()])
+
+
+# Tuples of arrays and numbers, as compiled code takes them; each thread needs a workspace of its own.
+
+
+class StepStart(NamedTuple):
+    """Start of a step."""
+
+    previous: np.ndarray  # joint positions (dof,)
+    particular: np.ndarray  # the shortest step (dof,) that makes Δx
+    null_space: np.ndarray  # of the Jacobian (dof, redundancy)
+    rates: np.ndarray  # velocity, acceleration and jerk (3, dof) before the step
+    dt: float  # s: time between steps
+
+
+class ObjectiveProgram(NamedTuple):
+    """The evaluator of the objectives, and the number of orders of rates that it reads: 1 for positions only."""
+
+    arrays: Any
+    orders: int
+
+
+class StepConstraints(NamedTuple):
+    """The obstacles, the required distance of the arm's links from them, and the bounds of joints' moves."""
+
+    nodes: Any  # evaluator of the positions of the arm's joints
+    obstacles: np.ndarray  # rows of ``tabulate``
+    bounding: np.ndarray  # rows of ``tabulate`` for the balls around obstacles
+    required: float  # m
+    reach: np.ndarray  # largest move (dof,) of any point of the arm with each joint
+    lower: np.ndarray  # bounds (dof,) of each joint's move, if ``bounded``
+    upper: np.ndarray
+    bounded: bool
+    swept: bool  # whether the whole step must be clear, not only its end
+    standoff: float  # m: distance at its end beyond the required one
+
+
+class KeptGenerations(NamedTuple):
+    """Generations of a search: genes (generations, individuals, genes), objectives (generations, individuals, n_obj).
+
+    The first generation is the one that a search begins with. Objectives are minimised, inf if a step failed.
+    """
+
+    genes: np.ndarray
+    F: np.ndarray
+
+
+class SelectionWorkspace(NamedTuple):
+    """Arrays for the choice among N parents and N children."""
+
+    points: np.ndarray
+    front: np.ndarray
+    fitness: np.ndarray
+    x: np.ndarray
+    y: np.ndarray
+    stack: np.ndarray
+    places: np.ndarray
+    dominated: np.ndarray
+    spare: np.ndarray
+    rank: np.ndarray
+    scaled: np.ndarray
+    nearest: np.ndarray
+    chosen: np.ndarray
+    values: np.ndarray
+    begins: np.ndarray
+    objectives: np.ndarray
+    distance: np.ndarray
+
+
+class Workspace(NamedTuple):
+    """A population and its children, and arrays for their evaluation."""
+
+    genes: np.ndarray  # one row per individual
+    F: np.ndarray  # objectives of the parents by place, then those of the children
+    order: np.ndarray  # row of each place
+    fitness: np.ndarray  # fitness in a tournament, by place
+    children: np.ndarray  # genes of the children, in columns
+    redrawn: np.ndarray  # genes drawn in place of inadmissible children
+    redrawn_positions: np.ndarray  # joint positions of these
+    state: np.ndarray
+    inputs: np.ndarray  # joint positions and rates of the children, in columns
+    outputs: np.ndarray
+    linear_systems: np.ndarray
+    pending: np.ndarray
+    candidates: np.ndarray
+    travel: np.ndarray
+    scale: np.ndarray
+    configurations: np.ndarray
+    nodes: np.ndarray
+    distances: np.ndarray
+    intervals: np.ndarray
+    selection: SelectionWorkspace
+
+
+def allocate(dof: int, redundancy: int, population: int, objectives: int, inputs: int) -> Workspace:
+    """Return the workspace of a population, and of evaluators with this number of inputs."""
+    N, M, r, size, both = population, objectives, redundancy, redundancy * (dof + 1), 2 * population
+    evaluated, index = max(N, OPTIONS.interval_batch), np.int64
+    selection = SelectionWorkspace(
+        points=np.zeros(both, index),
+        front=np.zeros(both, index),
+        fitness=np.zeros(both),
+        x=np.zeros(both),
+        y=np.zeros(both),
+        stack=np.zeros((both, 2), index),
+        places=np.zeros(N, np.uint64),
+        dominated=np.zeros(N, np.uint64),
+        spare=np.zeros(both, index),
+        rank=np.zeros(both, index),
+        scaled=np.zeros((M, both)),
+        nearest=np.zeros(both),
+        chosen=np.zeros(both, index),
+        values=np.zeros((4, both)),
+        begins=np.zeros(both + 2, index),
+        objectives=np.zeros((M, both)),
+        distance=np.zeros(both),
+    )
+    return Workspace(
+        genes=np.zeros((N, size)),
+        F=np.zeros((M, both)),
+        order=np.zeros(N, index),
+        fitness=np.zeros(N),
+        children=np.zeros((size, N)),
+        redrawn=np.zeros((size, N)),
+        redrawn_positions=np.zeros((dof, N)),
+        state=np.zeros(1, np.uint64),
+        inputs=np.zeros((inputs, N)),
+        outputs=np.zeros((M, N)),
+        linear_systems=np.zeros((r * r + r, N)),
+        pending=np.zeros(N, index),
+        candidates=np.zeros(N, index),
+        travel=np.zeros(N),
+        scale=np.zeros(N),
+        configurations=np.zeros((dof, evaluated)),
+        nodes=np.zeros((3 * (dof + 2), evaluated)),
+        distances=np.zeros(evaluated),
+        intervals=np.zeros((5, N + OPTIONS.interval_batch * OPTIONS.interval_depth)),
+        selection=selection,
+    )

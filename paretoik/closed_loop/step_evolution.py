@@ -8,14 +8,13 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import Genes, Objectives
-from paretoik.closed_loop.control_step import StepState
-from paretoik.closed_loop.programs import ORDERS, StepPrograms
-from paretoik.closed_loop.workspace import (
-    OPTIONS,
-    EngineOptions,
+from paretoik.closed_loop.control_step import OPTIONS, StepState
+from paretoik.closed_loop.programs import (
+    ORDERS,
     KeptGenerations,
     ObjectiveProgram,
     StepConstraints,
+    StepPrograms,
     StepStart,
     Workspace,
     allocate,
@@ -53,20 +52,18 @@ class StepEvolution:
 
     programs: StepPrograms
     redundancy: int
-    dof: int
     objectives: int
     population: int
     generations: int
     seed: int
-    warm_start: bool = False
-    options: EngineOptions = OPTIONS
+    warm_start: bool
     workspace: Workspace = field(init=False)
 
     def __post_init__(self) -> None:
         """Allocate the workspace, and the registers of the evaluators."""
-        programs = self.programs
-        inputs, outputs = max(programs.inputs, self.dof), len(programs.objectives.outputs)
-        self.workspace = allocate(self.dof, self.redundancy, self.population, outputs, inputs, options=self.options)
+        programs, self._dof = self.programs, len(self.programs.reach)
+        inputs, outputs = max(programs.inputs, self._dof), len(programs.objectives.outputs)
+        self.workspace = allocate(self._dof, self.redundancy, self.population, outputs, inputs)
         self._has_searched = False
         self._objectives = ObjectiveProgram(programs.objectives.arrays, programs.orders)
         self._nodes = programs.nodes.arrays
@@ -83,18 +80,32 @@ class StepEvolution:
         population, history = self._search(step, recorded=self.generations + 1)
         F = np.where(np.isfinite(history.F).all(axis=2, keepdims=True), history.F, np.nan)
         alive = np.isfinite(F).all(axis=2)
-        q = np.full((*alive.shape, self.dof), np.nan)
+        q = np.full((*alive.shape, self._dof), np.nan)
         q[alive] = step.decode(history.genes[alive])
         return population, Generations(F=F[:, :, : self.objectives], q=q)
 
     def _search(self, step: StepState, *, recorded: int) -> tuple[Population, KeptGenerations]:
+        """Search a step, or take it from the journal of a stopped run; keep this number of generations."""
         start, constraints = self.start_and_constraints(step)
         w = self.workspace
         before = w.genes[w.order] if self.warm_start and self._has_searched else None
-        numbers = self.seed, step.sample, self.generations, len(w.genes), self.options
+
+        def search_anew() -> dict[str, np.ndarray]:
+            """Return all genes, those that did not fail first, their objectives, and the generations recorded."""
+            from paretoik.closed_loop.engine import search  # imported here: numba loads slowly
+
+            rows = np.concatenate([step.home, step.target, self.programs.constants])
+            w.inputs[ORDERS * self._dof : ORDERS * self._dof + len(rows)] = rows[:, None]
+            kept = KeptGenerations(np.empty((recorded, *w.genes.shape)), np.empty((recorded, len(w.genes), len(w.F))))
+            numbers = self.seed, step.sample, self.generations, OPTIONS
+            alive = search(*numbers, start, self._objectives, constraints, w, before is not None, kept)
+            F = w.F[: self.objectives, :alive].T.copy()
+            return {"genes": w.genes[w.order], "F": F, "generation_genes": kept.genes, "generation_F": kept.F}
+
+        numbers = self.seed, step.sample, self.generations, len(w.genes), OPTIONS
         inputs = step.history, step.home, step.target, step.lower, step.upper, step.swept, step.standoff
         key = key_of("step", *numbers, *inputs, before, recorded) if is_journalled() else None
-        values = remembered(key, lambda: self._search_anew(step, start, constraints, before is not None, recorded))
+        values = remembered(key, search_anew)
         w.genes[:], w.order[:] = values["genes"], np.arange(len(w.order))  # the next step may begin with it
         self._has_searched = True
         F = values["F"]
@@ -102,36 +113,21 @@ class StepEvolution:
         history = KeptGenerations(values["generation_genes"], values["generation_F"])
         return Population(genes=genes, F=F, q=step.decode(genes)), history
 
-    def _search_anew(
-        self, step: StepState, start: StepStart, constraints: StepConstraints, warm_start: bool, recorded: int
-    ) -> dict[str, np.ndarray]:
-        """Return all genes, those that did not fail first, their objectives, and the generations recorded."""
-        from paretoik.closed_loop.engine import search  # imported here: numba loads slowly
-
-        n, w = self.dof, self.workspace
-        rows = np.concatenate([step.home, step.target, self.programs.constants])
-        w.inputs[ORDERS * n : ORDERS * n + len(rows)] = rows[:, None]
-        history = KeptGenerations(np.empty((recorded, *w.genes.shape)), np.empty((recorded, len(w.genes), len(w.F))))
-        numbers = self.seed, step.sample, self.generations, self.options
-        alive = search(*numbers, start, self._objectives, constraints, w, warm_start, history)
-        F = w.F[: self.objectives, :alive].T.copy()
-        return {"genes": w.genes[w.order], "F": F, "generation_genes": history.genes, "generation_F": history.F}
-
     def start_and_constraints(self, step: StepState) -> tuple[StepStart, StepConstraints]:
         """Return the start and the constraints of a step, as the engine takes them.
 
         Raises Infeasible if the arm is singular.
         """
-        task, dt = step.task, step.dt
+        programs, task, dt = self.programs, step.task, step.dt
         shortest, null_space = step.shortest_and_null_space
         rates = [np.diff(step.history, order, axis=0)[-1] / dt**order for order in (1, 2)]
-        start = StepStart(np.array(step.previous), shortest, null_space, np.array([*rates, np.zeros(self.dof)]), dt)
+        start = StepStart(np.array(step.previous), shortest, null_space, np.array([*rates, np.zeros(self._dof)]), dt)
         constraints = StepConstraints(
             self._nodes,
-            self.programs.obstacles,
-            self.programs.bounding,
+            programs.obstacles,
+            programs.bounding,
             task.min_clearance + task.link_radius,
-            self.programs.reach,
+            programs.reach,
             np.array(step.lower),
             np.array(step.upper),
             step.bounded,

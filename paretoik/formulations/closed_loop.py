@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
@@ -14,28 +13,26 @@ from jaxtyping import Float
 
 from paretoik.arrays import Objectives
 from paretoik.closed_loop.control_step import HISTORY, StepState
-from paretoik.closed_loop.loop import StepRecord, state_before, take_steps
+from paretoik.closed_loop.loop import StepRecord, choose, explain_no_step, nondominated_rows, state_before
 from paretoik.closed_loop.objectives import StepObjective, joint_displacement, position_error
 from paretoik.closed_loop.open_loop import search_start
 from paretoik.closed_loop.programs import StepPrograms, trace_step
-from paretoik.closed_loop.step_evolution import StepEvolution
-from paretoik.errors import InvalidInput
+from paretoik.closed_loop.step_evolution import Population, StepEvolution
+from paretoik.errors import Infeasible, InvalidInput
 from paretoik.formulations.control_step import (
     ControlStep,
-    check_even,
     check_limits,
     check_longest_step,
     check_objectives,
     check_start,
     check_steps,
-    normalise_weights,
 )
 from paretoik.formulations.formulation import task_text
 from paretoik.formulations.protocol import Timeline
 from paretoik.front.choice import Choice, Preference
 from paretoik.front.front import Front
 from paretoik.front.preferences import Weights
-from paretoik.inputs import check_call, check_flag, check_seed, check_size, shown
+from paretoik.inputs import check_call, check_flag, check_seed, check_size, finite_array, likely_spelling, shown
 from paretoik.robot.arm import Arm
 from paretoik.search.genes import SMALLEST_POPULATION
 from paretoik.tables import fit_screen, html_representation
@@ -73,8 +70,6 @@ class ClosedLoopRun:
         Smallest and largest objectives on the front of each step (steps, n_obj, 2).
     fronts
         Records of the requested steps by sample, some with their generations.
-    digests
-        Digests of the state, one every ``DIGEST_INTERVAL`` steps.
     """
 
     loop: ClosedLoop
@@ -82,7 +77,6 @@ class ClosedLoopRun:
     F: Objectives
     ranges: Float[np.ndarray, "steps n_obj 2"]
     fronts: Mapping[int, StepRecord]
-    digests: tuple[str, ...]
 
     @cached_property
     def task(self) -> MotionTask:
@@ -147,7 +141,22 @@ def explain_choice(front: Front) -> Choice:
 # The closed loop as a problem.
 
 
-DIGEST_INTERVAL = 100  # steps from one digest of the state to the next
+def normalise_weights(
+    weights: Weights | Sequence[float] | np.ndarray | None, names: tuple[str, ...]
+) -> Float[np.ndarray, " n_obj"]:
+    """Return weights in the order of the names, with sum 1; None: equal ones. Raises InvalidInput for others."""
+    if isinstance(weights, Weights):
+        unknown = [name for name in weights.weights if name not in names]
+        if unknown:
+            hint = likely_spelling(unknown[0], names)
+            raise InvalidInput(f"weights must have names among {', '.join(names)}, got {shown(unknown[0])}{hint}")
+        weights = [weights.weights.get(name, 0.0) for name in names]
+    values = np.ones(len(names)) if weights is None else finite_array("weights", weights, shape=(len(names),))
+    if (values < 0).any() or values.sum() <= 0:
+        raise InvalidInput(f"weights must be at least 0, one of them above 0, got {values.tolist()}")
+    return np.asarray(values / values.sum())
+
+
 ASKED_BY_PYMOO = ("vars", "vtype", "xl", "xu", "bounds", "has_bounds", "n_ieq_constr", "n_eq_constr")
 
 
@@ -232,10 +241,12 @@ class ClosedLoop:
             obstacles=obstacles,
             link_radius=link_radius,
         )
-        check_even(self.task.times)
+        steps = np.diff(self.task.times)
+        if np.ptp(steps) > 1e-9 * steps.mean():  # rounding
+            raise InvalidInput("path must have samples evenly spaced in time, one per control step, got uneven ones")
         check_flag("warm_start", warm_start)
         self.longest, self.warm_start = check_longest_step(longest_step), bool(warm_start)
-        self._set(weights=weights, start=start, population=population, generations=generations, seed=seed)
+        self._set(weights, start, population, generations, seed)
 
     def __repr__(self) -> str:
         weights = ", ".join(f"{name} {weight:.0%}" for name, weight in self.named_weights.items())
@@ -260,23 +271,16 @@ class ClosedLoop:
         if start is not None or (seed is not None and seed != self.seed):
             other.__dict__.pop("start", None)
         other._set(
-            weights=self.weights if weights is None else weights,
-            start=self._given_start if start is None else start,
-            population=self.population if population is None else population,
-            generations=self.generations if generations is None else generations,
-            seed=self.seed if seed is None else seed,
+            self.weights if weights is None else weights,
+            self._given_start if start is None else start,
+            self.population if population is None else population,
+            self.generations if generations is None else generations,
+            self.seed if seed is None else seed,
         )
         return other
 
-    def _set(
-        self,
-        *,
-        weights: Weights | Sequence[float] | np.ndarray | None,
-        start: Sequence[float] | np.ndarray | None,
-        population: int,
-        generations: int,
-        seed: int,
-    ) -> None:
+    def _set(self, weights: Any, start: Any, population: int, generations: int, seed: int) -> None:
+        """Check and take the settings that ``changed`` can change."""
         check_size("population", population, SMALLEST_POPULATION)
         check_size("generations", generations, 1)
         check_seed("seed", seed)
@@ -351,7 +355,6 @@ class ClosedLoop:
         return StepEvolution(
             programs=self.programs,
             redundancy=self.task.redundancy,
-            dof=self.task.arm.dof,
             objectives=self.n_obj,
             population=self.population,
             generations=self.generations,
@@ -366,15 +369,23 @@ class ClosedLoop:
         search(self.step_state(1))
 
     def steps(self, record_steps: Collection[int] = ()) -> Iterator[StepRecord]:
-        """Take one step after the other; ``record_steps`` is that of ``run``. Raises as ``take_steps`` does."""
-        return take_steps(
-            self.step_evolution(),
-            self.step_state,
-            start=self.start,
-            weights=self.weights,
-            samples=len(self.task.times),
-            record_steps=record_steps,
-        )
+        """Search, choose and step, one sample after the other; ``record_steps`` is that of ``run``.
+
+        Raises Infeasible, naming the step, if no configuration is admissible or none can be reached. Source: Marcos et
+        al. 2012, Fig. 1.
+        """
+        search, history = self.step_evolution(), np.tile(self.start, (HISTORY, 1))
+        for sample in range(1, len(self.task.times)):
+            step, recorded = self.step_state(sample, history), sample in record_steps
+            population, generations = search.with_generations(step) if recorded else (search(step), None)
+            if not len(population.F):
+                raise Infeasible(explain_no_step(step))
+            rows = nondominated_rows(population.F)
+            front = Population(genes=population.genes[rows], F=population.F[rows], q=population.q[rows])
+            index = choose(front.F, self.weights)
+            record = StepRecord(sample=sample, front=front, index=index, generations=generations)
+            yield record
+            history = np.concatenate([history[1:], record.q[None]])
 
     def run(
         self,
@@ -400,27 +411,24 @@ class ClosedLoop:
         Raises
         ------
         InvalidInput
-            For samples that the path does not have, and as ``take_steps`` does.
+            For samples that the path does not have.
+        Infeasible
+            As ``steps`` does.
         """
         recorded = check_steps(record_steps, len(self.task.times) - 1)
-        q, F, ranges, records, digests = [self.start], [], [], dict[int, StepRecord](), list[str]()
-        state = hashlib.sha256()
+        q, F, ranges, records = [self.start], [], [], dict[int, StepRecord]()
         for record in self.steps(recorded):
             front = record.front.F
             q.append(record.q)
             F.append(front[record.index])
             ranges.append(np.stack([front.min(axis=0), front.max(axis=0)], axis=1))
-            state.update(front.tobytes() + record.q.tobytes())
-            if record.sample % DIGEST_INTERVAL == 0:
-                digests.append(state.hexdigest())
             if record.sample in fronts or record.generations is not None:
                 records[record.sample] = record
             if observe is not None:
                 observe(record)
             if record.sample > 1 and should_stop():
                 break
-        columns = {"q": np.array(q), "F": np.array(F), "ranges": np.array(ranges)}
-        return ClosedLoopRun(loop=self, **columns, fronts=records, digests=tuple(digests))
+        return ClosedLoopRun(loop=self, q=np.array(q), F=np.array(F), ranges=np.array(ranges), fronts=records)
 
     def select(self, front: Front, preference: Preference) -> Choice:
         """Return the motion with these weights at every step, with the settings recorded in ``front``.

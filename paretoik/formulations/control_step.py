@@ -15,20 +15,17 @@ from pymoo.algorithms.base.genetic import GeneticAlgorithm
 from pymoo.core.population import Population
 from pymoo.core.repair import Repair
 
-from paretoik.arrays import Genes, Times
-from paretoik.closed_loop.control_step import HISTORY, describe_nearest_obstacle, excess_clearance
+from paretoik.arrays import Genes
+from paretoik.closed_loop.control_step import HISTORY, OPTIONS, describe_nearest_obstacle, excess_clearance
 from paretoik.closed_loop.loop import explain_no_step, reachable_share, state_before
 from paretoik.closed_loop.objectives import StepObjective, as_step_objective, joint_displacement, position_error
-from paretoik.closed_loop.workspace import OPTIONS
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.formulations.formulation import Formulation, of_genes
-from paretoik.front.preferences import Weights
 from paretoik.inputs import (
     check_call,
     check_magnitude,
     check_size,
     finite_array,
-    likely_spelling,
     read_list,
     real_array,
     shown,
@@ -45,7 +42,7 @@ from paretoik.task.path import Path
 from paretoik.task.task import Task
 from paretoik.task.validation import motion_task
 
-# Checks of a closed loop's arguments: objectives, weights, limits, times, steps, a start.
+# Checks of arguments that a step and a closed loop share: objectives, limits, steps, a start.
 
 
 def check_objectives(objectives: Sequence[StepObjective | Objective]) -> tuple[StepObjective, ...]:
@@ -64,22 +61,6 @@ def check_objectives(objectives: Sequence[StepObjective | Objective]) -> tuple[S
     return of_step
 
 
-def normalise_weights(
-    weights: Weights | Sequence[float] | np.ndarray | None, names: tuple[str, ...]
-) -> Float[np.ndarray, " n_obj"]:
-    """Return weights in the order of the names, with sum 1; None: equal ones. Raises InvalidInput for others."""
-    if isinstance(weights, Weights):
-        unknown = [name for name in weights.weights if name not in names]
-        if unknown:
-            hint = likely_spelling(unknown[0], names)
-            raise InvalidInput(f"weights must have names among {', '.join(names)}, got {shown(unknown[0])}{hint}")
-        weights = [weights.weights.get(name, 0.0) for name in names]
-    values = np.ones(len(names)) if weights is None else finite_array("weights", weights, shape=(len(names),))
-    if (values < 0).any() or values.sum() <= 0:
-        raise InvalidInput(f"weights must be at least 0, one of them above 0, got {values.tolist()}")
-    return np.asarray(values / values.sum())
-
-
 def check_limits(limits: Limits | None, *, supported: tuple[str, ...], where: str) -> None:
     """Raise InvalidInput for kinds of limits that are not ``supported``."""
     if not isinstance(limits, Limits | None):
@@ -88,13 +69,6 @@ def check_limits(limits: Limits | None, *, supported: tuple[str, ...], where: st
         limit = getattr(limits, kind)
         if kind not in supported and limit is not None and not (isinstance(limit, float) and limit == np.inf):
             raise InvalidInput(f"limits {where} must be on {', '.join(supported[:-1])} and {supported[-1]}, got {kind}")
-
-
-def check_even(times: Times) -> None:
-    """Raise InvalidInput if times are not evenly spaced, up to rounding."""
-    steps = np.diff(times)
-    if np.ptp(steps) > 1e-9 * steps.mean():
-        raise InvalidInput("path must have samples evenly spaced in time, one per control step, got uneven ones")
 
 
 def check_longest_step(longest_step: object) -> float:
@@ -228,20 +202,13 @@ class ControlStep(Formulation):
             longest=check_longest_step(longest_step),
         )
         self.task = self.state.ending
-        self.names = tuple(each.name for each in self.objectives)
-        self.units = tuple(each.unit for each in self.objectives)
-        self.maximised = tuple(each.maximise for each in self.objectives)
+        self.name_objectives(self.objectives)
         kinds = {"joint step": "rad or m"} if self.state.bounded else {}
         kinds |= {"clearance": "m"} if whole.obstacles else {}
         self.constraint_names, self.constraint_units = tuple(kinds), tuple(kinds.values())
         shortest, null_space = self.state.shortest_and_null_space
-        super().__init__(
-            n_var=null_space.shape[1] * (arm.dof + 1),
-            n_obj=len(self.names),
-            n_ieq_constr=len(kinds),
-            xl=-OPTIONS.gene_bound,
-            xu=OPTIONS.gene_bound,
-        )
+        bounds = np.full(null_space.shape[1] * (arm.dof + 1), OPTIONS.gene_bound)
+        super().__init__(-bounds, bounds)
         if reachable_share(self.state)[0] < 1.0:
             raise Infeasible(explain_no_step(self.state))
         self._score((history[-1] + shortest)[None])  # to raise the errors of the objectives now
@@ -296,24 +263,20 @@ class ControlStep(Formulation):
             columns.append(each.sign * values[:, -1])
         return np.stack(columns, axis=1)
 
-    def _excess(self, q: Float[np.ndarray, "points dof"]) -> Float[np.ndarray, "points limits"]:
-        """Return how far steps exceed the joints' bounds [rad, m] and lack clearance [m]; a large number for NaN."""
-        excess = np.full((len(q), self.n_ieq_constr), 1.0)
-        usable = np.isfinite(q).all(axis=1)
-        columns, steps = [], q[usable]
-        if self.state.bounded:
-            columns.append(self.state.excess_over_bounds(steps))
-        if self.task.obstacles:
-            left = self.state.clearance_left(steps)
-            columns.append(np.where(left > 0, -left, np.maximum(-left, np.finfo(float).tiny)))
-        excess[usable] = np.stack(columns, axis=1) if columns else 0.0
-        return excess
-
     def _evaluate(self, X: Genes, out: dict[str, object], *args: object, **kwargs: object) -> None:
         q = self.positions(X)
-        F, usable = np.full((len(X), self.n_obj), np.inf), np.isfinite(q).all(axis=1)
-        F[usable] = self._score(q[usable])
-        out["F"], out["G"] = np.where(np.isfinite(F).all(axis=1, keepdims=True), F, np.inf), self._excess(q)
+        usable = np.isfinite(q).all(axis=1)  # others have singular extended Jacobians
+        F, excess = np.full((len(X), self.n_obj), np.inf), np.full((len(X), self.n_ieq_constr), 1.0)
+        F[usable] = self._score(steps := q[usable])
+        columns = []
+        if self.state.bounded:  # rad, m beyond the bounds
+            columns.append(self.state.excess_over_bounds(steps))
+        if self.task.obstacles:  # m of clearance that lack
+            left = self.state.clearance_left(steps)
+            columns.append(np.where(left > 0, -left, np.maximum(-left, np.finfo(float).tiny)))
+        if columns:
+            excess[usable] = np.stack(columns, axis=1)
+        out["F"], out["G"] = np.where(np.isfinite(F).all(axis=1, keepdims=True), F, np.inf), excess
 
 
 class AdmissibleChromosomes(Seeded):

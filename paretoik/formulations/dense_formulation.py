@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -16,8 +17,9 @@ from paretoik.errors import InvalidInput
 from paretoik.formulations.formulation import Formulation
 from paretoik.formulations.motions import possible_values
 from paretoik.formulations.navigation import navigate, predict
-from paretoik.formulations.protocol import Individuals, decode
+from paretoik.formulations.protocol import Differentiable, Individuals
 from paretoik.front.front import Front
+from paretoik.nlp.dense.dense_program import DenseProgram
 from paretoik.nlp.dense.traced_rows import AssembledRows
 from paretoik.nlp.program import Program, Solver
 from paretoik.pareto.scalarisation import COLD_OPTIONS as COLD
@@ -113,21 +115,35 @@ class WholeProgram:
 OBJECTIVE_TOLERANCE = 1e-6  # share of an objective's size over all points that genes may miss it by
 
 
-class DenseFormulation(Formulation):
+class DenseFormulation(Formulation, Differentiable):
     """A pymoo problem with a ``DenseProgram``: the first gene selects one of ``base_count`` bases.
 
-    Subclasses define ``program``, ``points``, ``genes`` and ``sample_starts`` of ``Differentiable``. ``functions`` is a
-    task with the users' own objectives and constraints.
+    ``functions`` is a task with the users' own objectives and constraints.
     """
 
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    maximised: tuple[bool, ...]
-    constraint_names: tuple[str, ...]
     constraint_units: tuple[str, ...]
     functions: MotionTask
+    base_count: int
     navigate = navigate
     predict = predict
+
+    @cached_property
+    @abstractmethod
+    def _whole_program(self) -> WholeProgram:
+        """Rows and costs of the program, with users' functions among them."""
+
+    @abstractmethod
+    def decode(self, genes: Genes) -> Motion:
+        """Return the motions of genes."""
+
+    @abstractmethod
+    def sample_starts(self, count: int, rng: np.random.Generator) -> Genes:
+        """Return genes that searches start from."""
+
+    def program(self, scales: Float[np.ndarray, " n_obj"] | None = None) -> DenseProgram:
+        """Return the nonlinear program, its objectives divided by ``scales``."""
+        whole, divisors = self._whole_program, np.ones(self.n_obj) if scales is None else scales
+        return DenseProgram(rows=whole.rows, costs=whole.costs / divisors[:, None], objective_names=self.names)
 
     def add_functions(self, task: MotionTask) -> None:
         """Add users' functions, the objectives and constraints of a task, after those that exist.
@@ -184,7 +200,7 @@ class DenseFormulation(Formulation):
             x=np.where(deviates[:, None], self.points(rows), x),
             objectives=F,
             genes=rows,
-            motions=decode(self, rows),
+            motions=self.decode(rows),
             violation_between=np.maximum(self.violation_between(rows), G.max(axis=1)),
         )
 

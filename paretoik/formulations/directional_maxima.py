@@ -45,7 +45,6 @@ from paretoik.formulations.dense_formulation import (
 )
 from paretoik.formulations.formulation import of_genes
 from paretoik.inputs import check_call, check_flag, check_seed, check_size, finite_array, read_list
-from paretoik.nlp.dense.dense_program import DenseProgram
 from paretoik.robot import kinematics
 from paretoik.robot.arm import Arm
 from paretoik.robot.dynamics import gravity_torques
@@ -61,31 +60,28 @@ from paretoik.task.starts import order_by_neighbour, wrap_difference
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Configuration:
-    """Decoded genes: postures, sliders, and the tool's speed or force in each direction.
+    """Decoded genes: postures, sliders, and the tool's speed or force in each direction."""
 
-    Attributes
-    ----------
-    q
-        Postures (points, dof) [rad, m].
-    front
-        Front sliders (points, dof) [m]; 0 without sliders.
-    values
-        Speeds [m/s] or forces [N] of the tool (points, directions); inf if no joint has to bear a force.
-    dq
-        Joint velocities (points, speeds, dof) for the speeds [rad/s, m/s].
-    power
-        Power (points, speeds) that the speeds take [W].
-    excess
-        Violations (points, limits) by kind: missed position, rad or m, overload of motors as a share, shares of the
-        rod, shares of the mean range of joint speeds.
-    """
+    q: Float[np.ndarray, "points dof"]  # rad, m
+    front: Float[np.ndarray, "points dof"]  # m: front sliders; 0 without sliders
+    values: Float[np.ndarray, "points directions"]  # m/s or N; inf if no joint has to bear a force
+    dq: Float[np.ndarray, "points speeds dof"]  # rad/s, m/s: joint velocities for the speeds
+    power: Float[np.ndarray, "points speeds"]  # W: what the speeds take
+    excess: Float[np.ndarray, "points limits"]  # violations in the units of ``constraint_units``
 
-    q: Float[np.ndarray, "points dof"]
-    front: Float[np.ndarray, "points dof"]
-    values: Float[np.ndarray, "points directions"]
-    dq: Float[np.ndarray, "points speeds dof"]
-    power: Float[np.ndarray, "points speeds"]
-    excess: Float[np.ndarray, "points limits"]
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Maxima:
+    """Highest speeds and forces of postures, and what they follow from."""
+
+    values: Float[np.ndarray, "points directions"]  # m/s or N; inf if no joint has to bear a force
+    dq: Float[np.ndarray, "points speeds dof"]  # rad/s, m/s: joint velocities for the speeds
+    torque: Float[np.ndarray, "points dof"]  # torques that hold the arm
+    low: Float[np.ndarray, "points dof"]  # lowest joint speeds; 0 if a motor cannot hold the arm
+    high: Float[np.ndarray, "points dof"]  # highest joint speeds; 0 if a motor cannot hold the arm
+    holds: Bool[np.ndarray, " points"]  # whether all motors can hold the posture
+    span: Float[np.ndarray, " points"]  # mean range of joint speeds
+    free: Float[np.ndarray, "points dof redundancy"]  # directions of the self-motion
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -147,38 +143,33 @@ class Configurations:
         rows = self.stationary.rows
         return basis[..., :rows], basis[..., rows:]
 
-    def maxima(self, q: np.ndarray, front: np.ndarray) -> tuple[Configuration, np.ndarray, np.ndarray]:
-        """Return the maxima, the mean range of joint speeds (points,), and the directions of the self-motion."""
-        return self._maxima(q, front, *self._ranges(q, front))
-
-    def _ranges(self, q: Joints, front: Joints) -> tuple[np.ndarray, ...]:
-        """Return torques that hold the arm, lowest and highest joint speeds (0 if a motor cannot), and which can."""
+    def maxima(self, q: Joints, front: Joints) -> Maxima:
+        """Return the highest speed and force of each posture (points, dof) along each direction."""
         torque = gravity_torques(self.arm, q)
         low, high = speeds_at_sliders(self.actuation, q, torque, front)
         holds = ~np.isnan(high).any(axis=1)
         low, high = (np.where(holds[:, None], each, 0.0) for each in (low, high))
-        return torque, low, high, holds
-
-    def _maxima(
-        self, q: Joints, front: Joints, torque: np.ndarray, low: np.ndarray, high: np.ndarray, holds: np.ndarray
-    ) -> tuple[Configuration, np.ndarray, np.ndarray]:
         columns = kinematics.jacobian(self.arm, q)[:, : self.directions.shape[1]]
         values, count = np.empty((len(q), len(self.directions))), int(self.moving.sum())
+        # Speeds: max v subject to J dq = v d, low ≤ dq ≤ high.
         at_each, lowest, highest = (np.repeat(each, count, axis=0) for each in (columns, low, high))
         ways = np.tile(self.directions[self.moving], (len(q), 1))
         speeds, dq = fastest_joint_speeds(at_each, lowest, highest, ways)
-        values[:, self.moving], dq = speeds.reshape(len(q), count), dq.reshape(len(q), count, q.shape[1])
+        values[:, self.moving] = speeds.reshape(len(q), count)
+        # Forces: max f subject to |f Jᵀ d + torque| ≤ capacity.
         capacity = np.where(holds[:, None], torques_at_sliders(self.actuation, q, front), np.abs(torque))
         downwards, upwards = np.minimum(-capacity - torque, 0.0), np.maximum(capacity - torque, 0.0)
         forces = greatest_forces(columns, downwards, upwards, self.directions[~self.moving])
         values[:, ~self.moving] = np.where(holds[:, None], forces, 0.0)
-        power = np.abs(torque[:, None] * dq).sum(axis=-1)
-        excess = np.where(holds, 0.0, 1.0)[:, None]
-        span = np.maximum((high - low).mean(axis=1), 1e-12)
-        return (
-            Configuration(q=q, front=front, values=values, dq=dq, power=power, excess=excess),
-            span,
-            self.frames(q)[1],
+        return Maxima(
+            values=values,
+            dq=dq.reshape(len(q), count, q.shape[1]),
+            torque=torque,
+            low=low,
+            high=high,
+            holds=holds,
+            span=np.maximum((high - low).mean(axis=1), 1e-12),
+            free=self.frames(q)[1],
         )
 
     def at_pace(
@@ -189,38 +180,31 @@ class Configurations:
         Joints also move along the self-motion, (points, speeds, redundancy), in mean ranges of their speeds. Forces are
         the greatest ones: smaller ones would save nothing.
         """
-        torque, low, high, holds = self._ranges(q, front)
-        best, span, free = self._maxima(q, front, torque, low, high, holds)
-        along = np.einsum("pjr,pkr->pkj", free, self_motion)
-        dq = pace[..., None] * best.dq + span[:, None, None] * along
-        speed_excess = np.maximum(dq - high[:, None], low[:, None] - dq) / span[:, None, None]
+        best, actuation = self.maxima(q, front), self.actuation
+        span = best.span[:, None, None]
+        dq = pace[..., None] * best.dq + span * np.einsum("pjr,pkr->pkj", best.free, self_motion)
         values = best.values.copy()
         values[:, self.moving] *= pace
         lower, upper = self.arm.position_limits.T
         limit_excess = np.maximum(np.maximum(q - upper, lower - q).max(axis=1), -1.0)
-        excess = [off_path.astype(float), limit_excess, best.excess[:, 0], self._slider_excess(q, front)]
-        shares = speed_excess.max(axis=(1, 2), initial=-1.0) - LIMIT_TOLERANCE
-        excess.append(np.where(best.excess[:, 0] > 0, 0.0, shares))
+        slider_excess = np.zeros(len(q))
+        if isinstance(actuation, DistributedActuation):  # of back sliders, and of the sines of rods' angles
+            back, angle = actuation.gears(q, front)[0], actuation.angles(q)
+            low, high = actuation.back_bounds.T
+            back_excess = np.maximum(back - high, low - back) / actuation.rod
+            angle_excess = np.sin(actuation.least_angle) - np.sin(angle)
+            slider_excess = np.maximum(back_excess, angle_excess).max(axis=1) - LIMIT_TOLERANCE
+        speed_excess = np.maximum(dq - best.high[:, None], best.low[:, None] - dq) / span
+        shares = np.where(best.holds, speed_excess.max(axis=(1, 2), initial=-1.0) - LIMIT_TOLERANCE, 0.0)
+        excess = [off_path.astype(float), limit_excess, (~best.holds).astype(float), slider_excess, shares]
         return Configuration(
             q=q,
             front=front,
             values=values,
             dq=dq,
-            power=np.abs(torque[:, None] * dq).sum(axis=-1),
+            power=np.abs(best.torque[:, None] * dq).sum(axis=-1),
             excess=np.stack(excess, axis=1),
         )
-
-    def _slider_excess(self, q: np.ndarray, front: np.ndarray) -> np.ndarray:
-        """Return how far back sliders and sines of rods' angles exceed their bounds, as shares of the rod."""
-        sliders = self.actuation
-        if not isinstance(sliders, DistributedActuation):
-            return np.zeros(len(q))
-        back, angle = sliders.gears(q, front)[0], sliders.angles(q)
-        low, high = sliders.back_bounds.T
-        back_excess = np.maximum(back - high, low - back) / sliders.rod
-        angle_excess = np.sin(sliders.least_angle) - np.sin(angle)
-        values: np.ndarray = np.maximum(back_excess, angle_excess).max(axis=1) - LIMIT_TOLERANCE
-        return values
 
     def slider_speeds(self, at: Configuration, torque: np.ndarray) -> np.ndarray:
         """Return slider speeds (points, directions, 2, dof) that turn the joints, each in proportion to its highest."""
@@ -241,16 +225,6 @@ class GeneRanges:
 RANGES = GeneRanges()
 NAMES: dict[Quantity, str] = {"velocity": "speed", "force": "force"}
 UNITS: dict[Quantity, str] = {"velocity": "m/s", "force": "N"}
-
-
-def _check_power(power: bool | None, quantities: Sequence[Quantity]) -> bool:
-    """Return whether power is an objective. Raises InvalidInput if nothing moves."""
-    if power is None:
-        return "velocity" in quantities
-    check_flag("power", power)
-    if power and "velocity" not in quantities:
-        raise InvalidInput("power must be False with forces only, since they take none at rest, got True")
-    return bool(power)
 
 
 @check_call
@@ -332,7 +306,11 @@ class DirectionalMaxima(DenseFormulation):
         self.directions = unit_directions(directions, task)
         count = len(self.directions)
         quantities = quantities_along(quantity, count)
-        self.power = _check_power(power, quantities)
+        if power is not None:
+            check_flag("power", power)
+        if power and "velocity" not in quantities:
+            raise InvalidInput("power must be False with forces only, since they take none at rest, got True")
+        self.power = "velocity" in quantities if power is None else bool(power)
         self.names = (*(f"{NAMES[each]}_{k + 1}" for k, each in enumerate(quantities)), *("joint_power",) * self.power)
         self.units = (*(UNITS[each] for each in quantities), *("W",) * self.power)
         self.maximised = (*(True,) * count, *(False,) * self.power)
@@ -351,9 +329,7 @@ class DirectionalMaxima(DenseFormulation):
         sizes = list(self._gene_counts.values())
         low = np.repeat([0.0, -RANGES.self_motion, 0.0, 0.0, -RANGES.speed], sizes)
         high = np.repeat([1.0, RANGES.self_motion, 1.0, 1.0, RANGES.speed], sizes)
-        super().__init__(
-            n_var=len(low), n_obj=len(self.names), n_ieq_constr=len(self.constraint_names), xl=low, xu=high
-        )
+        super().__init__(low, high)
         self._check_functions()
 
     def _check_functions(self) -> None:
@@ -402,14 +378,9 @@ class DirectionalMaxima(DenseFormulation):
     def _motions(self, q: Float[np.ndarray, "points dof"]) -> Motion:
         return self.functions.motion(np.repeat(q[:, None], len(self.functions.times), axis=1))
 
-    def program(self, scales: Float[np.ndarray, " n_obj"] | None = None) -> DenseProgram:
-        """Return the nonlinear program of posture, sliders and speeds, its objectives divided by ``scales``."""
-        divisors = np.ones(self.n_obj) if scales is None else scales
-        whole = self._whole_program
-        return DenseProgram(rows=whole.rows, costs=whole.costs / divisors[:, None], objective_names=self.names)
-
     @cached_property
     def _whole_program(self) -> WholeProgram:
+        """Rows and costs of posture, sliders and speeds."""
         program, count = self._unscaled, len(self.directions)
         costs = np.zeros((count + self.power, program.unknowns))
         costs[np.arange(count), np.arange(program.unknowns)[program.slices["values"]]] = -self.sizes
@@ -457,11 +428,11 @@ class DirectionalMaxima(DenseFormulation):
             front = np.array([part["front"] for part in parts])
             genes.append(np.clip(slider_shares(self.actuation, front), 0.0, 1.0))
         dq = (self.actuation.ratios(q, front)[:, None] * motors).sum(axis=2)
-        best, ranges, free = self.configurations.maxima(q, front)
+        best = self.configurations.maxima(q, front)
         speeds, fastest = (each[:, self.configurations.moving] for each in (values, best.values))
         pace = np.clip(speeds / np.where(fastest > 0, fastest, 1.0), 0.0, 1.0)
-        along = (dq - pace[..., None] * best.dq) / ranges[:, None, None]
-        joint_shares = np.einsum("pjr,pkj->pkr", free, along)
+        along = (dq - pace[..., None] * best.dq) / best.span[:, None, None]
+        joint_shares = np.einsum("pjr,pkj->pkr", best.free, along)
         genes += [pace, joint_shares.reshape(len(q), math.prod(joint_shares.shape[1:]))]
         clipped: Genes = np.clip(np.concatenate(genes, axis=1), self.xl, self.xu)
         return clipped

@@ -74,7 +74,9 @@ class Encoding:
     def decode(self, task: MotionTask, genes: Genes) -> tuple[JointPaths, Bool[np.ndarray, "points time"]]:
         """Return the motions, and which of their samples are on the path."""
         which = self.species(genes)
-        q, on_path = self.charts.at(task, which, self._coordinates(which, genes))
+        weights = genes[:, 1:].reshape(len(genes), self.redundancy, self.coefficients)
+        y = np.einsum("tk,prk->ptr", self.spline, weights) * self.radius[which][..., None]
+        q, on_path = self.charts.at(task, which, y)
         if task.cyclic:
             q[:, -1] = q[:, 0]
         return q, on_path
@@ -111,10 +113,6 @@ class Encoding:
         wave = OPTIONS.deviation * np.where(np.arange(count) < self.bases, 0.0, 1.0)[:, None] * tilt.reshape(count, -1)
         return np.concatenate([which[:, None] + 0.5, np.clip(wave, -1, 1)], axis=1)
 
-    def _coordinates(self, which: np.ndarray, genes: Genes) -> np.ndarray:
-        weights = genes[:, 1:].reshape(len(genes), self.redundancy, self.coefficients)
-        return np.einsum("tk,prk->ptr", self.spline, weights) * self.radius[which][..., None]
-
 
 def choose_coefficients(coefficients: int | None, samples: int) -> int:
     """Return the number of spline coefficients: the given one, or a default for None.
@@ -137,39 +135,42 @@ def encoding(task: MotionTask, base: Float[np.ndarray, "bases time dof"], coeffi
     return Encoding(charts=charts, radius=_reach(task, charts), spline=_spline(task, coefficients))
 
 
-def _spline(task: MotionTask, coefficients: int) -> np.ndarray:
-    t = task.times / task.times[-1]
-    has_start = task.start is not None
-    if task.cyclic:
-        basis = _periodic(t, coefficients + has_start)
-        return _vanishing_at_start(basis) if has_start else basis
-    inner = np.linspace(0, 1, coefficients + has_start + task.ends_at_rest - OPTIONS.degree + 1)
+def clamped_spline(t: Float[np.ndarray, " time"], coefficients: int) -> Float[np.ndarray, "time coefficients"]:
+    """Return a clamped cubic B-spline at times from 0 to 1: its ends are its first and last coefficient."""
+    inner = np.linspace(0, 1, coefficients - OPTIONS.degree + 1)
     knots = np.concatenate([np.zeros(OPTIONS.degree), inner, np.ones(OPTIONS.degree)])
-    basis = BSpline.design_matrix(t, knots, OPTIONS.degree).toarray()
-    if task.ends_at_rest:
-        basis = np.concatenate([basis[:, :-2], basis[:, -2:].sum(axis=1, keepdims=True)], axis=1)
-    return _vanishing_at_start(basis) if has_start else basis
-
-
-def _periodic(t: np.ndarray, coefficients: int) -> np.ndarray:
-    knots = np.arange(-OPTIONS.degree, coefficients + OPTIONS.degree + 1) / coefficients
-    wide = BSpline.design_matrix(np.minimum(t, 1 - 1e-15), knots, OPTIONS.degree).toarray()
-    basis: np.ndarray = wide[:, :coefficients].copy()
-    basis[:, : wide.shape[1] - coefficients] += wide[:, coefficients:]
-    basis[-1] = basis[0]
+    basis: np.ndarray = BSpline.design_matrix(t, knots, OPTIONS.degree).toarray()
     return basis
 
 
-def _vanishing_at_start(basis: np.ndarray) -> np.ndarray:
-    """Remove one member of a basis: what remains is zero at the first sample, and as local as before."""
+def _spline(task: MotionTask, coefficients: int) -> Float[np.ndarray, "time coefficients"]:
+    """Return the C² cubic basis of a task's coordinates."""
+    t, degree = task.times / task.times[-1], OPTIONS.degree
+    has_start = task.start is not None
+    count = coefficients + has_start
+    if task.cyclic:  # the basis beyond the end continues at the beginning
+        knots = np.arange(-degree, count + degree + 1) / count
+        wide = BSpline.design_matrix(np.minimum(t, 1 - 1e-15), knots, degree).toarray()
+        basis = wide[:, :count].copy()
+        basis[:, : wide.shape[1] - count] += wide[:, count:]
+        basis[-1] = basis[0]
+    else:
+        basis = clamped_spline(t, count + task.ends_at_rest)
+        if task.ends_at_rest:
+            basis = np.concatenate([basis[:, :-2], basis[:, -2:].sum(axis=1, keepdims=True)], axis=1)
+    if not has_start:
+        return basis
+    # Without one member, all that remains is zero at the first sample, and as local as before.
     pivot = int(np.argmax(basis[0]))
     remainder = basis - np.outer(basis[:, pivot], basis[0] / basis[0, pivot])
     remainder[0] = 0.0
     return np.delete(remainder, pivot, axis=1)
 
 
-def _reach(task: MotionTask, charts: Charts) -> np.ndarray:
+def _reach(task: MotionTask, charts: Charts) -> Float[np.ndarray, "bases time"]:
     """Return the reach of each chart: the largest radius fully on the path, smoothed in time."""
+    from scipy.ndimage import gaussian_filter1d, minimum_filter1d  # imported here: needed at start-up only
+
     bases, times, _, redundancy = charts.null_space.shape
     rays = np.concatenate([np.eye(redundancy), -np.eye(redundancy)])
     if redundancy > 1:  # the corners of the box of genes are farther out than its axes
@@ -185,15 +186,9 @@ def _reach(task: MotionTask, charts: Charts) -> np.ndarray:
         reach[reached] = radius
         if not reached.any():
             break
-    return np.exp(_smoothed(np.log(reach), times, periodic=task.cyclic))
-
-
-def _smoothed(values: np.ndarray, times: int, *, periodic: bool) -> np.ndarray:
-    from scipy.ndimage import gaussian_filter1d, minimum_filter1d  # imported here: needed at start-up only
-
-    ends = "wrap" if periodic else "nearest"
-    width = max(3, times // 10)
-    smooth = gaussian_filter1d(minimum_filter1d(values, width, axis=1, mode=ends), width / 2, axis=1, mode=ends)
-    if periodic:
+    ends, width = "wrap" if task.cyclic else "nearest", max(3, times // 10)
+    least = minimum_filter1d(np.log(reach), width, axis=1, mode=ends)
+    smooth: np.ndarray = gaussian_filter1d(least, width / 2, axis=1, mode=ends)
+    if task.cyclic:
         smooth[:, -1] = smooth[:, 0]
-    return smooth
+    return np.exp(smooth)

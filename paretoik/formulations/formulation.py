@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Sequence
 from functools import wraps
 from typing import Any, TypeVar
 
+import numpy as np
+from jaxtyping import Float
 from pymoo.core.problem import Problem
 from pymoo.core.sampling import Sampling
 from pymoo.operators.sampling.lhs import LatinHypercubeSampling
 from pymoo.operators.sampling.rnd import FloatRandomSampling
 
 from paretoik.arrays import Genes
+from paretoik.closed_loop.objectives import StepObjective
 from paretoik.errors import InvalidInput
 from paretoik.inputs import finite_array, shown
 from paretoik.search.operators import Seeded
 from paretoik.tables import columns, fit_screen, html_representation
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
+from paretoik.task.objectives import Objective
 
 # A motion problem in a few lines of text.
 
@@ -27,26 +31,21 @@ def task_text(task: MotionTask) -> str:
     start = "free" if task.start is None else "given"
     if task.cyclic:
         start += ", closed"
+    limits, names = list[str](), list(task.limit_names)
+    for kind in task.bounds:  # a limit on all joints by its quantity, on some joints with their names
+        joints = [joint for joint in task.arm.joint_names if f"{kind} of {joint}" in names]
+        names = [name for name in names if name not in {f"{kind} of {joint}" for joint in joints}]
+        if joints:
+            limits.append(f"{kind} of " + ("all joints" if len(joints) == task.arm.dof else ", ".join(joints)))
     rows = [
         ("arm", f"{task.arm.name}, {task.arm.dof} joints, {task.redundancy} of them redundant"),
         ("path", f"{len(task.times)} samples, {task.times[-1]:.4g} s, start {start}"),
         ("objectives", ", ".join(objective_text(each.name, each.unit, each.maximise) for each in task.objectives)),
-        ("limits", ", ".join(_limits(task)) or "none"),
+        ("limits", ", ".join([*limits, *names]) or "none"),
     ]
     if task.obstacles:
         rows.append(("obstacles", f"{len(task.obstacles)}, links of radius {task.link_radius:g} m"))
     return columns(rows)
-
-
-def _limits(task: MotionTask) -> Iterator[str]:
-    """Yield the limits: a quantity of all joints as one, a quantity of some joints with their names."""
-    names = list(task.limit_names)
-    for kind in task.bounds:
-        joints = [joint for joint in task.arm.joint_names if f"{kind} of {joint}" in names]
-        names = [name for name in names if name not in {f"{kind} of {joint}" for joint in joints}]
-        if joints:
-            yield f"{kind} of " + ("all joints" if len(joints) == task.arm.dof else ", ".join(joints))
-    yield from names
 
 
 def objective_text(name: str, unit: str, maximised: bool) -> str:
@@ -58,14 +57,6 @@ def objective_text(name: str, unit: str, maximised: bool) -> str:
 
 
 RANDOM = (FloatRandomSampling, LatinHypercubeSampling)  # samplings that do not use the problem
-
-
-def problem_text(problem: Any) -> str:
-    """Return a formulation as text: its size, its objectives and constraints by name, and the next command."""
-    objectives = map(objective_text, problem.names, problem.units, problem.maximised)
-    rows = [("objectives", ", ".join(objectives)), ("constraints", ", ".join(problem.constraint_names) or "none")]
-    head = f"{type(problem).__name__}, {problem.n_var} genes"
-    return fit_screen("\n".join([head, columns(rows), "next: pk.solve(problem)"]))
 
 
 Self = TypeVar("Self", bound="Formulation")
@@ -98,8 +89,31 @@ class Formulation(Problem):  # type: ignore[misc]  # pymoo is not typed
     keep these.
     """
 
-    __repr__ = __str__ = problem_text  # in place of pymoo's text
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    maximised: tuple[bool, ...]
+    constraint_names: tuple[str, ...]
     _repr_html_ = html_representation
+
+    def __init__(self, low: Float[np.ndarray, " genes"], high: Float[np.ndarray, " genes"]) -> None:
+        """Make the problem of the objectives and constraints that have names; genes are from ``low`` to ``high``."""
+        counts = {"n_obj": len(self.names), "n_ieq_constr": len(self.constraint_names)}
+        super().__init__(n_var=len(low), xl=low, xu=high, **counts)
+
+    def __repr__(self) -> str:
+        objectives = map(objective_text, self.names, self.units, self.maximised)
+        rows = [("objectives", ", ".join(objectives)), ("constraints", ", ".join(self.constraint_names) or "none")]
+        head = f"{type(self).__name__}, {self.n_var} genes"
+        return fit_screen("\n".join([head, columns(rows), "next: pk.solve(problem)"]))
+
+    def __str__(self) -> str:
+        return repr(self)  # in place of pymoo's text
+
+    def name_objectives(self, objectives: Sequence[Objective | StepObjective]) -> None:
+        """Take names, units and senses of objectives."""
+        self.names = tuple(each.name for each in objectives)
+        self.units = tuple(each.unit for each in objectives)
+        self.maximised = tuple(each.maximise for each in objectives)
 
     def sampling(self) -> Sampling:
         """Return a pymoo sampling: first the problem's own starts, then random genes."""

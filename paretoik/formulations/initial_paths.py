@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.interpolate import BSpline
 
 from paretoik.arrays import JointPaths
 from paretoik.capability.actuation import Actuation, DistributedActuation
@@ -16,6 +15,7 @@ from paretoik.capability.point_to_point_program import minimum_timing
 from paretoik.capability.postures import restrict_to_rods, sample_holdable_postures
 from paretoik.errors import Infeasible, OutOfReach
 from paretoik.formulations.dense_formulation import front_sliders, slider_shares
+from paretoik.formulations.encoding import clamped_spline
 from paretoik.robot.arm import Arm
 from paretoik.robot.dynamics import gravity_torques
 from paretoik.task.motion_task import MotionTask
@@ -31,7 +31,6 @@ class InitialPathOptions:
     """Settings of the search for initial paths."""
 
     rollouts: int = 256  # number of postures sampled at either end, and of motions along a line, of each kind
-    degree: int = 3  # of the splines
     bows: tuple[float, ...] = (0.5, 1.0, 2.0)  # sideways, as shares of a straight line that cannot be followed
     fixed_sliders: int = 5  # number of places at which fixed sliders are tried
     work_unit: float = 1e-6  # J, the smallest unit; without gravity there is no work
@@ -43,32 +42,16 @@ OPTIONS = InitialPathOptions()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class InitialPaths:
-    """Splines of joint positions, and of sliders as shares of their range.
-
-    Attributes
-    ----------
-    q
-        Coefficients (bases, coefficients, dof) of joint positions [rad, m].
-    shares
-        Coefficients (bases, coefficients, dof) of sliders, as shares of their range.
-    spline
-        Matrix (time, coefficients) from coefficients to samples.
-    across
-        Directions (bases, 2, dof, rows) in which either end is retracted.
-    pace
-        Mean interval of the quickest path [s].
-    work_unit
-        Mean work of a motor in that path [J].
-    """
+    """Splines of joint positions, and of sliders as shares of their range."""
 
     arm: Arm
     actuation: Actuation
-    q: Float[np.ndarray, "bases coefficients dof"]
-    shares: Float[np.ndarray, "bases coefficients dof"]
-    spline: Float[np.ndarray, "time coefficients"]
-    across: Float[np.ndarray, "bases 2 dof rows"]
-    pace: float
-    work_unit: float
+    q: Float[np.ndarray, "bases coefficients dof"]  # rad, m: coefficients of joint positions
+    shares: Float[np.ndarray, "bases coefficients dof"]  # coefficients of sliders, as shares of their range
+    spline: Float[np.ndarray, "time coefficients"]  # matrix from coefficients to samples
+    across: Float[np.ndarray, "bases 2 dof rows"]  # directions in which either end is retracted
+    pace: float  # s: mean interval of the quickest path
+    work_unit: float  # J: mean work of a motor in that path
 
     @property
     def size(self) -> int:
@@ -77,7 +60,8 @@ class InitialPaths:
 
     def finer(self, times: int) -> Float[np.ndarray, "fine coefficients"]:
         """Return the spline with samples that are ``times`` times finer."""
-        return spline(times * (len(self.spline) - 1) + 1, self.spline.shape[1])
+        samples = times * (len(self.spline) - 1) + 1
+        return clamped_spline(np.linspace(0.0, 1.0, samples), self.spline.shape[1])
 
     def retract_ends(
         self, q: JointPaths, which: Int[np.ndarray, " points"], ends: Sequence[MotionTask]
@@ -90,30 +74,21 @@ class InitialPaths:
             error = np.maximum(error, retracted.error)
         return error
 
-    def range_excess(self, q: np.ndarray, front: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the largest excess of joints, and of sliders, over their bounds at samples (points, time, dof).
 
-        Joints in rad (m), sliders as shares of the rod.
-        """
-        lower, upper = self.arm.position_limits.T
-        joints = np.maximum(np.maximum(q - upper, lower - q).max(axis=(1, 2)), -1.0)
-        sliders = self.actuation
-        if not isinstance(sliders, DistributedActuation):
-            return joints, np.full(len(q), -1.0)
-        back, angle = sliders.gears(q, front)[0], sliders.angles(q)
-        excess = list[np.ndarray]()
-        for place, (low, high) in ((front, sliders.front_bounds.T), (back, sliders.back_bounds.T)):
-            excess += [(place - high) / sliders.rod, (low - place) / sliders.rod]
-        excess.append(np.sin(sliders.least_angle) - np.sin(angle))
-        return joints, np.max(excess, axis=(0, 2, 3))
-
-
-def spline(samples: int, coefficients: int) -> Float[np.ndarray, "time coefficients"]:
-    """Return a clamped cubic B-spline at evenly spaced samples: its ends are its first and last coefficient."""
-    inner = np.linspace(0.0, 1.0, coefficients - OPTIONS.degree + 1)
-    knots = np.concatenate([np.zeros(OPTIONS.degree), inner, np.ones(OPTIONS.degree)])
-    basis: np.ndarray = BSpline.design_matrix(np.linspace(0.0, 1.0, samples), knots, OPTIONS.degree).toarray()
-    return basis
+def range_excess(
+    arm: Arm, actuation: Actuation, q: JointPaths, front: JointPaths
+) -> tuple[Float[np.ndarray, " points"], Float[np.ndarray, " points"]]:
+    """Return the largest excess of joints [rad, m], and of sliders [of the rod], over their bounds at samples."""
+    lower, upper = arm.position_limits.T
+    joints = np.maximum(np.maximum(q - upper, lower - q).max(axis=(1, 2)), -1.0)
+    if not isinstance(actuation, DistributedActuation):
+        return joints, np.full(len(q), -1.0)
+    back, angle = actuation.gears(q, front)[0], actuation.angles(q)
+    excess = list[np.ndarray]()
+    for place, (low, high) in ((front, actuation.front_bounds.T), (back, actuation.back_bounds.T)):
+        excess += [(place - high) / actuation.rod, (low - place) / actuation.rod]
+    excess.append(np.sin(actuation.least_angle) - np.sin(angle))
+    return joints, np.max(excess, axis=(0, 2, 3))
 
 
 def find_initial_paths(
@@ -133,39 +108,34 @@ def find_initial_paths(
     there are none; Infeasible names a joint.
     """
     restricted, rng = restrict_to_rods(arm, actuation), np.random.default_rng(seed)
-    basis = spline(samples, coefficients)
+    basis = clamped_spline(np.linspace(0.0, 1.0, samples), coefficients)
     task, q_samples = _follow_lines(restricted, actuation, start, target, samples, rng)
     splines = _fit_spline(basis, q_samples)
     shares = _initial_sliders(actuation, arm, basis, splines)
     splines = np.repeat(splines, len(shares) // len(splines), axis=0)
     q, front = basis @ splines, front_sliders(actuation, basis @ shares)
-    empty = InitialPaths(
-        arm=arm,
-        actuation=actuation,
-        q=splines,
-        shares=shares,
-        spline=basis,
-        across=_row_space_bases(task, splines),
-        pace=1.0,
-        work_unit=1.0,
-    )
     with np.errstate(invalid="ignore"):
-        timing, excess = minimum_timing(arm, actuation, q, front), empty.range_excess(q, front)
+        timing, excess = minimum_timing(arm, actuation, q, front), range_excess(arm, actuation, q, front)
     worst = np.nan_to_num(np.maximum(np.maximum(excess[0], timing.overload), excess[1]), nan=1e3)
     feasible = np.flatnonzero((worst <= 0) & np.isfinite(timing.duration))
     if not len(feasible):  # a search may still find sliders: keep the least violating
         feasible = _least_violating(arm, actuation, q, worst)[:bases]
     order = feasible[np.argsort(np.nan_to_num(timing.duration[feasible], nan=np.inf), kind="stable")]
-    rows = _distinct(splines, order, bases)
-    pace = float(np.nan_to_num(timing.duration[rows[0]], nan=1.0)) / (samples - 1)
-    work_unit = float(np.nan_to_num(timing.work[rows[0]], nan=1.0).mean())
-    return replace(
-        empty,
+    rows = [int(order[0])]  # the first few that are not near each other
+    for row in order[1:]:
+        if len(rows) < bases and np.abs(splines[rows] - splines[row]).max(axis=(1, 2)).min() > OPTIONS.distance:
+            rows.append(int(row))
+    # The directions in which the task changes at either end are those of the Jacobian's rows.
+    jacobian = task_errors(task.arm, task.tasks, splines[:, [0, -1]], task.targets[[0, -1]])[1]
+    return InitialPaths(
+        arm=arm,
+        actuation=actuation,
         q=splines[rows],
         shares=shares[rows],
-        across=empty.across[rows],
-        pace=pace,
-        work_unit=max(work_unit, OPTIONS.work_unit),
+        spline=basis,
+        across=np.linalg.qr(jacobian.swapaxes(-1, -2))[0][rows],
+        pace=float(np.nan_to_num(timing.duration[rows[0]], nan=1.0)) / (samples - 1),
+        work_unit=max(float(np.nan_to_num(timing.work[rows[0]], nan=1.0).mean()), OPTIONS.work_unit),
     )
 
 
@@ -218,21 +188,15 @@ def _initial_sliders(actuation: Actuation, arm: Arm, basis: np.ndarray, coeffici
     best = np.clip(_fit_spline(basis, np.nan_to_num(fastest, nan=0.5)), 0.0, 1.0)
     fixed = np.linspace(0.0, 1.0, OPTIONS.fixed_sliders)[:, None, None] * np.ones_like(best[:1])
     steady = np.repeat(best.mean(axis=1, keepdims=True), best.shape[1], axis=1)
-    middle = np.clip(_fit_spline(basis, _middle_sliders(actuation, q)), 0.0, 1.0)
-    candidates = [best, steady, middle, *(np.repeat(one[None], len(best), axis=0) for one in fixed)]
-    return np.stack(candidates, axis=1).reshape(-1, *best.shape[1:])
-
-
-def _middle_sliders(actuation: DistributedActuation, q: np.ndarray) -> np.ndarray:
-    """Return the middle of the front sliders' ranges that keep back sliders within bounds, as shares."""
-    shares = np.linspace(0.0, 1.0, 4 * OPTIONS.fixed_sliders + 1)
-    fits = list[np.ndarray]()
-    for share in shares:
+    # The middle of the front sliders' ranges that keep back sliders within bounds.
+    places, fits = np.linspace(0.0, 1.0, 4 * OPTIONS.fixed_sliders + 1), list[np.ndarray]()
+    for share in places:
         back = actuation.gears(q, front_sliders(actuation, np.full(q.shape, share)))[0]
         fits.append((back >= actuation.back_bounds[:, 0]) & (back <= actuation.back_bounds[:, 1]))
-    count = np.maximum(np.sum(fits, axis=0), 1)
-    middle: np.ndarray = np.tensordot(shares, np.array(fits, dtype=float), axes=1) / count
-    return middle
+    middles = np.tensordot(places, np.array(fits, dtype=float), axes=1) / np.maximum(np.sum(fits, axis=0), 1)
+    middle = np.clip(_fit_spline(basis, middles), 0.0, 1.0)
+    candidates = [best, steady, middle, *(np.repeat(one[None], len(best), axis=0) for one in fixed)]
+    return np.stack(candidates, axis=1).reshape(-1, *best.shape[1:])
 
 
 def _least_violating(arm: Arm, actuation: Actuation, q: np.ndarray, worst: np.ndarray) -> np.ndarray:
@@ -255,20 +219,3 @@ def _fit_spline(basis: np.ndarray, samples: np.ndarray) -> np.ndarray:
     outer = samples[:, [0, -1]]
     middle = np.linalg.pinv(inner) @ (samples - ends @ outer)
     return np.concatenate([outer[:, :1], middle, outer[:, 1:]], axis=1)
-
-
-def _row_space_bases(task: MotionTask, q: np.ndarray) -> np.ndarray:
-    """Return the directions (batch, 2, dof, rows) in which the task changes at either end."""
-    jacobian = task_errors(task.arm, task.tasks, q[:, [0, -1]], task.targets[[0, -1]])[1]
-    return np.linalg.qr(jacobian.swapaxes(-1, -2))[0]
-
-
-def _distinct(q: np.ndarray, order: np.ndarray, count: int) -> list[int]:
-    """Return the first few paths in order that are not near each other."""
-    rows = [int(order[0])]
-    for row in order[1:]:
-        if len(rows) == count:
-            break
-        if np.abs(q[rows] - q[row]).max(axis=(1, 2)).min() > OPTIONS.distance:
-            rows.append(int(row))
-    return rows

@@ -1,9 +1,8 @@
-"""Motions of a stored run with their arm, checked against their task: anybody may write a file."""
+"""Motions between motions of one task, and motions of a stored run, checked: anybody may write a file."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,7 @@ from jaxtyping import Float
 
 from paretoik.arrays import Points
 from paretoik.errors import InvalidRun
-from paretoik.formulations.protocol import is_loop
+from paretoik.formulations.protocol import ProblemParts, is_loop
 from paretoik.front.front import Front
 from paretoik.front.points import JointMotions
 from paretoik.inputs import shown
@@ -70,38 +69,38 @@ def possible_values(
 # Motions of a stored run, checked against their task.
 
 
-@dataclass(frozen=True, kw_only=True)
-class StoredMotionOptions:
-    """Largest distance of a stored motion from its path, or of a loop from the value in its run."""
-
-    tolerance: float = 1e-9  # share of the arm's length, or rad; m for a loop
-
-
-OPTIONS = StoredMotionOptions()
+STORED_TOLERANCE = 1e-9  # share of the arm's length, or rad: distance of a stored motion from its path; m for a loop
 
 
 def restore_motions(problem: Any, front: Front) -> Any:
     """Return the motions of a stored front with their arm, from its joint positions or else from its genes.
 
-    Raises InvalidRun as ``motions_of_task`` does.
+    Raises InvalidRun as ``motions_of_task`` does, and for a loop that is not as far from its path (Marcos et al. 2012,
+    Eq. 23) as its run says.
     """
     if front.motions is None:
         return None
-    motions = motions_of_task(problem, front.motions, front.ids.tolist()) if hasattr(problem, "task") else None
-    if motions is not None:
-        if is_loop(front):
-            _check_loop(motions, front.provenance.get("position_error"))
-        return motions
-    if _is_on_path(problem):
-        raise InvalidRun("motions must have the times of the problem's path, got others")
-    decodes = hasattr(problem, "decode") and front.genes is not None
-    return problem.decode(np.array(front.genes)) if decodes else front.motions
+    parts = ProblemParts(problem)
+    motions = None if parts.task is None else motions_of_task(problem, front.motions, front.ids.tolist())
+    if motions is None:
+        if parts.follows_path is True:
+            raise InvalidRun("motions must have the times of the problem's path, got others")
+        decoded = None if front.genes is None else parts.decode(np.array(front.genes))
+        return front.motions if decoded is None else decoded
+    if is_loop(front):
+        error, stated = float(motions.position_error[..., 1:].mean()), front.provenance.get("position_error")
+        if not (isinstance(stated, float | int) and abs(error - stated) <= STORED_TOLERANCE * max(error, 1.0)):
+            raise InvalidRun(
+                f"motions must be at a mean distance of {shown(stated)} m from the path, got {error:.6g} m"
+            )
+    return motions
 
 
 def motions_of_task(problem: Any, stored: JointMotions, ids: Sequence[int]) -> Motion | None:
     """Return stored motions with the arm of a task, joints matched by name; None if their times differ.
 
-    Raises InvalidRun if the joints differ, or if a motion is off the path although tracking constrains it.
+    Raises InvalidRun if the joints differ, or if a motion is off the path although the problem follows it exactly:
+    loops and resolvers have errors of their own.
     """
     task: MotionTask = problem.task
     q, names = np.asarray(stored.q), list(stored.arm.joint_names)
@@ -111,26 +110,10 @@ def motions_of_task(problem: Any, stored: JointMotions, ids: Sequence[int]) -> M
     if not np.allclose(stored.time, task.times, rtol=1e-9, atol=0):
         return None
     motions = task.motion(q[..., [names.index(name) for name in task.arm.joint_names]])
-    if _is_on_path(problem):
-        _check_tracking(task, motions, ids)
-    return motions
-
-
-def _check_loop(motions: Motion, stated: object) -> None:
-    """Raise InvalidRun unless a loop's mean distance from its path (Marcos et al. 2012, Eq. 23) is that of its run."""
-    error = float(motions.position_error[..., 1:].mean())
-    if not (isinstance(stated, float | int) and abs(error - stated) <= OPTIONS.tolerance * max(error, 1.0)):
-        raise InvalidRun(f"motions must be at a mean distance of {shown(stated)} m from the path, got {error:.6g} m")
-
-
-def _is_on_path(problem: Any) -> bool:
-    """Return whether motions of a problem follow its path exactly; loops and resolvers have errors of their own."""
-    return getattr(problem, "follows_path", False) is True
-
-
-def _check_tracking(task: MotionTask, motions: Motion, ids: Sequence[int]) -> None:
+    if ProblemParts(problem).follows_path is not True:
+        return motions
     relative, _ = relative_errors(task.arm, task.tasks, motions.q, task.targets)
-    off = np.argwhere(~(np.abs(relative).max(axis=-1, initial=0.0) <= OPTIONS.tolerance))
+    off = np.argwhere(~(np.abs(relative).max(axis=-1, initial=0.0) <= STORED_TOLERANCE))
     if len(off):
         row, sample = (int(i) for i in off[0])
         distance = describe_errors(task.tasks, relative[row, sample] * row_scales(task.arm, task.tasks))
@@ -138,3 +121,4 @@ def _check_tracking(task: MotionTask, motions: Motion, ids: Sequence[int]) -> No
             f"motions must be on the path of the problem, got point {ids[row]} {distance} off it at sample {sample} "
             f"({task.times[sample]:.3g} s)"
         )
+    return motions

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -11,16 +10,15 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.arrays import Point
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.formulations.motions import points_between, restore_motions
-from paretoik.formulations.protocol import Differentiable, Individuals, exceeded_between
+from paretoik.formulations.protocol import Differentiable, Individuals, ProblemParts, exceeded_between
 from paretoik.front.certificates import Certificates, concatenate
 from paretoik.front.choice import Prediction
 from paretoik.front.front import Front
 from paretoik.front.navigation import NavigationRequest
 from paretoik.front.points import NAVIGATIONS, StoredJoints, StoredMotions, largest_id, take, widths_of
-from paretoik.nlp.program import Goal, Program
+from paretoik.nlp.program import Program
 from paretoik.pareto.certificates import certify
 from paretoik.pareto.continuation import Optimum, can_follow, guess_optimum
 from paretoik.pareto.continuation import predict as predict_optimum
@@ -45,21 +43,22 @@ def describe_move(
     certificate: Certificates | None,
 ) -> dict[str, Any]:
     """Return the note of a move, its text under "reason"; ``dominated`` points left the front."""
-    start = int(front.ids[request.row])
     row = int(np.flatnonzero(after.ids == id)[0])
-    signs = np.where(front.maximised, -1.0, 1.0)
     change = after.objectives[row] - front.objectives[request.row]
-    predicted = aim.predicted * aim.ranges * signs * destination.share
-    is_new = certificate is not None
-    words = [
-        _moved(front, request, change, predicted, start, id, is_new),
-        _how(front, request, destination, is_new),
-        *([] if certificate is None else [_certified_words(certificate)]),
-        *([f"It dominates {_points(dominated)}, which left the front."] if dominated else []),
-    ]
-    followed = destination.followed
+    predicted = aim.predicted * aim.ranges * np.where(front.maximised, -1.0, 1.0) * destination.share
+    followed, is_new = destination.followed, certificate is not None
+    words = [_moved(front, request, change, predicted, id, is_new), _how(front, request, destination)]
+    if certificate is not None:
+        residual, status = float(certificate.criticality[0]), str(certificate.status[0])
+        at, between = float(certificate.violation[0]), float(certificate.violation_between[0])
+        words.append(
+            f"Certificate: {status}, residual {residual:.1e}, violation {at:.1e} at samples, {between:.1e} between."
+        )
+    if dominated:
+        points = f"point{'s' * (len(dominated) != 1)} {', '.join(map(str, dominated))}"
+        words.append(f"It dominates {points}, which left the front.")
     return {
-        "from": start,
+        "from": int(front.ids[request.row]),
         "to": id,
         "new": is_new,
         "improve": front.names[request.improve],
@@ -81,13 +80,7 @@ def describe_move(
 
 
 def _moved(
-    front: Front,
-    request: NavigationRequest,
-    change: np.ndarray,
-    predicted: np.ndarray,
-    start: int,
-    id: int,
-    is_new: bool,
+    front: Front, request: NavigationRequest, change: np.ndarray, predicted: np.ndarray, id: int, is_new: bool
 ) -> str:
     """Return the change of every objective, and the change that exchange rates predicted."""
     parts = list[str]()
@@ -102,10 +95,10 @@ def _moved(
     fixed = [k for k in range(len(front.names)) if k != request.improve and k not in request.payers]
     parts += [f"{front.names[k]} {change[k]:+.2g} {front.units[k]}, held".replace(" ,", ",") for k in fixed]
     where = f"new point {id}" if is_new else f"point {id}, known already and no worse"
-    return f"From point {start} to {where}: {'; '.join(parts)}."
+    return f"From point {front.ids[request.row]} to {where}: {'; '.join(parts)}."
 
 
-def _how(front: Front, request: NavigationRequest, destination: Destination, is_new: bool) -> str:
+def _how(front: Front, request: NavigationRequest, destination: Destination) -> str:
     """Return how the point was reached, and whether the front jumps on the way."""
     followed, name = destination.followed, front.names[request.improve]
     if destination.arrived and followed is not None:
@@ -136,16 +129,6 @@ def _how(front: Front, request: NavigationRequest, destination: Destination, is_
     return f"{cause} {jump}"
 
 
-def _certified_words(certificate: Certificates) -> str:
-    residual, status = float(certificate.criticality[0]), str(certificate.status[0])
-    at, between = float(certificate.violation[0]), float(certificate.violation_between[0])
-    return f"Certificate: {status}, residual {residual:.1e}, violation {at:.1e} at samples, {between:.1e} between."
-
-
-def _points(ids: list[int]) -> str:
-    return f"point{'s' * (len(ids) != 1)} {', '.join(map(str, ids))}"
-
-
 # Moves along a front: goal, certificate, and new point.
 
 
@@ -166,37 +149,46 @@ OPTIONS = FrontNavigationOptions()
 _STARTS: WeakKeyDictionary[Front, dict[tuple[int, bytes, bytes, bytes], Optimum | None]] = WeakKeyDictionary()
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Arrival:
-    """The certified point of a move, as a batch of one individual."""
-
-    individual: Individuals
-    certificate: Certificates
-
-
 def navigate(problem: Any, front: Front, request: NavigationRequest) -> Front:
     """Return the front with the certified point of a request, or with a note of the better point.
 
     Raises Infeasible if no point is better in the requested objective.
     """
     formulation: Differentiable = problem
-    between = _between(problem)
+    task = ProblemParts(problem).task
     with single_blas_thread():
         program = formulation.program()
         points = FrontPoints(x=formulation.front_points(front), objectives=front.minimised)
         aim = _aim(front, request, program)
         began = time.process_time()
-        destination = move(program, points, request.row, aim, between)
+        destination = move(
+            program,
+            points,
+            request.row,
+            aim,
+            lambda x, other, shares: points_between(task, np.stack([x, other]), shares)[0],
+        )
         seconds = time.process_time() - began
         if destination is None:
             raise Infeasible(
                 f"navigate must make {_wish(front, request)}, but found no point within all limits "
                 f"at the cost of {', '.join(front.names[k] for k in request.payers)}"
             )
-        arrival = _certified(formulation, destination, aim, between)
-        moved = _joined(problem, front, request, aim, destination, arrival)
-    *others, note = moved.provenance[NAVIGATIONS]
-    return replace(moved, provenance={**moved.provenance, NAVIGATIONS: [*others, {**note, "seconds": seconds}]})
+        individual, certificate = _certified(formulation, destination, aim)
+        # The better point of the front, if there is one, else the new point instead of those that it dominates.
+        value, values = individual.objectives[0] / aim.ranges, front.minimised / aim.ranges
+        better = np.flatnonzero((values <= value + OPTIONS.tolerance).all(axis=1))
+        if len(better):
+            id, dominated = int(front.ids[better[np.argmin(values[better].sum(axis=1))]]), np.zeros(0, dtype=int)
+            joined = front
+        else:
+            id, dominated = largest_id(front) + 1, np.flatnonzero((value <= values).all(axis=1))
+            joined = _add(problem, front, dominated, id, individual, certificate)
+        left = [int(i) for i in front.ids[dominated]]
+        new = None if len(better) else certificate
+        note = {**describe_move(front, joined, request, aim, destination, id, left, new), "seconds": seconds}
+    moves = [*front.provenance.get(NAVIGATIONS, ()), note]
+    return replace(joined, provenance={**front.provenance, NAVIGATIONS: moves})
 
 
 def predict(problem: Any, front: Front, request: NavigationRequest) -> Prediction:
@@ -212,7 +204,13 @@ def predict(problem: Any, front: Front, request: NavigationRequest) -> Predictio
                 "predict must have optima that can be followed, got kinks, or functions that relate samples"
             )
         aim = _aim(front, request, program)
-        optimum = _start(formulation, program, front, request.row, aim.at_share(0.0))
+        # The start as an optimum is cached with the front, since sliders ask again.
+        row, goal, optima = request.row, aim.at_share(0.0), _STARTS.setdefault(front, {})
+        key = (row, goal.weights.tobytes(), goal.rows.tobytes(), goal.upper.tobytes())
+        if key not in optima:
+            (start,) = formulation.front_points(take(front, np.array([row])))
+            optima[key] = guess_optimum(program, start, goal)
+        optimum = optima[key]
         x = None if optimum is None else predict_optimum(program, optimum, aim.at_share)
         if x is None:
             raise Infeasible(f"predict must make {_wish(front, request)}, which derivatives there do not reach")
@@ -223,18 +221,6 @@ def predict(problem: Any, front: Front, request: NavigationRequest) -> Predictio
         units=front.units,
         motion=None if individual.motions is None else individual.motions[0],
     )
-
-
-def _start(formulation: Differentiable, program: Program, front: Front, row: int, goal: Goal) -> Optimum | None:
-    """Return a point of a front as the optimum of a goal; it is cached with the front, since sliders ask again."""
-    optima, key = (
-        _STARTS.setdefault(front, {}),
-        (row, goal.weights.tobytes(), goal.rows.tobytes(), goal.upper.tobytes()),
-    )
-    if key not in optima:
-        (x,) = formulation.front_points(take(front, np.array([row])))
-        optima[key] = guess_optimum(program, x, goal)
-    return optima[key]
 
 
 def _wish(front: Front, request: NavigationRequest) -> str:
@@ -267,12 +253,8 @@ def natural_weights(front: Front, row: int) -> Float[np.ndarray, " n_obj"]:
     return np.where(np.isfinite(rates), rates, weights / weights[main])
 
 
-def _between(problem: Any) -> Callable[[Point, Point, Float[np.ndarray, " shares"]], np.ndarray]:
-    return lambda x, other, shares: points_between(getattr(problem, "task", None), np.stack([x, other]), shares)[0]
-
-
-def _certified(formulation: Differentiable, destination: Destination, aim: Aim, between: Any) -> Arrival:
-    """Return the point with its certificate; it satisfies limits between samples if possible.
+def _certified(formulation: Differentiable, destination: Destination, aim: Aim) -> tuple[Individuals, Certificates]:
+    """Return the point, a batch of one, with its certificate; it satisfies limits between samples if possible.
 
     The point is solved again with its tighter limits. A saddle is replaced by the better point next to it.
     """
@@ -281,83 +263,44 @@ def _certified(formulation: Differentiable, destination: Destination, aim: Aim, 
     for _ in range(OPTIONS.rounds):
         constrained, programs = formulation.hold_between(x[None], ranges)
         x, program = constrained[0], programs[0]
-        if not np.array_equal(x, destination.x):
-            again = reach(program, x, goal)
-            x = x if again is None or not _keeps_limits(formulation, again, x) else again
-        arrival, better = _certificate(formulation, program, x, aim)
-        if better is None:
+        if not np.array_equal(x, destination.x) and (again := reach(program, x, goal)) is not None:
+            between = formulation.individuals(np.stack([again, x])).violation_between
+            x = again if between[0] <= max(OPTIONS.between, between[1]) else x
+        individual = formulation.individuals(x[None])
+        certificate, better = certify(
+            program,
+            individual.x,
+            ranges=ranges,
+            signs=np.where(formulation.maximised, -1.0, 1.0),
+            violation_between=individual.violation_between,
+            exceeded=exceeded_between(formulation, individual),
+            discretisation=individual.discretisation,
+        )
+        if better[0] is None:
             break
-        again = reach(formulation.program(), better, goal)
-        x = better if again is None else again
-    return arrival
+        improved = reach(formulation.program(), better[0], goal)
+        x = better[0] if improved is None else improved
+    return individual, certificate
 
 
-def _keeps_limits(formulation: Differentiable, x: Point, other: Point) -> bool:
-    """Return whether a point satisfies its limits between samples, or violates them no more than another."""
-    both = formulation.individuals(np.stack([x, other])).violation_between
-    return bool(both[0] <= max(OPTIONS.between, both[1]))
-
-
-def _certificate(formulation: Differentiable, program: Program, x: Point, aim: Aim) -> tuple[Arrival, Point | None]:
-    individual = formulation.individuals(x[None])
-    certificates, better = certify(
-        program,
-        individual.x,
-        ranges=aim.ranges,
-        signs=np.where(formulation.maximised, -1.0, 1.0),
-        violation_between=individual.violation_between,
-        exceeded=exceeded_between(formulation, individual),
-        discretisation=individual.discretisation,
-    )
-    return Arrival(individual=individual, certificate=certificates), better[0]
-
-
-def _joined(
-    problem: Any, front: Front, request: NavigationRequest, aim: Aim, destination: Destination, arrival: Arrival
+def _add(
+    problem: Any, front: Front, dominated: np.ndarray, id: int, individual: Individuals, certificate: Certificates
 ) -> Front:
-    """Return the front with the point, without the points it dominates, and with a note of the move in provenance."""
-    assert front.certificates is not None
-    value, values = arrival.individual.objectives[0] / aim.ranges, front.minimised / aim.ranges
-    better = np.flatnonzero((values <= value + OPTIONS.tolerance).all(axis=1))
-    moves = list(front.provenance.get(NAVIGATIONS, ()))
-    if len(better):
-        id, dominated = int(front.ids[better[np.argmin(values[better].sum(axis=1))]]), np.zeros(0, dtype=int)
-        joined = front
-    else:
-        id = largest_id(front) + 1
-        dominated = np.flatnonzero((value <= values).all(axis=1))
-        joined = _add(problem, front, dominated, id, arrival)
-    note = describe_move(
-        front,
-        joined,
-        request,
-        aim,
-        destination,
-        id,
-        [int(i) for i in front.ids[dominated]],
-        None if len(better) else arrival.certificate,
-    )
-    provenance = {**front.provenance, NAVIGATIONS: [*moves, note]}
-    return replace(joined, provenance=provenance)
-
-
-def _add(problem: Any, front: Front, dominated: np.ndarray, id: int, arrival: Arrival) -> Front:
     """Return the front with a point added and the rows ``dominated`` removed."""
-    stay = np.setdiff1d(np.arange(len(front)), dominated)
-    individual, certificates = arrival.individual, front.certificates
+    stay, certificates = np.setdiff1d(np.arange(len(front)), dominated), front.certificates
+    signs = np.where(front.maximised, -1.0, 1.0)
     assert certificates is not None
-    genes = None
+    genes = motions = None
     if front.genes is not None and individual.genes is not None:
         genes = np.concatenate([front.genes[stay], individual.genes])
-    motions = None
     if front.motions is not None and individual.motions is not None:
-        new = individual.motions
+        before, new = front.motions, individual.motions
+        times = [np.broadcast_to(np.asarray(each.time, float), np.shape(each.q)[:-1]) for each in (before, new)]
         motions = StoredMotions(
             arm=StoredJoints(joint_names=tuple(new.arm.joint_names)),
-            time=np.concatenate([_times(front.motions)[stay], _times(new)]),
-            q=np.concatenate([np.asarray(front.motions.q)[stay], new.q]),
+            time=np.concatenate([times[0][stay], times[1]]),
+            q=np.concatenate([np.asarray(before.q)[stay], new.q]),
         )
-    signs = np.where(front.maximised, -1.0, 1.0)
     violation = certificates.violation if front.violation is None else front.violation
     joined = Front(
         ids=np.append(front.ids[stay], id),
@@ -367,14 +310,10 @@ def _add(problem: Any, front: Front, dominated: np.ndarray, id: int, arrival: Ar
         maximised=front.maximised,
         genes=genes,
         motions=motions,
-        violation=np.append(violation[stay], arrival.certificate.violation),
-        certificates=concatenate([certificates[stay], arrival.certificate]),
+        violation=np.append(violation[stay], certificate.violation),
+        certificates=concatenate([certificates[stay], certificate]),
         ranges=front.ranges,
         provenance=front.provenance,
         problem=problem,
     )
     return replace(joined, motions=restore_motions(problem, joined))
-
-
-def _times(motions: Any) -> np.ndarray:
-    return np.broadcast_to(np.asarray(motions.time, dtype=float), np.shape(motions.q)[:-1])

@@ -31,9 +31,8 @@ from paretoik.formulations.dense_formulation import (
     slider_shares,
 )
 from paretoik.formulations.formulation import of_genes
-from paretoik.formulations.initial_paths import InitialPaths, find_initial_paths
+from paretoik.formulations.initial_paths import InitialPaths, find_initial_paths, range_excess
 from paretoik.inputs import check_call, check_flag, check_size, finite_array, read_list
-from paretoik.nlp.dense.dense_program import DenseProgram
 from paretoik.robot.arm import Arm
 from paretoik.task.limits import LIMIT_TOLERANCE, Constraint
 from paretoik.task.motion import Motion
@@ -159,11 +158,8 @@ class PointToPoint(DenseFormulation):
         self.own_times = read_times(self.functions, self._base_motions)
         sizes = [1, size, size * isinstance(actuation, DistributedActuation), (samples - 1) * self.own_times]
         super().__init__(
-            n_var=sum(sizes),
-            n_obj=len(self.names),
-            n_ieq_constr=len(self.constraint_names),
-            xl=np.repeat([0.0, -OPTIONS.coefficient_range, -OPTIONS.slider_overshoot, 0.0], sizes),
-            xu=np.repeat([1.0, OPTIONS.coefficient_range, 1.0 + OPTIONS.slider_overshoot, 1.0], sizes),
+            np.repeat([0.0, -OPTIONS.coefficient_range, -OPTIONS.slider_overshoot, 0.0], sizes),
+            np.repeat([1.0, OPTIONS.coefficient_range, 1.0 + OPTIONS.slider_overshoot, 1.0], sizes),
         )
 
     def profiles(self, genes: Genes) -> tuple[JointPaths, JointPaths, Float[np.ndarray, " points"]]:
@@ -182,7 +178,8 @@ class PointToPoint(DenseFormulation):
     def _samples(self, genes: Genes) -> tuple[JointPaths, JointPaths, Float[np.ndarray, " points"]]:
         """Return positions and front sliders (points, time, dof) at the samples, and how far the ends miss."""
         q, front, error = self.profiles(genes)
-        return self.initial_paths.spline @ q, self.initial_paths.spline @ front, error
+        spline = self.initial_paths.spline
+        return spline @ q, spline @ front, error
 
     def sliders(self, genes: Genes) -> Float[np.ndarray, "points time 2 dof"] | None:
         """Return front and back sliders at the samples [m]; None without sliders."""
@@ -208,11 +205,6 @@ class PointToPoint(DenseFormulation):
         steps = np.maximum(np.nan_to_num(intervals, nan=1.0), OPTIONS.shortest_interval)
         time = np.concatenate([np.zeros((len(q), 1)), np.cumsum(steps, axis=1)], axis=1)
         return Motion(arm=self.arm, time=time, q=q)
-
-    def program(self, scales: Float[np.ndarray, " n_obj"] | None = None) -> DenseProgram:
-        """Return the nonlinear program of coefficients, intervals and work, its objectives divided by ``scales``."""
-        whole, divisors = self._whole_program, np.ones(self.n_obj) if scales is None else scales
-        return DenseProgram(rows=whole.rows, costs=whole.costs / divisors[:, None], objective_names=self.names)
 
     def points(self, genes: Genes) -> Float[np.ndarray, "points unknowns"]:
         """Return the unknowns of the smooth program at genes."""
@@ -292,6 +284,7 @@ class PointToPoint(DenseFormulation):
 
     @cached_property
     def _whole_program(self) -> WholeProgram:
+        """Rows and costs of coefficients, intervals and work."""
         program = self._unscaled
         return WholeProgram(
             base=program.with_longest(OPTIONS.longest_interval) if self.own_times else program.program,
@@ -308,7 +301,7 @@ class PointToPoint(DenseFormulation):
         with np.errstate(invalid="ignore"):
             timing = minimum_timing(self.arm, self.actuation, q, front)
             intervals = self._intervals(X, timing)
-            joints, sliders = self.initial_paths.range_excess(q, front)
+            joints, sliders = range_excess(self.arm, self.actuation, q, front)
         own, limits, out["cause"] = evaluate_motions(self.functions, self._motions(q, intervals), interruptible=False)
         built_in = np.stack([intervals.sum(axis=1), timing.energy], axis=1)[:, : len(self.names) - own.shape[1]]
         F = np.concatenate([built_in, own], axis=1)

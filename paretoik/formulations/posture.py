@@ -109,7 +109,7 @@ class Posture(Formulation):
         self.maximised = (False, *(each.maximise for each in objectives))
         self.constraint_names = self.task.limit_names
         low, high = posture_bounds(self.task).T
-        super().__init__(n_var=arm.dof, n_obj=len(self.names), n_ieq_constr=len(self.constraint_names), xl=low, xu=high)
+        super().__init__(low, high)
         examine_functions(self.task, self.decode(np.random.default_rng(0).uniform(low, high, (16, arm.dof))))
 
     def algorithm(self, population: int, *, offspring: int | None = None, initial: Genes | None = None) -> Any:

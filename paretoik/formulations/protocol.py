@@ -1,47 +1,29 @@
-"""The protocol between formulations and verbs, with defaults for its optional parts.
+"""The protocol between formulations and verbs: parts that a problem may offer, and what verbs require.
 
-Any pymoo problem with real genes can be solved. If ``timeline`` is "step", it is a loop that is followed sample by
-sample (``ClosedLoop``). Each further part makes one more thing possible. Verbs ask for optional parts through the
-functions below: these return a default for a problem without the part, or refuse it. No verb looks at a class.
+Any pymoo problem with real genes can be solved. If its ``timeline`` is "step", it is a loop that is followed sample by
+sample (``ClosedLoop``). Each further part makes one more thing possible: ``ProblemParts`` lists what any problem may
+offer, ``Differentiable`` what gradients need. No verb looks at a class. Parts that other packages ask for themselves:
 
-=======================================  ===========================================================================
-part                                     what it makes possible
-=======================================  ===========================================================================
-``names, units, maximised``              named objectives in the user's own sign; without: f1, f2, ... minimised
-``constraint_names, explain(genes)``     the name of the limit that binds, and the reason why genes are infeasible
-``constraint_units``                     units of violations: words that follow a number
-``computed_attributes``                  names of attributes that follow from others: they are rounded in fingerprints,
-                                         by which a run is matched with its problem
-``search_attributes``                    names of attributes that fingerprints leave out: how solutions are searched
-``decode(genes), encode(motions)``       motions of a front; starting from motions
-``task``                                 the ``MotionTask`` of its motions: stored motions get their arm
-                                         (``stored_motions``), and the limits that the least-violating one breaks
-``with_midpoints()``                     refinement adds samples if values are under-resolved: the same problem with
-                                         one more sample in the middle of every interval; the old one is ``finer_than``
-``curve_points(motions)``                the points there of motions on fewer samples, NaN off the path
-``follows_path``                         true if every motion, also a stored one, follows the task's path exactly
-all of ``Differentiable``                ``refine``, ``epsilon_front`` and certificates; a formulation without it has
-                                         no gradients, and these verbs refuse it before any work
-``values_between(front, shares)``        ``front.jumps``: minimised objectives (gaps, shares, n_obj) at shares of the
-way
-                                         from each point to the next, inf if that is impossible
-``navigate(front, request)``             ``front.navigate``, ``front.refine_around``: the front with the certified point
-                                         of a ``NavigationRequest``; it needs all of ``Differentiable``
-``predict(front, request)``              ``front.predict``: the ``Prediction`` of such a move; it needs the same
-``require_feasible()``                   refusals before a search: raises Infeasible if limits clearly cannot hold
-``plan(...)``                            ``plan``: the distinct local optima of one objective
-``sample_starts(count, rng)``            genes that searches and local solvers start from
-``species(genes), n_species``            branches: mating within each, anchors for the end points of a front
-``algorithm(population, ...)``           the pymoo algorithm that suits its genes
-``reweigh`` and ``select``               preferences that need a new run
-=======================================  ===========================================================================
+- ``names, units, maximised``: named objectives in the user's own sign; without: f1, f2, ... minimised
+- ``computed_attributes``: names of attributes that follow from others, which are rounded in fingerprints
+- ``search_attributes``: names of attributes that fingerprints leave out: how solutions are searched
+- ``sample_starts(count, rng)``: genes that searches and local solvers start from
+- ``species(genes), n_species``: branches: mating within each, anchors for the end points of a front
+- ``algorithm(population, ...)``: the pymoo algorithm that suits its genes
+- ``values_between(front, shares)``: minimised objectives (gaps, shares, n_obj) at shares of the way from each point to
+  the next, inf if that is impossible (``front.jumps``)
+- ``navigate(front, request)``, ``predict(front, request)``: ``front.navigate``, ``front.refine_around`` and
+  ``front.predict``; they need all of ``Differentiable``
+- ``select(front, preference)``: the choice of a front that is one motion
+- ``plan(...)``: the distinct local optima of one objective
+- ``curve_points(motions)``: the points of motions on fewer samples, NaN off the path
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeAlias, runtime_checkable
+from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeAlias, final, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -68,39 +50,56 @@ Timeline: TypeAlias = Literal["generation", "step", "level", "refinement"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Individuals:
-    """Points of a program as solutions of their formulation.
-
-    Attributes
-    ----------
-    x
-        Points of the program.
-    objectives
-        Objectives, minimised.
-    genes
-        Genes of the points; None if the formulation has none for points.
-    motions
-        Motions of the points; None if the formulation has none for points.
-    violation_between
-        Violation of limits (points,) at places that the program does not check.
-    discretisation
-        Distance of the objectives from those of a motion's curve; None if they are exact.
-    """
+    """Points of a program as solutions of their formulation."""
 
     x: Points
-    objectives: Objectives
-    genes: Genes | None
-    motions: Motion | None
-    violation_between: Float[np.ndarray, " points"]
-    discretisation: Discretisation | None = None
+    objectives: Objectives  # minimised
+    genes: Genes | None  # None if the formulation has none for points
+    motions: Motion | None  # None if the formulation has none for points
+    violation_between: Float[np.ndarray, " points"]  # of limits at places that the program does not check
+    discretisation: Discretisation | None = None  # distance of objectives from those of a curve; None: exact
+
+
+@final
+class ProblemParts:
+    """Parts of a problem that verbs ask for: those that it offers, and a default for each other one."""
+
+    constraint_names: Sequence[str] | None = None  # in the order of violations; None: constraint 1, constraint 2, ...
+    constraint_units: Sequence[str] | None = None  # units of violations: words that follow a number
+    task: Any = None  # ``MotionTask`` of its motions: stored ones get its arm, the least-violating one its limits
+    finer_than: Any = None  # the user's problem if refinement added samples to it
+    follows_path: object = False  # True if every motion, also a stored one, follows the task's path exactly
+    with_midpoints: Callable[[], Any] | None = None  # the problem with a sample in the middle of every interval
+    explain: Callable[[Genes], Sequence[str]] | None = None  # a reason for each infeasible individual
+
+    def __init__(self, problem: Any) -> None:
+        """Take the parts that the problem offers in place of the defaults."""
+        names = [name for name in vars(ProblemParts) if not name.startswith("_")]
+        vars(self).update({name: getattr(problem, name) for name in names if hasattr(problem, name)})
+
+    def decode(self, genes: Genes) -> Any:
+        """Return the motions of genes; None without motions."""
+        return None
+
+    def encode(self, motions: Any) -> tuple[Genes, np.ndarray]:
+        """Return genes of motions, and how far they miss each motion. Raises InvalidInput if that is impossible."""
+        raise InvalidInput("initial must be genes, got motions, which this problem cannot encode")
+
+    def require_feasible(self) -> None:
+        """Raise Infeasible if it is clear that no motion satisfies the limits."""
+
+    def reweigh(self, front: Front, preference: Preference) -> Any:
+        """Return the problem to solve again for a preference; None if the front has the answer."""
+        return None
 
 
 @runtime_checkable
 class Differentiable(Protocol):
     """The part of a formulation that gradients need: its nonlinear program, and the meaning of its points."""
 
-    names: Sequence[str]
-    units: Sequence[str]
-    maximised: Sequence[bool]
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    maximised: tuple[bool, ...]
 
     def program(self, scales: Float[np.ndarray, " n_obj"] | None = None) -> Program:
         """Return the nonlinear program, its objectives divided by ``scales``."""
@@ -166,21 +165,21 @@ def task_of(problem: Any) -> MotionTask | None:
     """Return the task of a problem's motions; None if it has none."""
     from paretoik.task.motion_task import MotionTask  # imported here: a problem loads quickly
 
-    task = getattr(problem, "task", None)
+    task = ProblemParts(problem).task
     return task if isinstance(task, MotionTask) else None
 
 
 def at_samples_of(problem: Any, q: JointPaths | None) -> Any:
     """Return a problem with the samples that refinement added to a run's motions (points, time, dof)."""
-    if q is not None and q.ndim == 3 and hasattr(problem, "with_midpoints"):
-        while len(problem.task.times) < q.shape[1]:
-            problem = problem.with_midpoints()
+    if q is not None and q.ndim == 3:
+        while (finer := ProblemParts(problem).with_midpoints) is not None and len(problem.task.times) < q.shape[1]:
+            problem = finer()
     return problem
 
 
 def added_samples(problem: Any) -> dict[str, dict[str, int]]:
     """Return the provenance entry with the old and new numbers of samples, if refinement added some."""
-    given = getattr(problem, "finer_than", None)
+    given = ProblemParts(problem).finer_than
     return {} if given is None else {ADDED_SAMPLES: {"path": len(given.task.times), "used": len(problem.task.times)}}
 
 
@@ -199,37 +198,12 @@ def exceeded_between(problem: Any, individuals: Individuals) -> list[str]:
     ]
 
 
-def require_feasible(problem: Any) -> None:
-    """Raise Infeasible if it is clear that no motion satisfies a problem's limits."""
-    if hasattr(problem, "require_feasible"):
-        problem.require_feasible()
-
-
-def has_branches(problem: Any) -> bool:
-    """Return whether genes belong to species, so that end points of the front may be in different ones."""
-    return hasattr(problem, "species")
-
-
-def decode(problem: Any, genes: Genes) -> Any:
-    """Return motions of genes; None if the problem has none."""
-    return problem.decode(genes) if hasattr(problem, "decode") else None
-
-
-def encode(problem: Any, motions: Any) -> tuple[Genes, np.ndarray]:
-    """Return genes of motions, and how far they miss each motion.
-
-    Raises InvalidInput if a problem cannot encode motions.
-    """
-    if not hasattr(problem, "encode"):
-        raise InvalidInput("initial must be genes, got motions, which this problem cannot encode")
-    genes, deviation = problem.encode(motions)
-    return genes, deviation
+# Limits that an individual breaks, in words.
 
 
 def violation_words(problem: Any, violation: np.ndarray) -> tuple[str, ...]:
     """Return the constraints that an individual's violations (n_constr,) break, and by how much, the worst first."""
-    units = getattr(problem, "constraint_units", ("",) * len(violation))
-    return broken_words(_constraint_names(problem, violation), units, violation)
+    return broken_words(*_constraints(problem, violation), violation)
 
 
 def broken_words(names: Sequence[str], units: Sequence[str], violation: np.ndarray) -> tuple[str, ...]:
@@ -238,22 +212,18 @@ def broken_words(names: Sequence[str], units: Sequence[str], violation: np.ndarr
     return tuple(f"{names[row]}: violated by {violation[row]:.3g} {units[row]}".rstrip() for row in broken)
 
 
-def _constraint_names(problem: Any, violation: np.ndarray) -> Sequence[str]:
-    return getattr(problem, "constraint_names", [f"constraint {i + 1}" for i in range(len(violation))])
+def _constraints(problem: Any, violation: np.ndarray) -> tuple[Sequence[str], Sequence[str]]:
+    """Return the names of a problem's constraints, and the units of their violations."""
+    parts, count = ProblemParts(problem), len(violation)
+    names = [f"constraint {i + 1}" for i in range(count)] if parts.constraint_names is None else parts.constraint_names
+    return names, ("",) * count if parts.constraint_units is None else parts.constraint_units
 
 
 def explain_violation(problem: Any, genes: Genes, violation: np.ndarray) -> tuple[str, str]:
     """Return the limit that an individual (genes (1, n_var)) breaks most, and a sentence."""
-    worst = int(np.argmax(violation))
-    names = _constraint_names(problem, violation)
-    if hasattr(problem, "explain"):
-        return names[worst], problem.explain(genes)[0]
-    return names[worst], f"{names[worst]} is violated by {violation[worst]:.3g}"
-
-
-def reweigh(problem: Any, front: Front, preference: Preference) -> Any:
-    """Return the formulation to solve again for a preference; None if the front has the answer."""
-    return problem.reweigh(front, preference) if hasattr(problem, "reweigh") else None
+    worst, explain = int(np.argmax(violation)), ProblemParts(problem).explain
+    name = _constraints(problem, violation)[0][worst]
+    return name, f"{name} is violated by {violation[worst]:.3g}" if explain is None else explain(genes)[0]
 
 
 # Requirements of verbs: other problems are refused by name, before any work.

@@ -112,26 +112,23 @@ class TimeOptimalControl(Method):
         q = np.broadcast_to(start, (*shape, task.arm.dof)).reshape(-1, task.arm.dof)
         columns = zip(*(np.broadcast_to(each, shape).ravel().tolist() for each in numbers), strict=True)
         first = task_errors(task.arm, task.tasks, q, np.zeros(task.rows))[0]
-        runs = [self._run(task, -tool, *each) for tool, each in zip(first, columns, strict=True)]
+        runs = list[TimeOptimalRun | None]()  # None if the control fails
+        for tool, (horizon, period, gain) in zip(first, columns, strict=True):
+            try:
+                run: TimeOptimalRun | None = time_optimal_control(
+                    self.model,
+                    task.targets[0],
+                    task.targets[-1],
+                    horizon=horizon,
+                    period=period,
+                    gain=gain,
+                    tolerance=self.tolerance,
+                    initial=-tool,
+                )
+            except (EvaluationFailed, SolverFailed):
+                run = None
+            runs.append(run)
         return _joint_motion(task, shape, q, runs)
-
-    def _run(
-        self, task: MotionTask, tool: np.ndarray, horizon: int, period: float, gain: float
-    ) -> TimeOptimalRun | None:
-        """Return the result of the control from a position of the tool; None if it fails."""
-        try:
-            return time_optimal_control(
-                self.model,
-                task.targets[0],
-                task.targets[-1],
-                horizon=horizon,
-                period=period,
-                gain=gain,
-                tolerance=self.tolerance,
-                initial=tool,
-            )
-        except (EvaluationFailed, SolverFailed):
-            return None
 
 
 def _joint_motion(

@@ -14,13 +14,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float, Int
 
-from paretoik.arrays import Genes, JointPaths, Objectives, Values
+from paretoik.arrays import Genes, JointPaths, Values
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.formulations.encoding import Encoding, choose_coefficients, encoding
 from paretoik.formulations.formulation import Formulation, check_motions, of_genes, task_text
 from paretoik.formulations.motions import values_between
 from paretoik.formulations.navigation import navigate, predict
-from paretoik.formulations.protocol import Individuals
+from paretoik.formulations.protocol import Differentiable, Individuals
 from paretoik.front.front import Front
 from paretoik.inputs import check_call, check_seed, check_size
 from paretoik.nlp.program import Solver
@@ -54,21 +54,22 @@ from paretoik.trajectory.transcription import MotionProgram, motion_program
 
 
 @dataclass(frozen=True, kw_only=True)
-class RolloutOptions:
-    """Number of roll-outs: ``most``, or fewer on paths of more than ``samples`` samples, but at least ``least``."""
+class TrackingOptions:
+    """Settings of roll-outs and of the search."""
 
-    most: int = 256
-    least: int = 64
+    most: int = 256  # number of roll-outs on paths of at most ``samples`` samples; fewer on longer ones
     samples: int = 101
+    least: int = 64  # number of roll-outs at least
+    infeasible_share: float = 0.3  # largest one of parents: optima on limits are found far sooner from both sides
 
 
-BASE_OPTIONS = RolloutOptions()
+OPTIONS = TrackingOptions()
 
 
 def sample_rollouts(task: MotionTask, rng: np.random.Generator) -> JointPaths:
-    """Return roll-outs sorted by violation of limits, then by non-domination; BASE_OPTIONS sets their number."""
-    count = BASE_OPTIONS.most * BASE_OPTIONS.samples // len(task.times)
-    q = rollout_starts(task, min(max(count, BASE_OPTIONS.least), BASE_OPTIONS.most), rng)
+    """Return roll-outs sorted by violation of limits, then by non-domination."""
+    count = OPTIONS.most * OPTIONS.samples // len(task.times)
+    q = rollout_starts(task, min(max(count, OPTIONS.least), OPTIONS.most), rng)
     F, limits, _ = evaluate_motions(task, task.motion(q))
     violation = np.maximum(np.nan_to_num(limits, nan=1e3), 0).sum(axis=1).round(6)
     finite = np.where(np.isfinite(F), F, np.nanmax(np.where(np.isfinite(F), F, np.nan), axis=0, initial=0.0))
@@ -122,18 +123,8 @@ def positions_on_path(task: MotionTask, motions: Motion) -> JointPaths:
 # Tracking of a path as a pymoo problem.
 
 
-@dataclass(frozen=True, kw_only=True)
-class TrackingOptions:
-    """Largest share of infeasible parents: optima on limits are found far sooner from both sides."""
-
-    infeasible_share: float = 0.3
-
-
-OPTIONS = TrackingOptions()
-
-
 @check_call
-class Tracking(Formulation):
+class Tracking(Formulation, Differentiable):
     """Follow ``path`` with ``arm``, trading ``objectives`` against each other: a vectorised pymoo problem.
 
     Parameters
@@ -224,9 +215,7 @@ class Tracking(Formulation):
             differences=differences,
         )
         warn_of_obstructed_path(self.task)
-        self.names = tuple(each.name for each in self.task.objectives)
-        self.units = tuple(each.unit for each in self.task.objectives)
-        self.maximised = tuple(each.maximise for each in self.task.objectives)
+        self.name_objectives(self.task.objectives)
         self.constraint_names = ("tracking", "evaluation", *self.task.limit_names)
         self._encoded_with = coefficients, bases, seed
         self._encode_motions()
@@ -235,8 +224,6 @@ class Tracking(Formulation):
         next_step = "pk.solve(problem) or pk.epsilon_front(problem)"
         return fit_screen(f"Tracking, {self.n_var} genes\n{task_text(self.task)}\nnext: {next_step}")
 
-    __str__ = __repr__  # in place of pymoo's text
-
     def _encode_motions(self) -> None:
         """Make the genes of motions at the samples of the task."""
         coefficients, bases, seed = self._encoded_with
@@ -244,10 +231,7 @@ class Tracking(Formulation):
         self._rollouts = sample_rollouts(self.task, np.random.default_rng(seed))
         self.encoding = encoding(self.task, choose_bases(self.task, self._rollouts, bases), coefficients)
         self.n_species = self.encoding.bases
-        low, high = self.encoding.bounds
-        super().__init__(
-            n_var=len(low), n_obj=len(self.names), n_ieq_constr=len(self.constraint_names), xl=low, xu=high
-        )
+        super().__init__(*self.encoding.bounds)
 
     def with_midpoints(self) -> Tracking:
         """Return the same problem with one more sample in the middle of every interval of its path."""
@@ -327,18 +311,19 @@ class Tracking(Formulation):
         """Return motions as individuals: without genes, which are inexact; unchecked between samples after a signal."""
         motions = self.task.motion(x)
         values = np.stack([o(motions) * o.sign for o in self.task.objectives], axis=1)
+        judged = self.task.differences == "spline"
         return Individuals(
             x=x,
             objectives=values,
             genes=None,
             motions=motions,
             violation_between=np.full(len(x), np.nan) if STOP[0] else self.task.violation_between(motions),
-            discretisation=None if STOP[0] else self._discretisation(motions, values),
+            discretisation=None
+            if STOP[0]
+            else Discretisation(
+                names=self.names, values=values, errors=self.task.discretisation_errors(motions), judged=judged
+            ),
         )
-
-    def _discretisation(self, motions: Motion, values: Objectives) -> Discretisation:
-        errors, judged = self.task.discretisation_errors(motions), self.task.differences == "spline"
-        return Discretisation(names=self.names, values=values, errors=errors, judged=judged)
 
     def hold_between(
         self,

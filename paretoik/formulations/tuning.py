@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -136,15 +136,15 @@ class Tuning(Formulation):
         self.task: MotionTask = motion_task(
             arm, path, objectives=objectives, constraints=constraints, obstacles=obstacles, link_radius=link_radius
         )
-        self.names = tuple(each.name for each in objectives)
-        self.units = tuple(each.unit for each in objectives)
-        self.maximised = tuple(each.maximise for each in objectives)
+        self.name_objectives(objectives)
         self.constraint_names = (*(("tracking",) if tolerance is not None else ()), *(c.name for c in constraints))
         if tolerance is not None and "tracking" in self.constraint_names[1:]:
             raise InvalidInput("constraints must have names other than tracking, got tracking")
         self.resolver, self.judged_by, self.tolerance = method, judged_by, tolerance
         self.parameters = _checked_parameters(method, parameters, self.task.times)
-        self.starts = sample_starts(self.task, seed) if starts is None else _checked_starts(arm, starts)
+        self.starts = sample_starts(self.task, seed) if starts is None else finite_array("starts", starts)
+        if self.starts.ndim != 2 or self.starts.shape[1] != arm.dof or not self.starts.size:
+            raise InvalidInput(f"starts must be postures (starts, {arm.dof}), got shape {self.starts.shape}")
         self._searches_start = START.name in [each.name for each in self.parameters]
         every = starts is not None and not self._searches_start
         default = len(self.starts) if every else min(OPTIONS.judged_starts, len(self.starts))
@@ -152,10 +152,12 @@ class Tuning(Formulation):
         check_size("judged_starts", self.judged_starts, 1)
         if self.judged_starts > len(self.starts):
             raise InvalidInput(f"judged_starts must be from 1 to {len(self.starts)}, got {shown(judged_starts)}")
-        lower, upper = np.array([each.gene_bounds for each in self.parameters]).T
-        limits = len(self.constraint_names)
-        super().__init__(n_var=len(lower), n_obj=len(objectives), n_ieq_constr=limits, xl=lower, xu=upper)
-        self._check_trial()
+        super().__init__(*np.array([each.gene_bounds for each in self.parameters]).T)
+        # Errors of the method and the objectives are raised for the first start, before any search.
+        motion = self._follow((self.xl + 0.5 * (self.xu - self.xl))[None], np.zeros((1, 1), dtype=int))
+        for each in self.task.objectives:
+            each(motion)
+        self._violations(motion, 1)
 
     def values(self, genes: Genes) -> dict[str, np.ndarray]:
         """Return the values (points,) of all fields that genes (points, n_var) set, except ``start``."""
@@ -186,15 +188,17 @@ class Tuning(Formulation):
         """Return a reason for each infeasible individual; "" if it is feasible."""
         indices = self.start_indices(genes)
         motions = self._follow(genes, indices)
-        rows = enumerate(self._violations(motions, len(genes)))
-        return [self._explain(row, motions[i * indices.shape[1]]) if (row > 0).any() else "" for i, row in rows]
-
-    def _explain(self, violations: Float[np.ndarray, " limits"], motion: ResolvedMotion) -> str:
-        worst = int(np.argmax(violations))
-        if self.tolerance is not None and worst == 0:
-            return f"{(1 + violations[0]) * self.tolerance:.3g} {error_unit(self.task.tasks)} off the path"
-        words = f"{self.constraint_names[worst]} is violated by {100 * violations[worst]:.3g} % of its range"
-        return words + remedy_text(self.task, motion)
+        reasons = list[str]()
+        for i, row in enumerate(self._violations(motions, len(genes))):
+            worst = int(np.argmax(row)) if (row > 0).any() else -1
+            if worst < 0:
+                reasons.append("")
+            elif self.tolerance is not None and worst == 0:
+                reasons.append(f"{(1 + row[0]) * self.tolerance:.3g} {error_unit(self.task.tasks)} off the path")
+            else:
+                words = f"{self.constraint_names[worst]} is violated by {100 * row[worst]:.3g} % of its range"
+                reasons.append(words + remedy_text(self.task, motions[i * indices.shape[1]]))
+        return reasons
 
     def _follow(self, genes: Genes, indices: Int[np.ndarray, "points judged"]) -> ResolvedMotion:
         """Return the motions (points · judged, time, dof) of individuals from their starts."""
@@ -212,14 +216,6 @@ class Tuning(Formulation):
             columns.insert(0, np.abs(motion.traces.errors).max(axis=(-2, -1)) / self.tolerance - 1.0)
         each = np.array(columns).reshape(len(columns), points, len(motion) // points)
         return np.where(np.isnan(each), 1.0, each).max(axis=2).T
-
-    def _check_trial(self) -> None:
-        """Raise the errors of the method and the objectives for the first start, before any search."""
-        genes = (self.xl + 0.5 * (self.xu - self.xl))[None]
-        motion = self._follow(genes, np.zeros((1, 1), dtype=int))
-        for each in self.task.objectives:
-            each(motion)
-        self._violations(motion, 1)
 
     def _evaluate(self, X: Genes, out: dict[str, object], *args: object, **kwargs: object) -> None:
         motion = self._follow(X, self.start_indices(X))
@@ -244,13 +240,6 @@ def sample_starts(task: MotionTask, seed: int) -> Float[np.ndarray, "starts dof"
     lower, upper = task.arm.position_limits.T
     within = ((candidates >= lower) & (candidates <= upper)).all(axis=1)
     return order_by_neighbour(task.arm, candidates[within] if within.any() else candidates)
-
-
-def _checked_starts(arm: Arm, starts: Any) -> Float[np.ndarray, "starts dof"]:
-    array = finite_array("starts", starts)
-    if array.ndim != 2 or array.shape[1] != arm.dof or not array.size:
-        raise InvalidInput(f"starts must be postures (starts, {arm.dof}), got shape {array.shape}")
-    return array
 
 
 def _checked_parameters(

@@ -203,9 +203,11 @@ COLD_OPTIONS = ColdSearchOptions()
 
 @runtime_checkable
 class ColdSearch(Protocol):
-    """A formulation's search for local optima without known points; ``multimodal``: many basins differ."""
+    """A formulation's search for local optima without known points."""
 
-    multimodal: bool
+    @property
+    def multimodal(self) -> bool:
+        """Whether many basins differ."""
 
     def optima(self, objective: int) -> Points:
         """Return the local optima of one objective alone, best first.

@@ -84,11 +84,10 @@ EXACT = """
 loop = marcos_2012.loop(3, 0.7, blocked={blocked}, steps=400, start=np.array({start}), as_printed=True)
 task = loop.task
 try:
-    from paretoik.closed_loop.exact_loop import exact_steps
-    follow = lambda: exact_steps(task.truncate(100), loop.start, weight=0.5)
+    from studies.marcos_2012.exact_loop import exact_steps
 except ImportError:
-    from paretoik.redundancy.extended_jacobian import exact_steps
-    follow = lambda: exact_steps(task.arm, task.targets[:100], loop.start, weight=0.5, obstacles=task.obstacles)
+    from paretoik.closed_loop.exact_loop import exact_steps
+follow = lambda: exact_steps(task.truncate(100), loop.start, weight=0.5)
 def run():
     return dict(zip(("joint 1", "joint 2", "joint 3"), follow().sum(axis=0)))
 """

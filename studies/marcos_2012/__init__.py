@@ -13,6 +13,9 @@ best step every time; Figures 2 to 9 are pictures. The paper is read as follows:
 
 ============== ========================================================================================================
 loops          every closed loop, searched and exact: on all cores, or on a Dask cluster
+exact_loop     the oracle, of planar arms with 3 or 4 links; compiled in exact_step, null_space_steps, step_cells and
+               obstacle_cuts
+starts         the influence of the start on the exact loop
 tables         Tables 1 to 4 and their comparison
 collisions     whether the arm meets an obstacle between steps, on a grid
 pictures       Figures 2 to 9

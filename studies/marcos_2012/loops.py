@@ -10,12 +10,12 @@ from itertools import product
 
 import numpy as np
 
-from paretoik.closed_loop.exact_loop import exact_steps
 from paretoik.formulations.closed_loop import ClosedLoopRun
 from paretoik.runs.distribution import Executor
 from paretoik.task.motion import Motion
 from problems import marcos_2012
 from problems.marcos_2012 import DISTANCES, STEPS, Links
+from studies.marcos_2012.exact_loop import exact_steps
 from studies.processes import run_each
 
 WEIGHTS = tuple(round(0.1 * k, 1) for k in range(11))

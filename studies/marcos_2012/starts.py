@@ -13,9 +13,9 @@ import numpy as np
 from jaxtyping import Float
 from scipy.optimize import brentq
 
-from paretoik.closed_loop.exact_loop import exact_steps
 from problems import marcos_2012
 from problems.marcos_2012 import DISTANCES, RADIUS
+from studies.marcos_2012.exact_loop import exact_steps
 from studies.marcos_2012.loops import WEIGHTS, Cell
 from studies.marcos_2012.tables import ALIKE, MEASURES, paper
 from studies.reporting import Row

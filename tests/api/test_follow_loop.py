@@ -10,7 +10,7 @@ import pytest
 import rerun as rr
 
 import paretoik as pk
-from paretoik.formulations.protocol import is_loop, reweigh
+from paretoik.formulations.protocol import is_loop
 from problems import marcos_2012
 from tests.closed_loop.postures import posture
 
@@ -123,7 +123,7 @@ def test_other_weights_follow_the_loop_again_from_its_start(finished):
         assert "position_error 100%" in choice.reason
     own = front.select(pk.Weights(joint_displacement=2.0, position_error=2.0))
     np.testing.assert_array_equal(own.motion.q, front.motions.q[0])
-    assert reweigh(loaded.problem, loaded, pk.Weights(joint_displacement=1.0, position_error=1.0)) is None
+    assert loaded.problem.reweigh(loaded, pk.Weights(joint_displacement=1.0, position_error=1.0)) is None
     with pytest.raises(pk.InvalidInput, match="must have names among joint_displacement, position_error"):
         front.select(pk.Weights(energy=1.0))
 

@@ -1,4 +1,4 @@
-""""""
+"""The compiled tests of steps compared with the problem, and compiled distances with those of obstacles."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import pytest
 
 import paretoik as pk
 from paretoik.closed_loop.admissible_steps import clearance_at_start, evaluate_distances, find_inadmissible
+from paretoik.closed_loop.control_step import OPTIONS, excess_clearance
 from paretoik.closed_loop.programs import bounding_ball, tabulate, trace_nodes
 from paretoik.robot.kinematics import link_nodes
 from paretoik.robot.pose import Pose
@@ -25,7 +26,7 @@ def test_engine_and_problem_agree_on_which_steps_are_admissible():
     assert 0.1 < admissible.mean() < 0.9
     w.inputs[: problem.task.arm.dof], w.pending[:] = problem.positions(genes).T, np.arange(count)
     clearance = clearance_at_start(start, constraints, w)
-    rejected = find_inadmissible(count, start, constraints, clearance, search.options, w)
+    rejected = find_inadmissible(count, start, constraints, clearance, OPTIONS, w)
     assert sorted(w.pending[:rejected]) == np.flatnonzero(~admissible).tolist()
 
 
@@ -39,8 +40,8 @@ def test_short_steps_keep_the_standoff_too():
     moved = np.random.default_rng(0).uniform(-1, 1, size=(200, 3)) * clearance / constraints.reach.sum() / 2
     q = step.previous + moved
     w.inputs[:3], w.pending[:] = q.T, np.arange(200)
-    rejected = find_inadmissible(200, start, closer, clearance, search.options, w)
-    expected = np.flatnonzero(step.excess_clearances(q) <= closer.standoff).tolist()
+    rejected = find_inadmissible(200, start, closer, clearance, OPTIONS, w)
+    expected = np.flatnonzero(excess_clearance(step.task, q) <= closer.standoff).tolist()
     assert 0 < len(expected) < 200
     assert sorted(w.pending[:rejected].tolist()) == expected
 

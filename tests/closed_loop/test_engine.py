@@ -10,7 +10,7 @@ import paretoik as pk
 from paretoik.closed_loop import engine
 from paretoik.closed_loop.engine import decode
 from paretoik.closed_loop.objectives import joint_displacement, position_error
-from paretoik.closed_loop.workspace import StepStart, allocate
+from paretoik.closed_loop.programs import StepStart, allocate
 from paretoik.formulations.closed_loop import ClosedLoop
 from paretoik.front.indicators import hypervolume
 from paretoik.search import sorted_points

@@ -10,6 +10,7 @@ from pymoo.optimize import minimize
 
 import paretoik as pk
 from paretoik.closed_loop.admissible_steps import clearance_at_start, find_inadmissible
+from paretoik.closed_loop.control_step import OPTIONS
 from paretoik.closed_loop.engine import _configure, _evaluate_objectives
 from problems import marcos_2012
 from tests.closed_loop.planar_geometry import meets
@@ -78,9 +79,7 @@ def test_genes_give_the_same_steps_as_the_compiled_engine(name):
     np.testing.assert_allclose(F[:, 0], expected[:, 0], rtol=2e-12)
     np.testing.assert_allclose(F[:, 1:], expected[:, 1:], rtol=1e-12, atol=1e-9 if loop.n_obj > 2 else 2e-12)
     w.inputs[: len(loop.start)], w.pending[:] = step.positions(genes).T, np.arange(COUNT)
-    rejected = find_inadmissible(
-        COUNT, start, constraints, clearance_at_start(start, constraints, w), search.options, w
-    )
+    rejected = find_inadmissible(COUNT, start, constraints, clearance_at_start(start, constraints, w), OPTIONS, w)
     assert sorted(w.pending[:rejected]) == np.flatnonzero((G > 0).any(axis=1)).tolist()
     np.testing.assert_array_equal(step.decode(genes).q[:, -1], step.positions(genes))
     np.testing.assert_array_equal(step.decode(genes).q[:, :-1], np.tile(history, (COUNT, 1, 1)))

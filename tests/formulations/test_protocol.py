@@ -10,7 +10,7 @@ import paretoik as pk
 from paretoik.errors import InvalidInput
 from paretoik.formulations import protocol
 from paretoik.formulations.motions import restore_motions
-from paretoik.formulations.protocol import require_plan, require_program
+from paretoik.formulations.protocol import ProblemParts, require_plan, require_program
 from paretoik.search.genes import check_sizes
 from tests.api.problems import tracking
 
@@ -24,14 +24,14 @@ class Explaining:
         return ["through the floor"] * len(genes)
 
 
-def test_a_plain_problem_is_searched_and_has_no_motions_branches_or_preferences():
+def test_a_plain_problem_is_searched_and_has_no_motions_or_preferences():
     assert protocol.timeline(PLAIN) == "generation"
-    assert not protocol.has_branches(PLAIN)
-    assert protocol.decode(PLAIN, np.zeros((1, 3))) is None
-    assert protocol.reweigh(PLAIN, pk.solve(PLAIN, population=8, generations=1), pk.Weights(f1=1.0)) is None
+    parts = ProblemParts(PLAIN)
+    assert parts.decode(np.zeros((1, 3))) is None
+    assert parts.reweigh(pk.solve(PLAIN, population=8, generations=1), pk.Weights(f1=1.0)) is None
     assert not protocol.is_loop(pk.solve(PLAIN, population=8, generations=1))
     with pytest.raises(InvalidInput, match="initial must be genes, got motions, which this problem cannot encode"):
-        protocol.encode(PLAIN, None)
+        parts.encode(None)
 
 
 @pytest.mark.parametrize("odd", [5, None, "steps", np.arange(3), "generation"])
@@ -54,8 +54,8 @@ def test_the_limit_that_is_violated_most_is_named():
 def test_tracking_encodes_what_it_decodes_and_restores_its_motions():
     problem = tracking(velocity=6.0)
     front = pk.solve(problem, population=12, generations=2)
-    assert protocol.has_branches(problem)
-    genes, deviation = protocol.encode(problem, protocol.decode(problem, np.array(front.genes)))
+    parts = ProblemParts(problem)
+    genes, deviation = parts.encode(parts.decode(np.array(front.genes)))
     assert genes.shape == front.genes.shape
     assert deviation.max() < 1e-6
     restored = restore_motions(problem, front)

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from moocore import pareto_rank
 
-from paretoik.closed_loop.workspace import allocate
+from paretoik.closed_loop.programs import allocate
 from paretoik.search.sorted_points import first_front, locate, merge_children, merge_sort, rank_sorted
 
 seeds = st.integers(0, 10_000)

@@ -19,7 +19,6 @@ from functools import partial
 
 import numpy as np
 
-from paretoik.closed_loop.exact_loop import exact_steps
 from problems.marcos_2012 import Links
 from studies.benchmarks.closed_loop.contestants import (
     GENERATIONS,
@@ -31,6 +30,7 @@ from studies.benchmarks.closed_loop.contestants import (
     seconds,
 )
 from studies.benchmarks.closed_loop.equivalence import STEPS, equivalence_rows
+from studies.marcos_2012.exact_loop import exact_steps
 from studies.reporting import Row, report, study_parser
 
 ARMS: tuple[Links, ...] = (3, 4)

@@ -15,11 +15,11 @@ from moocore import is_nondominated
 from scipy.stats import mannwhitneyu
 
 from paretoik.closed_loop.control_step import HISTORY, StepState
-from paretoik.closed_loop.exact_loop import OPTIONS, exact_steps
 from paretoik.formulations.closed_loop import ClosedLoop
 from paretoik.front.indicators import hypervolume
 from problems.marcos_2012 import Links
 from studies.benchmarks.closed_loop.contestants import GENERATIONS, engine, loop_of, pymoo
+from studies.marcos_2012.exact_loop import OPTIONS, exact_steps
 from studies.reporting import Row
 
 MARGIN, LEVEL = 0.01, 0.05

@@ -15,10 +15,10 @@ import numpy as np
 
 from paretoik import Arm, ClosedLoop, line, obstacles
 from paretoik.closed_loop.control_step import HISTORY, StepState
-from paretoik.closed_loop.exact_loop import OPTIONS, exact_step
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.robot.kinematics import forward_kinematics
 from paretoik.task.obstacles import Obstacle
+from studies.marcos_2012.exact_loop import OPTIONS, exact_step
 from studies.reporting import Row, report, study_parser, tell
 
 WEIGHTS = (1.0, 0.9, 0.5, 0.1, 0.0)  # of the displacement

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from paretoik.closed_loop.exact_loop import OPTIONS, planar_steps
-from paretoik.closed_loop.null_space_steps import linearise
 from paretoik.formulations.closed_loop import ClosedLoop
 from paretoik.robot.arm import Arm
 from paretoik.task.path import line
+from studies.marcos_2012.exact_loop import OPTIONS, planar_steps
+from studies.marcos_2012.null_space_steps import linearise
 from tests.closed_loop.planar_geometry import joints_of
 
 HOME = {3: np.array([0.3, 0.65, 1.0]), 4: np.array([0.3, 0.5, 0.8, 1.0])}

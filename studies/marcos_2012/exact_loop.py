@@ -1,8 +1,7 @@
-"""The loop that always takes the exactly best step.
+"""The loop that always takes the exactly best step: the oracle of the closed loop.
 
-It is the reference of the closed loop, and its real-time form. With the task eliminated, a step of a planar arm is one-
-or two-dimensional. The step with the least weighted sum of Marcos et al. 2012 (Eqs. 17 to 20) is taken, each objective
-scaled to its range on the exact front.
+With the task eliminated, a step of a planar arm is one- or two-dimensional. The step with the least weighted sum of
+Marcos et al. 2012 (Eqs. 17 to 20) is taken, each objective scaled to its range on the exact front.
 """
 
 from __future__ import annotations
@@ -12,16 +11,16 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from paretoik.closed_loop.control_step import OPTIONS as ENGINE
 from paretoik.closed_loop.control_step import StepState, reach_by_joint
 from paretoik.closed_loop.loop import required_standoff, step_limits
-from paretoik.closed_loop.null_space_steps import PlanarSteps
-from paretoik.closed_loop.programs import tabulate, tabulate_balls, trace_nodes
-from paretoik.closed_loop.workspace import OPTIONS as ENGINE
-from paretoik.closed_loop.workspace import StepConstraints, StepStart, allocate
+from paretoik.closed_loop.programs import StepConstraints, StepStart, allocate, bounding_ball, tabulate, trace_nodes
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.inputs import check_size, finite_array, shown
 from paretoik.robot.arm import Arm
 from paretoik.task.motion_task import MotionTask
+from studies.marcos_2012.exact_step import best_steps
+from studies.marcos_2012.null_space_steps import PlanarSteps
 
 
 class ExactStepOptions(NamedTuple):
@@ -62,8 +61,6 @@ def exact_steps(
     four joints, and for tasks that are not positions in the plane; Infeasible if no step is admissible or the arm is
     singular.
     """
-    from paretoik.closed_loop.exact_step import best_steps  # imported here: numba loads slowly
-
     lengths = _checked_lengths(task, weight)
     moves, positions = step_limits(task, longest_step)
     shape = moves.shape
@@ -86,8 +83,6 @@ def exact_steps(
 
 def exact_step(step: StepState, *, weight: float, options: ExactStepOptions = OPTIONS) -> Float[np.ndarray, " dof"]:
     """Return the joint positions after the best of all admissible steps. Raises as ``exact_steps`` does."""
-    from paretoik.closed_loop.exact_step import best_steps  # imported here: numba loads slowly
-
     task = step.task
     lengths = _checked_lengths(task, weight)
     targets, q = np.tile(step.target, (2, 1)), np.tile(step.previous, (2, 1))
@@ -113,7 +108,7 @@ def planar_steps(
     constraints = StepConstraints(
         trace_nodes(task).arrays,
         tabulate(task.obstacles),
-        tabulate_balls(task.obstacles),
+        tabulate([bounding_ball(obstacle) for obstacle in task.obstacles]),
         task.min_clearance + task.link_radius,
         reach_by_joint(task),
         np.zeros(n),

@@ -11,7 +11,9 @@ from heapq import heappop, heappush
 import numpy as np
 
 from paretoik.closed_loop.admissible_steps import clearance_at_start
-from paretoik.closed_loop.null_space_steps import (
+from paretoik.compilation.array_tuples import refer
+from paretoik.compilation.numba_cache import compiled
+from studies.marcos_2012.null_space_steps import (
     configure,
     error_at,
     is_admissible,
@@ -20,10 +22,8 @@ from paretoik.closed_loop.null_space_steps import (
     weighted_sum,
     write_region,
 )
-from paretoik.closed_loop.obstacle_cuts import bound_polygon, clear_step, cut_cell, may_be_clear
-from paretoik.closed_loop.step_cells import ADMISSIBLE, BOUND, contains, halve, lower_bound, model, place_region
-from paretoik.compilation.array_tuples import refer
-from paretoik.compilation.numba_cache import compiled
+from studies.marcos_2012.obstacle_cuts import bound_polygon, clear_step, cut_cell, may_be_clear
+from studies.marcos_2012.step_cells import ADMISSIBLE, BOUND, contains, halve, lower_bound, model, place_region
 
 
 @compiled(what="the exact control step", seconds=20)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from paretoik.closed_loop.null_space_steps import tool_error, weighted_sum, write_region
-from paretoik.closed_loop.step_cells import contains, halve, lower_bound, model, place_region
-from tests.closed_loop.planar_steps import linearised_steps
+from studies.marcos_2012.null_space_steps import tool_error, weighted_sum, write_region
+from studies.marcos_2012.step_cells import contains, halve, lower_bound, model, place_region
+from tests.studies.marcos_2012.planar_steps import linearised_steps
 
 every_arm = pytest.mark.parametrize("links", [3, 4])
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from paretoik.closed_loop.null_space_steps import error_at, tool_error, weighted_sum, write_region
-from tests.closed_loop.planar_steps import HOME, linearised_steps, step, tool
+from studies.marcos_2012.null_space_steps import error_at, tool_error, weighted_sum, write_region
+from tests.studies.marcos_2012.planar_steps import HOME, linearised_steps, step, tool
 
 every_arm = pytest.mark.parametrize("links", [3, 4])
 

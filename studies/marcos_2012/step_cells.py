@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from paretoik.closed_loop.null_space_steps import tool_error
 from paretoik.compilation.numba_cache import compiled
+from studies.marcos_2012.null_space_steps import tool_error
 
 BOUND, ADMISSIBLE = 6, 7  # columns of a cell after its three corners: its lower bound, whether all is admissible
 

@@ -12,7 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from paretoik.closed_loop.admissible_steps import find_inadmissible
-from paretoik.closed_loop.workspace import EngineOptions, StepConstraints, StepStart, Workspace
+from paretoik.closed_loop.control_step import EngineOptions
+from paretoik.closed_loop.programs import StepConstraints, StepStart, Workspace
 from paretoik.compilation.numba_cache import compiled
 
 

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from paretoik.closed_loop.control_step import HISTORY
-from paretoik.closed_loop.exact_loop import exact_step, exact_steps, link_lengths
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.formulations.closed_loop import ClosedLoop
 from paretoik.robot.arms import marcos_nr, wan_7r
 from paretoik.task.limits import Limits
 from paretoik.task.path import line
 from problems import marcos_2012
+from studies.marcos_2012.exact_loop import exact_step, exact_steps, link_lengths
 from tests.closed_loop.planar_geometry import meets
 from tests.closed_loop.postures import posture
 
@@ -125,3 +125,16 @@ def test_weights_are_from_0_to_1(weight):
 def test_arms_that_are_not_planar_are_refused():
     with pytest.raises(InvalidInput, match="exact steps: arm must be planar with 3 or 4 links"):
         link_lengths(wan_7r())
+
+
+@pytest.mark.parametrize("weight", [0.3, 1.0])
+def test_searched_loops_go_where_exact_ones_go(weight):
+    loop = marcos_2012.loop(
+        3, 0.7, weight=weight, start=posture(3), steps=25, population=120, generations=100, as_printed=True
+    )
+    run = loop.run(fronts=[1, 25])
+    q = exact_steps(loop.task, loop.start, weight=weight)
+    assert run.position_error == pytest.approx(loop.task.motion(q).position_error[1:].mean(), rel=0.01)
+    assert np.abs(run.q - q).max() < 2e-3
+    assert sorted(run.fronts) == [1, 25]
+    assert run.drift == pytest.approx(np.linalg.norm(run.q[-1] - run.q[0]) / 3)

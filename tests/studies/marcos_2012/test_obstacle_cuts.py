@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 
 from paretoik.closed_loop.admissible_steps import clearance_at_start
-from paretoik.closed_loop.exact_loop import OPTIONS, exact_step, planar_steps
-from paretoik.closed_loop.null_space_steps import is_admissible as is_clear
-from paretoik.closed_loop.null_space_steps import linearise, weighted_sum
-from paretoik.closed_loop.obstacle_cuts import bound_polygon, cut_cell, may_be_clear
-from paretoik.closed_loop.step_cells import ADMISSIBLE, contains, model
 from paretoik.formulations.closed_loop import ClosedLoop
 from paretoik.robot.arm import Arm
 from paretoik.robot.pose import Pose
 from paretoik.task.obstacles import Box, Capsule, Circle, Sphere
 from paretoik.task.path import line
 from studies.benchmarks.closed_loop.exactness import WEIGHTS, dense_search, objectives, random_steps
-from tests.closed_loop.planar_steps import HOME, tool
+from studies.marcos_2012.exact_loop import OPTIONS, exact_step, planar_steps
+from studies.marcos_2012.null_space_steps import is_admissible as is_clear
+from studies.marcos_2012.null_space_steps import linearise, weighted_sum
+from studies.marcos_2012.obstacle_cuts import bound_polygon, cut_cell, may_be_clear
+from studies.marcos_2012.step_cells import ADMISSIBLE, contains, model
+from tests.studies.marcos_2012.planar_steps import HOME, tool
 
 OBSTACLES = {
     "circle": [Circle([0.6, 1.7], 0.6)],
