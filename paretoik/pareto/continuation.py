@@ -69,17 +69,15 @@ class Optimum:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Continuation:
-    """The last optimum that was followed, and the effort.
+    """The last optimum that was followed, and the number of steps and of their corrections.
 
     share: share of the way; below 1 the branch ends or bends back there
-    corrections, changes: corrections and changes of the active set in all steps
     """
 
     optimum: Optimum
     share: float
     steps: int
     corrections: int
-    changes: int
 
 
 def can_follow(program: Program) -> bool:
@@ -122,12 +120,12 @@ def guess_optimum(program: Program, x: Point, goal: Goal) -> Optimum | None:
     return Optimum(x=x, multipliers=multipliers)
 
 
-def follow(program: Program, start: Optimum, goal: Callable[[float], Goal], *, partly: bool = False) -> Continuation:
+def follow(program: Program, start: Optimum, goal: Callable[[float], Goal]) -> Continuation:
     """Return how far the optimum of ``goal(share)`` is followed from share 0, to 1 at most.
 
-    It stops as soon as the remaining attempts cannot reach 1; ``partly`` does not change that.
+    It stops as soon as the remaining attempts cannot reach 1.
     """
-    optimum, share, step, steps, corrections, changes = start, 0.0, 1.0, 0, 0, 0
+    optimum, share, step, steps, corrections = start, 0.0, 1.0, 0, 0
     kernel = program.kernel
     for remaining in range(OPTIONS.attempts, 0, -1):
         if share >= 1.0 or share + step * (2**remaining - 1) < 1.0:
@@ -138,10 +136,10 @@ def follow(program: Program, start: Optimum, goal: Callable[[float], Goal], *, p
         if result is None:
             step = (target - share) / 2
             continue
-        optimum, count, changed = result
-        share, steps, corrections, changes = target, steps + 1, corrections + count, changes + changed
+        optimum, count = result
+        share, steps, corrections = target, steps + 1, corrections + count
         step *= 2.0 if count <= OPTIONS.few else 1.0
-    return Continuation(optimum=optimum, share=share, steps=steps, corrections=corrections, changes=changes)
+    return Continuation(optimum=optimum, share=share, steps=steps, corrections=corrections)
 
 
 def correct(program: Program, start: Optimum, goal: Goal) -> Optimum | None:
@@ -192,8 +190,8 @@ def _predict(program: Program, start: Optimum, goal: Goal) -> Optimum | None:
     return Optimum(x=program.pin(x[None])[0], multipliers=multipliers) if exists else None
 
 
-def _correct(program: Program, kernel: Any, start: Optimum, goal: Goal) -> tuple[Optimum, int, int] | None:
-    """Return the optimum of a goal and the numbers of corrections and changes of the active set."""
+def _correct(program: Program, kernel: Any, start: Optimum, goal: Goal) -> tuple[Optimum, int] | None:
+    """Return the optimum of a goal and the number of corrections."""
     from paretoik.nlp.parametric_qp.correction import CorrectionOptions
     from paretoik.nlp.parametric_qp.correction import correct as search
     from paretoik.nlp.parametric_qp.solution import QpOptions
@@ -207,10 +205,10 @@ def _correct(program: Program, kernel: Any, start: Optimum, goal: Goal) -> tuple
         predicted=OPTIONS.predicted,
         qp=QpOptions(),
     )
-    x, multipliers, _, corrections, changes, converged = search(
+    x, multipliers, _, corrections, _, converged = search(
         kernel, start.x, start.multipliers, goal.weights, *_bounds(program, goal), options
     )
-    return (Optimum(x=program.pin(x[None])[0], multipliers=multipliers), corrections, changes) if converged else None
+    return (Optimum(x=program.pin(x[None])[0], multipliers=multipliers), corrections) if converged else None
 
 
 def _bounds(

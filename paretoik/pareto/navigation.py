@@ -12,6 +12,7 @@ if a front of two objectives jumps directly behind or ahead of the start.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -197,7 +198,6 @@ def move(
         jump = not is_followed and has_barrier(program, front.x[start], best, between, aim.ranges)
         return Destination(x=best, share=1.0, followed=followed, arrived=is_followed, jump=jump)
     # a part of the way is better than nothing
-    followed = _follow(program, front, start, goal, partly=True)
     if followed is not None and followed.share >= OPTIONS.worthwhile:
         return Destination(x=followed.optimum.x, share=followed.share, followed=followed, arrived=True, jump=False)
     return None
@@ -216,12 +216,15 @@ def has_barrier(
     inner = between(x, other, shares)
     if len(inner) < len(shares):
         return True
-    values = [_objectives(program, one, len(ranges)) for one in (x, *inner, other)]
+    values = np.full((len(inner) + 2, len(ranges)), np.inf)  # inf: a function has no value there
+    for row, one in zip(values, (x, *inner, other), strict=True):
+        with suppress(EvaluationFailed):
+            row[:] = program.evaluate(one)[0][: len(ranges)]
     corner = np.maximum(values[0], values[-1]) + OPTIONS.height * ranges
-    return any(not bool((value <= corner).all()) for value in values[1:-1])
+    return not bool((values[1:-1] <= corner).all())
 
 
-def _follow(program: Program, front: FrontPoints, i: int, goal: Goal, *, partly: bool = False) -> Continuation | None:
+def _follow(program: Program, front: FrontPoints, i: int, goal: Goal) -> Continuation | None:
     """Return how far a known point is followed to a goal; its own values are the first bounds."""
     if not can_follow(program):
         return None
@@ -232,7 +235,7 @@ def _follow(program: Program, front: FrontPoints, i: int, goal: Goal, *, partly:
         return Goal(weights=goal.weights, rows=goal.rows, upper=begin + share * (goal.upper - begin))
 
     optimum = guess_optimum(program, front.x[i], at_share(0.0))
-    return None if optimum is None else follow(program, optimum, at_share, partly=partly)
+    return None if optimum is None else follow(program, optimum, at_share)
 
 
 def _neighbours(front: FrontPoints, start: int, aim: Aim) -> list[int]:
@@ -327,10 +330,3 @@ def _best(program: Program, candidates: list[Point], goal: Goal) -> Point | None
         if violation <= OPTIONS.violation and merit < lowest - OPTIONS.better:
             best, lowest = x, merit
     return best
-
-
-def _objectives(program: Program, x: Point, count: int) -> Float[np.ndarray, " n_obj"]:
-    try:
-        return np.asarray(program.evaluate(x)[0][:count])
-    except EvaluationFailed:
-        return np.full(count, np.inf)

@@ -186,7 +186,7 @@ def _refine_here(
         rows = np.array([i for i in places if i not in stored], dtype=int)
         points, converged = x[rows], np.zeros(len(rows), dtype=bool)
         try:
-            _refine_rows(program, points, converged, np.arange(len(rows)), attempts, n_obj, solver)
+            _refine_rows(program, points, converged, attempts, n_obj, solver)
             _leave_weak_optima(program, points, attempts[1], solver)
         except Interrupted as signal:
             interruption.append(signal)
@@ -251,17 +251,16 @@ def _refine_rows(
     program: Program,
     x: Points,
     converged: Bool[np.ndarray, " points"],
-    rows: Int[np.ndarray, " rows"],
     attempts: tuple[_Attempt, ...],
     n_obj: int,
     solver: Solver,
 ) -> None:
-    """Refine some of the points in place. Raises Interrupted after a signal; converged points are kept."""
-    for i in rows:
+    """Refine points in place. Raises Interrupted after a signal; converged points are kept."""
+    for i, one in enumerate(x):
         check_interruption()
-        converged[i] = _is_critical(program, x[i], n_obj, OPTIONS.critical, criticality_bound)
+        converged[i] = _is_critical(program, one, n_obj, OPTIONS.critical, criticality_bound)
     for attempt in attempts:
-        remaining = rows[~converged[rows]]
+        remaining = np.flatnonzero(~converged)
         if not len(remaining):
             return
         upper = np.array([attempt.rows @ program.evaluate(one)[0] for one in x[remaining]])

@@ -6,7 +6,7 @@ there by the excess and a small margin, so that the curve is strictly within its
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -21,8 +21,8 @@ from paretoik.nlp.program import InteriorPointOptions, Solver, program_key
 from paretoik.pareto.certificates import weights_at
 from paretoik.pareto.refine import refine
 from paretoik.robot.kinematics import joint_scales
-from paretoik.runs.distribution import Lost, distribute_remembered, workers
-from paretoik.runs.journal import Values, remembered
+from paretoik.runs.distribution import Lost, compute_each, workers
+from paretoik.runs.journal import Values
 from paretoik.stop_flag import Interrupted, check_interruption
 from paretoik.task.limits import LIMIT_TOLERANCE, LIMITED
 from paretoik.task.motion import Motion
@@ -122,36 +122,21 @@ def hold_all(
     ``observe`` is called with the number of finished motions and of all.
     """
     results = dict[int, HeldMotion]()
-    with suppress(Interrupted):
-        for i, held in _hold_each(program, x, n_obj, solver):
-            results[i] = held
-            if observe is not None:
-                observe(len(results), len(x))
     unseen = partial(HeldMotion, bounds=program.bounds, violation=np.nan)
-    return [results[i] if i in results else unseen(x=one) for i, one in enumerate(x)]
-
-
-def _hold_each(
-    program: MotionProgram, x: Float[np.ndarray, "motions time dof"], n_obj: int, solver: Solver
-) -> Iterator[tuple[int, HeldMotion]]:
-    """Yield the index of every motion and its ``HeldMotion``, from the journal or from workers.
-
-    Raises Interrupted after a signal.
-    """
-    check_interruption()
-    keys = [program_key("held motion", program, one, n_obj, solver) for one in x]
-    if len(x) > 1 and workers() > 1:
-        compile_method(program, x[0], np.eye(1, len(program.upper)), OPTIONS.warm, solver=solver)
-        for i, values in distribute_remembered(_hold_values, program, [(one, n_obj, solver) for one in x], keys):
+    with suppress(Interrupted):
+        check_interruption()
+        keys = [program_key("held motion", program, one, n_obj, solver) for one in x]
+        if len(x) > 1 and workers() > 1:
+            compile_method(program, x[0], np.eye(1, len(program.upper)), OPTIONS.warm, solver=solver)
+        for i, values in compute_each(_hold_values, program, [(one, n_obj, solver) for one in x], keys):
             if isinstance(values, Lost):
                 warn_user(f"motion {i}: {values.cause}; it stays as it is")
-                yield i, HeldMotion(x=x[i], bounds=program.bounds, violation=np.nan)
+                results[i] = unseen(x=x[i])
             else:
-                yield i, _held_motion(values)
-        return
-    for i, one in enumerate(x):
-        check_interruption()
-        yield i, _held_motion(remembered(keys[i], partial(_hold_values, program, (one, n_obj, solver))))
+                results[i] = HeldMotion(x=values["x"], bounds=values["bounds"], violation=float(values["violation"]))
+            if observe is not None:
+                observe(len(results), len(x))
+    return [results[i] if i in results else unseen(x=one) for i, one in enumerate(x)]
 
 
 def _hold_values(program: MotionProgram, item: tuple[np.ndarray, int, Solver]) -> Values:
@@ -159,10 +144,6 @@ def _hold_values(program: MotionProgram, item: tuple[np.ndarray, int, Solver]) -
     x, n_obj, solver = item
     held = hold_between(program, x, n_obj, solver=solver)
     return {"x": held.x, "bounds": held.bounds, "violation": np.asarray(held.violation)}
-
-
-def _held_motion(values: Values) -> HeldMotion:
-    return HeldMotion(x=values["x"], bounds=values["bounds"], violation=float(values["violation"]))
 
 
 def feasible_motions(program: MotionProgram, x: Float[np.ndarray, "motions time dof"]) -> list[HeldMotion]:
