@@ -33,10 +33,9 @@ from paretoik.task.traced_motion import (
     trace_sample_function,
 )
 
-# Functions that relate samples of a motion to one another, with dense derivatives
-#
-# This function is a sum of maxima over groups of numbers, or a factor times the length of a vector. The numbers, its
-# ``parts``, are smooth. Derivatives are taken by all positions and rates of all samples, second ones along directions.
+# Functions that relate samples of a motion to one another: sums of maxima over groups of numbers, or a factor times the
+# length of a vector. The numbers, their ``parts``, are smooth. Derivatives are taken by all positions and rates of all
+# samples, second ones along directions.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -210,9 +209,7 @@ def trace_functions(task: MotionTask, shares: np.ndarray) -> Functions:
     _add_limits(functions)
     for constraint in task.constraints:
         label = f"constraint {constraint.name}"
-        value = (
-            trace_sample_function(functions.motion, label, constraint.function) if constraint.form == "peak" else None
-        )
+        value = trace_sample_function(motion, label, constraint.function) if constraint.form == "peak" else None
         if value is not None:
             bounds = np.array([constraint.lower, constraint.upper])
             _add_row(functions, constraint.name, value, bounds, np.array(constraint.scale))
@@ -263,37 +260,24 @@ def _whole(task: MotionTask, label: str, term: Objective | Constraint, factor: f
 
 
 def _add_limits(functions: Functions) -> None:
-    """Add all limits except those on positions and rates."""
-    task = functions.task
-    if task.differences == "spline" and "velocity" in task.bounds:
-        _add_inner_velocities(functions)
-    _add_loads(functions)
-    if task.obstacles:
-        bounds, ranges = np.array([task.min_clearance, np.inf]), np.array(task.clearance_range)
-        _add_row(functions, "clearance", functions.motion.clearance.entries, bounds, ranges)
-
-
-def _add_loads(functions: Functions) -> None:
+    """Add all limits except those on positions, and on rates at samples."""
     motion, task = functions.motion, functions.task
-    for kind in LOADS:
-        if kind not in task.bounds:
-            continue
-        limits, values = task.bounds_at(kind, task.instants), getattr(motion, LIMITED[kind]).entries
+    inner = ["velocity"] if task.differences == "spline" and "velocity" in task.bounds else []
+    for kind in (*inner, *(load for load in LOADS if load in task.bounds)):
+        limits = task.bounds_at(kind, task.instants)
+        if kind == "velocity":  # of Bernstein coefficients between samples; see ``Motion.velocity_bounds``
+            bounds, limits = limits, np.tile([-np.inf, np.inf], (len(task.instants), task.arm.dof, 1))
+            limits[:-1:2] = np.broadcast_to(bounds, limits.shape)[1::2]
+            values = motion.velocity_bounds.entries
+        else:
+            values = getattr(motion, LIMITED[kind]).entries
         ranges = task.limit_ranges(kind, limits)
         for j, joint in enumerate(task.arm.joint_names):
             if np.isfinite(limits[:, j]).any():
                 _add_row(functions, f"{kind} of {joint}", values[j], limits[:, j], ranges[:, j])
-
-
-def _add_inner_velocities(functions: Functions) -> None:
-    """Add the limits on the Bernstein coefficients of velocities between samples; see ``Motion.velocity_bounds``."""
-    motion, task = functions.motion, functions.task
-    bounds = np.tile([-np.inf, np.inf], (len(task.instants), task.arm.dof, 1))
-    bounds[:-1:2] = np.broadcast_to(task.bounds_at("velocity", task.instants), bounds.shape)[1::2]
-    values, ranges = motion.velocity_bounds.entries, task.limit_ranges("velocity", bounds)
-    for j, joint in enumerate(task.arm.joint_names):
-        if np.isfinite(bounds[:, j]).any():
-            _add_row(functions, f"velocity of {joint}", values[j], bounds[:, j], ranges[:, j])
+    if task.obstacles:
+        clearance = np.array([task.min_clearance, np.inf])
+        _add_row(functions, "clearance", motion.clearance.entries, clearance, np.array(task.clearance_range))
 
 
 def _add_row(functions: Functions, name: str, value: Any, bounds: np.ndarray, ranges: np.ndarray) -> None:
