@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -110,7 +109,8 @@ def disturb_best(
     task, failures, centers = program.task, 0, solutions.x[:0]
     for _ in range(HOPPING_OPTIONS.final_rounds):
         before, best = float(solutions.objectives[0, 0]), solutions.x[: HOPPING_OPTIONS.centers]
-        others = best[_far(task, best, centers)]
+        far = [not len(centers) or joint_distance(task, x, centers).min() > LEVELS.distinct for x in best]
+        others = best[np.array(far)]
         centers = np.concatenate([centers, others])
         batches = [(others, barrier) for barrier in LEVELS.cold]
         batches.append((disturb(task, solutions.x, rng), HOPPING_OPTIONS.barrier))
@@ -119,7 +119,11 @@ def disturb_best(
             break
         rough = minimise(program, x, np.eye(1, len(program.upper)), options=options, solver=solver)
         rough = rough[distinct_rows(task, rough, rough.objectives[:, 0], limit=len(rough))]
-        rough = rough[rough.converged & _new(task, rough, solutions)]
+        values, known = solutions.objectives[:, 0], list[bool]()  # known: near a solution with about the same value
+        for one, value in zip(rough.x, rough.objectives[:, 0], strict=True):
+            near = np.abs(values - value) <= HOPPING_OPTIONS.value * np.abs(values)
+            known.append(bool(np.any(near & (joint_distance(task, one, solutions.x) <= HOPPING_OPTIONS.distance))))
+        rough = rough[rough.converged & ~np.array(known, dtype=bool)]
         if len(rough):
             ends = minimise(program, rough.x, np.eye(1, len(program.upper)), options=LEVELS.warm, solver=solver)
             both = concatenate((solutions, ends))
@@ -129,26 +133,6 @@ def disturb_best(
         if failures >= patience:
             break
     return solutions
-
-
-def _far(task: MotionTask, q: np.ndarray, others: np.ndarray) -> Bool[np.ndarray, " motions"]:
-    """Return which motions differ from all others."""
-    return np.array([not len(others) or joint_distance(task, x, others).min() > LEVELS.distinct for x in q])
-
-
-def _new(task: MotionTask, rough: Solutions, solutions: Solutions) -> Bool[np.ndarray, " motions"]:
-    """Return which rough ends are near no solution with about the same value."""
-    values = solutions.objectives[:, 0]
-    return np.array(
-        [
-            not np.any(
-                (np.abs(values - value) <= HOPPING_OPTIONS.value * np.abs(values))
-                & (joint_distance(task, x, solutions.x) <= HOPPING_OPTIONS.distance)
-            )
-            for x, value in zip(rough.x, rough.objectives[:, 0], strict=True)
-        ],
-        dtype=bool,
-    )
 
 
 # The restart policy.
@@ -235,7 +219,8 @@ class RestartPolicy:
         independent, perturbed = list[np.ndarray](), list[np.ndarray]()
         if self.rounds < OPTIONS.rounds:
             if _expected_better(hits, self.count, int(self.independent.sum())) > OPTIONS.expected:
-                independent.append(self._without_doomed(self._sample(), solutions))
+                sample = sample_starts if self.rounds % 2 else sample_travelling  # of all kinds in every other round
+                independent.append(self._without_doomed(sample(self.level, self.count, self.rng), solutions))
             many = len(optima) >= OPTIONS.many
             self.several = _unseen(hits) > OPTIONS.unseen if self.level.redundancy > 1 else many
             if self.several and self.failures <= HOPPING_OPTIONS.patience:
@@ -280,12 +265,6 @@ class RestartPolicy:
             hits.append(int(self.independent[same].sum()))
         return np.array(rows), np.array(hits)
 
-    def _sample(self) -> Float[np.ndarray, "starts samples dof"]:
-        """Return independent starts, of all kinds as at first, in every other round only travelling ones."""
-        if self.rounds % 2:
-            return sample_starts(self.level, self.count, self.rng)
-        return sample_travelling(self.level, self.count, self.rng)
-
     def _without_doomed(self, q: np.ndarray, solutions: Solutions) -> Float[np.ndarray, "starts samples dof"]:
         """Return the starts except those of branches that failed repeatedly."""
         if solutions.converged.all() or not len(q):
@@ -323,6 +302,7 @@ class LevelRestarts:
         solver: Solver,
     ) -> None:
         self.portions, self.starts, self.rng, self.solver = portions, starts, rng, solver
+        self.batch = -(-starts // 2)  # number of starts that a policy adds at a time
         self.policies = list[RestartPolicy]()  # of the first level, and of the next if that misled
         self.compared = False  # whether the first level was compared with the next
 
@@ -333,10 +313,22 @@ class LevelRestarts:
 
     def further(self, program: MotionProgram, q: np.ndarray, coarser: Solutions | None) -> Further | None:
         """Return the function that adds starts on a level, or None."""
+        level = program.task
         if coarser is None:
-            self.policies.append(self._policy(program.task, q, self.portions))
+            self.policies.append(RestartPolicy(level, q, self.batch, self.rng, self.portions))
             return self.policies[0]
-        return None if self.compared else partial(self._further_on_next, program.task, q, coarser)
+
+        def further_on_next(solutions: Solutions) -> Batch:
+            """Return further starts on the second level, only if the first misled."""
+            if not self.compared:
+                self.compared = True
+                if is_misled(coarser, solutions):
+                    with suppress(Infeasible):  # the optima of the first level are enough
+                        more = first_portions(sample_starts(level, self.starts * max(level.redundancy, 1), self.rng))
+                        self.policies.append(RestartPolicy(level, q, self.batch, self.rng, more, independent=False))
+            return self.policies[1](solutions) if len(self.policies) > 1 else (q[:0], ())
+
+        return None if self.compared else further_on_next
 
     def disturb(self, program: MotionProgram, solutions: Solutions) -> Solutions:
         """Return optima, with those that the best lead to if many are likely unseen."""
@@ -344,21 +336,6 @@ class LevelRestarts:
             return solutions
         patience = HOPPING_OPTIONS.patience if any(policy.improved for policy in self.policies) else 1
         return disturb_best(program, solutions, self.rng, self.solver, patience=patience)
-
-    def _further_on_next(self, level: MotionTask, q: np.ndarray, coarser: Solutions, solutions: Solutions) -> Batch:
-        """Return further starts on the second level, only if the first misled."""
-        if not self.compared:
-            self.compared = True
-            if is_misled(coarser, solutions):
-                with suppress(Infeasible):  # the optima of the first level are enough
-                    starts = sample_starts(level, self.starts * max(level.redundancy, 1), self.rng)
-                    self.policies.append(self._policy(level, q, first_portions(starts), independent=False))
-        return self.policies[1](solutions) if len(self.policies) > 1 else (q[:0], ())
-
-    def _policy(
-        self, level: MotionTask, q: np.ndarray, waiting: Sequence[np.ndarray], *, independent: bool = True
-    ) -> RestartPolicy:
-        return RestartPolicy(level, q, -(-self.starts // 2), self.rng, waiting, independent=independent)
 
 
 def first_portions(

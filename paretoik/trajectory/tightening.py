@@ -95,7 +95,11 @@ def hold_between(
     for _ in range(OPTIONS.rounds):
         if current.violation <= LIMIT_TOLERANCE or not np.isfinite(current.violation):
             break
-        weights = weights if weights.any() else _weights(program, best.x, n_obj)
+        if not weights.any():  # of the objectives at the motion, or those of refinement if it is not critical
+            (found,) = weights_at(program, best.x[None], n_obj)
+            weights = OPTIONS.weight + np.eye(n_obj)[0]
+            if np.isfinite(found).all():
+                weights = np.maximum(found / found.sum(), OPTIONS.least_weight)
         before = current.bounds
         bounds = _tightened_bounds(program, current.x, before, margin)
         for share in OPTIONS.shares:
@@ -186,14 +190,6 @@ def _solve_again(
         if critical[0]:
             return np.asarray(optimal[0])
     return None
-
-
-def _weights(program: MotionProgram, x: np.ndarray, n_obj: int) -> Float[np.ndarray, " n_obj"]:
-    """Return the weights of the objectives at a motion, or those of refinement if it is not critical."""
-    (weights,) = weights_at(program, x[None], n_obj)
-    if np.isfinite(weights).all():
-        return np.maximum(weights / weights.sum(), OPTIONS.least_weight)
-    return OPTIONS.weight + np.eye(n_obj)[0]
 
 
 def _tightened_bounds(
