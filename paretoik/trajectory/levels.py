@@ -7,8 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, replace
 from typing import TypeAlias, TypeVar
 
 import numpy as np
@@ -18,6 +17,7 @@ from paretoik.arrays import JointPaths
 from paretoik.errors import Infeasible, ParetoikError
 from paretoik.nlp.minimise import minimise, minimise_violation
 from paretoik.nlp.program import INTERRUPTED, InteriorPointOptions, Solutions, Solver, concatenate
+from paretoik.pareto.scalarisation import evaluate_points
 from paretoik.runs.interruption import time_is_up
 from paretoik.stop_flag import Interrupted
 from paretoik.task.motion import Motion
@@ -213,10 +213,9 @@ def refine_levels(
         task, first = program.task, program is programs[0]
         exact = finer is None or (disturb is not None and program is disturbed[0])
         barriers = [each if exact else coarse(each) for each in (OPTIONS.cold if first else (OPTIONS.warm,))]
-        search = partial(_minimise_in_turn, program, weights, upper, solver, barriers)
         try:
             more = None if further is None else further(program, q, None if coarser is None else coarser[1])
-            solutions, q = _solve_level(search, q, more)
+            solutions, q = _solve_level(program, q, weights, upper, solver, barriers, more)
             ends = solutions
             if restore and (first or not finer) and not solutions.converged.any():
                 solutions = _restore(program, solutions, q[: 2 * OPTIONS.restored * first], weights, upper, solver)
@@ -250,17 +249,32 @@ def level_progress(task: MotionTask, starts: np.ndarray, ends: Solutions, optima
 
 
 def _solve_level(
-    search: Callable[..., Solutions], q: np.ndarray, further: Further | None
+    program: MotionProgram,
+    q: np.ndarray,
+    weights: np.ndarray,
+    upper: np.ndarray,
+    solver: Solver,
+    barriers: Sequence[InteriorPointOptions],
+    further: Further | None,
 ) -> tuple[Solutions, np.ndarray]:
-    """Return the solutions of starts and ``further`` ones, and all starts; Interrupted has the solutions so far."""
-    solutions = search(q)
+    """Return the solutions of starts and ``further`` ones, and all starts; Interrupted has the solutions so far.
+
+    The starts alternate between options: ``barriers``, or those of ``further``, which end at the same barrier.
+    """
+
+    def search(starts: np.ndarray, options: Sequence[InteriorPointOptions]) -> Solutions:
+        each = [options[i % len(options)] for i in range(len(starts))]
+        return minimise(program, starts, weights[None], upper[None], each, solver=solver)
+
+    solutions, first = search(q, barriers), barriers[0]
     try:
         while further is not None:
-            more, barriers = further(solutions)
+            more, others = further(solutions)
             if not len(more):
                 break
             q = np.concatenate([q, more])
-            solutions = concatenate((solutions, search(more, barriers)))
+            others = [each._replace(last_barrier=first.last_barrier, tolerance=first.tolerance) for each in others]
+            solutions = concatenate((solutions, search(more, others or barriers)))
     except Interrupted as stop:
         raise Interrupted(concatenate((solutions, *filter(None, (stop.partial,))))) from None
     return solutions, q
@@ -283,20 +297,9 @@ def _unfinished(
         if program is last:
             return solutions[rows]
         with suppress(Infeasible):
-            x = resample(program.task, solutions.x[rows], last.task)
-            ends = [last.evaluate(one) for one in x]
-            F = np.array([objectives for objectives, _, _ in ends])
-            violation = np.array([max(0.0, -float(c.min(initial=0.0))) for _, _, c in ends])
-            count, order = len(x), np.lexsort((F @ weights, np.round(violation, 6)))
-            return Solutions(
-                x=x,
-                objectives=F,
-                bound_multipliers=np.full_like(F, np.nan),
-                stationarity=np.full(count, np.inf),
-                violation=violation,
-                status=np.full(count, INTERRUPTED),
-                iterations=np.zeros(count, dtype=int),
-            )[order]
+            ends = evaluate_points(last, resample(program.task, solutions.x[rows], last.task))
+            order = np.lexsort((ends.objectives @ weights, np.round(ends.violation, 6)))
+            return replace(ends, status=np.full(len(ends), INTERRUPTED))[order]
     raise Interrupted
 
 
@@ -319,24 +322,6 @@ def distinct_rows(
 def coarse(options: InteriorPointOptions) -> InteriorPointOptions:
     """Return options for a level before a finer one: it ends at that one's first barrier."""
     return options._replace(last_barrier=OPTIONS.warm.barrier, tolerance=OPTIONS.warm.barrier)
-
-
-def _minimise_in_turn(
-    program: MotionProgram,
-    weights: np.ndarray,
-    upper: np.ndarray,
-    solver: Solver,
-    options: Sequence[InteriorPointOptions],
-    q: np.ndarray,
-    others: Sequence[InteriorPointOptions] = (),
-) -> Solutions:
-    """Return the local optima from starts, with alternating options, or with ``others`` if given."""
-    if others:
-        options = [
-            each._replace(last_barrier=options[0].last_barrier, tolerance=options[0].tolerance) for each in others
-        ]
-    each = [options[i % len(options)] for i in range(len(q))]
-    return minimise(program, q, weights[None], upper[None], each, solver=solver)
 
 
 def _restore(
