@@ -6,6 +6,7 @@ whole motion.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any, Literal
@@ -194,6 +195,12 @@ class Functions:
         """Entries of the distances to obstacles, pieces that meet without a kink."""
         tape, obstacles = self.motion.trace.tape, self.task.obstacles
         return dependencies(tape, [as_entry(tape, self.motion.clearance.entries)] if obstacles else [])
+
+
+def function_names(totals: Sequence[Total], rows: Sequence[str], peaks: Iterable[int]) -> list[str]:
+    """Return the names of an instant's functions: sums, rows, then the peak of each epigraph row (``peaks``)."""
+    by_peak = [total.name for total in totals if total.kind == "peak"]
+    return [*(total.name for total in totals if total.kind == "sum"), *rows, *(by_peak[i] for i in peaks)]
 
 
 def trace_functions(task: MotionTask, shares: np.ndarray) -> Functions:

@@ -24,7 +24,7 @@ from paretoik.task.task import path_equations
 from paretoik.trajectory.curve_states import instant_targets
 from paretoik.trajectory.derivatives import linearise
 from paretoik.trajectory.discretisation import stencil
-from paretoik.trajectory.functions import Functions, trace_functions
+from paretoik.trajectory.functions import Functions, function_names, trace_functions
 from paretoik.trajectory.kernel_arrays import MotionKernel
 from paretoik.trajectory.motion_terms import ORDERS, Evaluators, MotionTerms, Sparsity
 
@@ -180,9 +180,7 @@ def _reformulate(functions: Functions) -> Reformulation:
         low, high = np.isfinite(bounds).any(axis=0)
         sides.append(int(high) - int(low))
     sides += [-1] * len(functions.epigraph_rows)
-    peaks = [total.name for total in functions.totals if total.kind == "peak"]
-    names = [total.name for total in functions.totals if total.kind == "sum"]
-    names += [*functions.names, *(peaks[k] for k in functions.epigraph_peaks)]
+    names = function_names(functions.totals, functions.names, functions.epigraph_peaks)
     smooth_choices = functions.distances
     entries = [*functions.sums, *functions.rows, *functions.epigraph_rows]
     reformulation = reformulate_choices(tape, entries, names, probes, smooth_choices)
