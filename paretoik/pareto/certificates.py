@@ -205,14 +205,13 @@ def certify(
 def confirmed_criticality(program: Program, x: Point) -> float:
     """Return the criticality of a point with one objective, by its convex program; NaN if unknown."""
     with suppress(Interrupted, SolverFailed, EvaluationFailed, np.linalg.LinAlgError):
-        at = program.linearise(x)
-        return criticality(at.gradients[:1], _constraints(program, at), at.unit).value
+        return criticality(*_first_order(program, program.linearise(x), np.ones(1))).value
     return np.nan
 
 
 def criticality_at(program: Program, at: Linearisation, ranges: Float[np.ndarray, " n_obj"]) -> float:
     """Return the criticality of a point, or a bound of almost 0; ``ranges`` divide objectives."""
-    return quick_criticality(at.gradients[: len(ranges)] / ranges[:, None], _constraints(program, at), at.unit).value
+    return quick_criticality(*_first_order(program, at, ranges)).value
 
 
 def criticality_bound(program: Program, at: Linearisation, ranges: Float[np.ndarray, " n_obj"]) -> float:
@@ -220,10 +219,10 @@ def criticality_bound(program: Program, at: Linearisation, ranges: Float[np.ndar
 
     It is infinite if there is no bound of almost 0; with auxiliary columns it is the criticality itself.
     """
-    gradients, constraints = at.gradients[: len(ranges)] / ranges[:, None], _constraints(program, at)
+    gradients, constraints, unit = _first_order(program, at, ranges)
     if gradients.shape[1] > at.unknowns:
-        return criticality(gradients, constraints, at.unit).value
-    result = active_set_criticality(gradients, constraints, at.unit)
+        return criticality(gradients, constraints, unit).value
+    result = active_set_criticality(gradients, constraints, unit)
     return np.inf if result is None else result.value
 
 
@@ -233,8 +232,7 @@ def weights_at(program: Program, x: Points, n_obj: int) -> Float[np.ndarray, "po
     for row, one in zip(weights, x, strict=True):
         check_interruption()
         with suppress(SolverFailed, EvaluationFailed, np.linalg.LinAlgError):
-            at = program.linearise(one)
-            result = quick_criticality(at.gradients[:n_obj], _constraints(program, at), at.unit)
+            result = quick_criticality(*_first_order(program, program.linearise(one), np.ones(n_obj)))
             if result.value <= OPTIONS.critical:
                 row[:] = result.weights
     return weights
@@ -247,8 +245,8 @@ def _certify_point(common: Program | None, point: tuple[Program | None, Point, F
     n_obj = len(ranges)
     try:
         at = program.linearise(x)
-        gradients, constraints = at.gradients[:n_obj] / ranges[:, None], _constraints(program, at)
-        result = criticality(gradients, constraints, at.unit)
+        gradients, constraints, unit = _first_order(program, at, ranges)
+        result = criticality(gradients, constraints, unit)
     except (SolverFailed, EvaluationFailed, np.linalg.LinAlgError) as fault:
         return _unknown(program, x, n_obj, str(fault))
     ratios = np.full((n_obj, n_obj, 2), np.nan)
@@ -288,7 +286,10 @@ def _certificate(
     return {**{name: np.asarray(value) for name, value in numbers.items()}, "curvature": words, **better}
 
 
-def _constraints(program: Program, at: Linearisation) -> Constraints:
-    """Return all inequalities to first order, with the program's own bounds on F."""
+def _first_order(
+    program: Program, at: Linearisation, ranges: Float[np.ndarray, " n_obj"]
+) -> tuple[Float[np.ndarray, "n_obj columns"], Constraints, float]:
+    """Return gradients over ranges, all inequalities with the program's own bounds on F, and the unit of steps."""
     size = len(program.upper)
-    return bounded(at, Goal(weights=np.zeros(size), rows=np.eye(size), upper=program.upper))[0]
+    constraints = bounded(at, Goal(weights=np.zeros(size), rows=np.eye(size), upper=program.upper))[0]
+    return at.gradients[: len(ranges)] / ranges[:, None], constraints, at.unit

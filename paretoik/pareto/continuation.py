@@ -132,7 +132,7 @@ def follow(program: Program, start: Optimum, goal: Callable[[float], Goal]) -> C
             break
         check_interruption()
         target = min(1.0, share + step)
-        result = _correct(program, kernel, optimum, goal(target))
+        result = correct(program, optimum, goal(target), kernel)
         if result is None:
             step = (target - share) / 2
             continue
@@ -142,10 +142,29 @@ def follow(program: Program, start: Optimum, goal: Callable[[float], Goal]) -> C
     return Continuation(optimum=optimum, share=share, steps=steps, corrections=corrections)
 
 
-def correct(program: Program, start: Optimum, goal: Goal) -> Optimum | None:
-    """Return the optimum of a goal near a guess; None if the corrections do not reach it."""
-    result = _correct(program, program.kernel, start, goal)
-    return None if result is None else result[0]
+def correct(program: Program, start: Optimum, goal: Goal, kernel: Any = None) -> tuple[Optimum, int] | None:
+    """Return the optimum of a goal near a guess, and the number of corrections; None if they do not reach it.
+
+    ``kernel`` is the program's, if it is there already.
+    """
+    from paretoik.nlp.parametric_qp.correction import CorrectionOptions
+    from paretoik.nlp.parametric_qp.correction import correct as search
+    from paretoik.nlp.parametric_qp.solution import QpOptions
+
+    options = CorrectionOptions(
+        residual=OPTIONS.residual,
+        violation=OPTIONS.violation,
+        corrections=OPTIONS.corrections,
+        contraction=OPTIONS.contraction,
+        predictions=OPTIONS.predictions,
+        predicted=OPTIONS.predicted,
+        qp=QpOptions(),
+    )
+    kernel = program.kernel if kernel is None else kernel
+    x, multipliers, _, corrections, _, converged = search(
+        kernel, start.x, start.multipliers, goal.weights, *_bounds(program, goal), options
+    )
+    return (Optimum(x=program.pin(x[None])[0], multipliers=multipliers), corrections) if converged else None
 
 
 def predict(program: Program, start: Optimum, goal: Callable[[float], Goal]) -> Point | None:
@@ -188,27 +207,6 @@ def _predict(program: Program, start: Optimum, goal: Goal) -> Optimum | None:
         program.kernel, start.x, start.multipliers, goal.weights, *_bounds(program, goal), options
     )
     return Optimum(x=program.pin(x[None])[0], multipliers=multipliers) if exists else None
-
-
-def _correct(program: Program, kernel: Any, start: Optimum, goal: Goal) -> tuple[Optimum, int] | None:
-    """Return the optimum of a goal and the number of corrections."""
-    from paretoik.nlp.parametric_qp.correction import CorrectionOptions
-    from paretoik.nlp.parametric_qp.correction import correct as search
-    from paretoik.nlp.parametric_qp.solution import QpOptions
-
-    options = CorrectionOptions(
-        residual=OPTIONS.residual,
-        violation=OPTIONS.violation,
-        corrections=OPTIONS.corrections,
-        contraction=OPTIONS.contraction,
-        predictions=OPTIONS.predictions,
-        predicted=OPTIONS.predicted,
-        qp=QpOptions(),
-    )
-    x, multipliers, _, corrections, _, converged = search(
-        kernel, start.x, start.multipliers, goal.weights, *_bounds(program, goal), options
-    )
-    return (Optimum(x=program.pin(x[None])[0], multipliers=multipliers), corrections) if converged else None
 
 
 def _bounds(

@@ -17,7 +17,7 @@ from paretoik.arrays import Point
 from paretoik.nlp.convex_subproblem import is_positive_definite
 from paretoik.nlp.criticality import Criticality, eliminate, factorise_rows, unit_rows
 from paretoik.nlp.minimise import minimise
-from paretoik.nlp.program import Cone, Constraints, InteriorPointOptions, Linearisation, Program, violation_of
+from paretoik.nlp.program import Constraints, InteriorPointOptions, Linearisation, Program, violation_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,8 +150,15 @@ def _lagrangian(
     hessian = at.hessian(weights, np.concatenate([elastic, ties]), result.cone_multipliers).toarray()
     rows = list[np.ndarray]()
     for cone, multiplier in zip(at.cones, result.cone_multipliers, strict=True):
-        row, second = _length(cone, at.columns)
-        rows.append(row)
+        size, slopes = float(np.linalg.norm(cone.values)), cone.rows.toarray()
+        top, second = np.zeros((1, at.columns)), np.zeros((at.columns, at.columns))
+        top[0, cone.column] = 1.0
+        if size <= OPTIONS.active:  # a length of zero can only grow
+            rows.append(np.concatenate([top, slopes]))
+        else:
+            slope = (cone.values / size)[None] @ slopes
+            rows.append(top - slope)
+            second = (slopes.T @ slopes - slope.T @ slope) / size  # of the length
         hessian += np.linalg.norm(multiplier) * second
     return hessian, rows
 
@@ -174,17 +181,6 @@ def null_space(
     directions[elimination.free] = basis
     directions[elimination.columns] = -elimination.table[elimination.pivots][:, elimination.free] @ basis
     return directions
-
-
-def _length(cone: Cone, columns: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the row that ties a cone's column to its length, and the length's second derivatives."""
-    size, rows = float(np.linalg.norm(cone.values)), cone.rows.toarray()
-    top = np.zeros((1, columns))
-    top[0, cone.column] = 1.0
-    if size <= OPTIONS.active:  # a length of zero can only grow
-        return np.concatenate([top, rows]), np.zeros((columns, columns))
-    slope = (cone.values / size)[None] @ rows
-    return top - slope, (rows.T @ rows - slope.T @ slope) / size
 
 
 def _better_point(

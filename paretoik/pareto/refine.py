@@ -330,10 +330,10 @@ def _correct(program: Program, x: Points, converged: Bool[np.ndarray, " points"]
     n_obj = len(attempt.rows)
     goal = Goal(weights=attempt.weights[0], rows=attempt.rows, upper=attempt.rows @ program.evaluate(x[i])[0])
     guess = guess_optimum(program, x[i], goal)
-    optimum = None if guess is None else correct(program, guess, goal)
-    if optimum is None:
+    corrected = None if guess is None else correct(program, guess, goal)
+    if corrected is None:
         return
-    point: Point = optimum.x
+    point: Point = corrected[0].x
     no_worse = _no_worse(program, x[i : i + 1], evaluate_points(program, point[None]), n_obj)[0]
     if no_worse and _is_critical(program, point, n_obj, OPTIONS.flat, criticality_at):
         x[i], converged[i] = point, True
