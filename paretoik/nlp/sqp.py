@@ -297,19 +297,18 @@ class _Search:
             if not correction or gain > max(attempt.gain, 0.0):
                 attempt = replace(attempt, step=step, trial=trial, gain=gain)
             enough = attempt.gain >= options.agreement * predicted or correction == options.corrections
-            corrected = None if enough else self._solve(model, self._corrected(model, step, x, trial))
+            if enough:
+                break
+            # the constraints corrected for the curvature along the step that led to x (Eq. 18.23)
+            inequalities, elastic = self.at.corrected_inequalities(step.step, x), self.at.elastic
+            bounds = self.goal.upper - self.goal.rows @ trial.objectives
+            values = np.concatenate([inequalities[:elastic], bounds, inequalities[elastic:]])
+            values -= model.constraints.jacobian @ step.step
+            corrected = self._solve(model, replace(model.constraints, values=values))
             if corrected is None:
                 break
             step = corrected
         return attempt
-
-    def _corrected(self, model: _Model, step: Step, x: Point, trial: _Iterate) -> Constraints:
-        """Return the constraints corrected for the curvature along the step that led to x (Eq. 18.23)."""
-        inequalities = self.at.corrected_inequalities(step.step, x)
-        elastic = self.at.elastic
-        bounds = self.goal.upper - self.goal.rows @ trial.objectives
-        values = np.concatenate([inequalities[:elastic], bounds, inequalities[elastic:]])
-        return replace(model.constraints, values=values - model.constraints.jacobian @ step.step)
 
     def _solve(self, model: _Model, constraints: Constraints) -> Step | None:
         try:
@@ -338,12 +337,6 @@ class _Search:
             return
         if not feasible:
             self.status = VIOLATED
-        elif settled or self._is_critical(model):
-            self.status = CONVERGED
-        else:
-            self.status = NO_PROGRESS
-
-    def _is_critical(self, model: _Model) -> bool:
-        """Return whether no direction gains more than rounding to first order."""
-        gain = quick_criticality(model.gradient[None], model.constraints, self.at.unit).value
-        return gain <= self.options.criticality_tolerance
+        else:  # no direction gains more than rounding to first order
+            gain = 0.0 if settled else quick_criticality(model.gradient[None], model.constraints, self.at.unit).value
+            self.status = CONVERGED if gain <= options.criticality_tolerance else NO_PROGRESS

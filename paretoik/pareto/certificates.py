@@ -34,19 +34,21 @@ from paretoik.runs.distribution import Lost, compute_each
 from paretoik.runs.journal import Values
 from paretoik.stop_flag import Interrupted, check_interruption
 
-# Exchange rates of objectives from multipliers, and intervals if multipliers are not unique.
-
 
 @dataclass(frozen=True, kw_only=True)
-class ExchangeRateOptions:
-    """Tolerances of multipliers, without unit."""
+class CertificateOptions:
+    """Tolerances without unit: objectives and limits are divided by their ranges."""
 
+    critical: float = 1e-6  # largest χ of a critical point: only then do curvature and multipliers count
+    resolved: float = 1e-3  # largest error of discretisation, as a share of a value, or of its range if that is more
     weight: float = 1e-6  # least weight that counts, as a share of all objectives' weights
     active: float = 1e-7  # largest slack of an active limit, as a share of its range
-    unique: float = 1e-3  # largest relative width of an interval that one rate represents
+    unique: float = 1e-3  # largest relative width of an interval that one exchange rate represents
 
 
-RATE_OPTIONS = ExchangeRateOptions()
+OPTIONS = CertificateOptions()
+
+# Exchange rates of objectives from multipliers, and intervals if multipliers are not unique.
 
 
 def exchange_rates(
@@ -59,10 +61,10 @@ def exchange_rates(
 
     The diagonal is 1. An entry is NaN if a weight is 0, or the ends of λ_i/λ_j are unknown or differ.
     """
-    reliable, natural = np.where(weights >= RATE_OPTIONS.weight, weights, np.nan), ranges * signs
+    reliable, natural = np.where(weights >= OPTIONS.weight, weights, np.nan), ranges * signs
     rates = -reliable[:, :, None] / reliable[:, None, :] * natural[None, None, :] / natural[None, :, None]
     with np.errstate(invalid="ignore"):  # an end may be infinite
-        unique = ratios[..., 1] - ratios[..., 0] <= RATE_OPTIONS.unique * ratios[..., 0]
+        unique = ratios[..., 1] - ratios[..., 0] <= OPTIONS.unique * ratios[..., 0]
     rates[~unique] = np.nan
     i = np.arange(len(ranges))
     rates[:, i, i] = 1.0
@@ -89,34 +91,23 @@ def weight_ratios(
 
     With cones the multipliers are assumed unique. Raises SolverFailed if their range cannot be computed.
     """
-    reliable = np.where(weights >= RATE_OPTIONS.weight, weights, np.nan)
+    reliable = np.where(weights >= OPTIONS.weight, weights, np.nan)
     ratios = reliable[:, None] / reliable[None, :]
     intervals = np.stack([ratios, ratios], axis=-1)
     if constraints.cones:
         return intervals
-    active = constraints.jacobian[constraints.values <= RATE_OPTIONS.active].toarray()
+    active = constraints.jacobian[constraints.values <= OPTIONS.active].toarray()
     shares = share_ranges(gradients, active, constraints.unknowns)
     if shares is None:
         return intervals
     with np.errstate(divide="ignore"):
-        ends = shares / np.where(1.0 - shares >= RATE_OPTIONS.weight, 1.0 - shares, 0.0)
-    ends[shares < RATE_OPTIONS.weight] = 0.0
+        ends = shares / np.where(1.0 - shares >= OPTIONS.weight, 1.0 - shares, 0.0)
+    ends[shares < OPTIONS.weight] = 0.0
     within = np.stack([np.minimum(ends[..., 0], ratios), np.maximum(ends[..., 1], ratios)], axis=-1)
     return np.where(np.isnan(ratios)[..., None], np.nan, within)
 
 
 # Certificates of a front's points.
-
-
-@dataclass(frozen=True, kw_only=True)
-class CertificateOptions:
-    """Tolerances without unit: objectives and limits are divided by their ranges."""
-
-    critical: float = 1e-6  # largest χ of a critical point: only then do curvature and multipliers count
-    resolved: float = 1e-3  # largest error of discretisation, as a share of a value, or of its range if that is more
-
-
-OPTIONS = CertificateOptions()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

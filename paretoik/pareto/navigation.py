@@ -25,6 +25,39 @@ from paretoik.nlp.program import Goal, InteriorPointOptions, Program, Solver, vi
 from paretoik.pareto.continuation import Continuation, can_follow, follow, guess_optimum
 from paretoik.pareto.scalarisation import WARM_OPTIONS as WARM
 
+
+@dataclass(frozen=True, kw_only=True)
+class NavigationOptions:
+    """Settings of moves; objectives are divided by their ranges.
+
+    augmentation: weight ρ of all objectives
+    share: largest ρ as a share of the least weight, so that a point is the optimum of its own goal
+    neighbours: number of known points to start from
+    farther: number of further ones if these lead nowhere
+    violation: largest excess over a limit or bound
+    better: least gain of one point relative to another
+    worthwhile: least share of the way at which a followed branch counts as a result
+    places: number of places between two points that are tested for a barrier
+    height: excess of an objective over both points that is a barrier
+    barriers: the solver's barriers, tried in order until one leads to an optimum
+    high: a barrier that leaves valleys, with few iterations
+    """
+
+    augmentation: float = 5e-4
+    share: float = 0.5
+    neighbours: int = 3
+    farther: int = 12
+    violation: float = 1e-8
+    better: float = 1e-7
+    worthwhile: float = 0.02
+    places: int = 3
+    height: float = 1e-6
+    barriers: tuple[InteriorPointOptions, ...] = WARM.barriers
+    high: InteriorPointOptions = InteriorPointOptions(barrier=1e-2, radius=0.02, iterations=50)
+
+
+OPTIONS = NavigationOptions()
+
 # The goal of a move along a front: improve one objective by a given amount, let payers get worse, others not.
 #
 #     minimise    F̂_m + ρ Σ F̂_j                                 F̂ = F / ranges, m the payer with the largest weight
@@ -34,21 +67,6 @@ from paretoik.pareto.scalarisation import WARM_OPTIONS as WARM
 #
 # At s = 0 a Pareto-critical start is optimal, and its weights give the multipliers; unlike for a weighted sum, this is
 # true on a concave front too. Source: Pascoletti & Serafini 1984; ρ is the augmentation of Wierzbicki 1980.
-
-
-@dataclass(frozen=True, kw_only=True)
-class GoalOptions:
-    """Weight ρ of all objectives: the smaller of two values, so that a point is the optimum of its own goal.
-
-    augmentation: the first value
-    share: the second value, as a share of the least weight
-    """
-
-    augmentation: float = 5e-4
-    share: float = 0.5
-
-
-GOAL_OPTIONS = GoalOptions()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,7 +112,7 @@ class Aim:
                 upper[i] -= self.start[main] / self.ranges[main]
         scale = self.weights[list(wish.payers)].sum()
         smallest = float(self.weights.min() / scale) if scale > 0 else 0.0
-        augmentation = min(GOAL_OPTIONS.augmentation, GOAL_OPTIONS.share * smallest)
+        augmentation = min(OPTIONS.augmentation, OPTIONS.share * smallest)
         return Goal(weights=identity[main] + augmentation * identity.sum(axis=0), rows=rows, upper=upper)
 
     @property
@@ -109,34 +127,6 @@ class Aim:
 
 # Moves along a front to a new point.
 
-
-@dataclass(frozen=True, kw_only=True)
-class NavigationOptions:
-    """Settings of moves; objectives are divided by their ranges.
-
-    neighbours: number of known points to start from
-    farther: number of further ones if these lead nowhere
-    violation: largest excess over a limit or bound
-    better: least gain of one point relative to another
-    worthwhile: least share of the way at which a followed branch counts as a result
-    places: number of places between two points that are tested for a barrier
-    height: excess of an objective over both points that is a barrier
-    barriers: the solver's barriers, tried in order until one leads to an optimum
-    high: a barrier that leaves valleys, with few iterations
-    """
-
-    neighbours: int = 3
-    farther: int = 12
-    violation: float = 1e-8
-    better: float = 1e-7
-    worthwhile: float = 0.02
-    places: int = 3
-    height: float = 1e-6
-    barriers: tuple[InteriorPointOptions, ...] = WARM.barriers
-    high: InteriorPointOptions = InteriorPointOptions(barrier=1e-2, radius=0.02, iterations=50)
-
-
-OPTIONS = NavigationOptions()
 
 Between = Callable[[Point, Point, Float[np.ndarray, " shares"]], Float[np.ndarray, " between *point"]]
 """Returns points at shares of the way from one point to another, without impossible ones."""

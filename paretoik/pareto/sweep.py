@@ -339,7 +339,10 @@ class Sweep:
         """Return the levels to a target across a gap's longer untried side, nearer end first."""
         ends, mains = self._values[list(pair)], self.tried.get(pair, ())
         main = next(k for k in np.argsort(np.abs(ends[0] - ends[1]), kind="stable").tolist() if k not in mains)
-        upper = np.where(np.arange(self.n_obj) == main, np.inf, _on_grid(target.values, ends))
+        # on an even grid, so that rounding of tangents moves no point
+        low, width = ends.min(axis=0), np.ptp(ends, axis=0)
+        share = np.clip(np.round((target.values - low) / width * OPTIONS.grid), 1, OPTIONS.grid - 1) / OPTIONS.grid
+        upper = np.where(np.arange(self.n_obj) == main, np.inf, low + share * width)
         nearer = np.argsort(np.abs(ends - target.values)[:, 1 - main], kind="stable").tolist()
         return [Level(self.x[pair[i]], main, upper) for i in nearer]
 
@@ -396,7 +399,12 @@ class Sweep:
         options, self.phase = OPTIONS.warm._replace(iterations=OPTIONS.basin_iterations), "basin exchange"
         tried = np.zeros((0, 2), dtype=int)
         for _ in range(OPTIONS.rounds):
-            pairs = self._neighbours()
+            # every point of the spread with each of its nearest neighbours in it
+            rows = self.spread()
+            distances = np.linalg.norm(self._values[rows][:, None] - self._values[rows], axis=2)
+            np.fill_diagonal(distances, np.inf)
+            near = np.argsort(distances, axis=1)[:, : min(OPTIONS.neighbours, len(rows) - 1)]
+            pairs = np.stack([np.repeat(rows, near.shape[1]), rows[near.ravel()]], axis=1)
             pairs = pairs[~(pairs[:, None] == tried).all(axis=2).any(axis=1)]
             if not len(pairs):
                 return
@@ -419,19 +427,3 @@ class Sweep:
             if not better.any():
                 return
             self.add(solutions[better], self._lagrangian(solutions[better], np.ones((1, self.n_obj))))
-
-    def _neighbours(self) -> Int[np.ndarray, "pairs 2"]:
-        """Return pairs of rows: every point of the spread with each of its nearest neighbours in it."""
-        rows = self.spread()
-        values = self._values[rows]
-        distances = np.linalg.norm(values[:, None] - values, axis=2)
-        np.fill_diagonal(distances, np.inf)
-        near = np.argsort(distances, axis=1)[:, : min(OPTIONS.neighbours, len(rows) - 1)]
-        return np.stack([np.repeat(rows, near.shape[1]), rows[near.ravel()]], axis=1)
-
-
-def _on_grid(values: Float[np.ndarray, " 2"], ends: Float[np.ndarray, "2 2"]) -> Float[np.ndarray, " 2"]:
-    """Return values between two ends, moved to an even grid, so that rounding of tangents moves no point."""
-    low, width = ends.min(axis=0), np.ptp(ends, axis=0)
-    share = np.clip(np.round((values - low) / width * OPTIONS.grid), 1, OPTIONS.grid - 1) / OPTIONS.grid
-    return np.asarray(low + share * width)

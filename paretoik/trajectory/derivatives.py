@@ -193,8 +193,8 @@ def linearise(program: MotionTerms, q: Float[np.ndarray, "time dof"]) -> MotionL
     function_gradients = np.zeros((functions, len(program.variables), instants))
     function_gradients[sparsity.rows, sparsity.columns] = slopes[functions:]
     wholes = sum(each.epigraph_columns for each in program.whole_functions)
-    basis, spline, columns = _basis(program, values.curve.chain, normal, wholes)
-    gradients, ties, tie_rows, cones = _whole_functions(program, values, basis, columns)
+    basis, spline, by_samples = _basis(program, values.curve.chain, normal, wholes)
+    gradients, ties, tie_rows, cones = _whole_functions(program, values, basis)
     for k, total in enumerate(program.totals):
         if total.kind == "sum":
             gradients[k] = basis.T @ (function_gradients[total.index] * task.weights).ravel()
@@ -208,7 +208,7 @@ def linearise(program: MotionTerms, q: Float[np.ndarray, "time dof"]) -> MotionL
         path_jacobian=path_jacobian,
         basis=basis,
         spline=spline,
-        samples=_sample_basis(program, normal, columns),
+        samples=by_samples,
         function_gradients=function_gradients,
         sample_inputs=inputs,
         gradients=gradients,
@@ -220,8 +220,8 @@ def linearise(program: MotionTerms, q: Float[np.ndarray, "time dof"]) -> MotionL
 
 def _basis(
     program: MotionTerms, chain: np.ndarray, normal: np.ndarray, wholes: int
-) -> tuple[sparse.csr_array, sparse.csr_array, int]:
-    """Return derivatives of variables (variables · instants) and the spline's state by columns, and their number."""
+) -> tuple[sparse.csr_array, sparse.csr_array, sparse.csr_array]:
+    """Return the derivatives of variables (variables · instants), the spline's state and q (dof · time) by columns."""
     stencil, instants, r = program.stencil, len(program.task.instants), normal.shape[2]
     columns = stencil.unknowns + program.slacks * instants + program.peaks + wholes
     begin = stencil.first_unknown[stencil.neighbours]
@@ -241,24 +241,20 @@ def _basis(
     column = stencil.unknowns + np.concatenate([np.arange(slacks), slacks + peaks // instants])
     ones = (np.ones(len(column)), (np.arange(len(column)), column))
     parts.append(sparse.coo_array(ones, shape=(len(column), columns)))
-    return sparse.csr_array(sparse.vstack(parts)), sparse.csr_array(spline), columns
-
-
-def _sample_basis(program: MotionTerms, normal: np.ndarray, columns: int) -> sparse.csr_array:
-    """Return the derivatives of q (dof · time) by the columns."""
-    samples, n, r = normal.shape
-    begin = program.stencil.first_unknown
-    entries = np.where((begin >= 0)[:, None, None], normal, 0.0).transpose(1, 0, 2)
+    # of q: those of every sample by its own unknowns
+    (samples, n, _), first = normal.shape, stencil.first_unknown
+    entries = np.where((first >= 0)[:, None, None], normal, 0.0).transpose(1, 0, 2)
     rows = np.broadcast_to(np.arange(n * samples).reshape(n, samples, 1), entries.shape)
-    places = np.broadcast_to(np.maximum(begin, 0)[:, None] + np.arange(r), entries.shape)
-    shape = (n * samples, columns)
-    return sparse.coo_array((entries.ravel(), (rows.ravel(), places.ravel())), shape=shape).tocsr()
+    places = np.broadcast_to(np.maximum(first, 0)[:, None] + np.arange(r), entries.shape)
+    by_sample = sparse.coo_array((entries.ravel(), (rows.ravel(), places.ravel())), shape=(n * samples, columns))
+    return sparse.csr_array(sparse.vstack(parts)), sparse.csr_array(spline), by_sample.tocsr()
 
 
 def _whole_functions(
-    program: MotionTerms, values: MotionValues, basis: sparse.csr_array, columns: int
+    program: MotionTerms, values: MotionValues, basis: sparse.csr_array
 ) -> tuple[np.ndarray, list[np.ndarray], list[sparse.csr_array], list[Cone]]:
     """Return the parts of objective gradients from wholes, and the ties, their rows and the cones of wholes."""
+    columns = basis.shape[1]
     gradients = np.zeros((len(program.totals), columns))
     ties, tie_rows, cones = list[np.ndarray](), list[sparse.csr_array](), list[Cone]()
     if not program.whole_functions:

@@ -197,13 +197,7 @@ class PostureGrid:
         for ahead, k in zip(self.next_node, mask, strict=True):
             place = np.append(np.where(k, np.cumsum(k) - 1, -1), -1)  # last entry: the next of no node is no node
             next_node.append(place[ahead[k]])
-        return PostureGrid(
-            nodes=[q[k] for q, k in zip(self.nodes, mask, strict=True)],
-            next_node=next_node,
-            turning=self.turning,
-            windows=self.windows,
-            scales=self.scales,
-        )
+        return replace(self, nodes=[q[k] for q, k in zip(self.nodes, mask, strict=True)], next_node=next_node)
 
 
 def step_windows(task: MotionTask, pace: float) -> Float[np.ndarray, "time dof"]:

@@ -229,8 +229,16 @@ def _limits(
     unlimited: number of variables without limits before the rows
     """
     instants, n = len(task.instants), task.arm.dof
-    free = np.tile([-np.inf, np.inf], (instants, n, 1))
-    simple = [_simple_bounds(task, kind, free) for kind in ORDERS[:orders]]
+    free, simple = np.tile([-np.inf, np.inf, 1.0], (instants, n, 1)), list[np.ndarray]()
+    for kind in ORDERS[:orders]:
+        bounded = free
+        if kind in task.bounds:
+            bounds = np.array(np.broadcast_to(task.bounds_at(kind, task.instants), (instants, n, 2)))
+            bounded = np.concatenate([bounds, task.limit_ranges(kind, bounds)[..., None]], axis=-1)
+            if kind == "velocity" and task.stride > 1:  # between samples its coefficients are limited instead
+                bounded[1 :: task.stride, :, :2] = free[1 :: task.stride, :, :2]
+            bounded /= joint_scales(task.arm)[:, None]
+        simple.append(bounded)
     none = np.tile([-np.inf, np.inf, 1.0], (instants, unlimited, 1))
     table = np.concatenate([*simple, none, *(row[:, None] for row in rows)], axis=1)
     both = table[..., :2]
@@ -240,17 +248,6 @@ def _limits(
         which, instant, side = which[moves], instant[moves], side[moves]
     ranges = table[instant, which, 2]
     return np.stack([which, instant], axis=1), 1.0 - 2.0 * side, both[instant, which, side], ranges
-
-
-def _simple_bounds(task: MotionTask, kind: str, free: np.ndarray) -> np.ndarray:
-    """Return the limits on a variable and their ranges; limits on a spline's rates are valid between samples."""
-    if kind not in task.bounds:
-        return np.concatenate([free, np.ones((*free.shape[:-1], 1))], axis=-1)
-    bounds = np.array(np.broadcast_to(task.bounds_at(kind, task.instants), free.shape))
-    table = np.concatenate([bounds, task.limit_ranges(kind, bounds)[..., None]], axis=-1)
-    if kind == "velocity" and task.stride > 1:  # between samples a coefficient of the velocity is limited instead
-        table[1 :: task.stride, :, :2] = free[1 :: task.stride]
-    return table / joint_scales(task.arm)[:, None]
 
 
 def _place_variables(evaluators: Evaluators, states: np.ndarray, dof: int) -> Evaluators:
