@@ -20,6 +20,7 @@ from paretoik.errors import InvalidInput, warn_user
 from paretoik.nlp import sqp
 from paretoik.nlp.program import (
     CONVERGED,
+    FEASIBLE,
     INTERRUPTED,
     LOST,
     NO_PROGRESS,
@@ -82,7 +83,7 @@ def minimise(
     kernel = None if solver == "sqp" else program.kernel
     solutions = _solve(program, kernel, x, factors, table, bounds, each, observe)
     # Below the program's own rounding no step improves a point.
-    near = (solutions.stationarity <= program.rounding) & (solutions.violation <= 1e-8)
+    near = (solutions.stationarity <= program.rounding) & (solutions.violation <= FEASIBLE)
     solutions.status[near & (solutions.status == NO_PROGRESS)] = CONVERGED
     return _finished(replace(solutions, x=program.pin(solutions.x)))
 

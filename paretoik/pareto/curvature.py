@@ -17,7 +17,7 @@ from paretoik.arrays import Point
 from paretoik.nlp.convex_subproblem import is_positive_definite
 from paretoik.nlp.criticality import Criticality, eliminate, factorise_rows, unit_rows
 from paretoik.nlp.minimise import minimise
-from paretoik.nlp.program import Constraints, InteriorPointOptions, Linearisation, Program, violation_of
+from paretoik.nlp.program import FEASIBLE, Constraints, InteriorPointOptions, Linearisation, Program, violation_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,7 +29,6 @@ class CurvatureOptions:
     tie_share: float = 1e-3  # the same for a tie, among the ties of its slack or epigraph variable
     least_multiplier: float = 1e-9  # least multiplier that counts at all
     active: float = 1e-7  # largest slack of an active limit
-    violation: float = 1e-8  # largest violation that counts as 0
     descent_steps: tuple[float, ...] = (1e-2, 1e-3, 1e-4)  # lengths tried along a direction of negative curvature
     descents: tuple[InteriorPointOptions, ...] = (  # tried from the first step until one leads to a better point
         InteriorPointOptions(barrier=1e-6, radius=0.02),
@@ -213,4 +212,4 @@ def _better_point(
 def _is_better(program: Program, x: Point, values: np.ndarray) -> bool:
     objectives, equalities, inequalities = program.evaluate(x)
     violation = violation_of(program, objectives, equalities, inequalities)
-    return bool(np.all(objectives[: len(values)] < values) and violation <= OPTIONS.violation)
+    return bool(np.all(objectives[: len(values)] < values) and violation <= FEASIBLE)

@@ -21,7 +21,7 @@ from jaxtyping import Float
 from paretoik.arrays import Point, Points
 from paretoik.errors import EvaluationFailed
 from paretoik.nlp.minimise import minimise
-from paretoik.nlp.program import Goal, InteriorPointOptions, Program, Solver, violation_of
+from paretoik.nlp.program import FEASIBLE, Goal, InteriorPointOptions, Program, Solver, violation_of
 from paretoik.pareto.continuation import Continuation, can_follow, follow, guess_optimum
 from paretoik.pareto.scalarisation import WARM_OPTIONS as WARM
 
@@ -34,7 +34,6 @@ class NavigationOptions:
     share: largest ρ as a share of the least weight, so that a point is the optimum of its own goal
     neighbours: number of known points to start from
     farther: number of further ones if these lead nowhere
-    violation: largest excess over a limit or bound
     better: least gain of one point relative to another
     worthwhile: least share of the way at which a followed branch counts as a result
     places: number of places between two points that are tested for a barrier
@@ -47,7 +46,6 @@ class NavigationOptions:
     share: float = 0.5
     neighbours: int = 3
     farther: int = 12
-    violation: float = 1e-8
     better: float = 1e-7
     worthwhile: float = 0.02
     places: int = 3
@@ -254,7 +252,7 @@ def _rivals(
     """Return the best known point better than x, else the neighbours in other valleys."""
     count = front.objectives.shape[1]
     merit, merits = float(goal.weights @ program.evaluate(x)[0]), front.objectives @ goal.weights[:count]
-    feasible = (front.objectives @ goal.rows[:, :count].T <= goal.upper + OPTIONS.violation).all(axis=1)
+    feasible = (front.objectives @ goal.rows[:, :count].T <= goal.upper + FEASIBLE).all(axis=1)
     better = np.flatnonzero(feasible & (merits < merit + OPTIONS.better))
     if len(better):
         return [int(better[np.argmin(merits[better])])]
@@ -317,6 +315,6 @@ def _best(program: Program, candidates: list[Point], goal: Goal) -> Point | None
         F, equalities, inequalities = program.evaluate(x)
         violation = violation_of(program, F, equalities, inequalities, goal.rows, goal.upper)
         merit = float(goal.weights @ F)
-        if violation <= OPTIONS.violation and merit < lowest - OPTIONS.better:
+        if violation <= FEASIBLE and merit < lowest - OPTIONS.better:
             best, lowest = x, merit
     return best

@@ -15,6 +15,7 @@ from paretoik.errors import Infeasible, SolverFailed
 from paretoik.nlp.minimise import minimise
 from paretoik.nlp.program import (
     CONVERGED,
+    FEASIBLE,
     NO_PROGRESS,
     InteriorPointOptions,
     Program,
@@ -104,7 +105,7 @@ class WarmStartOptions:
         InteriorPointOptions(barrier=1e-6, radius=0.02),
         InteriorPointOptions(barrier=1e-3, radius=0.02),
     )
-    violation: float = 1e-8
+    violation: float = FEASIBLE
     rounding: float = 1e-7
 
 

@@ -204,14 +204,11 @@ def _least_violating(program: MotionProgram, q: JointPaths) -> Float[np.ndarray,
 
 def is_clearly_infeasible(task: MotionTask, motion: Motion) -> bool:
     """Return whether a least-violating motion shows, without proof, that no motion satisfies all limits."""
-    violations = task.violations(motion)
-    if not len(violations) or not violations.max() > 0:
-        return False
-    kind = _worst_kind(task, violations)
+    kind, limit, size = _worst_limit(task, motion)
     if kind in ("position", "clearance"):
-        _, violation = _best_postures(task, task.worst_sample(int(np.argmax(violations)), motion))
+        _, violation = _best_postures(task, task.worst_sample(limit, motion))
         return bool(violation.min(initial=np.inf) > OPTIONS.clear_posture)
-    return kind != "" and bool(violations.max() > OPTIONS.clear)
+    return kind != "" and size > OPTIONS.clear
 
 
 def explain_violation(task: MotionTask, motion: Motion) -> str:
@@ -253,10 +250,15 @@ def infeasible_error(
     )
 
 
-def _worst_kind(task: MotionTask, violations: np.ndarray) -> str:
-    """Return the kind of the most violated limit; "" for a user's own."""
-    kind = task.limit_names[int(np.argmax(violations))].partition(" of ")[0]
-    return kind if kind in task.bounds or (kind == "clearance" and task.obstacles) else ""
+def _worst_limit(task: MotionTask, motion: Motion) -> tuple[str, int, float]:
+    """Return kind, place and violation of the most violated limit; the kind is "" for none, or for a user's own."""
+    violations = task.violations(motion)
+    if not len(violations) or not violations.max() > 0:
+        return "", 0, 0.0
+    limit = int(np.argmax(violations))
+    kind = task.limit_names[limit].partition(" of ")[0]
+    is_own = kind not in task.bounds and not (kind == "clearance" and task.obstacles)
+    return "" if is_own else kind, limit, float(violations.max())
 
 
 def remedy_text(task: MotionTask, motion: Motion, sample: int | None = None) -> str:
@@ -264,15 +266,14 @@ def remedy_text(task: MotionTask, motion: Motion, sample: int | None = None) -> 
 
     It begins with the number of postures tried at the sample, or at the worst one, if none satisfies the limits.
     """
-    violations = task.violations(motion)
-    kind = _worst_kind(task, violations) if len(violations) and violations.max() > 0 else ""
+    kind, limit, _ = _worst_limit(task, motion)
     if not kind:
         return ""
     if kind in ("torque", "power") and (weight := _weight_text(task, motion)):
         return weight
     text = f"; it may help: {REMEDIES[kind]}"
     if kind in ("position", "clearance"):
-        worst = task.worst_sample(int(np.argmax(violations)), motion) if sample is None else sample
+        worst = task.worst_sample(limit, motion) if sample is None else sample
         q, violation = _best_postures(task, worst)
         if len(q) > 1 and violation.min() > 0:
             return f"; none of {len(q)} postures tried at sample {worst} satisfies the limits{text}"
@@ -281,11 +282,10 @@ def remedy_text(task: MotionTask, motion: Motion, sample: int | None = None) -> 
 
 def _proof_text(task: MotionTask, motion: Motion, sample: int | None) -> str:
     """Return in words the sample at which no posture satisfies the limits by proof; "" without a proof."""
-    violations = task.violations(motion)
-    kind = _worst_kind(task, violations)
+    kind, limit, _ = _worst_limit(task, motion)
     if kind not in ("position", "clearance", "velocity"):
         return ""
-    samples = [task.worst_sample(int(np.argmax(violations)), motion) if sample is None else sample]
+    samples = [task.worst_sample(limit, motion) if sample is None else sample]
     if kind == "velocity":  # limits are often too low at other samples too, first the fastest ones of the path
         pace = sum(np.linalg.norm(np.gradient(one.path.positions, task.times, axis=0), axis=1) for one in task.tasks)
         samples += [int(np.argmax(pace)), *np.linspace(0, len(task.times) - 1, OPTIONS.proofs + 2).astype(int)[1:-1]]

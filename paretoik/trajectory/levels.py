@@ -16,7 +16,7 @@ from jaxtyping import Bool, Float, Int
 from paretoik.arrays import JointPaths
 from paretoik.errors import Infeasible, ParetoikError
 from paretoik.nlp.minimise import minimise, minimise_violation
-from paretoik.nlp.program import INTERRUPTED, InteriorPointOptions, Solutions, Solver, concatenate
+from paretoik.nlp.program import FEASIBLE, INTERRUPTED, InteriorPointOptions, Solutions, Solver, concatenate
 from paretoik.pareto.scalarisation import evaluate_points
 from paretoik.runs.interruption import time_is_up
 from paretoik.stop_flag import Interrupted
@@ -120,7 +120,6 @@ class LevelOptions:
 
     coarsest: int = 26  # samples: with half as many, the best torque optimum does not exist
     distinct: float = 0.01  # rad or arm lengths, RMS: nearer optima are one
-    feasible: float = 1e-8  # share of a limit's range: a smaller violation counts as none
     scale_share: float = 0.1  # of the lower quartile of an objective's size at starts: lower bound of its scale
     disturbed: int = 101  # samples: on levels with more of them the best optimum stays the same
     max_optima: int = 32  # number refined on a finer level, where their order changes
@@ -244,7 +243,7 @@ def level_progress(task: MotionTask, starts: np.ndarray, ends: Solutions, optima
         ends=ends.x,
         converged=ends.converged,
         optima=optima.x,
-        feasible=bool((optima.violation <= OPTIONS.feasible).any()),
+        feasible=bool((optima.violation <= FEASIBLE).any()),
     )
 
 
@@ -333,11 +332,11 @@ def _restore(
     solver: Solver,
 ) -> Solutions:
     """Return the optima from motions that violate limits, after minimising only the violation."""
-    if solutions.violation.max() <= OPTIONS.feasible:
+    if solutions.violation.max() <= FEASIBLE:
         return solutions
     rows = distinct_rows(program.task, solutions, solutions.objectives @ weights, limit=OPTIONS.restored)
     restored = minimise_violation(program, np.concatenate([solutions.x[rows], q]), upper, OPTIONS.restoration)
-    feasible = restored.violation <= OPTIONS.feasible
+    feasible = restored.violation <= FEASIBLE
     if not feasible.any():
         return restored
     return minimise(program, restored.x[feasible], weights[None], upper[None], OPTIONS.holding, solver=solver)

@@ -19,7 +19,17 @@ from paretoik.front.indicators import OPTIONS as INDICATORS
 from paretoik.front.points import ADDED_SAMPLES, confirmation
 from paretoik.inputs import check_call
 from paretoik.nlp.minimise import check_solver, chosen_solver
-from paretoik.nlp.program import CONVERGED, INTERRUPTED, NOT_FINITE, STATUSES, Program, Solutions, Solver, concatenate
+from paretoik.nlp.program import (
+    CONVERGED,
+    FEASIBLE,
+    INTERRUPTED,
+    NOT_FINITE,
+    STATUSES,
+    Program,
+    Solutions,
+    Solver,
+    concatenate,
+)
 from paretoik.pareto.certificates import OPTIONS as CERTIFICATES
 from paretoik.pareto.certificates import confirmed_criticality
 from paretoik.pareto.scalarisation import Observe, insert_best, minimise_from, naming_objective
@@ -32,7 +42,6 @@ from paretoik.task.motion_task import MotionTask, evaluate_motions
 from paretoik.task.self_motion import branch_labels
 from paretoik.trajectory.infeasibility import infeasible_error, require_feasible
 from paretoik.trajectory.levels import (
-    OPTIONS,
     LevelProgress,
     ObserveLevel,
     coarsest_level,
@@ -153,7 +162,7 @@ def find_optima(
     given = np.empty((0, len(task.times), task.arm.dof)) if initial is None else initial
     program = motion_program(task, objective_scales(task, given) if len(given) else None)
     initial_solutions = minimise_from(program, given, np.ones(1), solver=solver)
-    initial_solutions = initial_solutions[initial_solutions.violation <= OPTIONS.feasible]
+    initial_solutions = initial_solutions[initial_solutions.violation <= FEASIBLE]
     try:
         solutions, levels, count = _search(task, starts, seed, initial, solver, observe, rollouts)
     except (EvaluationFailed, Infeasible, SolverFailed, Interrupted):
@@ -190,7 +199,7 @@ def resolve_plan(
         finer = former.with_midpoints()
         starts = resample(former, np.stack([each.motion.q for each in plan.optima]), finer)
         ends = minimise_from(motion_program(finer, objective_scales(finer, starts)), starts, np.ones(1), solver=solver)
-        if len(ends) < len(plan.optima) or not (ends.converged & (ends.violation <= OPTIONS.feasible)).all():
+        if len(ends) < len(plan.optima) or not (ends.converged & (ends.violation <= FEASIBLE)).all():
             return None
         solutions = _merge(finer, ends[:0], ends)
         if observe is not None:
@@ -315,7 +324,7 @@ def _failure(task: MotionTask, solutions: Solutions) -> EvaluationFailed | Infea
     if failed:
         searches = f"{len(failed)} of {len(solutions)} searches"
         return EvaluationFailed(f"no start led to an optimum; {searches} ended at a motion at which {failed[0]}")
-    if solutions.violation[0] <= OPTIONS.feasible:
+    if solutions.violation[0] <= FEASIBLE:
         return SolverFailed(f"no start led to an optimum; the best ended with: {status}")
     return infeasible_error(task, level, solutions.x, status=status)
 

@@ -187,7 +187,13 @@ class RestartPolicy:
 
     def __call__(self, solutions: Solutions) -> Batch:
         """Return further starts, and the options that they alternate between; none if enough were tried."""
-        portion = self._waiting_portion(solutions)
+        if self.waiting and solutions.converged.any() and self.independent.any():
+            # the next start finds a new optimum with the probability ``_unseen``; one in w + 1 of these is the best
+            hits, count = self._optima(solutions)[1], sum(map(len, self.waiting))
+            waiting = count * _unseen(hits) / (np.count_nonzero(hits) + 1)
+            if max(waiting, _expected_better(hits, self.count, int(self.independent.sum()))) <= OPTIONS.expected:
+                self.waiting = []
+        portion = self.waiting.pop(0) if self.waiting else np.empty(0)
         if len(portion):
             return self._batch([], [portion])
         if not solutions.converged.any():
@@ -220,21 +226,6 @@ class RestartPolicy:
         q = np.concatenate([np.empty((0, len(self.level.times), self.level.arm.dof)), *parts])
         self.starts.append(q)
         return q, (OPTIONS.barrier,) if len(dependent) and self.rounds else LEVELS.cold
-
-    def _waiting_portion(self, solutions: Solutions) -> Float[np.ndarray, "starts samples dof"]:
-        """Return the next waiting starts; none if neither they nor a further batch are likely to find a better optimum.
-
-        The next start finds a new optimum with the probability ``_unseen``; one in w + 1 of these is better than all.
-        """
-        if self.waiting and solutions.converged.any() and self.independent.any():
-            hits, count = self._optima(solutions)[1], sum(map(len, self.waiting))
-            expected = max(
-                count * _unseen(hits) / (np.count_nonzero(hits) + 1),
-                _expected_better(hits, self.count, int(self.independent.sum())),
-            )
-            if expected <= OPTIONS.expected:
-                self.waiting = []
-        return self.waiting.pop(0) if self.waiting else np.empty((0, len(self.level.times), self.level.arm.dof))
 
     def _optima(self, solutions: Solutions) -> tuple[Int[np.ndarray, " optima"], Int[np.ndarray, " optima"]]:
         """Return a row of every optimum, best first, and its number of independent starts."""

@@ -17,7 +17,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from paretoik.errors import warn_user
 from paretoik.nlp.minimise import compile_method, minimise
-from paretoik.nlp.program import InteriorPointOptions, Solver, program_key
+from paretoik.nlp.program import FEASIBLE, InteriorPointOptions, Solver, program_key
 from paretoik.pareto.certificates import weights_at
 from paretoik.pareto.refine import refine
 from paretoik.robot.kinematics import joint_scales
@@ -36,7 +36,6 @@ class TighteningOptions:
     """Settings of tightening; shares are of a limit's range.
 
     margin: share by which a tightened motion stays within its limits
-    feasible: share by which a motion may exceed its limits at the samples
     rounds: largest number of times that limits are tightened
     largest: largest share that a limit moves in a round
     steps: number of steps of an interval at which a motion is evaluated
@@ -48,7 +47,6 @@ class TighteningOptions:
     """
 
     margin: float = 2.5e-5
-    feasible: float = 1e-8
     rounds: int = 5
     largest: float = 0.4
     steps: int = 16
@@ -152,7 +150,7 @@ def _hold_values(program: MotionProgram, item: tuple[np.ndarray, int, Solver]) -
 
 def feasible_motions(program: MotionProgram, x: Float[np.ndarray, "motions time dof"]) -> list[HeldMotion]:
     """Return the motions that satisfy their limits at samples and between them."""
-    at_samples = [one for one in x if program.evaluate(one)[2].min(initial=0.0) >= -OPTIONS.feasible]
+    at_samples = [one for one in x if program.evaluate(one)[2].min(initial=0.0) >= -FEASIBLE]
     return [each for each in (_held(program, one) for one in at_samples) if each.violation <= LIMIT_TOLERANCE]
 
 
