@@ -108,6 +108,7 @@ class RefineOptions:
     critical: largest criticality of a point that is not refined
     flat: largest criticality of an optimum that is not stationary
     stationary: largest stationarity of an optimum
+    violation: largest violation of a feasible point
     rise: largest rise of an objective that counts as 0
     no_weight: least weight that counts, as a share of all weights
     gain: least gain of a refined weak optimum that is kept
@@ -122,6 +123,7 @@ class RefineOptions:
     critical: float = 1e-8
     flat: float = 1e-6
     stationary: float = 1e-6
+    violation: float = FEASIBLE
     rise: float = 1e-9
     no_weight: float = 1e-6
     gain: float = 1e-6
@@ -290,7 +292,7 @@ def _leave_weak_optima(program: Program, x: Points, below: _Attempt, solver: Sol
     upper = before.objectives @ below.rows.T
     solutions = minimise(program, x[rows], below.weights, upper, below.options, rows=below.rows, solver=solver)
     gain = (before.objectives - solutions.objectives)[:, :n_obj].max(axis=1)
-    better = _no_worse(program, x[rows], solutions, n_obj) & (solutions.violation <= FEASIBLE)
+    better = _no_worse(program, x[rows], solutions, n_obj) & (solutions.violation <= OPTIONS.violation)
     accepted = better & (gain > OPTIONS.gain)
     x[rows[accepted]] = solutions.x[accepted]
 
@@ -312,7 +314,7 @@ def _keep(
     weights = attempt.weights + solutions.bound_multipliers[:, :n_obj] @ attempt.rows
     critical = (solutions.stationarity <= OPTIONS.stationary) & (weights[:, :n_obj].min(axis=1) >= 0.0)
     better = _no_worse(program, x[rows], solutions, n_obj)
-    feasible = solutions.violation <= FEASIBLE
+    feasible = solutions.violation <= OPTIONS.violation
     good = better & (solutions.converged | (feasible & np.isfinite(solutions.objectives).all(axis=1)))
     x[rows[good]] = solutions.x[good]
     for i, solved, optimal in zip(rows[good], solutions.converged[good], critical[good], strict=True):
@@ -342,7 +344,7 @@ def _no_worse(program: Program, x: Points, solutions: Solutions, n_obj: int) -> 
     """Return which solutions are no worse in any objective than their start, or have an infeasible start."""
     before = evaluate_points(program, x)
     rise = (solutions.objectives - before.objectives)[:, :n_obj].max(axis=1)
-    return (rise <= OPTIONS.rise) | (before.violation > FEASIBLE)
+    return (rise <= OPTIONS.rise) | (before.violation > OPTIONS.violation)
 
 
 def _is_critical(
@@ -355,7 +357,7 @@ def _is_critical(
     """Return whether a point satisfies its limits and its criticality, or a bound of it, is almost 0."""
     try:
         at = program.linearise(x)
-        if violation_at(program, at) > FEASIBLE:
+        if violation_at(program, at) > OPTIONS.violation:
             return False
         return value(program, at, np.ones(n_obj)) <= tolerance
     except (SolverFailed, EvaluationFailed):
