@@ -60,8 +60,8 @@ def lower_bound(task: MotionTask, grid: PostureGrid, terms: Terms, spacing: floa
     pairs, edge = transitions(task, wide)
     counts = [len(sources) for sources, _ in pairs]
     costs = evaluate_at(task, terms.sample_costs, counts, edge)
-    rates = evaluate_at(task, terms.worst(terms.rates), counts, edge)
-    postures = evaluate_at(task, terms.worst(terms.postures), [len(q) for q in grid.nodes], grid.at_rest)
+    rates = evaluate_at(task, terms.rates, counts, edge)
+    postures = evaluate_at(task, terms.postures, [len(q) for q in grid.nodes], grid.at_rest)
     nodes = [_may_satisfy(excess, [_neighbours(ahead)]) for excess, ahead in zip(postures, grid.next_node, strict=True)]
     masks = []
     for i, (sources, ends) in enumerate(pairs[1:], 1):
@@ -208,6 +208,7 @@ def grid_oracle(
     while True:  # the best path
         grid = _feasible_grid(level, posture_grid(level, curves, spacing, windows, unrolled), terms)
         layers = (_pair_graph if terms.second else _node_graph)(level, grid, terms)
+        layers = layers.prune([np.isfinite(cost) for cost in layers.costs], layers.start)
         best, states = shortest_path(layers, level.cyclic)
         if not len(states):
             raise _no_path_error(level, layers, spacing)
@@ -231,11 +232,9 @@ def grid_oracle(
 
 
 def _node_graph(task: MotionTask, grid: PostureGrid, terms: Terms) -> LayeredGraph:
-    """Return the graph of nodes, with the transitions that satisfy the limits on rates."""
     pairs, at = transitions(task, grid)
     counts = [len(sources) for sources, _ in pairs]
-    layers = build_graph(grid, pairs, evaluate_at(task, terms.feasible_costs, counts, at))
-    return layers.prune([np.isfinite(cost) for cost in layers.costs], layers.start)
+    return build_graph(grid, pairs, evaluate_at(task, terms.feasible_costs, counts, at))
 
 
 def _pair_graph(task: MotionTask, grid: PostureGrid, terms: Terms) -> LayeredGraph:
@@ -259,7 +258,7 @@ def _pair_graph(task: MotionTask, grid: PostureGrid, terms: Terms) -> LayeredGra
         return nodes[i][pairs[i][1][ends[pick]]], here, (here - dq[i - 1][sources[pick]]) / steps[i]
 
     costs = evaluate_at(task, terms.feasible_costs, [len(sources) for sources, _ in transitions_of], at)
-    layers = LayeredGraph(
+    return LayeredGraph(
         start=np.zeros(len(dq[0])) if task.cyclic else costs[1],
         offsets=[
             np.searchsorted(transitions_of[i][1], np.arange(len(dq[i]) + 1)) for i in range(1 + first, len(nodes))
@@ -269,7 +268,6 @@ def _pair_graph(task: MotionTask, grid: PostureGrid, terms: Terms) -> LayeredGra
         nodes=[ends for _, ends in pairs[first:]],
         before=None if task.cyclic else pairs[1][0],
     )
-    return layers.prune([np.isfinite(cost) for cost in layers.costs], layers.start)
 
 
 def _join_pairs(ends_before: np.ndarray, begins: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -283,9 +281,9 @@ def _feasible_grid(task: MotionTask, grid: PostureGrid, terms: Terms) -> Posture
     """Return the grid of the nodes that satisfy the limits on postures."""
 
     def satisfies(motion: Motion) -> np.ndarray:
-        satisfied = terms.satisfied(motion, terms.postures)
+        satisfied = np.asarray(terms.postures(motion) <= LIMIT_TOLERANCE)
         if not task.cyclic:
-            satisfied[:, 0] &= terms.satisfied(motion, terms.rates)[:, 0]  # a motion begins at rest
+            satisfied[:, 0] &= (terms.rates(motion) <= LIMIT_TOLERANCE)[:, 0]  # a motion begins at rest
         return satisfied
 
     feasible = [there > 0 for there in evaluate_at(task, satisfies, [len(there) for there in grid.nodes], grid.at_rest)]
