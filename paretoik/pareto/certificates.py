@@ -170,7 +170,7 @@ def certify(
     # minima with too large errors are under-resolved
     if discretisation is not None and discretisation.judged:
         shares = discretisation.errors / np.maximum(np.abs(discretisation.values), ranges)
-        for i in np.flatnonzero(~(shares <= OPTIONS.resolved).all(axis=1)):
+        for i in np.flatnonzero(~(shares <= OPTIONS.resolved).all(axis=1)).tolist():
             if statuses[i] == "minimum":
                 worst = int(np.argmax(shares[i]))
                 statuses[i] = "under-resolved"

@@ -17,14 +17,13 @@ from jaxtyping import Float
 
 from paretoik.arrays import Points
 from paretoik.front.indicators import ranges_of
-from paretoik.nlp.program import InteriorPointOptions, Program, Solutions, Solver
+from paretoik.nlp.program import FEASIBLE, InteriorPointOptions, Program, Solutions, Solver
 from paretoik.pareto.certificates import weights_at
 from paretoik.pareto.placement import POINT_TOLERANCE
 from paretoik.pareto.refine import refine
 from paretoik.pareto.scalarisation import (
     ColdSearch,
     evaluate_points,
-    feasible_points,
     main_weights,
     minimise_weighted,
     objective_sizes,
@@ -62,8 +61,9 @@ def epsilon_points(
     """
     # the optima of each objective alone
     natural = program_of(np.ones(n_obj))
-    initial = feasible_points(natural, initial)
-    initial = None if initial is None or not len(initial) else initial
+    if initial is not None:
+        initial = initial[evaluate_points(natural, initial).violation <= FEASIBLE]
+        initial = initial if len(initial) else None
     alone = list[Points]()
     try:
         for k in range(n_obj):

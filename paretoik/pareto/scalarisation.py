@@ -127,11 +127,6 @@ def evaluate_points(program: Program, x: Points) -> Solutions:
     )
 
 
-def feasible_points(program: Program, x: Points | None) -> Float[np.ndarray, " feasible *point"] | None:
-    """Return the points that satisfy all limits; None without points."""
-    return None if x is None else np.asarray(x[evaluate_points(program, x).violation <= WARM_OPTIONS.violation])
-
-
 def minimise_from(
     program: Program, x: Points, weights: Float[np.ndarray, " n_obj"], *, solver: Solver = "auto"
 ) -> Solutions:
