@@ -126,7 +126,8 @@ def _solve(
     if kernel is None:
         keys = [program_key("SQP minimum", program, *item) for item in items]
     else:
-        keys = [program_key("interior-point minimum", program, i[0], i[2], i[1], *i[3:]) for i in items]
+        inputs = [(start, rows, factors, *others) for start, factors, _, *others in items]
+        keys = [program_key("interior-point minimum", program, *each) for each in inputs]
     ends = [_unknown_end(program, start, INTERRUPTED) for start in x]
     remaining = iter(range(count))
 

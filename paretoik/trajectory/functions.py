@@ -167,7 +167,7 @@ class Functions:
     motion: instant of the motion's curve
     spline: instant of its spline, for integrals with kinks
     sums: entries that are integrated
-    rows: entries by name, between ``bounds`` (time, 2); violations are shares of ``ranges`` (time,)
+    rows: entries by name; ``bounds`` (time, 3): lower and upper bound, and the range that violations are shares of
     epigraph_variables: epigraph variable σ of each peak, the largest piece at any sample
     epigraph_rows: entries σ − piece ≥ 0
     epigraph_peaks: peak of each of these entries
@@ -184,7 +184,6 @@ class Functions:
     names: list[str] = field(default_factory=list)
     rows: list[int] = field(default_factory=list)
     bounds: list[np.ndarray] = field(default_factory=list)
-    ranges: list[np.ndarray] = field(default_factory=list)
     epigraph_variables: list[int] = field(default_factory=list)
     epigraph_rows: list[int] = field(default_factory=list)
     epigraph_peaks: list[int] = field(default_factory=list)
@@ -301,5 +300,4 @@ def _add_row(functions: Functions, name: str, value: Any, bounds: np.ndarray, ra
         if np.isfinite(limits).any():
             functions.names.append(name)
             functions.rows.append(piece)
-            functions.bounds.append(limits)
-            functions.ranges.append(np.broadcast_to(ranges, instants))
+            functions.bounds.append(np.column_stack([limits, np.broadcast_to(ranges, instants)]))

@@ -254,7 +254,7 @@ def _search(
                 raise
             continue
         if solutions.converged.any() or (solutions.status == INTERRUPTED).any():
-            return solutions, levels, restarts.first_starts or len(begin)
+            return solutions, levels, len(restarts.policies[0].independent) if restarts.policies else len(begin)
     raise _failure(task, solutions)
 
 

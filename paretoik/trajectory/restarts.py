@@ -259,7 +259,7 @@ class RestartPolicy:
 
     def _grid(self) -> Float[np.ndarray, "paths samples dof"]:
         self.grid_tried = True
-        return grid_starts(self.level, self.level.arm.dof)
+        return grid_starts(self.level)
 
 
 class LevelRestarts:
@@ -281,11 +281,6 @@ class LevelRestarts:
         self.batch = -(-starts // 2)  # number of starts that a policy adds at a time
         self.policies = list[RestartPolicy]()  # of the first level, and of the next if that misled
         self.compared = False  # whether the first level was compared with the next
-
-    @property
-    def first_starts(self) -> int:
-        """Number of starts of the first level so far."""
-        return len(self.policies[0].independent) if self.policies else 0
 
     def further(self, program: MotionProgram, q: np.ndarray, coarser: Solutions | None) -> Further | None:
         """Return the function that adds starts on a level, or None."""

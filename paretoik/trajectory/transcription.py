@@ -76,8 +76,7 @@ def motion_program(task: MotionTask, scales: Sequence[float] | np.ndarray | None
     for i, values in parameters.items():
         inputs[tape.entries[i][1]] = values
     ties = len(functions.epigraph_rows) + evaluators.ties
-    rows = zip(functions.bounds, functions.ranges, strict=True)
-    bounds = [np.column_stack(row) for row in rows] + [np.tile([0.0, np.inf, 1.0], (instants, 1))] * ties
+    bounds = functions.bounds + [np.tile([0.0, np.inf, 1.0], (instants, 1))] * ties
     states = np.concatenate([np.arange(orders * n), *([4 * n + np.arange(orders * n)] if kinked else [])])
     free = len(states) - orders * n + len(evaluators.auxiliary)
     limited, sides, limits, ranges = _limits(task, orders, free, bounds)
@@ -110,7 +109,7 @@ def _evaluators(functions: Functions, path: list[int]) -> Evaluators:
     """Return the evaluators of functions and path, from memory if the same was traced before."""
     tape = functions.motion.trace.tape
     entries = functions.sums, functions.rows, functions.epigraph_rows, functions.epigraph_variables, path
-    sides = [tuple(np.isfinite(bounds).any(axis=0)) for bounds in functions.bounds]
+    sides = [tuple(np.isfinite(bounds[:, :2]).any(axis=0)) for bounds in functions.bounds]
     key = (tuple(tape.entries), tuple(tape.values.items()), tuple(map(tuple, entries)), tuple(sides))
     if key not in _EVALUATORS:
         _EVALUATORS[key] = _differentiate(functions, path)
@@ -177,7 +176,7 @@ def _reformulate(functions: Functions) -> Reformulation:
         probes[tape.entries[i][1]] = rng.choice(values, OPTIONS.probes)
     sides = [1] * len(functions.sums)
     for bounds in functions.bounds:
-        low, high = np.isfinite(bounds).any(axis=0)
+        low, high = np.isfinite(bounds[:, :2]).any(axis=0)
         sides.append(int(high) - int(low))
     sides += [-1] * len(functions.epigraph_rows)
     names = function_names(functions.totals, functions.names, functions.epigraph_peaks)
