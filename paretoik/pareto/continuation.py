@@ -149,17 +149,8 @@ def correct(program: Program, start: Optimum, goal: Goal, kernel: Any = None) ->
     """
     from paretoik.nlp.parametric_qp.correction import CorrectionOptions
     from paretoik.nlp.parametric_qp.correction import correct as search
-    from paretoik.nlp.parametric_qp.solution import QpOptions
 
-    options = CorrectionOptions(
-        residual=OPTIONS.residual,
-        violation=OPTIONS.violation,
-        corrections=OPTIONS.corrections,
-        contraction=OPTIONS.contraction,
-        predictions=OPTIONS.predictions,
-        predicted=OPTIONS.predicted,
-        qp=QpOptions(),
-    )
+    options = _compiled_options(CorrectionOptions)
     kernel = program.kernel if kernel is None else kernel
     x, multipliers, _, corrections, _, converged = search(
         kernel, start.x, start.multipliers, goal.weights, *_bounds(program, goal), options
@@ -173,40 +164,32 @@ def predict(program: Program, start: Optimum, goal: Callable[[float], Goal]) -> 
     It is not corrected: the point satisfies h(x) = 0 exactly and limits and bounds nearly; errors of objectives are of
     the fourth power of the step. If the models at the start do not reach far enough, new models are made on the way.
     """
-    optimum, share, step = start, 0.0, 1.0
+    from paretoik.nlp.parametric_qp.prediction import PredictionOptions
+    from paretoik.nlp.parametric_qp.prediction import predict as search
+
+    options, optimum, share, step = _compiled_options(PredictionOptions), start, 0.0, 1.0
     for remaining in range(OPTIONS.attempts, 0, -1):
         if share + step * (2**remaining - 1) < 1.0:
             return None
         check_interruption()
         target = min(1.0, share + step)
-        predicted = _predict(program, optimum, goal(target))
-        if predicted is None:
+        wish = goal(target)
+        bounds = _bounds(program, wish)
+        x, multipliers, exists = search(program.kernel, optimum.x, optimum.multipliers, wish.weights, *bounds, options)
+        if not exists:  # a bound is exceeded by too large a share of the step
             step = (target - share) / 2
-        elif target == 1.0:
-            return predicted.x
-        else:
-            optimum, share = predicted, target
+            continue
+        optimum, share = Optimum(x=program.pin(x[None])[0], multipliers=multipliers), target
+        if target == 1.0:
+            return optimum.x
     return None
 
 
-def _predict(program: Program, start: Optimum, goal: Goal) -> Optimum | None:
-    """Return one model's prediction; None if a bound is exceeded by too large a share of the step."""
-    from paretoik.nlp.parametric_qp.prediction import PredictionOptions
-    from paretoik.nlp.parametric_qp.prediction import predict as search
+def _compiled_options(kind: type[Any]) -> Any:
+    """Return the settings of compiled code, a named tuple: ours by name, and ``qp``."""
     from paretoik.nlp.parametric_qp.solution import QpOptions
 
-    options = PredictionOptions(
-        predictions=OPTIONS.predictions,
-        predicted=OPTIONS.predicted,
-        updates=OPTIONS.updates,
-        missed=OPTIONS.missed,
-        violation=OPTIONS.violation,
-        qp=QpOptions(),
-    )
-    x, multipliers, exists = search(
-        program.kernel, start.x, start.multipliers, goal.weights, *_bounds(program, goal), options
-    )
-    return Optimum(x=program.pin(x[None])[0], multipliers=multipliers) if exists else None
+    return kind(**{name: getattr(OPTIONS, name) for name in kind._fields if name != "qp"}, qp=QpOptions())
 
 
 def _bounds(
