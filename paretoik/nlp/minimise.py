@@ -135,7 +135,7 @@ def _solve(
         for i in remaining:  # a free thread takes the next point
             if STOP[0]:
                 return
-            ends[i] = _end_of(remembered(keys[i], partial(_search, program, kernel, items[i])))
+            ends[i] = remembered(keys[i], partial(_search, program, kernel, items[i]))
 
     if count > 1 and workers() > 1:
         if kernel is not None:
@@ -145,9 +145,8 @@ def _solve(
             for done, (i, values) in enumerate(distribute_remembered(in_worker, program, items, keys), start=1):
                 if isinstance(values, Lost):
                     warn_user(f"start {i}: {values.cause}; the others go on")
-                    ends[i] = _unknown_end(program, x[i], LOST)
-                else:
-                    ends[i] = _end_of(values)
+                    values = _unknown_end(program, x[i], LOST)
+                ends[i] = values
                 if observe is not None:
                     observe(done)
     elif kernel is None or (count == 1 and type(kernel) in _COMPILED and _hears_signals()):
@@ -157,10 +156,10 @@ def _solve(
         _join([_pool().submit(work, each) for each in kernels])
         _COMPILED.add(type(kernel))
     for i in range(count if kernel is not None and program.kinked else 0):  # the solver minimised smoothed functions
-        if ends[i][1] not in (NOT_FINITE, INTERRUPTED, LOST):
-            F, equalities, inequalities = program.evaluate(ends[i][0])
+        if int(ends[i]["status"]) not in (NOT_FINITE, INTERRUPTED, LOST):
+            F, equalities, inequalities = program.evaluate(ends[i]["x"])
             violation = violation_of(program, F, equalities, inequalities, rows, upper[i])
-            ends[i] = (*ends[i][:3], F, *ends[i][4:6], violation)
+            ends[i] = {**ends[i], "F": F, "violation": np.asarray(violation)}
     return _collect(ends, x.shape, len(program.upper), upper)
 
 
@@ -187,38 +186,36 @@ def _interior_point_in_worker(program: Program, item: Item) -> Values:
     return _search(program, program.kernel, item)
 
 
-def _unknown_end(program: Program, start: Point, status: int) -> tuple[Any, ...]:
-    """Return the result of a search that was not made or failed, in the order of END."""
-    return start, status, 0, np.full(len(program.upper), np.nan), None, np.nan, np.nan
-
-
-def _end_of(values: Values) -> tuple[Any, ...]:
-    """Return the result of a search from plain arrays by name, in the order of END."""
-    end = {name: values[name] if values[name].ndim else values[name].item() for name in END if name in values}
-    return tuple(end.get(name) for name in END)
+def _unknown_end(program: Program, start: Point, status: int) -> Values:
+    """Return the result of a search that was not made or failed."""
+    unknown = {"iterations": 0, "F": np.full(len(program.upper), np.nan), "stationarity": np.nan, "violation": np.nan}
+    return {"x": start, "status": np.asarray(status), **{name: np.asarray(value) for name, value in unknown.items()}}
 
 
 def _collect(
-    ends: Sequence[tuple[Any, ...]], shape: tuple[int, ...], objectives: int, upper: Float[np.ndarray, "points bounds"]
+    ends: Sequence[Values], shape: tuple[int, ...], objectives: int, upper: Float[np.ndarray, "points bounds"]
 ) -> Solutions:
     """Return results of searches as a batch of points with this ``shape``.
 
     The last multipliers of a result are those of the finite bounds.
     """
-    x, status, iterations, F, multipliers, stationarity, violation = list(zip(*ends, strict=True)) or [()] * 7
+
+    def column(name: str, kind: type = float) -> np.ndarray:
+        return np.array([end[name] for end in ends], dtype=kind)
+
     finite = np.isfinite(upper)
     bound_multipliers = np.where(finite, np.nan, 0.0)
-    for row, columns, values in zip(bound_multipliers, finite, multipliers, strict=True):
-        if values is not None:
-            row[columns] = values[len(values) - columns.sum() :]
+    for row, columns, end in zip(bound_multipliers, finite, ends, strict=True):
+        if "multipliers" in end:
+            row[columns] = end["multipliers"][len(end["multipliers"]) - columns.sum() :]
     return Solutions(
-        x=np.array(x).reshape(shape),
-        status=np.array(status, dtype=int),
-        iterations=np.array(iterations, dtype=int),
-        objectives=np.array(F).reshape(len(ends), objectives),
+        x=column("x").reshape(shape),
+        status=column("status", int),
+        iterations=column("iterations", int),
+        objectives=column("F").reshape(len(ends), objectives),
         bound_multipliers=bound_multipliers,
-        stationarity=np.array(stationarity, dtype=float),
-        violation=np.array(violation, dtype=float),
+        stationarity=column("stationarity"),
+        violation=column("violation"),
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -151,26 +151,20 @@ def refine(
     the number of refined points, the number of all, and the last refined point; if it returns true, or after a signal,
     the others stay as they are.
     """
-    ends, done, count = dict[int, Values](), 0, len(x)
+    refined, converged, finished = x.copy(), np.zeros(len(x), dtype=bool), np.zeros(len(x), dtype=bool)
+    done, count = 0, len(x)
     keys = [program_key("refined point", program, one, n_obj, solver) for one in x]
     refine_points = _refine_in_workers if count > 1 and workers() > 1 else _refine_here
     with suppress(Interrupted):
         for i, values in refine_points(program, x, n_obj, solver, keys):
-            ends[i] = values
-            while done < count and all(j in ends for j in range(done, min(done + OPTIONS.batch, count))):
+            refined[i], converged[i], finished[i] = values["x"], values["converged"], True
+            while done < count and finished[done : done + OPTIONS.batch].all():
                 done = min(done + OPTIONS.batch, count)
-                stop = observe is not None and observe(done, count, ends[done - 1]["x"])
-                if stop:  # the same points, no matter which process computed them
-                    return _points_of({j: ends[j] for j in range(done)}, x)
-    return _points_of(ends, x)
-
-
-def _points_of(ends: Mapping[int, Values], x: Points) -> tuple[Points, Bool[np.ndarray, " points"]]:
-    """Return points with the refined ones replaced, and which are local optima."""
-    x, converged = x.copy(), np.zeros(len(x), dtype=bool)
-    for i, values in ends.items():
-        x[i], converged[i] = values["x"], values["converged"]
-    return x, converged
+                if observe is not None and observe(done, count, refined[done - 1]):
+                    # the same points stay, no matter which process computed others
+                    refined[done:], converged[done:] = x[done:], False
+                    return refined, converged
+    return refined, converged
 
 
 def _refine_here(
