@@ -147,9 +147,6 @@ def _groups(tape: Tape, entry: int) -> list[list[int]]:
 # Objectives and limits of a task as expressions.
 
 
-LOADS = ("torque", "power")
-
-
 @dataclass(frozen=True, kw_only=True)
 class Total:
     """A number of a whole motion, at most ``upper``; ``index`` is its place among those of its kind."""
@@ -269,7 +266,7 @@ def _add_limits(functions: Functions) -> None:
     """Add all limits except those on positions, and on rates at samples."""
     motion, task = functions.motion, functions.task
     inner = ["velocity"] if task.differences == "spline" and "velocity" in task.bounds else []
-    for kind in (*inner, *(load for load in LOADS if load in task.bounds)):
+    for kind in (*inner, *(load for load in ("torque", "power") if load in task.bounds)):
         limits = task.bounds_at(kind, task.instants)
         if kind == "velocity":  # of Bernstein coefficients between samples; see ``Motion.velocity_bounds``
             bounds, limits = limits, np.tile([-np.inf, np.inf], (len(task.instants), task.arm.dof, 1))
