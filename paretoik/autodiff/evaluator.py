@@ -10,8 +10,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -35,9 +33,11 @@ class Evaluator:
 
     def __call__(self, inputs: Float[np.ndarray, "inputs points"]) -> Float[np.ndarray, "outputs points"]:
         """Return the outputs at all inputs of the tape."""
+        from paretoik.autodiff.interpreter import run  # here: numba is slow to import
+
         rows = np.ascontiguousarray(inputs, dtype=float)
         results = np.empty((len(self.outputs), rows.shape[1]))
-        interpreter()(self.arrays, rows, results)
+        run(self.arrays, rows, results)
         return results
 
     @property
@@ -117,11 +117,3 @@ def _fuse(
             del instructions[max(pair)]
             pairs[min(pair)] = pair
     return instructions, pairs
-
-
-@cache
-def interpreter() -> Any:
-    """Return the compiled function run(arrays, inputs, outputs)."""
-    from paretoik.autodiff.interpreter import run  # here: numba is slow to import
-
-    return run

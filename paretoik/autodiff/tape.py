@@ -129,6 +129,20 @@ class Tape:
         return None
 
 
+def _operator(op: Op, *, reflected: bool = False) -> Callable[[Expression, Any], Any]:
+    """Return the method of an operation with an expression first, or second if ``reflected``."""
+
+    def operate(self: Expression, other: Any) -> Any:
+        if isinstance(other, np.ndarray) and other.ndim:
+            return NotImplemented  # NumPy then applies the operator element by element
+        first, second = self.index, as_entry(self.tape, other)
+        if reflected:
+            first, second = second, first
+        return Expression(self.tape, self.tape.apply(op, first, second))
+
+    return operate
+
+
 class Expression:
     """An entry of a tape as a number that NumPy's functions of numbers accept.
 
@@ -153,40 +167,13 @@ class Expression:
             return result
         return apply_ufunc(self.tape, ufunc.__name__, inputs)
 
-    def __add__(self, other: Any) -> Any:
-        return self._binary(Op.ADD, other)
-
-    def __radd__(self, other: Any) -> Any:
-        return self._binary(Op.ADD, other, reflected=True)
-
-    def __sub__(self, other: Any) -> Any:
-        return self._binary(Op.SUBTRACT, other)
-
-    def __rsub__(self, other: Any) -> Any:
-        return self._binary(Op.SUBTRACT, other, reflected=True)
-
-    def __mul__(self, other: Any) -> Any:
-        return self._binary(Op.MULTIPLY, other)
-
-    def __rmul__(self, other: Any) -> Any:
-        return self._binary(Op.MULTIPLY, other, reflected=True)
-
-    def __truediv__(self, other: Any) -> Any:
-        return self._binary(Op.DIVIDE, other)
-
-    def __rtruediv__(self, other: Any) -> Any:
-        return self._binary(Op.DIVIDE, other, reflected=True)
+    __add__, __radd__ = _operator(Op.ADD), _operator(Op.ADD, reflected=True)
+    __sub__, __rsub__ = _operator(Op.SUBTRACT), _operator(Op.SUBTRACT, reflected=True)
+    __mul__, __rmul__ = _operator(Op.MULTIPLY), _operator(Op.MULTIPLY, reflected=True)
+    __truediv__, __rtruediv__ = _operator(Op.DIVIDE), _operator(Op.DIVIDE, reflected=True)
 
     def __neg__(self) -> Expression:
         return Expression(self.tape, self.tape.apply(Op.NEGATE, self.index))
-
-    def _binary(self, op: Op, other: Any, *, reflected: bool = False) -> Any:
-        if isinstance(other, np.ndarray) and other.ndim:
-            return NotImplemented  # NumPy then applies the operator element by element
-        first, second = self.index, as_entry(self.tape, other)
-        if reflected:
-            first, second = second, first
-        return Expression(self.tape, self.tape.apply(op, first, second))
 
     def __pow__(self, other: Any) -> Any:
         return self.__array_ufunc__(np.power, "__call__", self, other)

@@ -260,9 +260,8 @@ def rearrange(name: str, function: Callable[..., Any], *arrays: TracedArray) -> 
     except (ValueError, IndexError, TypeError) as error:
         raise InvalidInput(f"{name} of shape {arrays[0].shape}: {error}") from None
     if trace.samples is not None:
-        if result.ndim == 0 or len(result) != trace.samples:
-            raise NotLocal("looks from one sample at another")
-        if (result != result[0] + _as_column(sample_offsets, result.ndim - 1)).any():
+        is_per_sample = result.ndim > 0 and len(result) == trace.samples
+        if not is_per_sample or (result != result[0] + _as_column(sample_offsets, result.ndim - 1)).any():
             raise NotLocal("looks from one sample at another")
         result = result[0]
     for array in arrays:
@@ -371,12 +370,11 @@ def _peak_to_peak(trace: Trace, a: TracedArray, axis: Any = None, *, keepdims: b
     return ends[0] - ends[1]
 
 
-def _all(trace: Trace, a: TracedArray, axis: Any = None, *, keepdims: bool = False) -> TracedArray:
-    return reduce_ufunc(np.multiply, a != 0, axis=axis, keepdims=keepdims).astype(bool)
+def _truth(ufunc: np.ufunc) -> Callable[..., Any]:
+    def truth(trace: Trace, a: TracedArray, axis: Any = None, *, keepdims: bool = False) -> TracedArray:
+        return reduce_ufunc(ufunc, a != 0, axis=axis, keepdims=keepdims).astype(bool)
 
-
-def _any(trace: Trace, a: TracedArray, axis: Any = None, *, keepdims: bool = False) -> TracedArray:
-    return reduce_ufunc(np.add, a != 0, axis=axis, keepdims=keepdims).astype(bool)
+    return truth
 
 
 def _norm(trace: Trace, x: Any, ord: Any = None, axis: Any = None, keepdims: bool = False) -> Any:
@@ -387,10 +385,6 @@ def _norm(trace: Trace, x: Any, ord: Any = None, axis: Any = None, keepdims: boo
     if ord == np.inf:
         return np.max(np.abs(x), axis=axis, keepdims=keepdims)
     return np.sqrt(np.sum(x * x, axis=axis, keepdims=keepdims))
-
-
-def _where(trace: Trace, condition: Any, x: Any, y: Any, /) -> TracedArray:
-    return apply_elementwise(trace, where, condition, x, y)
 
 
 def _clip(trace: Trace, a: Any, a_min: Any = None, a_max: Any = None, *, min: Any = None, max: Any = None) -> Any:
@@ -549,12 +543,12 @@ FUNCTIONS: dict[Callable[..., Any], Callable[..., Any]] = {
     np.var: _variance,
     np.std: _deviation,
     np.ptp: _peak_to_peak,
-    np.all: _all,
-    np.any: _any,
+    np.all: _truth(np.multiply),
+    np.any: _truth(np.add),
     np.cumsum: _accumulation(operator.add),
     np.cumprod: _accumulation(operator.mul),
     np.diff: _diff,
-    np.where: _where,
+    np.where: lambda trace, condition, x, y, /: apply_elementwise(trace, where, condition, x, y),
     np.clip: _clip,
     np.stack: _joining(np.stack),
     np.concatenate: _joining(np.concatenate),

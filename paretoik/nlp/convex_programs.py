@@ -112,14 +112,28 @@ class IntervalSolver:
     """The program for a number of pieces (at least 2) and of task coordinates; its solver is reused."""
 
     def __init__(self, pieces: int, task: int, *, common: bool = True) -> None:
-        self._pieces, self._task, self._common = pieces, task, common
-        self._unknowns = (pieces - 1) * task
+        self._pieces, self._task, self._unknowns = pieces, task, (pieces - 1) * task
         self._settings = clarabel.DefaultSettings()
         self._settings.verbose = False
         self._settings.presolve_enable = False  # it could drop rows, and data of another size cannot be updated
         self._settings.tol_gap_abs = self._settings.tol_gap_rel = self._settings.tol_feas = CLARABEL_TOLERANCE
-        self._place_entries()
         self._solver: clarabel.DefaultSolver | None = None
+        # places of entries: both sides of the box, the intervals, ``before`` and ``after``
+        unknowns = self._unknowns
+        index = np.arange(unknowns)
+        first = 2 * unknowns + np.arange(pieces) * (task + 1)  # row of each piece's cone
+        interval = unknowns + (np.zeros(pieces, dtype=int) if common else np.arange(pieces))
+        part, coordinate = np.indices((task, task)).reshape(2, -1)
+        point = task * np.arange(pieces - 1)[:, None] + coordinate
+        before, after = ((begin[:, None] + 1 + part).ravel() for begin in (first[1:], first[:-1]))
+        row = np.concatenate([index, index + unknowns, first, before, after])
+        column = np.concatenate([index, index, interval, point.ravel(), point.ravel()])
+        self._order = np.lexsort((row, column))
+        self._rows = row[self._order]
+        self._linear = np.append(np.zeros(unknowns), np.ones(1 if common else pieces))
+        self._begins = np.searchsorted(column[self._order], np.arange(len(self._linear) + 1))
+        self._fixed = np.concatenate([np.ones(unknowns), np.full(unknowns + pieces, -1.0)])
+        self._cones = [clarabel.NonnegativeConeT(2 * unknowns), *[clarabel.SecondOrderConeT(task + 1)] * pieces]
 
     def solve(
         self, pieces: Pieces, lower: Float[np.ndarray, "between task"], upper: Float[np.ndarray, "between task"]
@@ -128,23 +142,15 @@ class IntervalSolver:
 
         Raises SolverFailed if Clarabel finds none.
         """
+        # in these units values and derivatives are about 1
         time = max(float(np.abs(pieces.values).max()), 1e-300)
-        length = time / max(
-            float(np.abs(pieces.after).max()), 1e-300
-        )  # in these units values and derivatives are about 1
+        length = time / max(float(np.abs(pieces.after).max()), 1e-300)
         scaled = length / time
         entries = (self._fixed, -scaled * pieces.before[1:].ravel(), -scaled * pieces.after[:-1].ravel())
         matrix = np.concatenate(entries)[self._order]
         tops = np.zeros((self._pieces, self._task + 1))
         tops[:, 1:] = pieces.values / time
         right = np.concatenate([upper.ravel() / length, -lower.ravel() / length, tops.ravel()])
-        x = np.array(self._run(matrix, right).x)
-        return Moves(
-            moves=x[: self._unknowns].reshape(-1, self._task) * length,
-            intervals=np.broadcast_to(x[self._unknowns :], self._pieces) * time,
-        )
-
-    def _run(self, matrix: np.ndarray, right: np.ndarray) -> clarabel.DefaultSolution:
         if self._solver is None:
             columns = len(self._linear)
             table = sparse.csc_matrix((matrix, self._rows, self._begins), shape=(len(right), columns))
@@ -155,30 +161,11 @@ class IntervalSolver:
         solution = self._solver.solve()
         if str(solution.status) not in ("Solved", "AlmostSolved"):
             raise SolverFailed(f"intervals: Clarabel must end with Solved, got {solution.status}")
-        return solution
-
-    def _place_entries(self) -> None:
-        """Find the places of entries: both sides of the box, the intervals, ``before`` and ``after``."""
-        pieces, task, unknowns = self._pieces, self._task, self._unknowns
-        index = np.arange(unknowns)
-        first = 2 * unknowns + np.arange(pieces) * (task + 1)  # row of each piece's cone
-        interval = unknowns + (np.zeros(pieces, dtype=int) if self._common else np.arange(pieces))
-        part, coordinate = np.indices((task, task)).reshape(2, -1)
-        point = task * np.arange(pieces - 1)[:, None] + coordinate
-        row = [
-            index,
-            index + unknowns,
-            first,
-            (first[1:, None] + 1 + part).ravel(),
-            (first[:-1, None] + 1 + part).ravel(),
-        ]
-        column = np.concatenate([index, index, interval, point.ravel(), point.ravel()])
-        self._order = np.lexsort((np.concatenate(row), column))
-        self._rows = np.concatenate(row)[self._order]
-        self._linear = np.append(np.zeros(unknowns), np.ones(1 if self._common else pieces))
-        self._begins = np.searchsorted(column[self._order], np.arange(len(self._linear) + 1))
-        self._fixed = np.concatenate([np.ones(unknowns), np.full(unknowns + pieces, -1.0)])
-        self._cones = [clarabel.NonnegativeConeT(2 * unknowns), *[clarabel.SecondOrderConeT(task + 1)] * pieces]
+        x = np.array(solution.x)
+        return Moves(
+            moves=x[: self._unknowns].reshape(-1, self._task) * length,
+            intervals=np.broadcast_to(x[self._unknowns :], self._pieces) * time,
+        )
 
 
 # The linear program of a directional maximum.

@@ -11,9 +11,14 @@ Sequential quadratic programming solves it as it is. The criticality (``nlp.crit
 gᵀd + ½ dᵀHd: the trust region is a ball and t is free.
 
 The statement has Parameters for all numbers and is canonicalised once for each pattern: the structure of a program, not
-which of its numbers are 0. Each solution multiplies cvxpy's matrix (from parameters to data) by the parameters' values,
-leaves out the inequalities that no step within the trust region reaches, and runs Clarabel on the rest. Source:
-Nocedal & Wright, Numerical Optimization, section 18.5, with the largest violation as penalty.
+which of its numbers are 0. cvxpy's canonical form is linear in the parameters:
+
+minimise    ½ xᵀPx + qᵀx
+subject to  b − Ax ∈ K, a product of zero, nonnegative and second-order cones
+
+Each solution multiplies cvxpy's matrix by the parameters' values, which gives q, A and b, leaves out the inequalities
+that no step within the trust region reaches, and runs Clarabel on the rest. Tests compare it with cvxpy's ``solve``.
+Source: Nocedal & Wright, Numerical Optimization, section 18.5, with the largest violation as penalty.
 """
 
 from __future__ import annotations
@@ -30,14 +35,6 @@ from scipy import sparse
 
 from paretoik.errors import SolverFailed
 from paretoik.nlp.program import CLARABEL_TOLERANCE, Constraints, Structure
-
-# Statements in cvxpy that are canonicalised once; Clarabel then solves them for any values of their parameters.
-#
-#     minimise    ½ xᵀPx + qᵀx
-#     subject to  b − Ax ∈ K, a product of zero, nonnegative and second-order cones
-#
-# cvxpy's canonical form is linear in the parameters: one product of its matrix with the vector of their values gives
-# all of Clarabel's data. This code reads cvxpy's own canonical form; tests compare it with cvxpy's ``solve``.
 
 
 class Pattern(NamedTuple):
@@ -98,113 +95,51 @@ class Parameters:
                 parameter.value_sparse = sparse.coo_array((ordered, parameter.sparse_idx), shape=structure.shape)
 
 
-def state_cones(pattern: Pattern, d: Any, parameters: Parameters) -> list[Any]:
-    """Return ‖values + rows d‖ ≤ d[column] + ‖values‖ for every cone."""
-    import cvxpy  # here: importing it takes two seconds
-
-    cones = []
-    for column, structure in pattern.cones:
-        length, values = parameters.dense(), parameters.dense(structure.shape[0])
-        cones.append(cvxpy.SOC(d[column] + length, values + parameters.sparse(structure) @ d))
-    return cones
-
-
-def parameter_values(*first: Any, constraints: Constraints, scales: np.ndarray) -> Float[np.ndarray, " numbers"]:
-    """Return a statement's numbers: the parameters ``first``, then J / ``scales``, then the cones."""
-    numbers = [*first, constraints.jacobian.data / scales[constraints.entries.row]]
-    for cone in constraints.cones:
-        numbers += [[np.linalg.norm(cone.values)], cone.values, cone.rows.data]
-    return np.concatenate(numbers)
-
-
 class Statement(NamedTuple):
-    """A statement in cvxpy: variables d and t, inequalities (None if it has none) and cones."""
+    """A statement in cvxpy: its constraints are the inequalities, if any, the trust region, and the cones."""
 
     problem: Any
     parameters: Parameters
     d: Any
     t: Any
-    inequalities: Any
-    cones: list[Any]
 
 
-class CanonicalForm:
-    """A canonicalised statement: ½ xᵀPx + qᵀx, b − Ax in cones; q, A and b are linear in the parameters."""
+def state(pattern: Pattern, elastic: int, hessian: sparse.csr_array | None) -> Statement:
+    """Return the statement for a pattern and a constant Hessian: dᵀHd takes no Parameter H."""
+    import cvxpy  # here: importing it takes two seconds
 
-    def __init__(self, statement: Statement) -> None:
-        import cvxpy  # here: importing it takes two seconds
-        from cvxpy.cvxcore.python.canonInterface import get_parameter_vector
-
-        problem, parameters = statement.problem, statement.parameters
-        # Entries of all parameters get the numbers 2, 3, ... (1 is the constant), to find them in cvxpy's own vector.
-        parameters.assign(np.arange(2.0, parameters.size + 2.0))
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RuntimeWarning)  # cvxpy reads its own sparse parameters as dense ones
-            canonical = problem.get_problem_data(cvxpy.CLARABEL)[0]["param_prob"]
-        values = {parameter.id: np.asarray(parameter.value) for parameter in canonical.parameters}
-        numbers = get_parameter_vector(
-            canonical.total_param_size, canonical.param_id_to_col, canonical.param_id_to_size, values.__getitem__
-        )
-        self._order = np.round(numbers).astype(int) - 1
-        self._linear, self._matrix = sparse.csr_array(canonical.q)[:-1], canonical.reduced_A.reduced_mat
-        self._indices, self._indptr, (self.rows, width) = canonical.reduced_A.problem_data_index
-        self._first = dict(canonical.var_id_to_col)
-        self.variables, self._equalities = width - 1, canonical.cone_dims.zero
-        self._cones = list(canonical.cone_dims.soc)
-
-    def columns(self, variable: Any) -> np.ndarray:
-        """Return the places of a variable's entries in x."""
-        return np.asarray(self._first[variable.id] + np.arange(variable.size))
-
-    def rows_in_use(self, rows: int, near: np.ndarray) -> Bool[np.ndarray, " rows"]:
-        """Return a mask of the used rows of A: of the first ``rows``, the inequalities, only ``near``."""
-        mask = np.ones(self.rows, dtype=bool)
-        mask[:rows] = False
-        mask[near] = True
-        return mask
-
-    def solve(
-        self,
-        name: str,
-        numbers: Float[np.ndarray, " numbers"],
-        mask: Bool[np.ndarray, " rows"],
-        tolerance: float,
-        P: sparse.csc_matrix | None = None,
-    ) -> tuple[Float[np.ndarray, " variables"], Float[np.ndarray, " used"]]:
-        """Return x and the dual variables for these ``numbers``, with only the masked rows of A.
-
-        The mask must contain the rows of cones; gaps and infeasibilities are within ``tolerance``. Raises SolverFailed,
-        naming the program, if Clarabel ends without a solution.
-        """
-        vector = np.append(1.0, numbers)[self._order]
-        A, b = self._cut(self._matrix @ vector, mask)
-        linear = len(b) - self._equalities - sum(self._cones)
-        cones: list[Any] = [
-            *([clarabel.ZeroConeT(self._equalities)] if self._equalities else []),
-            *([clarabel.NonnegativeConeT(linear)] if linear else []),
-            *map(clarabel.SecondOrderConeT, self._cones),
-        ]
-        settings = clarabel.DefaultSettings()
-        settings.verbose = False
-        settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
-        P = sparse.csc_matrix((self.variables, self.variables)) if P is None else P
-        solution = clarabel.DefaultSolver(P, self._linear @ vector, A, b, cones, settings).solve()
-        if str(solution.status) not in ("Solved", "AlmostSolved"):
-            raise SolverFailed(f"{name}: Clarabel must end with Solved, got {solution.status}")
-        return np.array(solution.x), np.array(solution.z)
-
-    def _cut(self, entries: np.ndarray, mask: np.ndarray) -> tuple[sparse.csc_matrix, np.ndarray]:
-        """Return A and b of the rows in a ``mask``; cvxpy's rows are A x + b."""
-        chosen = mask[self._indices]
-        row = (np.cumsum(mask) - 1)[self._indices[chosen]]
-        indptr = np.append(0, np.cumsum(chosen))[self._indptr]
-        entries, last = entries[chosen], indptr[-2]
-        b = np.zeros(np.count_nonzero(mask))
-        b[row[last:]] = entries[last:]
-        return sparse.csc_matrix((-entries[:last], row[:last], indptr[:-1]), shape=(len(b), self.variables)), b
+    (rows, columns), unknowns, parameters = pattern.jacobian.shape, pattern.unknowns, Parameters()
+    d, t = cvxpy.Variable(columns), cvxpy.Variable()
+    radius, penalty = parameters.dense(), parameters.dense()
+    constraints, objective = [], penalty * t
+    if hessian is not None:
+        objective += parameters.dense(columns) @ d + cvxpy.quad_form(d, cvxpy.psd_wrap(hessian)) / 2
+    if rows:
+        c, J = parameters.dense(rows), parameters.sparse(pattern.jacobian)
+        constraints = [c + J @ d + (np.arange(rows) < elastic).astype(float) * t >= 0]
+    step = d[:unknowns]
+    constraints += [cvxpy.SOC(radius, step)] if hessian is None else [step <= radius, step >= -radius, t >= 0]
+    for column, structure in pattern.cones:
+        length, values = parameters.dense(), parameters.dense(structure.shape[0])
+        constraints.append(cvxpy.SOC(d[column] + length, values + parameters.sparse(structure) @ d))
+    return Statement(cvxpy.Problem(cvxpy.Minimize(objective), constraints), parameters, d, t)
 
 
-# The convex subproblem of SQP steps and of the criticality.
+def parameter_values(
+    gradient: np.ndarray,
+    hessian: sparse.csr_array | None,
+    constraints: Constraints,
+    radius: float,
+    penalty: float,
+    scales: np.ndarray,
+) -> Float[np.ndarray, " numbers"]:
+    """Return the values of all parameters in the statement's order; ``scales`` divide inequalities."""
+    linear = gradient[: 0 if hessian is None else len(gradient)]
+    numbers = [[radius, penalty], linear, constraints.values / scales]
+    numbers.append(constraints.jacobian.data / scales[constraints.entries.row])
+    for cone in constraints.cones:
+        numbers += [[np.linalg.norm(cone.values)], cone.values, cone.rows.data]
+    return np.concatenate(numbers)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -253,25 +188,48 @@ def convexify(hessian: sparse.csr_array, unknowns: int, flattening: float) -> sp
     indices = np.flatnonzero(np.any(dense != 0, axis=1) | (np.arange(len(dense)) < unknowns))
     inner = dense[np.ix_(indices, indices)]
     smallest = flattening * max(float(np.abs(inner).max(initial=0.0)), 1e-12)
+    if is_positive_definite(inner + 1e-2 * smallest * np.eye(len(inner))):
+        return hessian
+    values, vectors = np.linalg.eigh(inner)
+    convex = (vectors * np.maximum(values, smallest)) @ vectors.T
+    row, column = np.nonzero(convex)
+    return sparse.csr_array((convex[row, column], (indices[row], indices[column])), shape=dense.shape)
+
+
+def is_positive_definite(matrix: Float[np.ndarray, "size size"]) -> bool:
+    """Return whether a symmetric matrix is positive definite, by Cholesky's factorisation."""
     try:
-        np.linalg.cholesky(inner + 1e-2 * smallest * np.eye(len(inner)))
+        np.linalg.cholesky(matrix)
     except np.linalg.LinAlgError:
-        values, vectors = np.linalg.eigh(inner)
-        convex = (vectors * np.maximum(values, smallest)) @ vectors.T
-        row, column = np.nonzero(convex)
-        return sparse.csr_array((convex[row, column], (indices[row], indices[column])), shape=dense.shape)
-    return hessian
+        return False
+    return True
 
 
 class ConvexSubproblem:
     """The canonicalised subproblem of one pattern; with a ``ball`` it is that of the criticality."""
 
     def __init__(self, pattern: Pattern, elastic: int, *, ball: bool = False) -> None:
+        import cvxpy  # here: importing it takes two seconds
+        from cvxpy.cvxcore.python.canonInterface import get_parameter_vector
+
         (self._rows, columns), self._elastic = pattern.jacobian.shape, elastic
         hessian = None if ball else sparse.eye_array(columns, format="csr")  # replaced at every solution
-        statement = _state(pattern, elastic, hessian)
-        self._form = CanonicalForm(statement)
-        self._d, self._t = self._form.columns(statement.d), self._form.columns(statement.t)
+        problem, parameters, d, t = state(pattern, elastic, hessian)
+        # Entries of all parameters get the numbers 2, 3, ... (1 is the constant), to find them in cvxpy's own vector.
+        parameters.assign(np.arange(2.0, parameters.size + 2.0))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # cvxpy reads its own sparse parameters as dense ones
+            canonical = problem.get_problem_data(cvxpy.CLARABEL)[0]["param_prob"]
+        values = {parameter.id: np.asarray(parameter.value) for parameter in canonical.parameters}
+        numbers = get_parameter_vector(
+            canonical.total_param_size, canonical.param_id_to_col, canonical.param_id_to_size, values.__getitem__
+        )
+        self._order = np.round(numbers).astype(int) - 1
+        self._linear, self._matrix = sparse.csr_array(canonical.q)[:-1], canonical.reduced_A.reduced_mat
+        self._indices, self._indptr, (self._all_rows, width) = canonical.reduced_A.problem_data_index
+        self._variables, self._equalities = width - 1, canonical.cone_dims.zero
+        self._cones = list(canonical.cone_dims.soc)
+        self._d, self._t = (canonical.var_id_to_col[each.id] + np.arange(each.size) for each in (d, t))
 
     def solve(
         self,
@@ -290,11 +248,28 @@ class ConvexSubproblem:
         """
         scales = constraints.row_norms.copy()
         scales[: self._elastic] = 1.0  # their units determine what a violation costs
-        numbers = _numbers(gradient, hessian, constraints, radius, penalty, scales)
+        numbers = parameter_values(gradient, hessian, constraints, radius, penalty, scales)
         near = constraints.within_reach(radius, order=1) if near is None else near
-        mask = self._form.rows_in_use(self._rows, near)
-        name, P = ("criticality", None) if hessian is None else ("step", self._quadratic(hessian))
-        x, dual = self._form.solve(name, numbers, mask, tolerance, P)
+        mask = np.ones(self._all_rows, dtype=bool)  # rows of A that are used
+        mask[: self._rows] = False
+        mask[near] = True
+        vector = np.append(1.0, numbers)[self._order]
+        A, b = self._cut(self._matrix @ vector, mask)
+        linear = len(b) - self._equalities - sum(self._cones)
+        cones: list[Any] = [
+            *([clarabel.ZeroConeT(self._equalities)] if self._equalities else []),
+            *([clarabel.NonnegativeConeT(linear)] if linear else []),
+            *map(clarabel.SecondOrderConeT, self._cones),
+        ]
+        settings = clarabel.DefaultSettings()
+        settings.verbose = False
+        settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
+        P = self._quadratic(hessian)
+        solution = clarabel.DefaultSolver(P, self._linear @ vector, A, b, cones, settings).solve()
+        if str(solution.status) not in ("Solved", "AlmostSolved"):
+            name = "criticality" if hessian is None else "step"
+            raise SolverFailed(f"{name}: Clarabel must end with Solved, got {solution.status}")
+        x, dual = np.array(solution.x), np.array(solution.z)
         multipliers = np.zeros(self._rows)
         multipliers[near] = dual[: len(near)] / scales[near]
         cone_rows = sum(len(cone.values) + 1 for cone in constraints.cones)
@@ -305,80 +280,25 @@ class ConvexSubproblem:
             cone_multipliers=constraints.cone_multipliers(dual[len(dual) - cone_rows :]),
         )
 
-    def _quadratic(self, hessian: sparse.csr_array) -> sparse.csc_matrix:
-        """Return P: the upper triangle of the Hessian in the rows and columns of d."""
-        lower, size = np.tril(hessian.toarray()), self._form.variables
+    def _cut(self, entries: np.ndarray, mask: Bool[np.ndarray, " rows"]) -> tuple[sparse.csc_matrix, np.ndarray]:
+        """Return A and b of the rows in a ``mask``; cvxpy's rows are A x + b."""
+        chosen = mask[self._indices]
+        row = (np.cumsum(mask) - 1)[self._indices[chosen]]
+        indptr = np.append(0, np.cumsum(chosen))[self._indptr]
+        entries, last = entries[chosen], indptr[-2]
+        b = np.zeros(np.count_nonzero(mask))
+        b[row[last:]] = entries[last:]
+        return sparse.csc_matrix((-entries[:last], row[:last], indptr[:-1]), shape=(len(b), self._variables)), b
+
+    def _quadratic(self, hessian: sparse.csr_array | None) -> sparse.csc_matrix:
+        """Return P: the upper triangle of the Hessian, if any, in the rows and columns of d."""
+        shape = (self._variables, self._variables)
+        if hessian is None:
+            return sparse.csc_matrix(shape)
+        lower = np.tril(hessian.toarray())
         column, row = np.nonzero(lower)  # rows of the lower triangle are columns of the upper one
-        indptr = np.searchsorted(self._d[column], np.arange(size + 1))
-        return sparse.csc_matrix((lower[column, row], self._d[row], indptr), shape=(size, size))
+        indptr = np.searchsorted(self._d[column], np.arange(self._variables + 1))
+        return sparse.csc_matrix((lower[column, row], self._d[row], indptr), shape=shape)
 
 
 subproblem_of = lru_cache(maxsize=64)(ConvexSubproblem)  # canonicalised statements
-
-
-def _state(pattern: Pattern, elastic: int, hessian: sparse.csr_array | None) -> Statement:
-    """Return the statement for a pattern and a constant Hessian: dᵀHd takes no Parameter H."""
-    import cvxpy  # here: importing it takes two seconds
-
-    (rows, columns), unknowns, parameters = pattern.jacobian.shape, pattern.unknowns, Parameters()
-    d, t = cvxpy.Variable(columns), cvxpy.Variable()
-    radius, penalty = parameters.dense(), parameters.dense()
-    constraints, inequalities, objective = [], None, penalty * t
-    if hessian is not None:
-        objective += parameters.dense(columns) @ d + cvxpy.quad_form(d, cvxpy.psd_wrap(hessian)) / 2
-    if rows:
-        c, J = parameters.dense(rows), parameters.sparse(pattern.jacobian)
-        is_elastic = (np.arange(rows) < elastic).astype(float)
-        inequalities = c + J @ d + is_elastic * t >= 0
-        constraints = [inequalities]
-    step = d[:unknowns]
-    constraints += [cvxpy.SOC(radius, step)] if hessian is None else [step <= radius, step >= -radius, t >= 0]
-    cones = state_cones(pattern, d, parameters)
-    problem = cvxpy.Problem(cvxpy.Minimize(objective), constraints + cones)
-    return Statement(problem, parameters, d, t, inequalities, cones)
-
-
-def _numbers(
-    gradient: np.ndarray,
-    hessian: sparse.csr_array | None,
-    constraints: Constraints,
-    radius: float,
-    penalty: float,
-    scales: np.ndarray,
-) -> Float[np.ndarray, " numbers"]:
-    """Return the values of all parameters in the statement's order; ``scales`` divide inequalities."""
-    linear = gradient[: 0 if hessian is None else len(gradient)]
-    first = [radius, penalty], linear, constraints.values / scales
-    return parameter_values(*first, constraints=constraints, scales=scales)
-
-
-def solve_with_cvxpy(
-    gradient: Float[np.ndarray, " columns"],
-    hessian: sparse.csr_array,
-    constraints: Constraints,
-    *,
-    elastic: int,
-    radius: float,
-    penalty: float,
-    tolerance: float = CLARABEL_TOLERANCE,
-) -> Step:
-    """Return the result of ``solve_subproblem`` by cvxpy's own solve of the same statement.
-
-    Raises SolverFailed if there is no solution.
-    """
-    statement = _state(Pattern.of(constraints), elastic, hessian)
-    scales = np.ones(len(constraints.values))
-    statement.parameters.assign(_numbers(gradient, hessian, constraints, radius, penalty, scales))
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # cvxpy reads its own sparse parameters as dense ones
-        warnings.filterwarnings("ignore", "Solution may be inaccurate")  # Clarabel stopped short of the tolerance
-        tolerances = dict.fromkeys(("tol_gap_abs", "tol_gap_rel", "tol_feas"), tolerance)
-        statement.problem.solve(solver="CLARABEL", **tolerances)
-    if statement.d.value is None:
-        raise SolverFailed(f"step: Clarabel must end with a solution, got {statement.problem.status}")
-    return Step(
-        step=np.array(statement.d.value),
-        violation=float(statement.t.value),
-        multipliers=np.zeros(0) if statement.inequalities is None else np.array(statement.inequalities.dual_value),
-        cone_multipliers=tuple(-np.ravel(cone.dual_value[1]) for cone in statement.cones),
-    )

@@ -33,17 +33,26 @@ from paretoik.nlp.convex_subproblem import Pattern, subproblem_of
 from paretoik.nlp.program import Constraints, dense_rows, stack_rows
 from paretoik.stop_flag import check_interruption
 
-# Elimination of auxiliary columns, which are sparse, before dense factorisations of the rest.
-
 
 @dataclass(frozen=True, kw_only=True)
-class EliminationOptions:
-    """Smallest ``pivot``: smaller entries, of rows of length one, count as 0."""
+class CriticalityOptions:
+    """How the criticality and its multipliers are computed; no field has a unit."""
 
-    pivot: float = 1e-9
+    near_share: float = 0.01  # of the radius: inequalities beyond the reach of such steps are left out at first
+    gain_tolerance: float = 1e-10  # of the steepest gradient's length: a smaller gain counts as 0
+    active: float = 1e-7  # slack up to which an inequality is active
+    bound: float = 1e-8  # of the steepest gradient's length times the radius: a smaller bound replaces χ
+    singular: float = 1e-7  # largest singular value that counts as 0, of gradients of length one
+    solver_tolerances: tuple[float, ...] = (1e-11, 1e-9)  # of Clarabel's gaps and infeasibilities, tried in order
+    pivot: float = 1e-9  # of an elimination: smaller entries, of rows of length one, count as 0
+    negligible: float = 1e-12  # length of a row that counts as 0
+    balance: float = 1e-9  # by which a multiplier may be negative
+    simplex_tolerance: float = 1e-9  # of HiGHS's infeasibilities
 
 
-ELIMINATION_OPTIONS = EliminationOptions()
+OPTIONS = CriticalityOptions()
+
+# Elimination of auxiliary columns, which are sparse, before dense factorisations of the rest.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -78,7 +87,7 @@ def eliminate(rows: Float[np.ndarray, "rows columns"], unknowns: int, pivot_rows
     for column in range(unknowns, size):
         sizes = np.abs(table[:end, column]) * remaining[:end]
         pivot = int(np.argmax(sizes)) if end else 0
-        if not end or sizes[pivot] <= ELIMINATION_OPTIONS.pivot:
+        if not end or sizes[pivot] <= OPTIONS.pivot:
             continue
         pivots.append(pivot)
         columns.append(column)
@@ -105,19 +114,6 @@ def eliminate(rows: Float[np.ndarray, "rows columns"], unknowns: int, pivot_rows
 # Gal & Nedoma 1972 for the set of multipliers; Charnes & Cooper 1962 for ratios.
 
 
-@dataclass(frozen=True, kw_only=True)
-class MultiplierSetOptions:
-    """Tolerances without unit: gradients are divided by their lengths."""
-
-    singular: float = 1e-7  # largest singular value that counts as 0
-    negligible: float = 1e-12  # length of a row that counts as 0
-    balance: float = 1e-9  # by which a multiplier may be negative
-    solver_tolerance: float = 1e-9  # of HiGHS's infeasibilities
-
-
-MULTIPLIER_OPTIONS = MultiplierSetOptions()
-
-
 def share_ranges(
     gradients: Float[np.ndarray, "n_obj columns"],
     active: Float[np.ndarray, "rows columns"],
@@ -127,19 +123,15 @@ def share_ranges(
 
     Columns from ``unknowns`` on, if any, are auxiliary. Raises SolverFailed if HiGHS ends without a solution.
     """
-    longest = max(float(np.linalg.norm(gradients, axis=1).max()), 1e-300)
-    scaled, lengths = gradients / longest, np.linalg.norm(active, axis=1)
-    rows = active[lengths > MULTIPLIER_OPTIONS.negligible]
-    rows = rows / lengths[lengths > MULTIPLIER_OPTIONS.negligible, None]
+    scaled = gradients / max(float(np.linalg.norm(gradients, axis=1).max()), 1e-300)
+    rows = unit_rows(active, OPTIONS.negligible)
     if unknowns is not None and unknowns < gradients.shape[1] and _are_unique(scaled, rows, unknowns):
         return None
-    basis, triangle, order = qr(rows.T, pivoting=True, mode="economic")  # rows[order].T = basis · triangle
-    sizes = np.abs(np.diagonal(triangle))
-    rank = int(np.count_nonzero(sizes > MULTIPLIER_OPTIONS.singular * sizes.max(initial=0.0)))
+    basis, triangle, order, rank = factorise_rows(rows, OPTIONS.singular)
     basis, triangle = basis[:, :rank], triangle[:rank]
     along = scaled @ basis
     left, singular, _ = np.linalg.svd(scaled - along @ basis.T)
-    small = np.append(singular, np.zeros(len(left) - len(singular))) <= MULTIPLIER_OPTIONS.singular
+    small = np.append(singular, np.zeros(len(left) - len(singular))) <= OPTIONS.singular
     if np.count_nonzero(small) <= 1:
         return None
     weights = left[:, small]
@@ -153,16 +145,27 @@ def _are_unique(
 
     Adding multiples of rows to gradients and to other rows does not change the parts across all rows.
     """
-    elimination = eliminate(np.concatenate([rows, gradients]), unknowns, len(rows))
-    reduced = elimination.reduced
+    reduced = eliminate(np.concatenate([rows, gradients]), unknowns, len(rows)).reduced
     across, others = reduced[-len(gradients) :], reduced[: -len(gradients)]
-    lengths = np.linalg.norm(others, axis=1)
-    others = others[lengths > MULTIPLIER_OPTIONS.singular] / lengths[lengths > MULTIPLIER_OPTIONS.singular, None]
-    basis, triangle, _ = qr(others.T, pivoting=True, mode="economic")
-    sizes = np.abs(np.diagonal(triangle))
-    basis = basis[:, : np.count_nonzero(sizes > MULTIPLIER_OPTIONS.singular * sizes.max(initial=0.0))]
+    basis, _, _, rank = factorise_rows(unit_rows(others, OPTIONS.singular), OPTIONS.singular)
+    basis = basis[:, :rank]
     singular = np.linalg.svd(across - across @ basis @ basis.T, compute_uv=False)
-    return int(np.count_nonzero(singular > MULTIPLIER_OPTIONS.singular)) >= len(gradients) - 1
+    return int(np.count_nonzero(singular > OPTIONS.singular)) >= len(gradients) - 1
+
+
+def unit_rows(rows: Float[np.ndarray, "rows columns"], shortest: float) -> Float[np.ndarray, "long columns"]:
+    """Return the rows longer than ``shortest``, divided by their lengths."""
+    lengths = np.linalg.norm(rows, axis=1)
+    return np.asarray(rows[lengths > shortest] / lengths[lengths > shortest, None])
+
+
+def factorise_rows(
+    rows: Float[np.ndarray, "rows columns"], dependent: float, mode: str = "economic"
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
+    """Return Q, R, an order and the rank: rows[order]ᵀ = Q R, the first columns of Q span the rows."""
+    basis, triangle, order = qr(rows.T, pivoting=True, mode=mode)
+    sizes = np.abs(np.diagonal(triangle))
+    return basis, triangle, order, int(np.count_nonzero(sizes > dependent * sizes.max(initial=0.0)))
 
 
 def _by_parameters(
@@ -186,16 +189,16 @@ def _extreme_shares(
     padded = np.pad(weights, ((0, 0), (0, free)))
     nonnegative = np.concatenate([padded, np.hstack([particular, kernel])])
     sizes = np.abs(nonnegative).max(axis=1)
-    counts = sizes > MULTIPLIER_OPTIONS.balance
+    counts = sizes > OPTIONS.balance
     limits = -sparse.csr_array(nonnegative[counts] / sizes[counts, None])
-    tolerance = MULTIPLIER_OPTIONS.solver_tolerance
+    tolerance = OPTIONS.simplex_tolerance
     shares = np.full((count, count, 2), 0.5)
     for i, j in combinations(range(count), 2):
         for end, sign in enumerate((1.0, -1.0)):
             solution = linprog(
                 sign * padded[i],
                 A_ub=limits,
-                b_ub=np.full(limits.shape[0], MULTIPLIER_OPTIONS.balance),
+                b_ub=np.full(limits.shape[0], OPTIONS.balance),
                 A_eq=(padded[i] + padded[j])[None],
                 b_eq=np.ones(1),
                 bounds=(None, None),
@@ -210,21 +213,6 @@ def _extreme_shares(
 
 
 # The criticality χ of a point.
-
-
-@dataclass(frozen=True, kw_only=True)
-class CriticalityOptions:
-    """How the criticality is computed; no field has a unit."""
-
-    near_share: float = 0.01  # of the radius: inequalities beyond the reach of such steps are left out at first
-    gain_tolerance: float = 1e-10  # of the steepest gradient's length: a smaller gain counts as 0
-    active: float = 1e-7  # slack up to which an inequality is active
-    bound: float = 1e-8  # of the steepest gradient's length times the radius: a smaller bound replaces χ
-    singular: float = 1e-7  # largest singular value that counts as 0, of gradients of length one
-    solver_tolerances: tuple[float, ...] = (1e-11, 1e-9)  # of Clarabel's gaps and infeasibilities, tried in order
-
-
-OPTIONS = CriticalityOptions()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -9,7 +9,7 @@ from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import suppress
 from dataclasses import replace
 from functools import cache, partial
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from jaxtyping import Float
@@ -20,6 +20,7 @@ from paretoik.errors import InvalidInput, warn_user
 from paretoik.nlp import sqp
 from paretoik.nlp.program import (
     CONVERGED,
+    FEASIBLE,
     INTERRUPTED,
     LOST,
     NO_PROGRESS,
@@ -37,79 +38,9 @@ from paretoik.runs.distribution import Lost, distribute_remembered, threads, wor
 from paretoik.runs.journal import Values, remembered
 from paretoik.stop_flag import STOP, Interrupted, check_interruption
 
-# Results of searches as plain arrays: from the run's journal, from workers, and as a batch of solutions.
-
-
-END = ("x", "status", "iterations", "F", "multipliers", "stationarity", "violation")
-
-
-def remembered_end(key: bytes | None, search: Callable[[], tuple[Any, ...]]) -> tuple[Any, ...]:
-    """Return the result of a search, from the run's journal if it is there."""
-    return search() if key is None else end_of(remembered(key, lambda: values_of_end(search())))
-
-
-def values_of_end(end: tuple[Any, ...]) -> Values:
-    """Return the result of a search as plain arrays by name."""
-    return {name: np.asarray(value) for name, value in zip(END, end, strict=True) if value is not None}
-
-
-def end_of(values: Values) -> tuple[Any, ...]:
-    """Return the result of a search from plain arrays by name."""
-    end = {name: values[name] if values[name].ndim else values[name].item() for name in END if name in values}
-    return tuple(end.get(name) for name in END)
-
-
-def unknown_end(program: Program, start: np.ndarray, status: int) -> tuple[Any, ...]:
-    """Return the result of a search that was not made or failed."""
-    return start, status, 0, np.full(len(program.upper), np.nan), None, np.nan, np.nan
-
-
-def distribute_searches(
-    search: Callable[[Program, Any], Values],
-    program: Program,
-    starts: Sequence[tuple[Any, ...]],
-    keys: Sequence[bytes | None],
-    ends: list[tuple[Any, ...]],
-    observe: Callable[[int], object] | None,
-) -> None:
-    """Write the results of workers' searches to ``ends`` as they arrive; after a signal the others stay."""
-    with suppress(Interrupted):
-        for done, (i, values) in enumerate(distribute_remembered(search, program, starts, keys), start=1):
-            if isinstance(values, Lost):
-                warn_user(f"start {i}: {values.cause}; the others go on")
-                ends[i] = unknown_end(program, starts[i][0], LOST)
-            else:
-                ends[i] = end_of(values)
-            if observe is not None:
-                observe(done)
-
-
-def collect_solutions(
-    ends: Sequence[tuple[Any, ...]], shape: tuple[int, ...], objectives: int, upper: Float[np.ndarray, "points bounds"]
-) -> Solutions:
-    """Return results of searches as a batch of points with this ``shape``.
-
-    A result is (x, status, iterations, F, multipliers, stationarity, violation). The last multipliers are those of the
-    finite bounds; None if they are unknown.
-    """
-    x, status, iterations, F, multipliers, stationarity, violation = list(zip(*ends, strict=True)) or [()] * 7
-    finite = np.isfinite(upper)
-    bound_multipliers = np.where(finite, np.nan, 0.0)
-    for row, columns, values in zip(bound_multipliers, finite, multipliers, strict=True):
-        if values is not None:
-            row[columns] = values[len(values) - columns.sum() :]
-    return Solutions(
-        x=np.array(x).reshape(shape),
-        status=np.array(status, dtype=int),
-        iterations=np.array(iterations, dtype=int),
-        objectives=np.array(F).reshape(len(ends), objectives),
-        bound_multipliers=bound_multipliers,
-        stationarity=np.array(stationarity, dtype=float),
-        violation=np.array(violation, dtype=float),
-    )
-
-
-# Local minima from a batch of points, by any solver.
+END = ("x", "status", "iterations", "F", "multipliers", "stationarity", "violation")  # a search's result, in order
+Item: TypeAlias = tuple[Point, np.ndarray, np.ndarray, np.ndarray, InteriorPointOptions]
+"""A search's start, weights, rows, upper bounds and options."""
 
 
 def minimise(
@@ -150,12 +81,9 @@ def minimise(
         table = np.concatenate([rows, identity[finite]])
         bounds = np.concatenate([upper, np.tile(program.upper[finite], (count, 1))], axis=1)
     kernel = None if solver == "sqp" else program.kernel
-    if kernel is None:
-        solutions = _sqp(program, x, factors, table, bounds, each, observe)
-    else:
-        solutions = _interior_point(program, kernel, x, factors, table, bounds, each, observe)
+    solutions = _solve(program, kernel, x, factors, table, bounds, each, observe)
     # Below the program's own rounding no step improves a point.
-    near = (solutions.stationarity <= program.rounding) & (solutions.violation <= 1e-8)
+    near = (solutions.stationarity <= program.rounding) & (solutions.violation <= FEASIBLE)
     solutions.status[near & (solutions.status == NO_PROGRESS)] = CONVERGED
     return _finished(replace(solutions, x=program.pin(solutions.x)))
 
@@ -173,20 +101,19 @@ def check_solver(program: Program, solver: str) -> None:
         raise InvalidInput(f"solver must be 'sqp' for functions that relate samples ({names}), got 'interior-point'")
 
 
-def _interior_point(
+def _solve(
     program: Program,
     kernel: Any,
-    x: np.ndarray,
+    x: Points,
     weights: np.ndarray,
     rows: np.ndarray,
     upper: np.ndarray,
     options: Sequence[InteriorPointOptions],
-    observe: Callable[[int], object] | None,
+    observe: Callable[[int], object] | None = None,
 ) -> Solutions:
-    from paretoik.nlp.banded.interior_point import minimise as search  # here: numba
-
+    """Return the solutions from all points, by the SQP if there is no kernel."""
     count = len(x)
-    if program.kinked:
+    if kernel is not None and program.kinked:
         options = [
             each._replace(
                 iterations=each.kink_iterations * each.iterations,
@@ -195,35 +122,101 @@ def _interior_point(
             )
             for each in options
         ]
-    ends = [unknown_end(program, start, INTERRUPTED) for start in x]
-    points = zip(x, weights, upper, options, strict=True)
-    keys = [program_key("interior-point minimum", program, start, rows, *inputs) for start, *inputs in points]
+    items = [(np.ascontiguousarray(x[i]), weights[i].copy(), rows, upper[i].copy(), options[i]) for i in range(count)]
+    if kernel is None:
+        keys = [program_key("SQP minimum", program, *item) for item in items]
+    else:
+        inputs = [(start, rows, factors, *others) for start, factors, _, *others in items]
+        keys = [program_key("interior-point minimum", program, *each) for each in inputs]
+    ends = [_unknown_end(program, start, INTERRUPTED) for start in x]
     remaining = iter(range(count))
-
-    def start_of(i: int) -> tuple[Any, ...]:
-        return np.ascontiguousarray(x[i]), weights[i].copy(), rows, upper[i].copy(), options[i]
 
     def work(kernel: Any) -> None:
         for i in remaining:  # a free thread takes the next point
             if STOP[0]:
                 return
-            ends[i] = remembered_end(keys[i], partial(search, kernel, *start_of(i), STOP))
+            ends[i] = remembered(keys[i], partial(_search, program, kernel, items[i]))
 
     if count > 1 and workers() > 1:
-        _compile_method(kernel, start_of(0))
-        distribute_searches(_interior_point_end, program, [start_of(i) for i in range(count)], keys, ends, observe)
-    elif count == 1 and type(kernel) in _COMPILED and _hears_signals():
+        if kernel is not None:
+            _compile_method(kernel, items[0])
+        in_worker = _sqp_in_worker if kernel is None else _interior_point_in_worker
+        with suppress(Interrupted):
+            for done, (i, values) in enumerate(distribute_remembered(in_worker, program, items, keys), start=1):
+                if isinstance(values, Lost):
+                    warn_user(f"start {i}: {values.cause}; the others go on")
+                    values = _unknown_end(program, x[i], LOST)
+                ends[i] = values
+                if observe is not None:
+                    observe(done)
+    elif kernel is None or (count == 1 and type(kernel) in _COMPILED and _hears_signals()):
         work(kernel)
     elif count:
         kernels = [kernel, *(program.kernel for _ in range(1, min(count, threads())))]  # one per thread
         _join([_pool().submit(work, each) for each in kernels])
         _COMPILED.add(type(kernel))
-    for i in range(count if program.kinked else 0):  # the solver minimised smoothed functions
-        if ends[i][1] not in (NOT_FINITE, INTERRUPTED, LOST):
-            F, equalities, inequalities = program.evaluate(ends[i][0])
+    for i in range(count if kernel is not None and program.kinked else 0):  # the solver minimised smoothed functions
+        if int(ends[i]["status"]) not in (NOT_FINITE, INTERRUPTED, LOST):
+            F, equalities, inequalities = program.evaluate(ends[i]["x"])
             violation = violation_of(program, F, equalities, inequalities, rows, upper[i])
-            ends[i] = (*ends[i][:3], F, *ends[i][4:6], violation)
-    return collect_solutions(ends, x.shape, len(program.upper), upper)
+            ends[i] = {**ends[i], "F": F, "violation": np.asarray(violation)}
+    return _collect(ends, x.shape, len(program.upper), upper)
+
+
+def _search(program: Program, kernel: Any, item: Item) -> Values:
+    """Return the result of a search from one start as plain arrays by name, without unknown multipliers."""
+    start, weights, rows, upper, options = item
+    if kernel is None:
+        settings = sqp.SqpOptions(radius=options.radius, iterations=options.iterations, tolerance=options.tolerance)
+        solution = sqp.minimise(program, start, Goal(weights=weights, rows=rows, upper=upper), settings)
+        point = solution.x, solution.status, solution.iterations, solution.objectives
+        end = (*point, solution.bound_multipliers, solution.stationarity, solution.violation)
+    else:
+        from paretoik.nlp.banded.interior_point import minimise as search  # here: numba
+
+        end = search(kernel, *item, STOP)
+    return {name: np.asarray(value) for name, value in zip(END, end, strict=True) if value is not None}
+
+
+def _sqp_in_worker(program: Program, item: Item) -> Values:
+    return _search(program, None, item)
+
+
+def _interior_point_in_worker(program: Program, item: Item) -> Values:
+    return _search(program, program.kernel, item)
+
+
+def _unknown_end(program: Program, start: Point, status: int) -> Values:
+    """Return the result of a search that was not made or failed."""
+    unknown = {"iterations": 0, "F": np.full(len(program.upper), np.nan), "stationarity": np.nan, "violation": np.nan}
+    return {"x": start, "status": np.asarray(status), **{name: np.asarray(value) for name, value in unknown.items()}}
+
+
+def _collect(
+    ends: Sequence[Values], shape: tuple[int, ...], objectives: int, upper: Float[np.ndarray, "points bounds"]
+) -> Solutions:
+    """Return results of searches as a batch of points with this ``shape``.
+
+    The last multipliers of a result are those of the finite bounds.
+    """
+
+    def column(name: str, kind: type = float) -> np.ndarray:
+        return np.array([end[name] for end in ends], dtype=kind)
+
+    finite = np.isfinite(upper)
+    bound_multipliers = np.where(finite, np.nan, 0.0)
+    for row, columns, end in zip(bound_multipliers, finite, ends, strict=True):
+        if "multipliers" in end:
+            row[columns] = end["multipliers"][len(end["multipliers"]) - columns.sum() :]
+    return Solutions(
+        x=column("x").reshape(shape),
+        status=column("status", int),
+        iterations=column("iterations", int),
+        objectives=column("F").reshape(len(ends), objectives),
+        bound_multipliers=bound_multipliers,
+        stationarity=column("stationarity"),
+        violation=column("violation"),
+    )
 
 
 def compile_method(
@@ -242,11 +235,11 @@ def compile_method(
         _compile_method(kernel, (*start, program.upper.copy(), options))
 
 
-def _compile_method(kernel: Any, start: tuple[Any, ...]) -> None:
+def _compile_method(kernel: Any, item: Item) -> None:
     from paretoik.nlp.banded.interior_point import minimise as search  # here: numba
 
     if type(kernel) not in _COMPILED:
-        search(kernel, *start[:-1], start[-1]._replace(iterations=0), STOP)
+        search(kernel, *item[:-1], item[-1]._replace(iterations=0), STOP)
         _COMPILED.add(type(kernel))
 
 
@@ -285,47 +278,6 @@ def _pool() -> ThreadPoolExecutor:
 os.register_at_fork(after_in_child=_pool.cache_clear)  # a fork does not copy threads
 
 
-def _sqp(
-    program: Program,
-    x: np.ndarray,
-    weights: np.ndarray,
-    rows: np.ndarray,
-    upper: np.ndarray,
-    options: Sequence[InteriorPointOptions],
-    observe: Callable[[int], object] | None = None,
-) -> Solutions:
-    ends = [unknown_end(program, start, INTERRUPTED) for start in x]
-    starts, keys = list[tuple[Any, ...]](), list[bytes | None]()
-    for start, factors, bounds, each in zip(x, weights, upper, options, strict=True):
-        settings = sqp.SqpOptions(radius=each.radius, iterations=each.iterations, tolerance=each.tolerance)
-        starts.append((start, Goal(weights=factors, rows=rows, upper=bounds), settings))
-        keys.append(program_key("SQP minimum", program, start, factors, rows, bounds, each))
-    if len(x) > 1 and workers() > 1:
-        distribute_searches(_sqp_end, program, starts, keys, ends, observe)
-        return collect_solutions(ends, x.shape, len(program.upper), upper)
-    for i, one in enumerate(starts):
-        if STOP[0]:
-            break
-        ends[i] = remembered_end(keys[i], partial(_solve_by_sqp, program, *one))
-    return collect_solutions(ends, x.shape, len(program.upper), upper)
-
-
-def _solve_by_sqp(program: Program, start: np.ndarray, goal: Goal, settings: sqp.SqpOptions) -> tuple[Any, ...]:
-    end = sqp.minimise(program, start, goal, settings)
-    point = end.x, end.status, end.iterations, end.objectives
-    return (*point, end.bound_multipliers, end.stationarity, end.violation)
-
-
-def _interior_point_end(program: Program, start: tuple[Any, ...]) -> Values:
-    from paretoik.nlp.banded.interior_point import minimise as search  # here: numba
-
-    return values_of_end(search(program.kernel, *start, STOP))
-
-
-def _sqp_end(program: Program, start: tuple[np.ndarray, Goal, sqp.SqpOptions]) -> Values:
-    return values_of_end(_solve_by_sqp(program, *start))
-
-
 def minimise_violation(
     program: Program,
     x: Points,
@@ -343,9 +295,8 @@ def minimise_violation(
     bounds = np.tile(np.minimum(upper, program.upper), (len(x), 1))
     weights, identity = np.zeros_like(bounds), np.eye(len(program.upper))
     each, kernel = [options[i % len(options)] for i in range(len(x))], program.kernel
-    if kernel is None:
-        return _finished(_sqp(program, x, weights, identity, bounds, each))
-    return _finished(_interior_point(program, kernel, program.project(x), weights, identity, bounds, each, None))
+    starts = x if kernel is None else program.project(x)
+    return _finished(_solve(program, kernel, starts, weights, identity, bounds, each))
 
 
 def _finished(solutions: Solutions) -> Solutions:

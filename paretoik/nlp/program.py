@@ -30,6 +30,7 @@ from paretoik.runs.journal import is_journalled, key_of
 
 
 CLARABEL_TOLERANCE = 1e-10  # of gaps and infeasibilities: steps and moves are exact to about its square root
+FEASIBLE = 1e-8  # largest violation of a feasible point, as a share of a limit's range
 
 
 class Structure(NamedTuple):

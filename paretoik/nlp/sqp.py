@@ -18,7 +18,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
-from scipy import sparse
 
 from paretoik.arrays import Point
 from paretoik.errors import SolverFailed
@@ -117,16 +116,6 @@ class _Iterate:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Model:
-    """The program at an iterate: constraints of a step (the first ``elastic`` are elastic), gradient and Hessian."""
-
-    constraints: Constraints
-    elastic: int
-    gradient: Float[np.ndarray, " columns"]
-    hessian: sparse.csr_array
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class _Attempt:
     """A tried step: its trial point, predicted and actual gain in merit, and length before any correction.
 
@@ -192,11 +181,17 @@ class _Search:
             self.status = NOT_FINITE
             return
         self.iterations += 1
-        # the step of the subproblem, in smaller and smaller trust regions
-        model = self._model()
-        attempt = self._accepted_step(model)
+        # the subproblem at the iterate
+        self.constraints, self.elastic = bounded(self.at, self.goal)
+        multipliers, bound_multipliers = self._split_multipliers()
+        weights = self.goal.weights + self.goal.rows.T @ bound_multipliers
+        hessian = self.at.hessian(weights, multipliers, () if self.last is None else self.last.cone_multipliers)
+        self.gradient = self.goal.weights @ self.at.gradients
+        self.hessian = self.share * convexify(hessian, self.constraints.unknowns, options.flattening)
+        # its step, in smaller and smaller trust regions
+        attempt = self._accepted_step()
         if attempt is None or attempt.trial is None:
-            self._end(model, settled=attempt is not None and attempt.settled)
+            self._end(settled=attempt is not None and attempt.settled)
             return
         before, self.iterate, self.last = self.iterate.violation, attempt.trial, attempt.step
         # the penalty: 10 times higher if the violation has not fallen by a tenth
@@ -242,19 +237,6 @@ class _Search:
             excess=float(np.append(0.0, -bounds).max()),
         )
 
-    def _model(self) -> _Model:
-        at = self.at
-        constraints, elastic = bounded(at, self.goal)
-        multipliers, bound_multipliers = self._split_multipliers()
-        weights = self.goal.weights + self.goal.rows.T @ bound_multipliers
-        hessian = at.hessian(weights, multipliers, () if self.last is None else self.last.cone_multipliers)
-        return _Model(
-            constraints=constraints,
-            elastic=elastic,
-            gradient=self.goal.weights @ at.gradients,
-            hessian=self.share * convexify(hessian, constraints.unknowns, self.options.flattening),
-        )
-
     def _split_multipliers(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the multipliers of the program's inequalities and those of the goal's bounds."""
         elastic, bounds = self.at.elastic, len(self.goal.upper)
@@ -263,24 +245,24 @@ class _Search:
         parts = np.split(self.last.multipliers, [elastic, elastic + bounds])
         return np.concatenate([parts[0], parts[2]]), parts[1]
 
-    def _accepted_step(self, model: _Model) -> _Attempt | None:
+    def _accepted_step(self) -> _Attempt | None:
         """Return the first attempt, in shrinking trust regions, that gains enough or is settled; else None."""
         while self.radius > self.options.smallest_radius:
-            step = self._solve(model, model.constraints)
+            step = self._solve(self.constraints)
             if step is None:
                 self.radius /= 4
                 continue
-            attempt = self._attempt(model, step)
+            attempt = self._attempt(step)
             if attempt.settled or attempt.gain >= self.options.acceptance * attempt.predicted:
                 return attempt
             self.radius = min(self.radius, attempt.length) / 4
         return None
 
-    def _attempt(self, model: _Model, step: Step) -> _Attempt:
+    def _attempt(self, step: Step) -> _Attempt:
         """Try a step, and its correction if it gains too little; try nothing if no gain is predicted."""
         options, d = self.options, step.step
-        before, curvature = self.iterate.merit(self.penalty), model.hessian @ d
-        linear = float(model.gradient @ d) + 0.5 * float(d @ curvature)
+        before, curvature = self.iterate.merit(self.penalty), self.hessian @ d
+        linear = float(self.gradient @ d) + 0.5 * float(d @ curvature)
         predicted = self.penalty * (self.iterate.violation - max(step.violation, 0.0)) - linear
         length = float(np.abs(d[: self.at.unknowns]).max(initial=0.0))
         self.stationarity = float(np.linalg.norm(curvature[: self.at.unknowns])) * self.at.unit
@@ -297,27 +279,26 @@ class _Search:
             if not correction or gain > max(attempt.gain, 0.0):
                 attempt = replace(attempt, step=step, trial=trial, gain=gain)
             enough = attempt.gain >= options.agreement * predicted or correction == options.corrections
-            corrected = None if enough else self._solve(model, self._corrected(model, step, x, trial))
+            if enough:
+                break
+            # the constraints corrected for the curvature along the step that led to x (Eq. 18.23)
+            inequalities, elastic = self.at.corrected_inequalities(step.step, x), self.at.elastic
+            bounds = self.goal.upper - self.goal.rows @ trial.objectives
+            values = np.concatenate([inequalities[:elastic], bounds, inequalities[elastic:]])
+            values -= self.constraints.jacobian @ step.step
+            corrected = self._solve(replace(self.constraints, values=values))
             if corrected is None:
                 break
             step = corrected
         return attempt
 
-    def _corrected(self, model: _Model, step: Step, x: Point, trial: _Iterate) -> Constraints:
-        """Return the constraints corrected for the curvature along the step that led to x (Eq. 18.23)."""
-        inequalities = self.at.corrected_inequalities(step.step, x)
-        elastic = self.at.elastic
-        bounds = self.goal.upper - self.goal.rows @ trial.objectives
-        values = np.concatenate([inequalities[:elastic], bounds, inequalities[elastic:]])
-        return replace(model.constraints, values=values - model.constraints.jacobian @ step.step)
-
-    def _solve(self, model: _Model, constraints: Constraints) -> Step | None:
+    def _solve(self, constraints: Constraints) -> Step | None:
         try:
             return solve_subproblem(
-                model.gradient,
-                model.hessian,
+                self.gradient,
+                self.hessian,
                 constraints,
-                elastic=model.elastic,
+                elastic=self.elastic,
                 radius=self.radius,
                 penalty=self.penalty,
                 tolerance=self.tolerance,
@@ -325,7 +306,7 @@ class _Search:
         except SolverFailed:
             return None
 
-    def _end(self, model: _Model, *, settled: bool) -> None:
+    def _end(self, *, settled: bool) -> None:
         """End the search, or raise the penalty of violations; ``settled``: no reduction is predicted."""
         options = self.options
         if settled and self.tolerance > options.last_tolerance:
@@ -338,12 +319,6 @@ class _Search:
             return
         if not feasible:
             self.status = VIOLATED
-        elif settled or self._is_critical(model):
-            self.status = CONVERGED
-        else:
-            self.status = NO_PROGRESS
-
-    def _is_critical(self, model: _Model) -> bool:
-        """Return whether no direction gains more than rounding to first order."""
-        gain = quick_criticality(model.gradient[None], model.constraints, self.at.unit).value
-        return gain <= self.options.criticality_tolerance
+        else:  # no direction gains more than rounding to first order
+            gain = 0.0 if settled else quick_criticality(self.gradient[None], self.constraints, self.at.unit).value
+            self.status = CONVERGED if gain <= options.criticality_tolerance else NO_PROGRESS

@@ -7,10 +7,9 @@ that point is undetermined, with the reason.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 from jaxtyping import Float
@@ -31,23 +30,25 @@ from paretoik.nlp.program import (
 )
 from paretoik.pareto.curvature import Curvature, curvature_at, undetermined
 from paretoik.pareto.scalarisation import Observe
-from paretoik.runs.distribution import Lost, distribute_remembered, workers
-from paretoik.runs.journal import Values, remembered
+from paretoik.runs.distribution import Lost, compute_each
+from paretoik.runs.journal import Values
 from paretoik.stop_flag import Interrupted, check_interruption
-
-# Exchange rates of objectives from multipliers, and intervals if multipliers are not unique.
 
 
 @dataclass(frozen=True, kw_only=True)
-class ExchangeRateOptions:
-    """Tolerances of multipliers, without unit."""
+class CertificateOptions:
+    """Tolerances without unit: objectives and limits are divided by their ranges."""
 
+    critical: float = 1e-6  # largest χ of a critical point: only then do curvature and multipliers count
+    resolved: float = 1e-3  # largest error of discretisation, as a share of a value, or of its range if that is more
     weight: float = 1e-6  # least weight that counts, as a share of all objectives' weights
     active: float = 1e-7  # largest slack of an active limit, as a share of its range
-    unique: float = 1e-3  # largest relative width of an interval that one rate represents
+    unique: float = 1e-3  # largest relative width of an interval that one exchange rate represents
 
 
-RATE_OPTIONS = ExchangeRateOptions()
+OPTIONS = CertificateOptions()
+
+# Exchange rates of objectives from multipliers, and intervals if multipliers are not unique.
 
 
 def exchange_rates(
@@ -60,10 +61,10 @@ def exchange_rates(
 
     The diagonal is 1. An entry is NaN if a weight is 0, or the ends of λ_i/λ_j are unknown or differ.
     """
-    reliable, natural = np.where(weights >= RATE_OPTIONS.weight, weights, np.nan), ranges * signs
+    reliable, natural = np.where(weights >= OPTIONS.weight, weights, np.nan), ranges * signs
     rates = -reliable[:, :, None] / reliable[:, None, :] * natural[None, None, :] / natural[None, :, None]
     with np.errstate(invalid="ignore"):  # an end may be infinite
-        unique = ratios[..., 1] - ratios[..., 0] <= RATE_OPTIONS.unique * ratios[..., 0]
+        unique = ratios[..., 1] - ratios[..., 0] <= OPTIONS.unique * ratios[..., 0]
     rates[~unique] = np.nan
     i = np.arange(len(ranges))
     rates[:, i, i] = 1.0
@@ -90,46 +91,23 @@ def weight_ratios(
 
     With cones the multipliers are assumed unique. Raises SolverFailed if their range cannot be computed.
     """
-    reliable = np.where(weights >= RATE_OPTIONS.weight, weights, np.nan)
+    reliable = np.where(weights >= OPTIONS.weight, weights, np.nan)
     ratios = reliable[:, None] / reliable[None, :]
     intervals = np.stack([ratios, ratios], axis=-1)
     if constraints.cones:
         return intervals
-    active = constraints.jacobian[constraints.values <= RATE_OPTIONS.active].toarray()
+    active = constraints.jacobian[constraints.values <= OPTIONS.active].toarray()
     shares = share_ranges(gradients, active, constraints.unknowns)
     if shares is None:
         return intervals
     with np.errstate(divide="ignore"):
-        ends = shares / np.where(1.0 - shares >= RATE_OPTIONS.weight, 1.0 - shares, 0.0)
-    ends[shares < RATE_OPTIONS.weight] = 0.0
+        ends = shares / np.where(1.0 - shares >= OPTIONS.weight, 1.0 - shares, 0.0)
+    ends[shares < OPTIONS.weight] = 0.0
     within = np.stack([np.minimum(ends[..., 0], ratios), np.maximum(ends[..., 1], ratios)], axis=-1)
     return np.where(np.isnan(ratios)[..., None], np.nan, within)
 
 
 # Certificates of a front's points.
-
-
-@dataclass(frozen=True, kw_only=True)
-class CertificateOptions:
-    """Tolerances without unit: objectives and limits are divided by their ranges."""
-
-    critical: float = 1e-6  # largest χ of a critical point: only then do curvature and multipliers count
-    resolved: float = 1e-3  # largest error of discretisation, as a share of a value, or of its range if that is more
-
-
-OPTIONS = CertificateOptions()
-NUMBERS = ("violation", "weights", "ratios", "residual")  # of a certificate
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Certificate:
-    """The certificate of one point: violation, weights λ, ends of λ_i/λ_j, criticality χ (residual), curvature."""
-
-    violation: float
-    weights: Float[np.ndarray, " n_obj"]
-    ratios: Float[np.ndarray, "n_obj n_obj 2"]
-    residual: float
-    curvature: Curvature
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -170,25 +148,41 @@ def certify(
     """
     count, n_obj = len(x), len(ranges)
     programs = program if isinstance(program, Sequence) else [program] * count
-    by_place = dict[int, _Certificate]()
+    common = programs[0] if count and all(each is programs[0] for each in programs) else None  # sent to workers once
+    by_place = dict[int, Values]()
     with suppress(Interrupted):
-        for i, certificate in _certificates(programs, x, ranges):
-            by_place[i] = certificate
+        check_interruption()
+        items = [(None if common is not None else each, one, ranges) for each, one in zip(programs, x, strict=True)]
+        keys = [program_key("certificate", each, one, ranges) for each, one in zip(programs, x, strict=True)]
+        for i, values in compute_each(_certify_point, common, items, keys):
+            if isinstance(values, Lost):
+                values = _unknown(programs[i], x[i], n_obj, values.cause)
+            by_place[i] = values
             if observe is not None:
                 observe(len(by_place), count)
     late = "interrupted before it was certified"
-    certificates = [by_place.get(i) or _unknown(programs[i], x[i], n_obj, late) for i in range(count)]
-    violation = np.array([each.violation for each in certificates]).reshape(count)
-    weights = np.array([each.weights for each in certificates]).reshape(count, n_obj)
-    ratios = np.array([each.ratios for each in certificates]).reshape(count, n_obj, n_obj, 2)
-    statuses, reasons = _resolved(certificates, ranges, discretisation)
+    certificates = [by_place[i] if i in by_place else _unknown(programs[i], x[i], n_obj, late) for i in range(count)]
+    violation = np.array([each["violation"] for each in certificates], dtype=float).reshape(count)
+    weights = np.array([each["weights"] for each in certificates]).reshape(count, n_obj)
+    ratios = np.array([each["ratios"] for each in certificates]).reshape(count, n_obj, n_obj, 2)
+    statuses = [str(each["curvature"][0]) for each in certificates]
+    reasons = [str(each["curvature"][1]) for each in certificates]
+    # minima with too large errors are under-resolved
+    if discretisation is not None and discretisation.judged:
+        shares = discretisation.errors / np.maximum(np.abs(discretisation.values), ranges)
+        for i in np.flatnonzero(~(shares <= OPTIONS.resolved).all(axis=1)).tolist():
+            if statuses[i] == "minimum":
+                worst = int(np.argmax(shares[i]))
+                statuses[i] = "under-resolved"
+                name, share = discretisation.names[worst], 100 * shares[i, worst]
+                reasons[i] = f"{name} differs by {share:.2g} % on the curve; more samples help"
     for i, words in enumerate(exceeded):
         if words and statuses[i] in ("minimum", "under-resolved"):
             statuses[i], reasons[i] = "undetermined", "; ".join(filter(None, (words, reasons[i])))
     certified = Certificates(
         violation=violation,
         violation_between=np.maximum(violation, violation_between),
-        criticality=np.array([each.residual for each in certificates]).reshape(count),
+        criticality=np.array([each["residual"] for each in certificates], dtype=float).reshape(count),
         weights=weights,
         exchange_rates=exchange_rates(weights, ratios, ranges, signs),
         exchange_intervals=exchange_intervals(ratios, ranges, signs),
@@ -196,37 +190,19 @@ def certify(
         reason=np.array(reasons, dtype=np.str_),
         discretisation_error=np.full((count, n_obj), np.nan) if discretisation is None else discretisation.errors,
     )
-    return certified, [each.curvature.better for each in certificates]
+    return certified, [each.get("better") for each in certificates]
 
 
 def confirmed_criticality(program: Program, x: Point) -> float:
     """Return the criticality of a point with one objective, by its convex program; NaN if unknown."""
     with suppress(Interrupted, SolverFailed, EvaluationFailed, np.linalg.LinAlgError):
-        at = program.linearise(x)
-        return criticality(at.gradients[:1], _constraints(program, at), at.unit).value
+        return criticality(*_first_order(program, program.linearise(x), np.ones(1))).value
     return np.nan
-
-
-def _resolved(
-    certificates: Sequence[_Certificate], ranges: Float[np.ndarray, " n_obj"], discretisation: Discretisation | None
-) -> tuple[list[str], list[str]]:
-    """Return status and reason of points: minima with too large errors are "under-resolved"."""
-    status = [each.curvature.status for each in certificates]
-    reason = [each.curvature.reason for each in certificates]
-    if discretisation is not None and discretisation.judged:
-        shares = discretisation.errors / np.maximum(np.abs(discretisation.values), ranges)
-        for i in np.flatnonzero(~(shares <= OPTIONS.resolved).all(axis=1)):
-            if status[i] == "minimum":
-                worst = int(np.argmax(shares[i]))
-                status[i] = "under-resolved"
-                name, share = discretisation.names[worst], 100 * shares[i, worst]
-                reason[i] = f"{name} differs by {share:.2g} % on the curve; more samples help"
-    return status, reason
 
 
 def criticality_at(program: Program, at: Linearisation, ranges: Float[np.ndarray, " n_obj"]) -> float:
     """Return the criticality of a point, or a bound of almost 0; ``ranges`` divide objectives."""
-    return quick_criticality(at.gradients[: len(ranges)] / ranges[:, None], _constraints(program, at), at.unit).value
+    return quick_criticality(*_first_order(program, at, ranges)).value
 
 
 def criticality_bound(program: Program, at: Linearisation, ranges: Float[np.ndarray, " n_obj"]) -> float:
@@ -234,10 +210,10 @@ def criticality_bound(program: Program, at: Linearisation, ranges: Float[np.ndar
 
     It is infinite if there is no bound of almost 0; with auxiliary columns it is the criticality itself.
     """
-    gradients, constraints = at.gradients[: len(ranges)] / ranges[:, None], _constraints(program, at)
+    gradients, constraints, unit = _first_order(program, at, ranges)
     if gradients.shape[1] > at.unknowns:
-        return criticality(gradients, constraints, at.unit).value
-    result = active_set_criticality(gradients, constraints, at.unit)
+        return criticality(gradients, constraints, unit).value
+    result = active_set_criticality(gradients, constraints, unit)
     return np.inf if result is None else result.value
 
 
@@ -247,79 +223,24 @@ def weights_at(program: Program, x: Points, n_obj: int) -> Float[np.ndarray, "po
     for row, one in zip(weights, x, strict=True):
         check_interruption()
         with suppress(SolverFailed, EvaluationFailed, np.linalg.LinAlgError):
-            at = program.linearise(one)
-            result = quick_criticality(at.gradients[:n_obj], _constraints(program, at), at.unit)
+            result = quick_criticality(*_first_order(program, program.linearise(one), np.ones(n_obj)))
             if result.value <= OPTIONS.critical:
                 row[:] = result.weights
     return weights
 
 
-def _certificates(
-    programs: Sequence[Program], x: Points, ranges: Float[np.ndarray, " n_obj"]
-) -> Iterator[tuple[int, _Certificate]]:
-    """Yield the index and the certificate of every point, from the run's journal if it is there.
-
-    Raises Interrupted after a signal.
-    """
-    if len(x) > 1 and workers() > 1:
-        yield from _distributed_certificates(programs, x, ranges)
-        return
-    for i, (program, one) in enumerate(zip(programs, x, strict=True)):
-        check_interruption()
-        key = program_key("certificate", program, one, ranges)
-        compute = partial(_certify_values, None, (program, one, ranges))
-        yield i, _certificate_of(remembered(key, compute))
-
-
-def _distributed_certificates(
-    programs: Sequence[Program], x: Points, ranges: Float[np.ndarray, " n_obj"]
-) -> Iterator[tuple[int, _Certificate]]:
-    """Yield the index and the certificate of every point as workers return them."""
-    check_interruption()
-    points = list(zip(programs, x, strict=True))
-    keys = [program_key("certificate", program, one, ranges) for program, one in points]
-    common = programs[0] if all(program is programs[0] for program in programs) else None
-    items = [(None if common is not None else program, one, ranges) for program, one in points]
-    for i, values in distribute_remembered(_certify_values, common, items, keys):
-        if isinstance(values, Lost):
-            yield i, _unknown(programs[i], x[i], len(ranges), values.cause)
-        else:
-            yield i, _certificate_of(values)
-
-
-def _certify_values(common: Program | None, point: tuple[Program | None, Point, Float[np.ndarray, " n_obj"]]) -> Values:
+def _certify_point(common: Program | None, point: tuple[Program | None, Point, Float[np.ndarray, " n_obj"]]) -> Values:
     """Return a point's certificate for its program, or the ``common`` one, as plain arrays."""
-    program, x, ranges = point
-    program = common if program is None else program
+    program, x, ranges = point[0] or common, *point[1:]
     assert program is not None
-    certificate = _certify_point(program, x, ranges)
-    curvature = certificate.curvature
-    better = {} if curvature.better is None else {"better": curvature.better}
-    numbers = {name: np.asarray(getattr(certificate, name)) for name in NUMBERS}
-    return {**numbers, "curvature": np.array([curvature.status, curvature.reason], dtype=np.str_), **better}
-
-
-def _certificate_of(values: Values) -> _Certificate:
-    """Return a certificate from plain arrays."""
-    status, reason = map(str, values["curvature"])
-    return _Certificate(
-        violation=float(values["violation"]),
-        weights=values["weights"],
-        ratios=values["ratios"],
-        residual=float(values["residual"]),
-        curvature=Curvature(status=status, reason=reason, better=values.get("better")),
-    )
-
-
-def _certify_point(program: Program, x: Point, ranges: Float[np.ndarray, " n_obj"]) -> _Certificate:
     n_obj = len(ranges)
     try:
         at = program.linearise(x)
-        gradients, constraints = at.gradients[:n_obj] / ranges[:, None], _constraints(program, at)
-        result = criticality(gradients, constraints, at.unit)
+        gradients, constraints, unit = _first_order(program, at, ranges)
+        result = criticality(gradients, constraints, unit)
     except (SolverFailed, EvaluationFailed, np.linalg.LinAlgError) as fault:
         return _unknown(program, x, n_obj, str(fault))
-    violation, ratios = violation_at(program, at), np.full((n_obj, n_obj, 2), np.nan)
+    ratios = np.full((n_obj, n_obj, 2), np.nan)
     if result.value <= OPTIONS.critical:
         try:
             curvature = curvature_at(program, at, result, constraints, ranges)
@@ -333,28 +254,33 @@ def _certify_point(program: Program, x: Point, ranges: Float[np.ndarray, " n_obj
         kinks = ", ".join(program.kinks_at(x))
         side = f", by its derivatives on one side of a kink of {kinks}" if kinks else ""
         curvature = undetermined(f"criticality {result.value:.1e}: all objectives can still gain{side}")
-    return _Certificate(
-        violation=violation, weights=result.weights, ratios=ratios, residual=result.value, curvature=curvature
-    )
+    return _certificate(violation_at(program, at), result.weights, ratios, result.value, curvature)
 
 
-def _unknown(program: Program, x: Point, n_obj: int, reason: str) -> _Certificate:
+def _unknown(program: Program, x: Point, n_obj: int, reason: str) -> Values:
     """Return the certificate of a point with only its violation, if even that is known."""
     try:
         violation = violation_of(program, *program.evaluate(x))
     except EvaluationFailed:
         violation = np.nan
     nothing = np.full((n_obj, n_obj, 2), np.nan)
-    return _Certificate(
-        violation=violation,
-        weights=nothing[0, :, 0],
-        ratios=nothing,
-        residual=np.nan,
-        curvature=undetermined(reason),
-    )
+    return _certificate(violation, nothing[0, :, 0], nothing, np.nan, undetermined(reason))
 
 
-def _constraints(program: Program, at: Linearisation) -> Constraints:
-    """Return all inequalities to first order, with the program's own bounds on F."""
+def _certificate(
+    violation: float, weights: np.ndarray, ratios: np.ndarray, criticality: float, curvature: Curvature
+) -> Values:
+    """Return a certificate by name: weights λ, ends of λ_i/λ_j, criticality χ (residual)."""
+    better = {} if curvature.better is None else {"better": curvature.better}
+    words = np.array([curvature.status, curvature.reason], dtype=np.str_)
+    numbers = {"violation": violation, "weights": weights, "ratios": ratios, "residual": criticality}
+    return {**{name: np.asarray(value) for name, value in numbers.items()}, "curvature": words, **better}
+
+
+def _first_order(
+    program: Program, at: Linearisation, ranges: Float[np.ndarray, " n_obj"]
+) -> tuple[Float[np.ndarray, "n_obj columns"], Constraints, float]:
+    """Return gradients over ranges, all inequalities with the program's own bounds on F, and the unit of steps."""
     size = len(program.upper)
-    return bounded(at, Goal(weights=np.zeros(size), rows=np.eye(size), upper=program.upper))[0]
+    constraints = bounded(at, Goal(weights=np.zeros(size), rows=np.eye(size), upper=program.upper))[0]
+    return at.gradients[: len(ranges)] / ranges[:, None], constraints, at.unit

@@ -69,17 +69,15 @@ class Optimum:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Continuation:
-    """The last optimum that was followed, and the effort.
+    """The last optimum that was followed, and the number of steps and of their corrections.
 
     share: share of the way; below 1 the branch ends or bends back there
-    corrections, changes: corrections and changes of the active set in all steps
     """
 
     optimum: Optimum
     share: float
     steps: int
     corrections: int
-    changes: int
 
 
 def can_follow(program: Program) -> bool:
@@ -122,32 +120,42 @@ def guess_optimum(program: Program, x: Point, goal: Goal) -> Optimum | None:
     return Optimum(x=x, multipliers=multipliers)
 
 
-def follow(program: Program, start: Optimum, goal: Callable[[float], Goal], *, partly: bool = False) -> Continuation:
+def follow(program: Program, start: Optimum, goal: Callable[[float], Goal]) -> Continuation:
     """Return how far the optimum of ``goal(share)`` is followed from share 0, to 1 at most.
 
-    It stops as soon as the remaining attempts cannot reach 1; ``partly`` does not change that.
+    It stops as soon as the remaining attempts cannot reach 1.
     """
-    optimum, share, step, steps, corrections, changes = start, 0.0, 1.0, 0, 0, 0
+    optimum, share, step, steps, corrections = start, 0.0, 1.0, 0, 0
     kernel = program.kernel
     for remaining in range(OPTIONS.attempts, 0, -1):
         if share >= 1.0 or share + step * (2**remaining - 1) < 1.0:
             break
         check_interruption()
         target = min(1.0, share + step)
-        result = _correct(program, kernel, optimum, goal(target))
+        result = correct(program, optimum, goal(target), kernel)
         if result is None:
             step = (target - share) / 2
             continue
-        optimum, count, changed = result
-        share, steps, corrections, changes = target, steps + 1, corrections + count, changes + changed
+        optimum, count = result
+        share, steps, corrections = target, steps + 1, corrections + count
         step *= 2.0 if count <= OPTIONS.few else 1.0
-    return Continuation(optimum=optimum, share=share, steps=steps, corrections=corrections, changes=changes)
+    return Continuation(optimum=optimum, share=share, steps=steps, corrections=corrections)
 
 
-def correct(program: Program, start: Optimum, goal: Goal) -> Optimum | None:
-    """Return the optimum of a goal near a guess; None if the corrections do not reach it."""
-    result = _correct(program, program.kernel, start, goal)
-    return None if result is None else result[0]
+def correct(program: Program, start: Optimum, goal: Goal, kernel: Any = None) -> tuple[Optimum, int] | None:
+    """Return the optimum of a goal near a guess, and the number of corrections; None if they do not reach it.
+
+    ``kernel`` is the program's, if it is there already.
+    """
+    from paretoik.nlp.parametric_qp.correction import CorrectionOptions
+    from paretoik.nlp.parametric_qp.correction import correct as search
+
+    options = _compiled_options(CorrectionOptions)
+    kernel = program.kernel if kernel is None else kernel
+    x, multipliers, _, corrections, _, converged = search(
+        kernel, start.x, start.multipliers, goal.weights, *_bounds(program, goal), options
+    )
+    return (Optimum(x=program.pin(x[None])[0], multipliers=multipliers), corrections) if converged else None
 
 
 def predict(program: Program, start: Optimum, goal: Callable[[float], Goal]) -> Point | None:
@@ -156,61 +164,32 @@ def predict(program: Program, start: Optimum, goal: Callable[[float], Goal]) -> 
     It is not corrected: the point satisfies h(x) = 0 exactly and limits and bounds nearly; errors of objectives are of
     the fourth power of the step. If the models at the start do not reach far enough, new models are made on the way.
     """
-    optimum, share, step = start, 0.0, 1.0
+    from paretoik.nlp.parametric_qp.prediction import PredictionOptions
+    from paretoik.nlp.parametric_qp.prediction import predict as search
+
+    options, optimum, share, step = _compiled_options(PredictionOptions), start, 0.0, 1.0
     for remaining in range(OPTIONS.attempts, 0, -1):
         if share + step * (2**remaining - 1) < 1.0:
             return None
         check_interruption()
         target = min(1.0, share + step)
-        predicted = _predict(program, optimum, goal(target))
-        if predicted is None:
+        wish = goal(target)
+        bounds = _bounds(program, wish)
+        x, multipliers, exists = search(program.kernel, optimum.x, optimum.multipliers, wish.weights, *bounds, options)
+        if not exists:  # a bound is exceeded by too large a share of the step
             step = (target - share) / 2
-        elif target == 1.0:
-            return predicted.x
-        else:
-            optimum, share = predicted, target
+            continue
+        optimum, share = Optimum(x=program.pin(x[None])[0], multipliers=multipliers), target
+        if target == 1.0:
+            return optimum.x
     return None
 
 
-def _predict(program: Program, start: Optimum, goal: Goal) -> Optimum | None:
-    """Return one model's prediction; None if a bound is exceeded by too large a share of the step."""
-    from paretoik.nlp.parametric_qp.prediction import PredictionOptions
-    from paretoik.nlp.parametric_qp.prediction import predict as search
+def _compiled_options(kind: type[Any]) -> Any:
+    """Return the settings of compiled code, a named tuple: ours by name, and ``qp``."""
     from paretoik.nlp.parametric_qp.solution import QpOptions
 
-    options = PredictionOptions(
-        predictions=OPTIONS.predictions,
-        predicted=OPTIONS.predicted,
-        updates=OPTIONS.updates,
-        missed=OPTIONS.missed,
-        violation=OPTIONS.violation,
-        qp=QpOptions(),
-    )
-    x, multipliers, exists = search(
-        program.kernel, start.x, start.multipliers, goal.weights, *_bounds(program, goal), options
-    )
-    return Optimum(x=program.pin(x[None])[0], multipliers=multipliers) if exists else None
-
-
-def _correct(program: Program, kernel: Any, start: Optimum, goal: Goal) -> tuple[Optimum, int, int] | None:
-    """Return the optimum of a goal and the numbers of corrections and changes of the active set."""
-    from paretoik.nlp.parametric_qp.correction import CorrectionOptions
-    from paretoik.nlp.parametric_qp.correction import correct as search
-    from paretoik.nlp.parametric_qp.solution import QpOptions
-
-    options = CorrectionOptions(
-        residual=OPTIONS.residual,
-        violation=OPTIONS.violation,
-        corrections=OPTIONS.corrections,
-        contraction=OPTIONS.contraction,
-        predictions=OPTIONS.predictions,
-        predicted=OPTIONS.predicted,
-        qp=QpOptions(),
-    )
-    x, multipliers, _, corrections, changes, converged = search(
-        kernel, start.x, start.multipliers, goal.weights, *_bounds(program, goal), options
-    )
-    return (Optimum(x=program.pin(x[None])[0], multipliers=multipliers), corrections, changes) if converged else None
+    return kind(**{name: getattr(OPTIONS, name) for name in kind._fields if name != "qp"}, qp=QpOptions())
 
 
 def _bounds(

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy import sparse
-from scipy.linalg import qr
 
 from paretoik.arrays import Point
-from paretoik.nlp.criticality import Criticality, eliminate
+from paretoik.nlp.convex_subproblem import is_positive_definite
+from paretoik.nlp.criticality import Criticality, eliminate, factorise_rows, unit_rows
 from paretoik.nlp.minimise import minimise
-from paretoik.nlp.program import Cone, Constraints, InteriorPointOptions, Linearisation, Program, violation_of
+from paretoik.nlp.program import FEASIBLE, Constraints, InteriorPointOptions, Linearisation, Program, violation_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,18 +29,13 @@ class CurvatureOptions:
     tie_share: float = 1e-3  # the same for a tie, among the ties of its slack or epigraph variable
     least_multiplier: float = 1e-9  # least multiplier that counts at all
     active: float = 1e-7  # largest slack of an active limit
-    violation: float = 1e-8  # largest violation that counts as 0
     descent_steps: tuple[float, ...] = (1e-2, 1e-3, 1e-4)  # lengths tried along a direction of negative curvature
-    descents: tuple[
-        InteriorPointOptions, ...
-    ] = (  # tried in order from the first step until one leads to a better point
+    descents: tuple[InteriorPointOptions, ...] = (  # tried from the first step until one leads to a better point
         InteriorPointOptions(barrier=1e-6, radius=0.02),
         InteriorPointOptions(barrier=1e-4, radius=0.02),
     )
     met: float = 1e-4  # RMS length of a step: a limit or kink within it ends a direction
-    slope: float = (
-        1e-9  # most negative rate of a weakly active limit, or of an objective without weight, along a direction
-    )
+    slope: float = 1e-9  # most negative rate of a weakly active limit or an objective without weight, along a direction
     dependent: float = 1e-9  # of rows of length one: smaller lengths count as 0
     names: int = 3  # largest number of limits and kinks that a reason names
 
@@ -118,9 +113,7 @@ def edge_names(
     """Return the names of weakly active limits, kinks and objectives without weight, without repeats."""
     bounds = int(np.count_nonzero(np.isfinite(program.upper)))
     rows = np.flatnonzero(weak)
-    limits = [
-        name for i in rows[rows < at.elastic] for name in program.inequality_names[i : i + 1]
-    ]  # a few have no name
+    limits = [name for i in rows[rows < at.elastic] for name in program.inequality_names[i : i + 1]]  # a few have none
     totals = np.flatnonzero(np.isfinite(program.upper))
     limits += [program.objective_names[totals[i - at.elastic]] for i in rows if 0 <= i - at.elastic < bounds]
     kinks = [f"a kink of {name}" for name in program.kinked] if (rows >= at.elastic + bounds).any() else []
@@ -156,8 +149,15 @@ def _lagrangian(
     hessian = at.hessian(weights, np.concatenate([elastic, ties]), result.cone_multipliers).toarray()
     rows = list[np.ndarray]()
     for cone, multiplier in zip(at.cones, result.cone_multipliers, strict=True):
-        row, second = _length(cone, at.columns)
-        rows.append(row)
+        size, slopes = float(np.linalg.norm(cone.values)), cone.rows.toarray()
+        top, second = np.zeros((1, at.columns)), np.zeros((at.columns, at.columns))
+        top[0, cone.column] = 1.0
+        if size <= OPTIONS.active:  # a length of zero can only grow
+            rows.append(np.concatenate([top, slopes]))
+        else:
+            slope = (cone.values / size)[None] @ slopes
+            rows.append(top - slope)
+            second = (slopes.T @ slopes - slope.T @ slope) / size  # of the length
         hessian += np.linalg.norm(multiplier) * second
     return hessian, rows
 
@@ -173,36 +173,13 @@ def null_space(
     count = rows.shape[1]
     unit = rows / np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), 1e-300)
     elimination = eliminate(unit, count if unknowns is None else unknowns)
-    normals = elimination.reduced
-    lengths = np.linalg.norm(normals, axis=1)
-    normals = normals[lengths > OPTIONS.dependent] / lengths[lengths > OPTIONS.dependent, None]
-    basis, triangle, _ = qr(normals.T, pivoting=True)
-    sizes = np.abs(np.diagonal(triangle))
-    basis = basis[:, np.count_nonzero(sizes > OPTIONS.dependent * sizes.max(initial=0.0)) :]
+    normals = unit_rows(elimination.reduced, OPTIONS.dependent)
+    basis, _, _, rank = factorise_rows(normals, OPTIONS.dependent, mode="full")
+    basis = basis[:, rank:]
     directions = np.zeros((count, basis.shape[1]))
     directions[elimination.free] = basis
     directions[elimination.columns] = -elimination.table[elimination.pivots][:, elimination.free] @ basis
     return directions
-
-
-def is_positive_definite(matrix: Float[np.ndarray, "size size"]) -> bool:
-    """Return whether a symmetric matrix is positive definite, by Cholesky's factorisation."""
-    try:
-        np.linalg.cholesky(matrix)
-    except np.linalg.LinAlgError:
-        return False
-    return True
-
-
-def _length(cone: Cone, columns: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the row that ties a cone's column to its length, and the length's second derivatives."""
-    size, rows = float(np.linalg.norm(cone.values)), cone.rows.toarray()
-    top = np.zeros((1, columns))
-    top[0, cone.column] = 1.0
-    if size <= OPTIONS.active:  # a length of zero can only grow
-        return np.concatenate([top, rows]), np.zeros((columns, columns))
-    slope = (cone.values / size)[None] @ rows
-    return top - slope, (rows.T @ rows - slope.T @ slope) / size
 
 
 def _better_point(
@@ -235,4 +212,4 @@ def _better_point(
 def _is_better(program: Program, x: Point, values: np.ndarray) -> bool:
     objectives, equalities, inequalities = program.evaluate(x)
     violation = violation_of(program, objectives, equalities, inequalities)
-    return bool(np.all(objectives[: len(values)] < values) and violation <= OPTIONS.violation)
+    return bool(np.all(objectives[: len(values)] < values) and violation <= FEASIBLE)

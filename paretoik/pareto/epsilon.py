@@ -17,14 +17,13 @@ from jaxtyping import Float
 
 from paretoik.arrays import Points
 from paretoik.front.indicators import ranges_of
-from paretoik.nlp.program import InteriorPointOptions, Program, Solutions, Solver
+from paretoik.nlp.program import FEASIBLE, InteriorPointOptions, Program, Solutions, Solver
 from paretoik.pareto.certificates import weights_at
 from paretoik.pareto.placement import POINT_TOLERANCE
 from paretoik.pareto.refine import refine
 from paretoik.pareto.scalarisation import (
     ColdSearch,
     evaluate_points,
-    feasible_points,
     main_weights,
     minimise_weighted,
     objective_sizes,
@@ -60,9 +59,11 @@ def epsilon_points(
     After a signal the points so far are returned, with ``initial`` ones. Raises the errors of ``cold``, and Interrupted
     if a signal comes before the first point.
     """
+    # the optima of each objective alone
     natural = program_of(np.ones(n_obj))
-    initial = feasible_points(natural, initial)
-    initial = None if initial is None or not len(initial) else initial
+    if initial is not None:
+        initial = initial[evaluate_points(natural, initial).violation <= FEASIBLE]
+        initial = initial if len(initial) else None
     alone = list[Points]()
     try:
         for k in range(n_obj):
@@ -76,6 +77,7 @@ def epsilon_points(
     near = natural.distance(best[0], best) <= OPTIONS.resolved_distance
     if len(alone) == n_obj and near.all() and (np.ptp(payoff, axis=0) <= OPTIONS.resolution * sizes).all():
         return best[:1], np.where(sizes > 0, sizes, 1.0)  # the front is one point
+    # the ends of the front
     ranges = ranges_of(payoff, sizes)
     program = program_of(ranges)
     ends = evaluate_points(program, best)
@@ -96,27 +98,15 @@ def epsilon_points(
         ranges=ranges,
         rounds=int(cold.multimodal or n_obj > 2),
     )
+    further = max(OPTIONS.further, int(OPTIONS.further_share * points), 0 if initial is None else points)
     if initial is not None:
-        sweep.add(evaluate_points(program, initial), _weights(program, initial, n_obj))
+        weights = None  # with two objectives the front's slope
+        with suppress(Interrupted):
+            weights = weights_at(program, initial, n_obj) if n_obj == 2 else None
+        sweep.add(evaluate_points(program, initial), weights)
     with suppress(Interrupted):
-        check_interruption()
-        if n_obj == 2:
-            few = max(OPTIONS.further, int(OPTIONS.further_share * points))
-            sweep.place_points(cold, cold_points, few if initial is None else max(few, points))
-            sweep.search_jumps()
-        else:
-            _add_inner_optima(sweep, cold)
-            sweep.fill_gaps()
-        if sweep.rounds:
-            sweep.exchange_basins()
+        _add_points(sweep, cold, cold_points, further)
     return sweep.x[sweep.spread()], ranges
-
-
-def _weights(program: Program, x: Points, n_obj: int) -> Float[np.ndarray, "points n_obj"] | None:
-    """Return the weights of two objectives at points (the front's slope there); None after a signal."""
-    with suppress(Interrupted):
-        return weights_at(program, x, n_obj) if n_obj == 2 else None
-    return None
 
 
 def _rescaled_ends(
@@ -157,9 +147,7 @@ def _ends(program: Program, best: Points, solver: Solver) -> Solutions:
         better = new_merit < merit - POINT_TOLERANCE
         ends, merit = ends.replace_rows(better, again[better]), np.where(better, new_merit, merit)
     weight = OPTIONS.end_tolerance
-    while (
-        not ends.converged.all() and weight < OPTIONS.end_weight
-    ):  # a flat valley: more weight of the others makes it steeper
+    while not ends.converged.all() and weight < OPTIONS.end_weight:  # a flat valley: more weight makes it steeper
         weight *= 10.0
         again, _ = solve(best, weight, OPTIONS.cold)
         missing = ~ends.converged & again.converged
@@ -176,14 +164,23 @@ def _ends(program: Program, best: Points, solver: Solver) -> Solutions:
     return ends.replace_rows(accepted, finished[accepted])
 
 
-def _add_inner_optima(sweep: Sweep, cold: ColdSearch) -> None:
-    """Add the optima from cold starts below an ε: a branch may contain no objective's own optimum."""
-    n_obj, ends = sweep.n_obj, sweep.objectives[: sweep.n_obj, : sweep.n_obj]
-    sweep.cold_points = n_obj
-    ideal, nadir = ends.min(axis=0), ends.max(axis=0)
-    for main in range(n_obj):
-        upper = np.where(np.arange(n_obj) == main, np.inf, nadir + OPTIONS.inner * (ideal - nadir))
-        optima = cold.optima_below(sweep.program, main, upper, OPTIONS.weight)
-        if optima is not None:
-            sweep.add(optima[optima.converged][: OPTIONS.cold_optima])
-        sweep.cold_points -= 1
+def _add_points(sweep: Sweep, cold: ColdSearch, cold_points: int, further: int) -> None:
+    """Add points between the ends of a front. Raises Interrupted after a signal."""
+    check_interruption()
+    if sweep.n_obj == 2:
+        sweep.place_points(cold, cold_points, further)
+        sweep.search_jumps()
+    else:
+        # optima from cold starts below an ε: a branch may contain no objective's own optimum
+        n_obj, ends = sweep.n_obj, sweep.objectives[: sweep.n_obj, : sweep.n_obj]
+        sweep.cold_points = n_obj
+        ideal, nadir = ends.min(axis=0), ends.max(axis=0)
+        for main in range(n_obj):
+            upper = np.where(np.arange(n_obj) == main, np.inf, nadir + OPTIONS.inner * (ideal - nadir))
+            optima = cold.optima_below(sweep.program, main, upper, OPTIONS.weight)
+            if optima is not None:
+                sweep.add(optima[optima.converged][: OPTIONS.cold_optima])
+            sweep.cold_points -= 1
+        sweep.fill_gaps()
+    if sweep.rounds:
+        sweep.exchange_basins()

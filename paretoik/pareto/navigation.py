@@ -12,6 +12,7 @@ if a front of two objectives jumps directly behind or ahead of the start.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,9 +21,40 @@ from jaxtyping import Float
 from paretoik.arrays import Point, Points
 from paretoik.errors import EvaluationFailed
 from paretoik.nlp.minimise import minimise
-from paretoik.nlp.program import Goal, InteriorPointOptions, Program, Solver, violation_of
+from paretoik.nlp.program import FEASIBLE, Goal, InteriorPointOptions, Program, Solver, violation_of
 from paretoik.pareto.continuation import Continuation, can_follow, follow, guess_optimum
 from paretoik.pareto.scalarisation import WARM_OPTIONS as WARM
+
+
+@dataclass(frozen=True, kw_only=True)
+class NavigationOptions:
+    """Settings of moves; objectives are divided by their ranges.
+
+    augmentation: weight ρ of all objectives
+    share: largest ρ as a share of the least weight, so that a point is the optimum of its own goal
+    neighbours: number of known points to start from
+    farther: number of further ones if these lead nowhere
+    better: least gain of one point relative to another
+    worthwhile: least share of the way at which a followed branch counts as a result
+    places: number of places between two points that are tested for a barrier
+    height: excess of an objective over both points that is a barrier
+    barriers: the solver's barriers, tried in order until one leads to an optimum
+    high: a barrier that leaves valleys, with few iterations
+    """
+
+    augmentation: float = 5e-4
+    share: float = 0.5
+    neighbours: int = 3
+    farther: int = 12
+    better: float = 1e-7
+    worthwhile: float = 0.02
+    places: int = 3
+    height: float = 1e-6
+    barriers: tuple[InteriorPointOptions, ...] = WARM.barriers
+    high: InteriorPointOptions = InteriorPointOptions(barrier=1e-2, radius=0.02, iterations=50)
+
+
+OPTIONS = NavigationOptions()
 
 # The goal of a move along a front: improve one objective by a given amount, let payers get worse, others not.
 #
@@ -33,21 +65,6 @@ from paretoik.pareto.scalarisation import WARM_OPTIONS as WARM
 #
 # At s = 0 a Pareto-critical start is optimal, and its weights give the multipliers; unlike for a weighted sum, this is
 # true on a concave front too. Source: Pascoletti & Serafini 1984; ρ is the augmentation of Wierzbicki 1980.
-
-
-@dataclass(frozen=True, kw_only=True)
-class GoalOptions:
-    """Weight ρ of all objectives: the smaller of two values, so that a point is the optimum of its own goal.
-
-    augmentation: the first value
-    share: the second value, as a share of the least weight
-    """
-
-    augmentation: float = 5e-4
-    share: float = 0.5
-
-
-GOAL_OPTIONS = GoalOptions()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,7 +110,7 @@ class Aim:
                 upper[i] -= self.start[main] / self.ranges[main]
         scale = self.weights[list(wish.payers)].sum()
         smallest = float(self.weights.min() / scale) if scale > 0 else 0.0
-        augmentation = min(GOAL_OPTIONS.augmentation, GOAL_OPTIONS.share * smallest)
+        augmentation = min(OPTIONS.augmentation, OPTIONS.share * smallest)
         return Goal(weights=identity[main] + augmentation * identity.sum(axis=0), rows=rows, upper=upper)
 
     @property
@@ -108,34 +125,6 @@ class Aim:
 
 # Moves along a front to a new point.
 
-
-@dataclass(frozen=True, kw_only=True)
-class NavigationOptions:
-    """Settings of moves; objectives are divided by their ranges.
-
-    neighbours: number of known points to start from
-    farther: number of further ones if these lead nowhere
-    violation: largest excess over a limit or bound
-    better: least gain of one point relative to another
-    worthwhile: least share of the way at which a followed branch counts as a result
-    places: number of places between two points that are tested for a barrier
-    height: excess of an objective over both points that is a barrier
-    barriers: the solver's barriers, tried in order until one leads to an optimum
-    high: a barrier that leaves valleys, with few iterations
-    """
-
-    neighbours: int = 3
-    farther: int = 12
-    violation: float = 1e-8
-    better: float = 1e-7
-    worthwhile: float = 0.02
-    places: int = 3
-    height: float = 1e-6
-    barriers: tuple[InteriorPointOptions, ...] = WARM.barriers
-    high: InteriorPointOptions = InteriorPointOptions(barrier=1e-2, radius=0.02, iterations=50)
-
-
-OPTIONS = NavigationOptions()
 
 Between = Callable[[Point, Point, Float[np.ndarray, " shares"]], Float[np.ndarray, " between *point"]]
 """Returns points at shares of the way from one point to another, without impossible ones."""
@@ -197,7 +186,6 @@ def move(
         jump = not is_followed and has_barrier(program, front.x[start], best, between, aim.ranges)
         return Destination(x=best, share=1.0, followed=followed, arrived=is_followed, jump=jump)
     # a part of the way is better than nothing
-    followed = _follow(program, front, start, goal, partly=True)
     if followed is not None and followed.share >= OPTIONS.worthwhile:
         return Destination(x=followed.optimum.x, share=followed.share, followed=followed, arrived=True, jump=False)
     return None
@@ -216,12 +204,15 @@ def has_barrier(
     inner = between(x, other, shares)
     if len(inner) < len(shares):
         return True
-    values = [_objectives(program, one, len(ranges)) for one in (x, *inner, other)]
+    values = np.full((len(inner) + 2, len(ranges)), np.inf)  # inf: a function has no value there
+    for row, one in zip(values, (x, *inner, other), strict=True):
+        with suppress(EvaluationFailed):
+            row[:] = program.evaluate(one)[0][: len(ranges)]
     corner = np.maximum(values[0], values[-1]) + OPTIONS.height * ranges
-    return any(not bool((value <= corner).all()) for value in values[1:-1])
+    return not bool((values[1:-1] <= corner).all())
 
 
-def _follow(program: Program, front: FrontPoints, i: int, goal: Goal, *, partly: bool = False) -> Continuation | None:
+def _follow(program: Program, front: FrontPoints, i: int, goal: Goal) -> Continuation | None:
     """Return how far a known point is followed to a goal; its own values are the first bounds."""
     if not can_follow(program):
         return None
@@ -232,7 +223,7 @@ def _follow(program: Program, front: FrontPoints, i: int, goal: Goal, *, partly:
         return Goal(weights=goal.weights, rows=goal.rows, upper=begin + share * (goal.upper - begin))
 
     optimum = guess_optimum(program, front.x[i], at_share(0.0))
-    return None if optimum is None else follow(program, optimum, at_share, partly=partly)
+    return None if optimum is None else follow(program, optimum, at_share)
 
 
 def _neighbours(front: FrontPoints, start: int, aim: Aim) -> list[int]:
@@ -261,7 +252,7 @@ def _rivals(
     """Return the best known point better than x, else the neighbours in other valleys."""
     count = front.objectives.shape[1]
     merit, merits = float(goal.weights @ program.evaluate(x)[0]), front.objectives @ goal.weights[:count]
-    feasible = (front.objectives @ goal.rows[:, :count].T <= goal.upper + OPTIONS.violation).all(axis=1)
+    feasible = (front.objectives @ goal.rows[:, :count].T <= goal.upper + FEASIBLE).all(axis=1)
     better = np.flatnonzero(feasible & (merits < merit + OPTIONS.better))
     if len(better):
         return [int(better[np.argmin(merits[better])])]
@@ -324,13 +315,6 @@ def _best(program: Program, candidates: list[Point], goal: Goal) -> Point | None
         F, equalities, inequalities = program.evaluate(x)
         violation = violation_of(program, F, equalities, inequalities, goal.rows, goal.upper)
         merit = float(goal.weights @ F)
-        if violation <= OPTIONS.violation and merit < lowest - OPTIONS.better:
+        if violation <= FEASIBLE and merit < lowest - OPTIONS.better:
             best, lowest = x, merit
     return best
-
-
-def _objectives(program: Program, x: Point, count: int) -> Float[np.ndarray, " n_obj"]:
-    try:
-        return np.asarray(program.evaluate(x)[0][:count])
-    except EvaluationFailed:
-        return np.full(count, np.inf)

@@ -254,23 +254,19 @@ def _missing_targets(gaps: Sequence[Gap], missing: int) -> list[Target]:
         totals[k] += 1
         points, more = (min(2 + int(totals[k]) + extra, full) for extra in (0, 1))
         gains[k] = gaps[k].subsets.volume(more) - gaps[k].subsets.volume(points)
-    return [
-        _best_target(gap, i, gap.subsets.rows(min(2 + int(totals[i]), full))[1:-1])
-        for i, gap in enumerate(gaps)
-        if totals[i]
-    ]
+    targets = list[Target]()
+    for i in np.flatnonzero(totals).tolist():
+        places = gaps[i].places
+        rows = gaps[i].subsets.rows(min(2 + int(totals[i]), full))[1:-1]
+        gain = (places[-1, 0] - places[rows, 0]) * (places[0, 1] - places[rows, 1])
+        best = int(np.argmax(gain))
+        targets.append(Target(gap=i, values=places[rows[best]], gain=float(gain[best])))
+    return targets
 
 
-def _best_target(gap: Gap, index: int, rows: Int[np.ndarray, " rows"]) -> Target:
-    gains = (gap.places[-1, 0] - gap.places[rows, 0]) * (gap.places[0, 1] - gap.places[rows, 1])
-    best = int(np.argmax(gains))
-    return Target(gap=index, values=gap.places[rows[best]], gain=float(gains[best]))
-
-
-def _candidates(
-    gaps: Sequence[Gap], values: Float[np.ndarray, "points 2"]
-) -> tuple[Float[np.ndarray, "candidates 2"], Int[np.ndarray, " candidates"]]:
-    """Return the non-dominated points and places in order, and the gap of each (−1 for a point)."""
+def _replacements(gaps: Sequence[Gap], values: Float[np.ndarray, "points 2"], points: int) -> list[Target]:
+    """Return the places in the best subset of points and places."""
+    # the non-dominated points and places in order, and the gap of each (−1 for a point)
     step = -(-OPTIONS.places * len(gaps) // OPTIONS.total)
     inner = [gap.places[1 + step // 2 : -1 : step] for gap in gaps]
     owners = np.concatenate([np.full(len(values), -1), *(np.full(len(each), i) for i, each in enumerate(inner))])
@@ -278,12 +274,7 @@ def _candidates(
     order = np.lexsort((places[:, 1], places[:, 0]))
     lowest = np.minimum.accumulate(np.append(np.inf, places[order, 1]))[:-1]
     order = order[places[order, 1] < lowest]
-    return places[order], owners[order]
-
-
-def _replacements(gaps: Sequence[Gap], values: Float[np.ndarray, "points 2"], points: int) -> list[Target]:
-    """Return the places in the best subset of points and places."""
-    candidates, owners = _candidates(gaps, values)
+    candidates, owners = places[order], owners[order]
     enough = OPTIONS.gain * sum(gap.area for gap in gaps)
     chosen = best_rows(candidates, points, np.where(owners >= 0, enough, 0.0))
     return [

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -16,6 +16,7 @@ from paretoik.errors import EvaluationFailed, SolverFailed, warn_user
 from paretoik.front.indicators import ranges_of
 from paretoik.nlp.minimise import compile_method, minimise
 from paretoik.nlp.program import (
+    FEASIBLE,
     Goal,
     InteriorPointOptions,
     Linearisation,
@@ -122,7 +123,7 @@ class RefineOptions:
     critical: float = 1e-8
     flat: float = 1e-6
     stationary: float = 1e-6
-    violation: float = 1e-8
+    violation: float = FEASIBLE
     rise: float = 1e-9
     no_weight: float = 1e-6
     gain: float = 1e-6
@@ -150,26 +151,20 @@ def refine(
     the number of refined points, the number of all, and the last refined point; if it returns true, or after a signal,
     the others stay as they are.
     """
-    ends, done, count = dict[int, Values](), 0, len(x)
+    refined, converged, finished = x.copy(), np.zeros(len(x), dtype=bool), np.zeros(len(x), dtype=bool)
+    done, count = 0, len(x)
     keys = [program_key("refined point", program, one, n_obj, solver) for one in x]
     refine_points = _refine_in_workers if count > 1 and workers() > 1 else _refine_here
     with suppress(Interrupted):
         for i, values in refine_points(program, x, n_obj, solver, keys):
-            ends[i] = values
-            while done < count and all(j in ends for j in range(done, min(done + OPTIONS.batch, count))):
+            refined[i], converged[i], finished[i] = values["x"], values["converged"], True
+            while done < count and finished[done : done + OPTIONS.batch].all():
                 done = min(done + OPTIONS.batch, count)
-                stop = observe is not None and observe(done, count, ends[done - 1]["x"])
-                if stop:  # the same points, no matter which process computed them
-                    return _points_of({j: ends[j] for j in range(done)}, x)
-    return _points_of(ends, x)
-
-
-def _points_of(ends: Mapping[int, Values], x: Points) -> tuple[Points, Bool[np.ndarray, " points"]]:
-    """Return points with the refined ones replaced, and which are local optima."""
-    x, converged = x.copy(), np.zeros(len(x), dtype=bool)
-    for i, values in ends.items():
-        x[i], converged[i] = values["x"], values["converged"]
-    return x, converged
+                if observe is not None and observe(done, count, refined[done - 1]):
+                    # the same points stay, no matter which process computed others
+                    refined[done:], converged[done:] = x[done:], False
+                    return refined, converged
+    return refined, converged
 
 
 def _refine_here(
@@ -186,7 +181,7 @@ def _refine_here(
         rows = np.array([i for i in places if i not in stored], dtype=int)
         points, converged = x[rows], np.zeros(len(rows), dtype=bool)
         try:
-            _refine_rows(program, points, converged, np.arange(len(rows)), attempts, n_obj, solver)
+            _refine_rows(program, points, converged, attempts, n_obj, solver)
             _leave_weak_optima(program, points, attempts[1], solver)
         except Interrupted as signal:
             interruption.append(signal)
@@ -251,17 +246,16 @@ def _refine_rows(
     program: Program,
     x: Points,
     converged: Bool[np.ndarray, " points"],
-    rows: Int[np.ndarray, " rows"],
     attempts: tuple[_Attempt, ...],
     n_obj: int,
     solver: Solver,
 ) -> None:
-    """Refine some of the points in place. Raises Interrupted after a signal; converged points are kept."""
-    for i in rows:
+    """Refine points in place. Raises Interrupted after a signal; converged points are kept."""
+    for i, one in enumerate(x):
         check_interruption()
-        converged[i] = _is_critical(program, x[i], n_obj, OPTIONS.critical, criticality_bound)
+        converged[i] = _is_critical(program, one, n_obj, OPTIONS.critical, criticality_bound)
     for attempt in attempts:
-        remaining = rows[~converged[rows]]
+        remaining = np.flatnonzero(~converged)
         if not len(remaining):
             return
         upper = np.array([attempt.rows @ program.evaluate(one)[0] for one in x[remaining]])
@@ -331,10 +325,10 @@ def _correct(program: Program, x: Points, converged: Bool[np.ndarray, " points"]
     n_obj = len(attempt.rows)
     goal = Goal(weights=attempt.weights[0], rows=attempt.rows, upper=attempt.rows @ program.evaluate(x[i])[0])
     guess = guess_optimum(program, x[i], goal)
-    optimum = None if guess is None else correct(program, guess, goal)
-    if optimum is None:
+    corrected = None if guess is None else correct(program, guess, goal)
+    if corrected is None:
         return
-    point: Point = optimum.x
+    point: Point = corrected[0].x
     no_worse = _no_worse(program, x[i : i + 1], evaluate_points(program, point[None]), n_obj)[0]
     if no_worse and _is_critical(program, point, n_obj, OPTIONS.flat, criticality_at):
         x[i], converged[i] = point, True

@@ -15,6 +15,7 @@ from paretoik.errors import Infeasible, SolverFailed
 from paretoik.nlp.minimise import minimise
 from paretoik.nlp.program import (
     CONVERGED,
+    FEASIBLE,
     NO_PROGRESS,
     InteriorPointOptions,
     Program,
@@ -104,7 +105,7 @@ class WarmStartOptions:
         InteriorPointOptions(barrier=1e-6, radius=0.02),
         InteriorPointOptions(barrier=1e-3, radius=0.02),
     )
-    violation: float = 1e-8
+    violation: float = FEASIBLE
     rounding: float = 1e-7
 
 
@@ -124,11 +125,6 @@ def evaluate_points(program: Program, x: Points) -> Solutions:
         status=np.full(len(x), NO_PROGRESS),
         iterations=np.zeros(len(x), dtype=int),
     )
-
-
-def feasible_points(program: Program, x: Points | None) -> Float[np.ndarray, " feasible *point"] | None:
-    """Return the points that satisfy all limits; None without points."""
-    return None if x is None else np.asarray(x[evaluate_points(program, x).violation <= WARM_OPTIONS.violation])
 
 
 def minimise_from(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from itertools import pairwise, product
 from typing import Literal, NamedTuple, TypeAlias
 
@@ -105,43 +104,6 @@ class Level(NamedTuple):
         return self.x.tobytes(), self.main, self.upper.tobytes(), self.barrier
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class LevelSolver:
-    """Minimises levels of a program; ``ahead``: results that workers computed earlier."""
-
-    program: Program
-    n_obj: int
-    solver: Solver
-    ahead: dict[Key, Solutions] = field(default_factory=dict)
-
-    def solve(self, levels: Sequence[Level], observe: Observe | None = None) -> Solutions:
-        """Return the solutions of levels, computed earlier or now; ``observe`` gets the progress."""
-        missing = [level for level in levels if level.key not in self.ahead]
-        solutions = self.ahead | (self._minimise(missing, observe) if missing else {})
-        if observe is not None and not missing:
-            observe(len(levels), len(levels))
-        return concatenate([solutions[level.key] for level in levels])
-
-    def look_ahead(self, levels: Sequence[Level]) -> None:
-        """Minimise levels that are likely to come, in workers (if any), once the first level is due."""
-        missing = {level.key: level for level in levels if level.key not in self.ahead}
-        if workers() > 1 and len(missing) > 1 and levels[0].key in missing:
-            self.ahead.update(self._minimise(list(missing.values()), None))
-
-    def _minimise(self, levels: Sequence[Level], observe: Observe | None) -> dict[Key, Solutions]:
-        solutions = minimise_weighted(
-            self.program,
-            np.stack([level.x for level in levels]),
-            main_weights(self.n_obj, np.array([level.main for level in levels]), OPTIONS.weight),
-            np.stack([level.upper for level in levels]),
-            [level.barrier for level in levels],
-            solver=self.solver,
-            batch=OPTIONS.batch,
-            observe=observe,
-        )
-        return {level.key: solutions[i : i + 1] for i, level in enumerate(levels)}
-
-
 # The sweep: its points and its progress.
 
 
@@ -189,6 +151,7 @@ class Sweep:
     cold_points: number of points still to be searched from cold starts
     further: estimated number of points that will replace others
     rounds: expected number of rounds of basin exchange
+    ahead: solutions of levels that workers minimised earlier
     tried: for two neighbours (rows), the objectives that were minimised between them without a new point
     gaps: for two neighbours (rows), the gap between them
     """
@@ -208,11 +171,12 @@ class Sweep:
     further: float = 0
     rounds: int = 0
     solved: int = 0
+    ahead: dict[Key, Solutions] = field(default_factory=dict)
     tried: dict[tuple[int, int], list[int]] = field(default_factory=dict)
     gaps: dict[tuple[int, int], Gap] = field(default_factory=dict)
 
     def add(self, solutions: Solutions, weights: Float[np.ndarray, "#points n_obj"] | None = None) -> None:
-        """Add points, on the front or not; ``weights``: weights of their objectives, if known."""
+        """Add points, on the front or not; ``weights``: their objectives' in the Lagrangian, if known."""
         weights = np.full((1, self.n_obj), np.nan) if weights is None else weights
         self.weights = np.concatenate([self.weights, np.broadcast_to(weights, (len(solutions), self.n_obj))])
         self.x = np.concatenate([self.x, solutions.x])
@@ -237,22 +201,16 @@ class Sweep:
     def _values(self) -> Float[np.ndarray, "points n_obj"]:
         return self.objectives[:, : self.n_obj]
 
-    def _ahead(self, count: int) -> float | None:
-        """Return the estimated number of remaining levels if the front has ``count`` points."""
-        if self.cold_points > 0:
-            return None
-        each = self.solved / max(count - self.n_obj, 1)  # levels do not find the ends
-        exchange = self.rounds * OPTIONS.neighbours * self.points
-        return max(each, 1.0) * (max(self.points - count, 0) + self.further) + exchange
-
     def _show(self, done: int = 0, total: int = 0) -> None:
         """Show the progress, with ``done`` of the ``total`` levels that are minimised now."""
         if self.observe is None:
             return
         front, ahead = self.front(), None
-        if (levels := self._ahead(len(front))) is not None:
+        if self.cold_points <= 0:  # the estimated number of remaining levels
+            each = self.solved / max(len(front) - self.n_obj, 1)  # levels do not find the ends
+            exchange = self.rounds * OPTIONS.neighbours * self.points
+            levels = max(each, 1.0) * (max(self.points - len(front), 0) + self.further) + exchange
             ahead = levels + total - done
-        epsilon = None if self.epsilon is None else self.epsilon * self.ranges
         self.observe(
             SweepProgress(
                 done=min(len(front), self.points),
@@ -260,7 +218,7 @@ class Sweep:
                 x=self.x,
                 objectives=self._values * self.ranges,
                 front=front,
-                epsilon=epsilon,
+                epsilon=None if self.epsilon is None else self.epsilon * self.ranges,
                 ranges=self.ranges,
                 solved=self.solved - (total - done),
                 ahead=ahead,
@@ -268,15 +226,34 @@ class Sweep:
             )
         )
 
-    def _solve(self, levels: Sequence[Level]) -> Solutions:
-        """Return the solutions of levels with a common ε."""
+    def solve(self, levels: Sequence[Level]) -> Solutions:
+        """Return the solutions of levels with a common ε, minimised earlier or now."""
         self.epsilon = levels[0].upper
         self.solved += len(levels)
-        return self._level_solver.solve(levels, self._show)
+        missing = [level for level in levels if level.key not in self.ahead]
+        solutions = self.ahead | (self._minimise(missing, self._show) if missing else {})
+        if not missing:
+            self._show(len(levels), len(levels))
+        return concatenate([solutions[level.key] for level in levels])
 
-    @cached_property
-    def _level_solver(self) -> LevelSolver:
-        return LevelSolver(program=self.program, n_obj=self.n_obj, solver=self.solver)
+    def look_ahead(self, levels: Sequence[Level]) -> None:
+        """Minimise levels that are likely to come, in workers (if any), once the first level is due."""
+        missing = {level.key: level for level in levels if level.key not in self.ahead}
+        if workers() > 1 and len(missing) > 1 and levels[0].key in missing:
+            self.ahead.update(self._minimise(list(missing.values()), None))
+
+    def _minimise(self, levels: Sequence[Level], observe: Observe | None) -> dict[Key, Solutions]:
+        solutions = minimise_weighted(
+            self.program,
+            np.stack([level.x for level in levels]),
+            main_weights(self.n_obj, np.array([level.main for level in levels]), OPTIONS.weight),
+            np.stack([level.upper for level in levels]),
+            [level.barrier for level in levels],
+            solver=self.solver,
+            batch=OPTIONS.batch,
+            observe=observe,
+        )
+        return {level.key: solutions[i : i + 1] for i, level in enumerate(levels)}
 
     def place_points(self, cold: ColdSearch, cold_points: int, further: int) -> None:
         """Add points where the front of two objectives gains the most hypervolume, until it has enough.
@@ -296,7 +273,7 @@ class Sweep:
             if not targets:
                 return
             likely = [self._levels(pairs[target.gap], target)[0] for target in targets]
-            self._level_solver.look_ahead(likely if enough else likely[: workers()])
+            self.look_ahead(likely if enough else likely[: workers()])
             for target in targets if enough else targets[:1]:
                 pair = pairs[target.gap]
                 if len(self.tried.get(pair, ())) < self.n_obj:
@@ -319,9 +296,9 @@ class Sweep:
             for (row, other), main in product((pair, pair[::-1]), range(2)):
                 upper = np.where(np.arange(2) == main, np.inf, self._values[row])
                 jumps.append((main, [Level(self.x[other], main, upper, barrier) for barrier in barriers]))
-        self._level_solver.look_ahead([level for _, levels in jumps for level in levels])
+        self.look_ahead([level for _, levels in jumps for level in levels])
         for main, levels in jumps:
-            solutions = concatenate([self._solve([level]) for level in levels])
+            solutions = concatenate([self.solve([level]) for level in levels])
             weights = main_weights(2, np.array([main]), OPTIONS.weight)
             self._add_new(solutions[solutions.converged], weights, levels[0].upper)
 
@@ -347,10 +324,10 @@ class Sweep:
         ends, levels = self._values[list(pair)], self._levels(pair, target)
         main, upper = levels[0].main, levels[0].upper
         weights = main_weights(self.n_obj, np.array([main]), OPTIONS.weight)
-        solutions = self._solve(levels[:1])
+        solutions = self.solve(levels[:1])
         expected, corner = (1 - OPTIONS.falls_short) * np.prod(ends.max(axis=0) - target.values), ends.max(axis=0)
         if gap.contradicts or not self._gain(solutions, corner) >= expected:
-            solutions = concatenate([solutions, self._solve(levels[1:])])
+            solutions = concatenate([solutions, self.solve(levels[1:])])
         solutions = solutions[solutions.converged]
         optima = None if cold is None else cold.optima_below(self.program, main, upper, OPTIONS.weight)
         if optima is not None:
@@ -362,7 +339,10 @@ class Sweep:
         """Return the levels to a target across a gap's longer untried side, nearer end first."""
         ends, mains = self._values[list(pair)], self.tried.get(pair, ())
         main = next(k for k in np.argsort(np.abs(ends[0] - ends[1]), kind="stable").tolist() if k not in mains)
-        upper = np.where(np.arange(self.n_obj) == main, np.inf, _on_grid(target.values, ends))
+        # on an even grid, so that rounding of tangents moves no point
+        low, width = ends.min(axis=0), np.ptp(ends, axis=0)
+        share = np.clip(np.round((target.values - low) / width * OPTIONS.grid), 1, OPTIONS.grid - 1) / OPTIONS.grid
+        upper = np.where(np.arange(self.n_obj) == main, np.inf, low + share * width)
         nearer = np.argsort(np.abs(ends - target.values)[:, 1 - main], kind="stable").tolist()
         return [Level(self.x[pair[i]], main, upper) for i in nearer]
 
@@ -385,12 +365,12 @@ class Sweep:
 
     def fill_gaps(self) -> None:
         """Add points in the widest gaps of the front, until it has enough."""
-        fill_gaps(lambda: self._values[self.front()], self._minimise_below, self.points, self._look_below)
 
-    def _look_below(self, bounds: Sequence[tuple[int, Float[np.ndarray, " n_obj"]]]) -> None:
-        """Minimise the first of the next bounds in workers ahead, as many as there are workers for."""
-        first = bounds[: max(workers() // OPTIONS.nearest, 1)]
-        self._level_solver.look_ahead([level for main, upper in first for level in self._levels_below(main, upper)])
+        def look_ahead(bounds: Sequence[tuple[int, Float[np.ndarray, " n_obj"]]]) -> None:
+            first = bounds[: max(workers() // OPTIONS.nearest, 1)]  # as many as there are workers for
+            self.look_ahead([level for main, upper in first for level in self._levels_below(main, upper)])
+
+        fill_gaps(lambda: self._values[self.front()], self._minimise_below, self.points, look_ahead)
 
     def _levels_below(self, main: int, upper: Float[np.ndarray, " n_obj"]) -> list[Level]:
         """Return the levels that minimise ``main`` below ``upper`` from the nearest points."""
@@ -401,7 +381,7 @@ class Sweep:
     def _minimise_below(self, main: int, upper: Float[np.ndarray, " n_obj"]) -> bool:
         """Minimise ``main`` below ``upper`` from the nearest points; return whether the best is new."""
         weights = main_weights(self.n_obj, np.array([main]), OPTIONS.weight)
-        solutions = self._solve(self._levels_below(main, upper))
+        solutions = self.solve(self._levels_below(main, upper))
         best = int(np.argmin(np.where(solutions.converged, solutions.objectives[:, main], np.inf)))
         if not solutions.converged[best] or is_duplicate(solutions.objectives[best], self.objectives):
             return False
@@ -419,7 +399,12 @@ class Sweep:
         options, self.phase = OPTIONS.warm._replace(iterations=OPTIONS.basin_iterations), "basin exchange"
         tried = np.zeros((0, 2), dtype=int)
         for _ in range(OPTIONS.rounds):
-            pairs = self._neighbours()
+            # every point of the spread with each of its nearest neighbours in it
+            rows = self.spread()
+            distances = np.linalg.norm(self._values[rows][:, None] - self._values[rows], axis=2)
+            np.fill_diagonal(distances, np.inf)
+            near = np.argsort(distances, axis=1)[:, : min(OPTIONS.neighbours, len(rows) - 1)]
+            pairs = np.stack([np.repeat(rows, near.shape[1]), rows[near.ravel()]], axis=1)
             pairs = pairs[~(pairs[:, None] == tried).all(axis=2).any(axis=1)]
             if not len(pairs):
                 return
@@ -442,19 +427,3 @@ class Sweep:
             if not better.any():
                 return
             self.add(solutions[better], self._lagrangian(solutions[better], np.ones((1, self.n_obj))))
-
-    def _neighbours(self) -> Int[np.ndarray, "pairs 2"]:
-        """Return pairs of rows: every point of the spread with each of its nearest neighbours in it."""
-        rows = self.spread()
-        values = self._values[rows]
-        distances = np.linalg.norm(values[:, None] - values, axis=2)
-        np.fill_diagonal(distances, np.inf)
-        near = np.argsort(distances, axis=1)[:, : min(OPTIONS.neighbours, len(rows) - 1)]
-        return np.stack([np.repeat(rows, near.shape[1]), rows[near.ravel()]], axis=1)
-
-
-def _on_grid(values: Float[np.ndarray, " 2"], ends: Float[np.ndarray, "2 2"]) -> Float[np.ndarray, " 2"]:
-    """Return values between two ends, moved to an even grid, so that rounding of tangents moves no point."""
-    low, width = ends.min(axis=0), np.ptp(ends, axis=0)
-    share = np.clip(np.round((values - low) / width * OPTIONS.grid), 1, OPTIONS.grid - 1) / OPTIONS.grid
-    return np.asarray(low + share * width)

@@ -23,6 +23,7 @@ from paretoik.errors import InvalidInput, warn_user
 from paretoik.inputs import cause_of
 from paretoik.runs.journal import Values, recalled, remembered
 from paretoik.runs.user_code import is_library_module
+from paretoik.stop_flag import check_interruption
 
 # Messages to workers, as bytes: objects of libraries go by name, code of users by its content.
 
@@ -216,6 +217,22 @@ def distribute_remembered(
     for i, values in distribute(function, shared, [items[place] for place in remaining]):
         place = remaining[i]
         yield place, values if isinstance(values, Lost) else remembered(keys[place], partial(_itself, values))
+
+
+def compute_each(
+    function: Function, shared: Any, items: Sequence[Any], keys: Sequence[bytes | None]
+) -> Iterator[tuple[int, Values | Lost]]:
+    """Yield as ``distribute_remembered`` does; without workers, or for one item, computed here one after the other.
+
+    Raises Interrupted after a signal.
+    """
+    check_interruption()
+    if len(items) > 1 and workers() > 1:
+        yield from distribute_remembered(function, shared, items, keys)
+        return
+    for place, (item, key) in enumerate(zip(items, keys, strict=True)):
+        check_interruption()
+        yield place, remembered(key, partial(function, shared, item))
 
 
 def _itself(values: Values) -> Values:

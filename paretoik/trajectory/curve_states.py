@@ -6,24 +6,17 @@ terms that are proportional to the spline's distance from the path.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from paretoik.autodiff.differentiation import gradient, tangents
-from paretoik.autodiff.evaluator import Evaluator
 from paretoik.autodiff.tape import Expression, Tape, as_entry
 from paretoik.robot.arm import Arm
 from paretoik.robot.kinematics import joint_scales
-from paretoik.task.joint_curve import (
-    normal_evaluator,
-    rate_evaluator,
-    scaled_jacobian,
-    target_rates,
-    trace_path,
-)
+from paretoik.task.joint_curve import normal_evaluator, rate_evaluator, scaled_jacobian, target_rates, trace_path
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import ON_PATH_TOLERANCE, OPTIONS, error_evaluator, path_evaluator, row_scales
 from paretoik.task.task import Task
@@ -38,9 +31,9 @@ def curve_arrays(task: MotionTask) -> Curve:
         errors=error_evaluator(arm, tasks).arrays,
         normals=normal_evaluator(arm, tasks).arrays,
         rates=rate_evaluator(arm, tasks).arrays,
-        slopes=_slopes(arm, tasks).arrays,
-        turns=_turns(arm, tasks).arrays,
-        twists=_twists(arm, tasks).arrays,
+        slopes=path_evaluator("slopes", arm, tasks, lambda: _trace_gradients(arm, tasks)).arrays,
+        turns=path_evaluator("turns", arm, tasks, lambda: _trace_slopes(arm, tasks, transposed=True)).arrays,
+        twists=path_evaluator("twists", arm, tasks, lambda: _trace_slopes(arm, tasks, transposed=False)).arrays,
         targets=targets,
         inputs=inputs,
         row_scales=row_scales(arm, tasks),
@@ -66,51 +59,27 @@ def instant_targets(task: MotionTask) -> tuple[np.ndarray, ...]:
     return targets
 
 
-def _slopes(arm: Arm, tasks: Sequence[Task]) -> Evaluator:
-    """Return the evaluator of J, B = ∂ġ/∂q and C = ∂g̈/∂q, as ``rate_evaluator``."""
-
-    def build() -> tuple[Tape, list[int]]:
-        tape, (q, *_), parts = trace_path(arm, tasks)
-        return tape, [entry for part in parts for each in part for entry in gradient(tape, each, q)]
-
-    return path_evaluator("slopes", arm, tasks, build)
+def _trace_gradients(arm: Arm, tasks: Sequence[Task]) -> tuple[Tape, list[int]]:
+    """Return the tape of J, B = ∂ġ/∂q and C = ∂g̈/∂q, as ``rate_evaluator``."""
+    tape, (q, *_), parts = trace_path(arm, tasks)
+    return tape, [entry for part in parts for each in part for entry in gradient(tape, each, q)]
 
 
-def _turns(arm: Arm, tasks: Sequence[Task]) -> Evaluator:
-    """Return the evaluator of the slopes of Jᵀ λ and its first and second derivatives by s.
+def _trace_slopes(arm: Arm, tasks: Sequence[Task], *, transposed: bool) -> tuple[Tape, list[int]]:
+    """Return the tape of slopes by s of J ρ, or of Jᵀ λ, and of its first and second derivatives.
 
-    Its inputs are s, ṡ and s̈, then λ, λ̇ and λ̈.
+    Its inputs are s, ṡ and s̈, then ρ, ρ̇ and ρ̈, or λ, λ̇ and λ̈.
     """
-
-    def sums(jacobian: list[Any], factors: list[Any]) -> list[Any]:
-        return [sum((m * jacobian[i * arm.dof + j] for i, m in enumerate(factors)), 0.0) for j in range(arm.dof)]
-
-    rows = sum(task.rows for task in tasks)
-    return path_evaluator("turns", arm, tasks, lambda: _trace_slopes(arm, tasks, rows, sums))
-
-
-def _twists(arm: Arm, tasks: Sequence[Task]) -> Evaluator:
-    """Return the evaluator of the slopes of J ρ and its first and second derivatives by s.
-
-    Its inputs are s, ṡ and s̈, then ρ, ρ̇ and ρ̈.
-    """
-
-    def sums(jacobian: list[Any], factors: list[Any]) -> list[Any]:
-        rows = range(0, len(jacobian), arm.dof)
-        return [sum((m * jacobian[i + j] for j, m in enumerate(factors)), 0.0) for i in rows]
-
-    return path_evaluator("twists", arm, tasks, lambda: _trace_slopes(arm, tasks, arm.dof, sums))
-
-
-def _trace_slopes(
-    arm: Arm, tasks: Sequence[Task], count: int, sums: Callable[[list[Any], list[Any]], list[Any]]
-) -> tuple[Tape, list[int]]:
-    """Return slopes by s of sums of J with ``count`` factors, and of their first and second derivatives."""
     tape, n = Tape(), arm.dof
+    count = sum(task.rows for task in tasks) if transposed else n
     s, ds, dds = ([tape.input() for _ in range(n)] for _ in range(3))
     factors, first, second = ([tape.input() for _ in range(count)] for _ in range(3))
     jacobian: list[Any] = [Expression(tape, i) for i in scaled_jacobian(tape, arm, tasks, s)]
-    values = [as_entry(tape, each) for each in sums(jacobian, factors)]
+    rows = (
+        [jacobian[j::n] for j in range(n)] if transposed else [jacobian[i : i + n] for i in range(0, len(jacobian), n)]
+    )
+    products = (sum((m * each for m, each in zip(factors, row, strict=True)), 0.0) for row in rows)
+    values = [as_entry(tape, product) for product in products]
     entries = [[value.index for value in part] for part in ([*s, *factors], [*ds, *first], [*dds, *second])]
     moving = dict(zip(entries[0], entries[1], strict=True))
     rates = tangents(tape, values, moving)

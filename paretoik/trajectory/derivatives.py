@@ -82,8 +82,50 @@ class MotionLinearisation:
         multipliers: Float[np.ndarray, " inequalities"],
         cone_multipliers: tuple[np.ndarray, ...] = (),
     ) -> sparse.csr_array:
-        """Return the Hessian (columns, columns) of the Lagrangian, with the path's curvature."""
-        return _lagrangian_hessian(self, weights, multipliers, cone_multipliers)
+        """Return the Hessian (columns, columns) of weights · F + ν · h − multipliers · c − cone_multipliers · cones.
+
+        The path's multipliers ν make the gradient in the row space of its Jacobian 0. For a spline, h includes the
+        equations of its instants with their first and second derivatives.
+        """
+        p, curve, path_jacobian = self.program, self.values.curve, self.path_jacobian
+        _, variables, instants = self.function_gradients.shape
+        orders, n = p.stencil.orders, p.task.arm.dof
+        by_limit, by_part = _part_multipliers(p, weights, multipliers, cone_multipliers)
+        factors, by_variable = _function_weights(p, weights, by_limit, self.function_gradients.shape)
+        by_variable += np.einsum("fs,fvs->vs", factors, self.function_gradients)
+        gradient = by_variable[: p.states].reshape(orders, n, instants).swapaxes(1, 2).ravel()
+        u = p.whole_inputs(self.values.inputs)
+        for each, part in zip(p.whole_functions, by_part, strict=True):
+            gradient = gradient + (each.jacobian(u).T @ part)[: len(gradient)]
+        by_curve = np.ascontiguousarray(gradient.reshape(orders, instants, n).swapaxes(1, 2)).reshape(-1, instants)
+        by_spline = np.empty_like(by_curve)
+        chain_gradient(curve, np.concatenate([by_curve, by_variable[p.states : p.rates]]), by_spline)
+        shares = np.einsum("oik,oji->ikj", p.stencil.coefficients, by_spline.reshape(orders, n, instants))
+        by_position = np.zeros((len(path_jacobian), n))
+        np.add.at(by_position, p.stencil.neighbours, shares)
+        right = -np.einsum("trj,tj->tr", path_jacobian, by_position)
+        square = path_jacobian @ np.swapaxes(path_jacobian, -1, -2)
+        inputs, (first, last) = self.values.inputs.copy(), p.evaluators.multipliers[:2]
+        at_samples = self.sample_inputs.copy()
+        at_samples[first : first + p.task.rows] = np.linalg.solve(square, right[..., None])[..., 0].T
+        by_sample = p.evaluators.path_hessian(at_samples).reshape(n, n, -1).transpose(2, 0, 1)
+        if p.task.differences == "spline":
+            curve_multipliers(curve_arrays(p.task), curve, by_curve, inputs[first + p.task.rows : last])
+        inputs[last:] = factors
+        hessian = self.basis.T @ (_by_variables(p, p.evaluators.hessian(inputs), variables, instants) @ self.basis)
+        hessian = hessian + self.samples.T @ (_block_diagonal(by_sample) @ self.samples)
+        if p.task.differences == "spline":
+            twist = np.zeros((instants, p.states, p.states))
+            for i in range(instants):
+                add_twist(curve, i, twist[i])
+            hessian = hessian + self.spline.T @ (_block_diagonal(twist) @ self.spline)
+        if p.whole_functions:
+            unknowns = p.stencil.unknowns
+            directions = _whole_basis(p, self.basis)[:, :unknowns]
+            for each, part in zip(p.whole_functions, by_part, strict=True):
+                dense = each.hessian_along(u, directions, part)
+                hessian = hessian + sparse.csr_array(np.pad(dense, (0, self.basis.shape[1] - unknowns)))
+        return sparse.csr_array(hessian)
 
     def displacement(self, step: Float[np.ndarray, " columns"]) -> Float[np.ndarray, "time dof"]:
         """Return the first-order change of positions with a step."""
@@ -151,8 +193,8 @@ def linearise(program: MotionTerms, q: Float[np.ndarray, "time dof"]) -> MotionL
     function_gradients = np.zeros((functions, len(program.variables), instants))
     function_gradients[sparsity.rows, sparsity.columns] = slopes[functions:]
     wholes = sum(each.epigraph_columns for each in program.whole_functions)
-    basis, spline, columns = _basis(program, values.curve.chain, normal, wholes)
-    gradients, ties, tie_rows, cones = _whole_functions(program, values, basis, columns)
+    basis, spline, by_samples = _basis(program, values.curve.chain, normal, wholes)
+    gradients, ties, tie_rows, cones = _whole_functions(program, values, basis)
     for k, total in enumerate(program.totals):
         if total.kind == "sum":
             gradients[k] = basis.T @ (function_gradients[total.index] * task.weights).ravel()
@@ -166,7 +208,7 @@ def linearise(program: MotionTerms, q: Float[np.ndarray, "time dof"]) -> MotionL
         path_jacobian=path_jacobian,
         basis=basis,
         spline=spline,
-        samples=_sample_basis(program, normal, columns),
+        samples=by_samples,
         function_gradients=function_gradients,
         sample_inputs=inputs,
         gradients=gradients,
@@ -178,8 +220,8 @@ def linearise(program: MotionTerms, q: Float[np.ndarray, "time dof"]) -> MotionL
 
 def _basis(
     program: MotionTerms, chain: np.ndarray, normal: np.ndarray, wholes: int
-) -> tuple[sparse.csr_array, sparse.csr_array, int]:
-    """Return derivatives of variables (variables · instants) and the spline's state by columns, and their number."""
+) -> tuple[sparse.csr_array, sparse.csr_array, sparse.csr_array]:
+    """Return the derivatives of variables (variables · instants), the spline's state and q (dof · time) by columns."""
     stencil, instants, r = program.stencil, len(program.task.instants), normal.shape[2]
     columns = stencil.unknowns + program.slacks * instants + program.peaks + wholes
     begin = stencil.first_unknown[stencil.neighbours]
@@ -199,24 +241,20 @@ def _basis(
     column = stencil.unknowns + np.concatenate([np.arange(slacks), slacks + peaks // instants])
     ones = (np.ones(len(column)), (np.arange(len(column)), column))
     parts.append(sparse.coo_array(ones, shape=(len(column), columns)))
-    return sparse.csr_array(sparse.vstack(parts)), sparse.csr_array(spline), columns
-
-
-def _sample_basis(program: MotionTerms, normal: np.ndarray, columns: int) -> sparse.csr_array:
-    """Return the derivatives of q (dof · time) by the columns."""
-    samples, n, r = normal.shape
-    begin = program.stencil.first_unknown
-    entries = np.where((begin >= 0)[:, None, None], normal, 0.0).transpose(1, 0, 2)
+    # of q: those of every sample by its own unknowns
+    (samples, n, _), first = normal.shape, stencil.first_unknown
+    entries = np.where((first >= 0)[:, None, None], normal, 0.0).transpose(1, 0, 2)
     rows = np.broadcast_to(np.arange(n * samples).reshape(n, samples, 1), entries.shape)
-    places = np.broadcast_to(np.maximum(begin, 0)[:, None] + np.arange(r), entries.shape)
-    shape = (n * samples, columns)
-    return sparse.coo_array((entries.ravel(), (rows.ravel(), places.ravel())), shape=shape).tocsr()
+    places = np.broadcast_to(np.maximum(first, 0)[:, None] + np.arange(r), entries.shape)
+    by_sample = sparse.coo_array((entries.ravel(), (rows.ravel(), places.ravel())), shape=(n * samples, columns))
+    return sparse.csr_array(sparse.vstack(parts)), sparse.csr_array(spline), by_sample.tocsr()
 
 
 def _whole_functions(
-    program: MotionTerms, values: MotionValues, basis: sparse.csr_array, columns: int
+    program: MotionTerms, values: MotionValues, basis: sparse.csr_array
 ) -> tuple[np.ndarray, list[np.ndarray], list[sparse.csr_array], list[Cone]]:
     """Return the parts of objective gradients from wholes, and the ties, their rows and the cones of wholes."""
+    columns = basis.shape[1]
     gradients = np.zeros((len(program.totals), columns))
     ties, tie_rows, cones = list[np.ndarray](), list[sparse.csr_array](), list[Cone]()
     if not program.whole_functions:
@@ -239,16 +277,13 @@ def _whole_functions(
                 continue
             gradients[k, column] = 1.0
             ties.append(parts[group].max() - parts[group])
-            tie_rows.append(_epigraph_rows(rows[group], column))
+            part = rows[group]  # a new last column minus the rows
+            entries = np.insert(-part.data, part.indptr[1:], 1.0)
+            indices = np.insert(part.indices, part.indptr[1:], column)
+            indptr = part.indptr + np.arange(len(part.indptr))
+            tie_rows.append(sparse.csr_array((entries, indices, indptr), shape=part.shape))
             column += 1
     return gradients, ties, tie_rows, cones
-
-
-def _epigraph_rows(rows: sparse.csr_array, column: int) -> sparse.csr_array:
-    """Return a new last column minus the rows."""
-    ends = rows.indptr[1:]
-    entries, indices = np.insert(-rows.data, ends, 1.0), np.insert(rows.indices, ends, column)
-    return sparse.csr_array((entries, indices, rows.indptr + np.arange(len(rows.indptr))), shape=rows.shape)
 
 
 def _limit_rows(program: MotionTerms, function_gradients: np.ndarray, basis: sparse.csr_array) -> sparse.csr_array:
@@ -267,53 +302,6 @@ def _limit_rows(program: MotionTerms, function_gradients: np.ndarray, basis: spa
     columns = np.concatenate([which[simple] * instants + at[simple], v * instants + at[i[k]]])
     by_variables = sparse.coo_array((entries, (rows, columns)), shape=(len(which), variables * instants))
     return structural_product(by_variables.tocsr(), basis)
-
-
-def _lagrangian_hessian(
-    at: MotionLinearisation, weights: np.ndarray, multipliers: np.ndarray, cone_multipliers: tuple[np.ndarray, ...]
-) -> sparse.csr_array:
-    """Return the Hessian (columns, columns) of weights · F + ν · h − multipliers · c − cone_multipliers · cones.
-
-    The path's multipliers ν make the gradient in the row space of its Jacobian 0. For a spline, h includes the
-    equations of its instants with their first and second derivatives.
-    """
-    p, curve, path_jacobian = at.program, at.values.curve, at.path_jacobian
-    _functions, variables, instants = at.function_gradients.shape
-    orders, n = p.stencil.orders, p.task.arm.dof
-    by_limit, by_part = _part_multipliers(p, weights, multipliers, cone_multipliers)
-    factors, by_variable = _function_weights(p, weights, by_limit, at.function_gradients.shape)
-    by_variable += np.einsum("fs,fvs->vs", factors, at.function_gradients)
-    gradient = by_variable[: p.states].reshape(orders, n, instants).swapaxes(1, 2).ravel()
-    u = p.whole_inputs(at.values.inputs)
-    for each, part in zip(p.whole_functions, by_part, strict=True):
-        gradient = gradient + (each.jacobian(u).T @ part)[: len(gradient)]
-    by_curve = np.ascontiguousarray(gradient.reshape(orders, instants, n).swapaxes(1, 2)).reshape(-1, instants)
-    by_spline = np.empty_like(by_curve)
-    chain_gradient(curve, np.concatenate([by_curve, by_variable[p.states : p.rates]]), by_spline)
-    by_position = _by_positions(p, by_spline.reshape(orders, n, instants), len(path_jacobian))
-    right = -np.einsum("trj,tj->tr", path_jacobian, by_position)
-    square = path_jacobian @ np.swapaxes(path_jacobian, -1, -2)
-    inputs, (first, last) = at.values.inputs.copy(), p.evaluators.multipliers[:2]
-    at_samples = at.sample_inputs.copy()
-    at_samples[first : first + p.task.rows] = np.linalg.solve(square, right[..., None])[..., 0].T
-    by_sample = p.evaluators.path_hessian(at_samples).reshape(n, n, -1).transpose(2, 0, 1)
-    if p.task.differences == "spline":
-        curve_multipliers(curve_arrays(p.task), curve, by_curve, inputs[first + p.task.rows : last])
-    inputs[last:] = factors
-    hessian = at.basis.T @ (_by_variables(p, p.evaluators.hessian(inputs), variables, instants) @ at.basis)
-    hessian = hessian + at.samples.T @ (_block_diagonal(by_sample) @ at.samples)
-    if p.task.differences == "spline":
-        twist = np.zeros((instants, p.states, p.states))
-        for i in range(instants):
-            add_twist(curve, i, twist[i])
-        hessian = hessian + at.spline.T @ (_block_diagonal(twist) @ at.spline)
-    if p.whole_functions:
-        unknowns = p.stencil.unknowns
-        directions = _whole_basis(p, at.basis)[:, :unknowns]
-        for each, part in zip(p.whole_functions, by_part, strict=True):
-            dense = each.hessian_along(u, directions, part)
-            hessian = hessian + sparse.csr_array(np.pad(dense, (0, at.basis.shape[1] - unknowns)))
-    return sparse.csr_array(hessian)
 
 
 def _whole_basis(program: MotionTerms, basis: sparse.csr_array) -> sparse.csr_array:
@@ -364,16 +352,6 @@ def _function_weights(
     np.add.at(factors, (program.sums + which[rows] - variables, at[rows]), -program.sides[rows] * by_limit[rows])
     np.add.at(by_variable, (which[~rows], at[~rows]), -program.sides[~rows] * by_limit[~rows])
     return factors, by_variable
-
-
-def _by_positions(
-    program: MotionTerms, by_u: Float[np.ndarray, "orders dof instants"], samples: int
-) -> Float[np.ndarray, "time dof"]:
-    """Return a gradient by positions of the samples, from one by positions and rates of all instants."""
-    shares = np.einsum("oik,oji->ikj", program.stencil.coefficients, by_u)
-    gradient = np.zeros((samples, by_u.shape[1]))
-    np.add.at(gradient, program.stencil.neighbours, shares)
-    return gradient
 
 
 def _by_variables(

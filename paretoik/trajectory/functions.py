@@ -6,6 +6,7 @@ whole motion.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any, Literal
@@ -33,10 +34,9 @@ from paretoik.task.traced_motion import (
     trace_sample_function,
 )
 
-# Functions that relate samples of a motion to one another, with dense derivatives
-#
-# This function is a sum of maxima over groups of numbers, or a factor times the length of a vector. The numbers, its
-# ``parts``, are smooth. Derivatives are taken by all positions and rates of all samples, second ones along directions.
+# Functions that relate samples of a motion to one another: sums of maxima over groups of numbers, or a factor times the
+# length of a vector. The numbers, their ``parts``, are smooth. Derivatives are taken by all positions and rates of all
+# samples, second ones along directions.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -147,9 +147,6 @@ def _groups(tape: Tape, entry: int) -> list[list[int]]:
 # Objectives and limits of a task as expressions.
 
 
-LOADS = ("torque", "power")
-
-
 @dataclass(frozen=True, kw_only=True)
 class Total:
     """A number of a whole motion, at most ``upper``; ``index`` is its place among those of its kind."""
@@ -167,7 +164,7 @@ class Functions:
     motion: instant of the motion's curve
     spline: instant of its spline, for integrals with kinks
     sums: entries that are integrated
-    rows: entries by name, between ``bounds`` (time, 2); violations are shares of ``ranges`` (time,)
+    rows: entries by name; ``bounds`` (time, 3): lower and upper bound, and the range that violations are shares of
     epigraph_variables: epigraph variable σ of each peak, the largest piece at any sample
     epigraph_rows: entries σ − piece ≥ 0
     epigraph_peaks: peak of each of these entries
@@ -184,7 +181,6 @@ class Functions:
     names: list[str] = field(default_factory=list)
     rows: list[int] = field(default_factory=list)
     bounds: list[np.ndarray] = field(default_factory=list)
-    ranges: list[np.ndarray] = field(default_factory=list)
     epigraph_variables: list[int] = field(default_factory=list)
     epigraph_rows: list[int] = field(default_factory=list)
     epigraph_peaks: list[int] = field(default_factory=list)
@@ -195,6 +191,12 @@ class Functions:
         """Entries of the distances to obstacles, pieces that meet without a kink."""
         tape, obstacles = self.motion.trace.tape, self.task.obstacles
         return dependencies(tape, [as_entry(tape, self.motion.clearance.entries)] if obstacles else [])
+
+
+def function_names(totals: Sequence[Total], rows: Sequence[str], peaks: Iterable[int]) -> list[str]:
+    """Return the names of an instant's functions: sums, rows, then the peak of each epigraph row (``peaks``)."""
+    by_peak = [total.name for total in totals if total.kind == "peak"]
+    return [*(total.name for total in totals if total.kind == "sum"), *rows, *(by_peak[i] for i in peaks)]
 
 
 def trace_functions(task: MotionTask, shares: np.ndarray) -> Functions:
@@ -210,9 +212,7 @@ def trace_functions(task: MotionTask, shares: np.ndarray) -> Functions:
     _add_limits(functions)
     for constraint in task.constraints:
         label = f"constraint {constraint.name}"
-        value = (
-            trace_sample_function(functions.motion, label, constraint.function) if constraint.form == "peak" else None
-        )
+        value = trace_sample_function(motion, label, constraint.function) if constraint.form == "peak" else None
         if value is not None:
             bounds = np.array([constraint.lower, constraint.upper])
             _add_row(functions, constraint.name, value, bounds, np.array(constraint.scale))
@@ -263,37 +263,24 @@ def _whole(task: MotionTask, label: str, term: Objective | Constraint, factor: f
 
 
 def _add_limits(functions: Functions) -> None:
-    """Add all limits except those on positions and rates."""
-    task = functions.task
-    if task.differences == "spline" and "velocity" in task.bounds:
-        _add_inner_velocities(functions)
-    _add_loads(functions)
-    if task.obstacles:
-        bounds, ranges = np.array([task.min_clearance, np.inf]), np.array(task.clearance_range)
-        _add_row(functions, "clearance", functions.motion.clearance.entries, bounds, ranges)
-
-
-def _add_loads(functions: Functions) -> None:
+    """Add all limits except those on positions, and on rates at samples."""
     motion, task = functions.motion, functions.task
-    for kind in LOADS:
-        if kind not in task.bounds:
-            continue
-        limits, values = task.bounds_at(kind, task.instants), getattr(motion, LIMITED[kind]).entries
+    inner = ["velocity"] if task.differences == "spline" and "velocity" in task.bounds else []
+    for kind in (*inner, *(load for load in ("torque", "power") if load in task.bounds)):
+        limits = task.bounds_at(kind, task.instants)
+        if kind == "velocity":  # of Bernstein coefficients between samples; see ``Motion.velocity_bounds``
+            bounds, limits = limits, np.tile([-np.inf, np.inf], (len(task.instants), task.arm.dof, 1))
+            limits[:-1:2] = np.broadcast_to(bounds, limits.shape)[1::2]
+            values = motion.velocity_bounds.entries
+        else:
+            values = getattr(motion, LIMITED[kind]).entries
         ranges = task.limit_ranges(kind, limits)
         for j, joint in enumerate(task.arm.joint_names):
             if np.isfinite(limits[:, j]).any():
                 _add_row(functions, f"{kind} of {joint}", values[j], limits[:, j], ranges[:, j])
-
-
-def _add_inner_velocities(functions: Functions) -> None:
-    """Add the limits on the Bernstein coefficients of velocities between samples; see ``Motion.velocity_bounds``."""
-    motion, task = functions.motion, functions.task
-    bounds = np.tile([-np.inf, np.inf], (len(task.instants), task.arm.dof, 1))
-    bounds[:-1:2] = np.broadcast_to(task.bounds_at("velocity", task.instants), bounds.shape)[1::2]
-    values, ranges = motion.velocity_bounds.entries, task.limit_ranges("velocity", bounds)
-    for j, joint in enumerate(task.arm.joint_names):
-        if np.isfinite(bounds[:, j]).any():
-            _add_row(functions, f"velocity of {joint}", values[j], bounds[:, j], ranges[:, j])
+    if task.obstacles:
+        clearance = np.array([task.min_clearance, np.inf])
+        _add_row(functions, "clearance", motion.clearance.entries, clearance, np.array(task.clearance_range))
 
 
 def _add_row(functions: Functions, name: str, value: Any, bounds: np.ndarray, ranges: np.ndarray) -> None:
@@ -310,5 +297,4 @@ def _add_row(functions: Functions, name: str, value: Any, bounds: np.ndarray, ra
         if np.isfinite(limits).any():
             functions.names.append(name)
             functions.rows.append(piece)
-            functions.bounds.append(limits)
-            functions.ranges.append(np.broadcast_to(ranges, instants))
+            functions.bounds.append(np.column_stack([limits, np.broadcast_to(ranges, instants)]))

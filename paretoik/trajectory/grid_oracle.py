@@ -11,6 +11,7 @@ Source: Bellman 1957 (dynamic programming); Burdick 1989 (self-motion curves).
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -59,13 +60,13 @@ def lower_bound(task: MotionTask, grid: PostureGrid, terms: Terms, spacing: floa
     pairs, edge = transitions(task, wide)
     counts = [len(sources) for sources, _ in pairs]
     costs = evaluate_at(task, terms.sample_costs, counts, edge)
-    rates = evaluate_at(task, terms.worst(terms.rates), counts, edge)
-    postures = evaluate_at(task, terms.worst(terms.postures), [len(q) for q in grid.nodes], grid.at_rest)
+    rates = evaluate_at(task, terms.rates, counts, edge)
+    postures = evaluate_at(task, terms.postures, [len(q) for q in grid.nodes], grid.at_rest)
     nodes = [_may_satisfy(excess, [_neighbours(ahead)]) for excess, ahead in zip(postures, grid.next_node, strict=True)]
     masks = []
     for i, (sources, ends) in enumerate(pairs[1:], 1):
         around = _neighbouring_transitions(sources, ends, grid.next_node[i - 1], grid.next_node[i])
-        costs[i] -= sum(_interpolation_error(_second_difference(costs[i], pair), around) for pair in around)
+        costs[i] -= sum(_interpolation_error(costs[i], pair, around) for pair in around)
         steps = np.abs(grid.step(grid.nodes[i][ends], grid.nodes[i - 1][sources]))
         near = steps <= grid.windows[i] + OPTIONS.cell * spacing * grid.scales
         masks.append(near.all(axis=1) & nodes[i - 1][sources] & nodes[i][ends] & _may_satisfy(rates[i], around))
@@ -103,22 +104,13 @@ def _neighbouring_transitions(
     ]
 
 
-def _interpolation_error(second_differences: np.ndarray, around: list[Pair]) -> np.ndarray:
+def _interpolation_error(values: np.ndarray, pair: Pair, around: list[Pair]) -> np.ndarray:
     """Return the largest error of interpolation within the cells around, from second differences."""
-    convex = np.maximum(second_differences, 0.0)  # NaN stays NaN
+    after, before = pair
+    second_differences = values[after] + values[before] - 2 * values
+    convex = np.maximum(np.where((after >= 0) & (before >= 0), second_differences, np.nan), 0.0)  # NaN stays NaN
     largest, smallest = _neighbourhood_max(convex, around), -_neighbourhood_max(-convex, around)
     return np.where(largest >= smallest, largest / 8 + 3 / 8 * (largest - smallest), 0.0)
-
-
-def _second_difference(values: np.ndarray, pair: Pair) -> np.ndarray:
-    """Return second differences, NaN if a neighbour is missing."""
-    after, before = pair
-    return np.where((after >= 0) & (before >= 0), values[after] + values[before] - 2 * values, np.nan)
-
-
-def _first_difference(values: np.ndarray, pair: Pair) -> np.ndarray:
-    """Return the largest difference of values from their neighbours."""
-    return np.max([np.where(side >= 0, np.abs(values[side] - values), 0.0) for side in pair], axis=0)
 
 
 def _neighbourhood_max(values: np.ndarray, around: list[Pair]) -> np.ndarray:
@@ -130,8 +122,11 @@ def _neighbourhood_max(values: np.ndarray, around: list[Pair]) -> np.ndarray:
 
 def _may_satisfy(excess: np.ndarray, around: list[Pair]) -> np.ndarray:
     """Return which transitions may satisfy limits within an adjacent cell."""
-    margin = sum(_neighbourhood_max(_first_difference(excess, pair), around) for pair in around)
-    return excess <= LIMIT_TOLERANCE + margin
+    margin: np.ndarray | float = 0.0
+    for pair in around:  # first differences from neighbours
+        differences = [np.where(side >= 0, np.abs(excess[side] - excess), 0.0) for side in pair]
+        margin = margin + _neighbourhood_max(np.max(differences, axis=0), around)
+    return np.asarray(excess <= LIMIT_TOLERANCE + margin)
 
 
 # The grid oracle: all motions over a grid.
@@ -189,9 +184,15 @@ def grid_oracle(
     redundancy is not one, or for other unsupported parts, with ``quick`` also for accelerations and very many postures;
     OutOfReach if the path is out of reach; Infeasible if no path through the grid exists.
     """
-    _check(task, resolution)
-    rng = np.random.default_rng(seed)
-    seeds, pace = postures_along_path(task, rng)
+    if task.redundancy != 1:
+        raise InvalidInput(f"grid_oracle: redundancy must be 1, got {task.redundancy}")
+    if task.differences != "backward" or task.ends_at_rest:
+        wrong = "end_velocity=0" if task.ends_at_rest else f"{task.differences} differences"
+        raise InvalidInput(f"grid_oracle: differences must be backward and the end free, got {wrong}")
+    if resolution is not None and not resolution > 0:
+        raise InvalidInput(f"resolution must be a positive distance in rad, got {resolution}")
+    # the grid: nodes on the curves of postures, and windows of steps
+    seeds, pace = postures_along_path(task, np.random.default_rng(seed))
     terms = build_terms(task, np.stack([q[0] for q in seeds])[None])
     if quick and terms.second:
         raise InvalidInput("grid_oracle: quick=True must have no objectives or limits of accelerations, got some")
@@ -204,9 +205,10 @@ def grid_oracle(
     if quick and count_nodes(task, curves, spacing) > OPTIONS.quick_nodes:
         limit = OPTIONS.quick_nodes
         raise InvalidInput(f"grid_oracle: quick=True must have at most {limit} nodes, got more, {spacing:g} rad apart")
-    while True:
+    while True:  # the best path
         grid = _feasible_grid(level, posture_grid(level, curves, spacing, windows, unrolled), terms)
         layers = (_pair_graph if terms.second else _node_graph)(level, grid, terms)
+        layers = layers.prune([np.isfinite(cost) for cost in layers.costs], layers.start)
         best, states = shortest_path(layers, level.cyclic)
         if not len(states):
             raise _no_path_error(level, layers, spacing)
@@ -220,7 +222,7 @@ def grid_oracle(
     selection = _select_paths(task, level, grid, terms, motions, classes)
     if not terms.second and not np.isclose(selection["values"][0], best, rtol=1e-6, atol=0):
         raise InvalidInput("grid_oracle: objectives and limits must look at the postures and rates of one sample alone")
-    bound = np.nan
+    bound = np.nan  # of all motions
     if not quick and not terms.second:
         every = posture_grid(level, curves, spacing, windows, unrolled, beyond=OPTIONS.margin * spacing)
         bound = lower_bound(level, every, terms, spacing)
@@ -229,21 +231,10 @@ def grid_oracle(
     )
 
 
-def _check(task: MotionTask, resolution: float | None) -> None:
-    if task.redundancy != 1:
-        raise InvalidInput(f"grid_oracle: redundancy must be 1, got {task.redundancy}")
-    if task.differences != "backward" or task.ends_at_rest:
-        wrong = "end_velocity=0" if task.ends_at_rest else f"{task.differences} differences"
-        raise InvalidInput(f"grid_oracle: differences must be backward and the end free, got {wrong}")
-    if resolution is not None and not resolution > 0:
-        raise InvalidInput(f"resolution must be a positive distance in rad, got {resolution}")
-
-
 def _node_graph(task: MotionTask, grid: PostureGrid, terms: Terms) -> LayeredGraph:
     pairs, at = transitions(task, grid)
     counts = [len(sources) for sources, _ in pairs]
-    layers = build_graph(grid, pairs, evaluate_at(task, terms.feasible_costs, counts, at))
-    return layers.prune([np.isfinite(cost) for cost in layers.costs], layers.start)
+    return build_graph(grid, pairs, evaluate_at(task, terms.feasible_costs, counts, at))
 
 
 def _pair_graph(task: MotionTask, grid: PostureGrid, terms: Terms) -> LayeredGraph:
@@ -267,7 +258,7 @@ def _pair_graph(task: MotionTask, grid: PostureGrid, terms: Terms) -> LayeredGra
         return nodes[i][pairs[i][1][ends[pick]]], here, (here - dq[i - 1][sources[pick]]) / steps[i]
 
     costs = evaluate_at(task, terms.feasible_costs, [len(sources) for sources, _ in transitions_of], at)
-    layers = LayeredGraph(
+    return LayeredGraph(
         start=np.zeros(len(dq[0])) if task.cyclic else costs[1],
         offsets=[
             np.searchsorted(transitions_of[i][1], np.arange(len(dq[i]) + 1)) for i in range(1 + first, len(nodes))
@@ -277,7 +268,6 @@ def _pair_graph(task: MotionTask, grid: PostureGrid, terms: Terms) -> LayeredGra
         nodes=[ends for _, ends in pairs[first:]],
         before=None if task.cyclic else pairs[1][0],
     )
-    return layers.prune([np.isfinite(cost) for cost in layers.costs], layers.start)
 
 
 def _join_pairs(ends_before: np.ndarray, begins: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -291,9 +281,9 @@ def _feasible_grid(task: MotionTask, grid: PostureGrid, terms: Terms) -> Posture
     """Return the grid of the nodes that satisfy the limits on postures."""
 
     def satisfies(motion: Motion) -> np.ndarray:
-        satisfied = terms.satisfied(motion, terms.postures)
+        satisfied = np.asarray(terms.postures(motion) <= LIMIT_TOLERANCE)
         if not task.cyclic:
-            satisfied[:, 0] &= terms.satisfied(motion, terms.rates)[:, 0]  # a motion begins at rest
+            satisfied[:, 0] &= (terms.rates(motion) <= LIMIT_TOLERANCE)[:, 0]  # a motion begins at rest
         return satisfied
 
     feasible = [there > 0 for there in evaluate_at(task, satisfies, [len(there) for there in grid.nodes], grid.at_rest)]
@@ -325,9 +315,9 @@ def _select_paths(
             square = np.sum((grid.step(paths[k], paths[indices]) / grid.scales) ** 2, axis=-1)
             distance = np.sqrt(np.mean(square, axis=-1)).min(initial=np.inf)
             chosen = distance > OPTIONS.distinct if far else not is_known
-            q = _resample(task, motions[k]) if len(indices) < classes and chosen else None
-            if q is not None:
-                selected[int(k)] = q
+            if len(indices) < classes and chosen:
+                with suppress(Infeasible):  # leaves the path between its own samples
+                    selected[int(k)] = _resample(task, motions[k])
     order = sorted(selected, key=lambda k: cost[k])
     if not order:
         raise Infeasible(f"every path through the grid of {len(level.times)} samples leaves the path between them")
@@ -340,14 +330,11 @@ def _select_paths(
     }
 
 
-def _resample(task: MotionTask, motion: Motion) -> np.ndarray | None:
-    """Return a motion on all samples, None if it leaves the path between its own."""
+def _resample(task: MotionTask, motion: Motion) -> np.ndarray:
+    """Return a motion on all samples; raise Infeasible if it leaves the path between its own."""
     if len(motion.time) == len(task.times):
         return motion.q
-    try:
-        q = motion.at(task.times)
-    except Infeasible:
-        return None
+    q = motion.at(task.times)
     if task.start is not None:
         q[0] = task.start
     return q

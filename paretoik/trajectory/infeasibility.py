@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -23,7 +23,6 @@ from paretoik.task.motion_task import MotionTask, evaluate_motions
 from paretoik.task.obstacles import clearance, closest_pair, signed_distance
 from paretoik.task.retraction import ON_PATH_TOLERANCE, retract_nearest, task_errors
 from paretoik.task.starts import sample_postures
-from paretoik.task.task import Task
 from paretoik.trajectory.levels import OPTIONS as LEVELS
 from paretoik.trajectory.levels import (
     LevelProgress,
@@ -46,57 +45,43 @@ def warn_of_obstructed_path(task: MotionTask) -> None:
     The tool is the end of the last link, at its place on the path at every sample. It is no error, because a search may
     still look for the least-violating motion.
     """
-    for followed in task.tasks:
-        if task.obstacles and _fixes_tool(task, followed):
-            message = _obstruction(task, _tool_positions(task, followed))
-            if message:
-                warn_user(message)
+    for distances in _tool_distances(task):
+        obstacle, sample = np.unravel_index(int(np.argmin(distances)), distances.shape)
+        distance = float(distances[obstacle, sample])
+        if task.min_clearance - distance <= LIMIT_TOLERANCE * task.clearance_range:
+            continue
+        count = int((distances[obstacle] < task.min_clearance).sum())
+        shape = type(task.obstacles[int(obstacle)]).__name__.lower()
+        where = f"reaches {-distance:.3g} m into it" if distance < 0 else f"is {distance:.3g} m away from it"
+        warn_user(
+            f"path: obstacle {obstacle + 1}, a {shape}, is in its way: at sample {sample} "
+            f"({task.times[sample]:.4g} s), the worst of {count}, the end of link {task.arm.dof} (of radius "
+            f"{task.link_radius:g} m) {where}, but the clearance must be {task.min_clearance:g} m: no motion along it "
+            "is feasible"
+        )
 
 
 def obstructed_sample(task: MotionTask, sample: int | None = None) -> int | None:
     """Return the worst sample at which an obstacle is too near to the tool's path, or the given one; None if none."""
     worst, found = 0.0, None
-    for followed in task.tasks if task.obstacles else ():
-        if _fixes_tool(task, followed):
-            excess = task.min_clearance - _tool_distances(task, _tool_positions(task, followed)).min(axis=0)
-            excess = excess if sample is None else excess[[sample]]
-            if excess.max() > max(worst, LIMIT_TOLERANCE * task.clearance_range):
-                worst, found = float(excess.max()), int(np.argmax(excess)) if sample is None else sample
+    for distances in _tool_distances(task):
+        excess = task.min_clearance - distances.min(axis=0)
+        excess = excess if sample is None else excess[[sample]]
+        if excess.max() > max(worst, LIMIT_TOLERANCE * task.clearance_range):
+            worst, found = float(excess.max()), int(np.argmax(excess)) if sample is None else sample
     return found
 
 
-def _tool_distances(task: MotionTask, tool: Float[np.ndarray, "time 3"]) -> Float[np.ndarray, "obstacles time"]:
-    return np.stack([signed_distance(obstacle, tool, tool) for obstacle in task.obstacles]) - task.link_radius
-
-
-def _fixes_tool(task: MotionTask, followed: Task) -> bool:
-    """Return whether a path fixes all of the tool's position."""
-    follows_tool = task.arm.frame(followed.frame).pose is task.arm.tool
-    return follows_tool and (task.arm.is_planar or followed.axes not in ("xy", "xy+angle"))
-
-
-def _tool_positions(task: MotionTask, followed: Task) -> Float[np.ndarray, "time 3"]:
-    points = followed.path.positions
-    height = link_nodes(task.arm, np.zeros(task.arm.dof))[-1, 2]
-    flat = np.column_stack([points[:, :2], np.full(len(points), height)])
-    return flat if task.arm.is_planar else points
-
-
-def _obstruction(task: MotionTask, tool: Float[np.ndarray, "time 3"]) -> str:
-    """Return in words the obstacle nearest to the tool, its sample and the clearance; "" if all are clear."""
-    distances = _tool_distances(task, tool)
-    obstacle, sample = np.unravel_index(int(np.argmin(distances)), distances.shape)
-    distance = float(distances[obstacle, sample])
-    if task.min_clearance - distance <= LIMIT_TOLERANCE * task.clearance_range:
-        return ""
-    count = int((distances[obstacle] < task.min_clearance).sum())
-    shape = type(task.obstacles[int(obstacle)]).__name__.lower()
-    where = f"reaches {-distance:.3g} m into it" if distance < 0 else f"is {distance:.3g} m away from it"
-    return (
-        f"path: obstacle {obstacle + 1}, a {shape}, is in its way: at sample {sample} ({task.times[sample]:.4g} s), "
-        f"the worst of {count}, the end of link {task.arm.dof} (of radius {task.link_radius:g} m) {where}, but the "
-        f"clearance must be {task.min_clearance:g} m: no motion along it is feasible"
-    )
+def _tool_distances(task: MotionTask) -> Iterator[Float[np.ndarray, "obstacles time"]]:
+    """Yield the distances of the tool from all obstacles, for every path that fixes all of the tool's position."""
+    for followed in task.tasks if task.obstacles else ():
+        follows_tool = task.arm.frame(followed.frame).pose is task.arm.tool
+        if follows_tool and (task.arm.is_planar or followed.axes not in ("xy", "xy+angle")):
+            tool = followed.path.positions
+            if task.arm.is_planar:
+                height = link_nodes(task.arm, np.zeros(task.arm.dof))[-1, 2]
+                tool = np.column_stack([tool[:, :2], np.full(len(tool), height)])
+            yield np.stack([signed_distance(obstacle, tool, tool) for obstacle in task.obstacles]) - task.link_radius
 
 
 # Limits that cannot all be satisfied: detection and error text.
@@ -166,11 +151,8 @@ def require_feasible(task: MotionTask, rollouts: JointPaths, observe: ObserveLev
         if not _violations(level, q[:1])[0] > OPTIONS.doubt:
             return
         if observe is not None:
-            observe(
-                LevelProgress(
-                    task=level, starts=starts, ends=ends.x, converged=ends.converged, optima=q, feasible=False
-                )
-            )
+            progress = {"starts": starts, "ends": ends.x, "converged": ends.converged, "optima": q}
+            observe(LevelProgress(task=level, **progress, feasible=False))
         if finer is None or is_clearly_infeasible(level, level.motion(q[0])):
             break
         try:
@@ -222,14 +204,11 @@ def _least_violating(program: MotionProgram, q: JointPaths) -> Float[np.ndarray,
 
 def is_clearly_infeasible(task: MotionTask, motion: Motion) -> bool:
     """Return whether a least-violating motion shows, without proof, that no motion satisfies all limits."""
-    violations = task.violations(motion)
-    if not len(violations) or not violations.max() > 0:
-        return False
-    kind = _worst_kind(task, violations)
+    kind, limit, size = _worst_limit(task, motion)
     if kind in ("position", "clearance"):
-        _, violation = _best_postures(task, task.worst_sample(int(np.argmax(violations)), motion))
+        _, violation = _best_postures(task, task.worst_sample(limit, motion))
         return bool(violation.min(initial=np.inf) > OPTIONS.clear_posture)
-    return kind != "" and bool(violations.max() > OPTIONS.clear)
+    return kind != "" and size > OPTIONS.clear
 
 
 def explain_violation(task: MotionTask, motion: Motion) -> str:
@@ -252,7 +231,9 @@ def infeasible_error(
     violations = level.violations(motion)
     limit = level.limit_names[int(np.argmax(violations))] if level.limit_names else ""
     message = "no motion within the limits was found"
-    if sample is None and limit != "clearance" and _is_obstructed(level, q):
+    free = replace(level, obstacles=())  # whether there is a motion without obstacles
+    program = _limits_program(free) if level.obstacles and sample is None and limit != "clearance" else None
+    if program is not None and _violations(free, _minimise_violation(program, q).x).min() <= OPTIONS.doubt:
         place = level.worst_instant(level.limit_names.index("clearance"), motion)
         pair = closest_pair(level.obstacles, motion.instants.links[place], level.link_radius)
         message, limit = f"{message}, though there is one without the obstacles (closest: {pair})", "clearance"
@@ -269,17 +250,15 @@ def infeasible_error(
     )
 
 
-def _is_obstructed(level: MotionTask, q: JointPaths) -> bool:
-    """Return whether motions lead to one within the limits without obstacles."""
-    free = replace(level, obstacles=())
-    program = _limits_program(free) if level.obstacles else None
-    return program is not None and bool(_violations(free, _minimise_violation(program, q).x).min() <= OPTIONS.doubt)
-
-
-def _worst_kind(task: MotionTask, violations: np.ndarray) -> str:
-    """Return the kind of the most violated limit; "" for a user's own."""
-    kind = task.limit_names[int(np.argmax(violations))].partition(" of ")[0]
-    return kind if kind in task.bounds or (kind == "clearance" and task.obstacles) else ""
+def _worst_limit(task: MotionTask, motion: Motion) -> tuple[str, int, float]:
+    """Return kind, place and violation of the most violated limit; the kind is "" for none, or for a user's own."""
+    violations = task.violations(motion)
+    if not len(violations) or not violations.max() > 0:
+        return "", 0, 0.0
+    limit = int(np.argmax(violations))
+    kind = task.limit_names[limit].partition(" of ")[0]
+    is_own = kind not in task.bounds and not (kind == "clearance" and task.obstacles)
+    return "" if is_own else kind, limit, float(violations.max())
 
 
 def remedy_text(task: MotionTask, motion: Motion, sample: int | None = None) -> str:
@@ -287,15 +266,14 @@ def remedy_text(task: MotionTask, motion: Motion, sample: int | None = None) -> 
 
     It begins with the number of postures tried at the sample, or at the worst one, if none satisfies the limits.
     """
-    violations = task.violations(motion)
-    kind = _worst_kind(task, violations) if len(violations) and violations.max() > 0 else ""
+    kind, limit, _ = _worst_limit(task, motion)
     if not kind:
         return ""
     if kind in ("torque", "power") and (weight := _weight_text(task, motion)):
         return weight
     text = f"; it may help: {REMEDIES[kind]}"
     if kind in ("position", "clearance"):
-        worst = task.worst_sample(int(np.argmax(violations)), motion) if sample is None else sample
+        worst = task.worst_sample(limit, motion) if sample is None else sample
         q, violation = _best_postures(task, worst)
         if len(q) > 1 and violation.min() > 0:
             return f"; none of {len(q)} postures tried at sample {worst} satisfies the limits{text}"
@@ -304,11 +282,10 @@ def remedy_text(task: MotionTask, motion: Motion, sample: int | None = None) -> 
 
 def _proof_text(task: MotionTask, motion: Motion, sample: int | None) -> str:
     """Return in words the sample at which no posture satisfies the limits by proof; "" without a proof."""
-    violations = task.violations(motion)
-    kind = _worst_kind(task, violations)
+    kind, limit, _ = _worst_limit(task, motion)
     if kind not in ("position", "clearance", "velocity"):
         return ""
-    samples = [task.worst_sample(int(np.argmax(violations)), motion) if sample is None else sample]
+    samples = [task.worst_sample(limit, motion) if sample is None else sample]
     if kind == "velocity":  # limits are often too low at other samples too, first the fastest ones of the path
         pace = sum(np.linalg.norm(np.gradient(one.path.positions, task.times, axis=0), axis=1) for one in task.tasks)
         samples += [int(np.argmax(pace)), *np.linspace(0, len(task.times) - 1, OPTIONS.proofs + 2).astype(int)[1:-1]]
@@ -349,7 +326,10 @@ def _best_postures(
     value_of, rng = partial(measure or _posture_violation, task, sample), np.random.default_rng(0)
     if task.start is not None and sample == 0:
         return task.start[None], value_of(task.start[None])
-    q = _nearest_turns(task, sample_postures(task, OPTIONS.postures, rng, sample=sample))
+    q = sample_postures(task, OPTIONS.postures, rng, sample=sample)
+    limits = task.arm.position_limits  # joints that rotate are in the turn nearest to the middle of their limits
+    middle = np.where(np.isfinite(limits).all(axis=1, keepdims=True), limits, 0.0).mean(axis=1)
+    q = q - 2 * np.pi * np.where(task.arm.periodic, np.round((q - middle) / (2 * np.pi)), 0.0)
     q = q if others is None else np.concatenate([q, others])
     value = value_of(q)
     best = np.argsort(value, kind="stable")[: OPTIONS.improved]
@@ -361,14 +341,6 @@ def _best_postures(
         better = trial < least
         x[better], least[better] = moved.q[better], trial[better]
     return np.concatenate([q, x]), np.concatenate([value, least])
-
-
-def _nearest_turns(task: MotionTask, q: Float[np.ndarray, "postures dof"]) -> Float[np.ndarray, "postures dof"]:
-    """Return postures with rotational joints in the turn nearest to the middle of their limits."""
-    limits = task.arm.position_limits
-    middle = np.where(np.isfinite(limits).all(axis=1, keepdims=True), limits, 0.0).mean(axis=1)
-    turns = np.where(task.arm.periodic, np.round((q - middle) / (2 * np.pi)), 0.0)
-    return np.asarray(q - 2 * np.pi * turns)
 
 
 def _posture_violation(task: MotionTask, sample: int, q: np.ndarray) -> np.ndarray:
@@ -417,9 +389,8 @@ def _overload(task: MotionTask, sample: int, q: np.ndarray) -> np.ndarray:
     lower, upper = _at_sample(task.bounds["torque"], sample).T
     torque = gravity_torques(task.arm, q)
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(
-            np.nan_to_num(np.where(torque > 0, torque / upper, torque / lower), posinf=np.inf).max(axis=1)
-        )
+        shares = np.where(torque > 0, torque / upper, torque / lower)
+    return np.asarray(np.nan_to_num(shares, posinf=np.inf).max(axis=1))
 
 
 def _weight_text(task: MotionTask, motion: Motion) -> str:
@@ -471,7 +442,8 @@ def no_posture_keeps_limits(task: MotionTask, sample: int) -> bool:
     if not np.isfinite(limits).all():
         return False
     reach = _reaches(task, limits)
-    bend = _second_derivatives(arm.periodic, reach[:, -1])
+    first, last = np.minimum.outer(*[np.arange(arm.dof)] * 2), np.maximum.outer(*[np.arange(arm.dof)] * 2)
+    bend = np.where(arm.periodic[first], np.where(arm.periodic[last], reach[last, -1], 1.0), 0.0)  # B
     steps = _steps(task, sample)
     center, half = limits.mean(axis=1)[None], np.diff(limits, axis=1).T / 2 * (1 + 1e-6)
     looked_at = 0
@@ -480,7 +452,10 @@ def no_posture_keeps_limits(task: MotionTask, sample: int) -> bool:
         looked_at += len(center)
         keep = _may_reach(task, sample, center, half, bend, steps)
         if task.obstacles:
-            keep &= _may_be_clear(task, center, half, reach)
+            nodes, motion = link_nodes(arm, center), half @ reach
+            smallest = task.min_clearance + task.link_radius - LIMIT_TOLERANCE * task.clearance_range
+            for each in task.obstacles:
+                keep &= (signed_distance(each, nodes[:, :-1], nodes[:, 1:]) + motion >= smallest).all(axis=1)
         center, half = center[keep], half[keep]
         rows, widest = np.arange(len(center)), np.argmax(half * reach[:, -1], axis=1)
         half[rows, widest] /= 2
@@ -505,12 +480,6 @@ def _reaches(task: MotionTask, limits: np.ndarray) -> Float[np.ndarray, "dof lin
     return np.where(moves, np.where(arm.periodic[:, None], reach, 1.0), 0.0)
 
 
-def _second_derivatives(turns: np.ndarray, reach: np.ndarray) -> Float[np.ndarray, "dof dof"]:
-    """Return bounds on |∂²x/∂qᵢ∂qⱼ| of points at most ``reach`` from the axes of joints that turn or slide."""
-    first, last = np.minimum.outer(*[np.arange(len(turns))] * 2), np.maximum.outer(*[np.arange(len(turns))] * 2)
-    return np.where(turns[first], np.where(turns[last], reach[last], 1.0), 0.0)
-
-
 def _steps(task: MotionTask, sample: int) -> list[tuple[int, Float[np.ndarray, " dof"]]]:
     """Return the samples before and after one, and the largest joint steps to them within velocity limits.
 
@@ -523,12 +492,9 @@ def _steps(task: MotionTask, sample: int) -> list[tuple[int, Float[np.ndarray, "
     even = np.allclose(np.diff(times), times[1], rtol=1e-9)
     if task.differences == "spline" and not (even and OPTIONS.inner <= sample < count - OPTIONS.inner):
         return []
-    steps = []
-    for other in (sample - 1, sample + 1):
-        if 0 <= other < count:
-            fastest = np.abs(task.bounds["velocity"]).max(axis=(0, 2))
-            steps.append((other, fastest * abs(times[other] - times[sample]) * (1 + OPTIONS.doubt)))
-    return steps
+    fastest = np.abs(task.bounds["velocity"]).max(axis=(0, 2))
+    others = [other for other in (sample - 1, sample + 1) if 0 <= other < count]
+    return [(other, fastest * abs(times[other] - times[sample]) * (1 + OPTIONS.doubt)) for other in others]
 
 
 def _may_reach(
@@ -551,9 +517,7 @@ def _may_reach(
         along = np.einsum("br,brd->bd", error[:, position] / np.maximum(length, 1e-300)[:, None], jacobian[:, position])
         keep &= length <= (np.abs(along) * half).sum(axis=1) + rest + ON_PATH_TOLERANCE
         keep &= np.linalg.norm(error[:, rotation], axis=1) <= turning + ON_PATH_TOLERANCE
-        for other, step in steps:
-            if not np.isfinite(step).all():
-                continue
+        for other, step in steps if np.isfinite([step for _, step in steps]).all() else ():
             path = (task.targets[other] - task.targets[sample])[column : column + size]
             for u in _directions(path, jacobian[:, position]):
                 most = ((np.abs(np.einsum("br,brd->bd", u, jacobian[:, position])) + blur) * step).sum(axis=1)
@@ -574,19 +538,9 @@ def _directions(path: np.ndarray, jacobian: np.ndarray) -> list[Float[np.ndarray
         candidates += [np.stack([-column[:, 1], column[:, 0]], axis=1) for column in columns]
     else:
         candidates += [np.cross(columns[i], columns[j]) for i in range(len(columns)) for j in range(i)]
-    lengths = [np.linalg.norm(u, axis=1, keepdims=True) for u in candidates]
-    unit = [
-        np.where(length > 1e-9, u / np.maximum(length, 1e-9), along)
-        for u, length in zip(candidates, lengths, strict=True)
-    ]
-    return [np.where((u @ path)[:, None] < 0, -u, u) for u in unit]
-
-
-def _may_be_clear(task: MotionTask, center: np.ndarray, half: np.ndarray, reach: np.ndarray) -> np.ndarray:
-    """Return which boxes may contain postures with all links clear of all obstacles."""
-    nodes, motion = link_nodes(task.arm, center), half @ reach
-    smallest = task.min_clearance + task.link_radius - LIMIT_TOLERANCE * task.clearance_range
-    keep = np.ones(len(center), dtype=bool)
-    for obstacle in task.obstacles:
-        keep &= (signed_distance(obstacle, nodes[:, :-1], nodes[:, 1:]) + motion >= smallest).all(axis=1)
-    return keep
+    directions = []
+    for candidate in candidates:
+        length = np.linalg.norm(candidate, axis=1, keepdims=True)
+        u = np.where(length > 1e-9, candidate / np.maximum(length, 1e-9), along)
+        directions.append(np.where((u @ path)[:, None] < 0, -u, u))
+    return directions

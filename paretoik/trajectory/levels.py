@@ -7,8 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, replace
 from typing import TypeAlias, TypeVar
 
 import numpy as np
@@ -17,7 +16,8 @@ from jaxtyping import Bool, Float, Int
 from paretoik.arrays import JointPaths
 from paretoik.errors import Infeasible, ParetoikError
 from paretoik.nlp.minimise import minimise, minimise_violation
-from paretoik.nlp.program import INTERRUPTED, InteriorPointOptions, Solutions, Solver, concatenate
+from paretoik.nlp.program import FEASIBLE, INTERRUPTED, InteriorPointOptions, Solutions, Solver, concatenate
+from paretoik.pareto.scalarisation import evaluate_points
 from paretoik.runs.interruption import time_is_up
 from paretoik.stop_flag import Interrupted
 from paretoik.task.motion import Motion
@@ -120,7 +120,6 @@ class LevelOptions:
 
     coarsest: int = 26  # samples: with half as many, the best torque optimum does not exist
     distinct: float = 0.01  # rad or arm lengths, RMS: nearer optima are one
-    feasible: float = 1e-8  # share of a limit's range: a smaller violation counts as none
     scale_share: float = 0.1  # of the lower quartile of an objective's size at starts: lower bound of its scale
     disturbed: int = 101  # samples: on levels with more of them the best optimum stays the same
     max_optima: int = 32  # number refined on a finer level, where their order changes
@@ -213,10 +212,9 @@ def refine_levels(
         task, first = program.task, program is programs[0]
         exact = finer is None or (disturb is not None and program is disturbed[0])
         barriers = [each if exact else coarse(each) for each in (OPTIONS.cold if first else (OPTIONS.warm,))]
-        search = partial(_minimise_in_turn, program, weights, upper, solver, barriers)
         try:
             more = None if further is None else further(program, q, None if coarser is None else coarser[1])
-            solutions, q = _solve_level(search, q, more)
+            solutions, q = _solve_level(program, q, weights, upper, solver, barriers, more)
             ends = solutions
             if restore and (first or not finer) and not solutions.converged.any():
                 solutions = _restore(program, solutions, q[: 2 * OPTIONS.restored * first], weights, upper, solver)
@@ -245,22 +243,37 @@ def level_progress(task: MotionTask, starts: np.ndarray, ends: Solutions, optima
         ends=ends.x,
         converged=ends.converged,
         optima=optima.x,
-        feasible=bool((optima.violation <= OPTIONS.feasible).any()),
+        feasible=bool((optima.violation <= FEASIBLE).any()),
     )
 
 
 def _solve_level(
-    search: Callable[..., Solutions], q: np.ndarray, further: Further | None
+    program: MotionProgram,
+    q: np.ndarray,
+    weights: np.ndarray,
+    upper: np.ndarray,
+    solver: Solver,
+    barriers: Sequence[InteriorPointOptions],
+    further: Further | None,
 ) -> tuple[Solutions, np.ndarray]:
-    """Return the solutions of starts and ``further`` ones, and all starts; Interrupted has the solutions so far."""
-    solutions = search(q)
+    """Return the solutions of starts and ``further`` ones, and all starts; Interrupted has the solutions so far.
+
+    The starts alternate between options: ``barriers``, or those of ``further``, which end at the same barrier.
+    """
+
+    def search(starts: np.ndarray, options: Sequence[InteriorPointOptions]) -> Solutions:
+        each = [options[i % len(options)] for i in range(len(starts))]
+        return minimise(program, starts, weights[None], upper[None], each, solver=solver)
+
+    solutions, first = search(q, barriers), barriers[0]
     try:
         while further is not None:
-            more, barriers = further(solutions)
+            more, others = further(solutions)
             if not len(more):
                 break
             q = np.concatenate([q, more])
-            solutions = concatenate((solutions, search(more, barriers)))
+            others = [each._replace(last_barrier=first.last_barrier, tolerance=first.tolerance) for each in others]
+            solutions = concatenate((solutions, search(more, others or barriers)))
     except Interrupted as stop:
         raise Interrupted(concatenate((solutions, *filter(None, (stop.partial,))))) from None
     return solutions, q
@@ -283,20 +296,9 @@ def _unfinished(
         if program is last:
             return solutions[rows]
         with suppress(Infeasible):
-            x = resample(program.task, solutions.x[rows], last.task)
-            ends = [last.evaluate(one) for one in x]
-            F = np.array([objectives for objectives, _, _ in ends])
-            violation = np.array([max(0.0, -float(c.min(initial=0.0))) for _, _, c in ends])
-            count, order = len(x), np.lexsort((F @ weights, np.round(violation, 6)))
-            return Solutions(
-                x=x,
-                objectives=F,
-                bound_multipliers=np.full_like(F, np.nan),
-                stationarity=np.full(count, np.inf),
-                violation=violation,
-                status=np.full(count, INTERRUPTED),
-                iterations=np.zeros(count, dtype=int),
-            )[order]
+            ends = evaluate_points(last, resample(program.task, solutions.x[rows], last.task))
+            order = np.lexsort((ends.objectives @ weights, np.round(ends.violation, 6)))
+            return replace(ends, status=np.full(len(ends), INTERRUPTED))[order]
     raise Interrupted
 
 
@@ -321,24 +323,6 @@ def coarse(options: InteriorPointOptions) -> InteriorPointOptions:
     return options._replace(last_barrier=OPTIONS.warm.barrier, tolerance=OPTIONS.warm.barrier)
 
 
-def _minimise_in_turn(
-    program: MotionProgram,
-    weights: np.ndarray,
-    upper: np.ndarray,
-    solver: Solver,
-    options: Sequence[InteriorPointOptions],
-    q: np.ndarray,
-    others: Sequence[InteriorPointOptions] = (),
-) -> Solutions:
-    """Return the local optima from starts, with alternating options, or with ``others`` if given."""
-    if others:
-        options = [
-            each._replace(last_barrier=options[0].last_barrier, tolerance=options[0].tolerance) for each in others
-        ]
-    each = [options[i % len(options)] for i in range(len(q))]
-    return minimise(program, q, weights[None], upper[None], each, solver=solver)
-
-
 def _restore(
     program: MotionProgram,
     solutions: Solutions,
@@ -348,11 +332,11 @@ def _restore(
     solver: Solver,
 ) -> Solutions:
     """Return the optima from motions that violate limits, after minimising only the violation."""
-    if solutions.violation.max() <= OPTIONS.feasible:
+    if solutions.violation.max() <= FEASIBLE:
         return solutions
     rows = distinct_rows(program.task, solutions, solutions.objectives @ weights, limit=OPTIONS.restored)
     restored = minimise_violation(program, np.concatenate([solutions.x[rows], q]), upper, OPTIONS.restoration)
-    feasible = restored.violation <= OPTIONS.feasible
+    feasible = restored.violation <= FEASIBLE
     if not feasible.any():
         return restored
     return minimise(program, restored.x[feasible], weights[None], upper[None], OPTIONS.holding, solver=solver)

@@ -23,7 +23,7 @@ from paretoik.task.retraction import normal_directions, retract
 from paretoik.trajectory.curve_state_kernel import CurveWork, allocate_curve, project_instants
 from paretoik.trajectory.curve_states import curve_arrays
 from paretoik.trajectory.discretisation import Stencil
-from paretoik.trajectory.functions import Total, WholeFunction
+from paretoik.trajectory.functions import Total, WholeFunction, function_names
 
 KINK_TOLERANCE = 1e-8  # share of the largest operand of a maximum, minimum or absolute value: operands meet below it
 ORDERS = ("position", "velocity", "acceleration", "jerk")
@@ -190,9 +190,7 @@ class MotionTerms:
         one, other = self.evaluators.kink_operands(self.values(x).inputs).reshape(len(kinked), 2, -1).swapaxes(0, 1)
         size = np.maximum(np.abs(one), np.abs(other)).max(axis=1, keepdims=True)
         meet = (np.abs(one - other) <= KINK_TOLERANCE * size).any(axis=1)
-        peaks = [total.name for total in self.totals if total.kind == "peak"]
-        names = [total.name for total in self.totals if total.kind == "sum"]
-        names += [*self.rows, *(peaks[i] for i in self.epigraph_peaks)]
+        names = function_names(self.totals, self.rows, self.epigraph_peaks)
         return tuple(dict.fromkeys(names[k] for k, touches in zip(kinked, meet, strict=True) if touches))
 
     @property
@@ -207,7 +205,12 @@ class MotionTerms:
 
     def project(self, x: Float[np.ndarray, "motions time dof"]) -> Float[np.ndarray, "motions time dof"]:
         """Return motions that begin at the start and end at rest, if required."""
-        return self.pin(_end_at_rest(self.task, x) if self.task.ties_end else x)
+        if self.task.ties_end:  # the shortest last step that the path allows, without self-motion
+            arm, tasks, target = self.task.arm, self.task.tasks, self.task.targets[-1]
+            retracted = retract(arm, tasks, x[:, -2], target, normal_directions(arm, tasks, x[:, -1], target))
+            ends = np.where(retracted.on_path[:, None], retracted.q, x[:, -1])
+            x = np.concatenate([x[:, :-1], ends[:, None]], axis=1)
+        return self.pin(x)
 
     def pin(self, x: Float[np.ndarray, "motions time dof"]) -> Float[np.ndarray, "motions time dof"]:
         """Return motions that begin exactly at the start, if one is given."""
@@ -290,11 +293,3 @@ def joint_distance(task: MotionTask, q: np.ndarray, other: np.ndarray) -> Float[
     difference = (q - other) / joint_scales(task.arm)
     difference = np.where(task.arm.periodic, (difference + np.pi) % (2 * np.pi) - np.pi, difference)
     return np.asarray(np.sqrt(np.mean(np.sum(difference**2, axis=-1), axis=-1)))
-
-
-def _end_at_rest(task: MotionTask, q: Float[np.ndarray, "motions time dof"]) -> Float[np.ndarray, "motions time dof"]:
-    """Return motions with the shortest last step that the path allows, without self-motion."""
-    directions = normal_directions(task.arm, task.tasks, q[:, -1], task.targets[-1])
-    retracted = retract(task.arm, task.tasks, q[:, -2], task.targets[-1], directions)
-    ends = np.where(retracted.on_path[:, None], retracted.q, q[:, -1])
-    return np.concatenate([q[:, :-1], ends[:, None]], axis=1)

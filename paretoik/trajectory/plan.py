@@ -19,7 +19,17 @@ from paretoik.front.indicators import OPTIONS as INDICATORS
 from paretoik.front.points import ADDED_SAMPLES, confirmation
 from paretoik.inputs import check_call
 from paretoik.nlp.minimise import check_solver, chosen_solver
-from paretoik.nlp.program import CONVERGED, INTERRUPTED, NOT_FINITE, STATUSES, Program, Solutions, Solver, concatenate
+from paretoik.nlp.program import (
+    CONVERGED,
+    FEASIBLE,
+    INTERRUPTED,
+    NOT_FINITE,
+    STATUSES,
+    Program,
+    Solutions,
+    Solver,
+    concatenate,
+)
 from paretoik.pareto.certificates import OPTIONS as CERTIFICATES
 from paretoik.pareto.certificates import confirmed_criticality
 from paretoik.pareto.scalarisation import Observe, insert_best, minimise_from, naming_objective
@@ -32,7 +42,6 @@ from paretoik.task.motion_task import MotionTask, evaluate_motions
 from paretoik.task.self_motion import branch_labels
 from paretoik.trajectory.infeasibility import infeasible_error, require_feasible
 from paretoik.trajectory.levels import (
-    OPTIONS,
     LevelProgress,
     ObserveLevel,
     coarsest_level,
@@ -150,7 +159,10 @@ def find_optima(
     assert len(task.objectives) == 1, "a plan has one objective"
     if solver != "auto":  # before any work
         check_solver(motion_program(task), solver)
-    initial_solutions = _minimise_initial(task, initial, solver)
+    given = np.empty((0, len(task.times), task.arm.dof)) if initial is None else initial
+    program = motion_program(task, objective_scales(task, given) if len(given) else None)
+    initial_solutions = minimise_from(program, given, np.ones(1), solver=solver)
+    initial_solutions = initial_solutions[initial_solutions.violation <= FEASIBLE]
     try:
         solutions, levels, count = _search(task, starts, seed, initial, solver, observe, rollouts)
     except (EvaluationFailed, Infeasible, SolverFailed, Interrupted):
@@ -187,7 +199,7 @@ def resolve_plan(
         finer = former.with_midpoints()
         starts = resample(former, np.stack([each.motion.q for each in plan.optima]), finer)
         ends = minimise_from(motion_program(finer, objective_scales(finer, starts)), starts, np.ones(1), solver=solver)
-        if len(ends) < len(plan.optima) or not (ends.converged & (ends.violation <= OPTIONS.feasible)).all():
+        if len(ends) < len(plan.optima) or not (ends.converged & (ends.violation <= FEASIBLE)).all():
             return None
         solutions = _merge(finer, ends[:0], ends)
         if observe is not None:
@@ -200,16 +212,6 @@ def resolve_plan(
     return on_more_samples((task, plan), error, refine)[1]
 
 
-def _minimise_initial(
-    task: MotionTask, initial: Float[np.ndarray, "motions time dof"] | None, solver: Solver
-) -> Solutions:
-    """Return the feasible solutions from motions at the task's own samples."""
-    initial = np.empty((0, len(task.times), task.arm.dof)) if initial is None else initial
-    program = motion_program(task, objective_scales(task, initial) if len(initial) else None)
-    solutions = minimise_from(program, initial, np.ones(1), solver=solver)
-    return solutions[solutions.violation <= OPTIONS.feasible]
-
-
 def _search(
     task: MotionTask,
     starts: int | None,
@@ -219,73 +221,41 @@ def _search(
     observe: ObserveLevel | None,
     rollouts: JointPaths | None,
 ) -> tuple[Solutions, tuple[tuple[int, int], ...], int]:
-    """Return the result of ``_search_from`` on the coarsest level that leads to optima.
+    """Return the distinct optima, samples and optima of each level, and the number of starts.
 
-    Raises Infeasible or SolverFailed if no level does.
+    The first level is the coarsest one that leads to optima. The number of starts includes those of a level that a
+    signal interrupted. Raises Infeasible or SolverFailed if no level leads to optima.
     """
     if rollouts is not None:
         require_feasible(task, rollouts, observe)
-    stages = first_levels(len(task.times))
+    stages, count = first_levels(len(task.times)), RESTARTS.starts if starts is None else starts
     for first in stages:
         try:
-            solutions, levels, count = _search_from(task, first, starts, seed, initial, solver, observe)
+            level, rng = coarsest_level(task, first), np.random.default_rng(seed)
+            q = sample_starts(level, count * max(task.redundancy, 1), rng)
+            warm = q[:0] if initial is None else initial[:, np.searchsorted(task.times, level.times)]
+            programs = level_programs(task, objective_scales(task, np.concatenate([warm, q])), first)
+            supported = not programs[-1].unsupported
+            portions = first_portions(q) if starts is None and supported else [q]
+            restarts, begin = LevelRestarts(portions[1:], count, rng, solver), np.concatenate([warm, portions[0]])
+            solutions, levels = refine_levels(
+                programs,
+                begin,
+                np.ones(1),
+                np.full(1, np.inf),
+                observe,
+                restore=True,
+                further=restarts.further if supported else None,
+                disturb=restarts.disturb if supported else None,
+                solver=solver,
+            )
         except Infeasible:  # too coarse, perhaps
             if first == stages[-1]:
                 raise
             continue
         if solutions.converged.any() or (solutions.status == INTERRUPTED).any():
-            return solutions, levels, count
+            return solutions, levels, len(restarts.policies[0].independent) if restarts.policies else len(begin)
     raise _failure(task, solutions)
-
-
-def _search_from(
-    task: MotionTask,
-    first: int,
-    starts: int | None,
-    seed: int,
-    initial: Float[np.ndarray, "motions time dof"] | None,
-    solver: Solver,
-    observe: ObserveLevel | None,
-) -> tuple[Solutions, tuple[tuple[int, int], ...], int]:
-    """Return the distinct optima from the level ``first``, samples and optima of each level, and the number of starts.
-
-    It includes starts of a level that a signal interrupted.
-    """
-    level, rng = coarsest_level(task, first), np.random.default_rng(seed)
-    count = RESTARTS.starts if starts is None else starts
-    q = sample_starts(level, count * max(task.redundancy, 1), rng)
-    warm = q[:0] if initial is None else initial[:, np.searchsorted(task.times, level.times)]
-    programs = level_programs(task, objective_scales(task, np.concatenate([warm, q])), first)
-    supported = not programs[-1].unsupported
-    portions = first_portions(q) if starts is None and supported else [q]
-    restarts, begin = LevelRestarts(portions[1:], count, rng, solver), np.concatenate([warm, portions[0]])
-    solutions, levels = refine_levels(
-        programs,
-        begin,
-        np.ones(1),
-        np.full(1, np.inf),
-        observe,
-        restore=True,
-        further=restarts.further if supported else None,
-        disturb=restarts.disturb if supported else None,
-        solver=solver,
-    )
-    return solutions, levels, restarts.first_starts or len(begin)
-
-
-def _plan(
-    task: MotionTask,
-    solutions: Solutions,
-    initial: Float[np.ndarray, "motions time dof"] | None,
-    levels: tuple[tuple[int, int], ...],
-    starts: int,
-    solver: Solver,
-) -> Plan:
-    """Return the plan of optima at the task's own samples."""
-    optima = _optima(task, solutions, initial, solver)
-    confirmed = sum(each.criticality <= CERTIFICATES.critical for each in optima)
-    provenance = confirmation(chosen_solver(motion_program(task), solver), confirmed, len(optima))
-    return Plan(optima=optima, levels=levels, starts=starts, provenance=provenance)
 
 
 def _merge(task: MotionTask, solutions: Solutions, initial: Solutions) -> Solutions:
@@ -299,10 +269,15 @@ def _merge(task: MotionTask, solutions: Solutions, initial: Solutions) -> Soluti
     return insert_best(both[both.converged], initial, np.ones(1))
 
 
-def _optima(
-    task: MotionTask, solutions: Solutions, initial: Float[np.ndarray, "motions time dof"] | None, solver: Solver
-) -> tuple[Optimum, ...]:
-    """Return the optima, best first, after tightening the limits that they exceed between samples.
+def _plan(
+    task: MotionTask,
+    solutions: Solutions,
+    initial: Float[np.ndarray, "motions time dof"] | None,
+    levels: tuple[tuple[int, int], ...],
+    starts: int,
+    solver: Solver,
+) -> Plan:
+    """Return the plan of optima, best first, after tightening the limits that they exceed between samples.
 
     Optima that still exceed a limit come last. A given motion that satisfies its limits between samples and is better
     than all optima comes first.
@@ -324,7 +299,7 @@ def _optima(
         merit = task.objectives[0].sign * values
         ranked = sorted(range(len(results)), key=lambda i: (exceeds[i], merit[i]))
         order = [i for i in ranked if i < len(solutions) or i == ranked[0]]
-    return tuple(
+    optima = tuple(
         Optimum(
             motion=motions[i],
             objective=float(values[i]),
@@ -336,6 +311,9 @@ def _optima(
         )
         for i in order
     )
+    confirmed = sum(each.criticality <= CERTIFICATES.critical for each in optima)
+    provenance = confirmation(chosen_solver(motion_program(task), solver), confirmed, len(optima))
+    return Plan(optima=optima, levels=levels, starts=starts, provenance=provenance)
 
 
 def _failure(task: MotionTask, solutions: Solutions) -> EvaluationFailed | Infeasible | SolverFailed:
@@ -346,7 +324,7 @@ def _failure(task: MotionTask, solutions: Solutions) -> EvaluationFailed | Infea
     if failed:
         searches = f"{len(failed)} of {len(solutions)} searches"
         return EvaluationFailed(f"no start led to an optimum; {searches} ended at a motion at which {failed[0]}")
-    if solutions.violation[0] <= OPTIONS.feasible:
+    if solutions.violation[0] <= FEASIBLE:
         return SolverFailed(f"no start led to an optimum; the best ended with: {status}")
     return infeasible_error(task, level, solutions.x, status=status)
 

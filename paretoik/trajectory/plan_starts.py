@@ -67,7 +67,7 @@ def sample_travelling(
     return _most_promising(level, travelling_starts(level, OPTIONS.travelling * count, rng), count)
 
 
-def grid_starts(level: MotionTask, dof: int) -> Float[np.ndarray, "paths samples dof"]:
+def grid_starts(level: MotionTask) -> Float[np.ndarray, "paths samples dof"]:
     """Return the best paths of every class through a coarse grid of postures; none if the grid would take long.
 
     If the objective depends on accelerations, as with torques, the motions that move least are used instead, and under
@@ -75,7 +75,7 @@ def grid_starts(level: MotionTask, dof: int) -> Float[np.ndarray, "paths samples
     """
     with suppress(InvalidInput, Infeasible):  # no grid for the task, or no path through a coarse one
         return _grid_paths(level, level.objectives)
-    paths = [np.empty((0, len(level.times), dof))]
+    paths = [np.empty((0, len(level.times), level.arm.dof))]
     surrogates: list[tuple[Objective, ...]] = [(squared_velocity,)]
     if level.arm.gravity.any():
         surrogates.insert(0, tuple(_without_acceleration(each) for each in level.objectives))

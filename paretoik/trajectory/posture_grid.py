@@ -46,11 +46,14 @@ OPTIONS = GridOptions()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Terms:
-    """The cost, and limits that must be at most 0 at all samples; ``second`` if one depends on accelerations."""
+    """The cost, and the excess over the worst limit on postures and on rates, at most 0 at all samples, −1 without any.
+
+    second: whether one of them depends on accelerations
+    """
 
     cost: Series
-    postures: list[Series]
-    rates: list[Series]
+    postures: Series
+    rates: Series
     second: bool
 
     def sample_costs(self, motion: Motion) -> np.ndarray:
@@ -59,17 +62,7 @@ class Terms:
 
     def feasible_costs(self, motion: Motion) -> np.ndarray:
         """Return the cost of every sample, infinite if a limit on rates is violated."""
-        return np.where(self.satisfied(motion, self.rates), self.sample_costs(motion), np.inf)
-
-    def satisfied(self, motion: Motion, limits: list[Series]) -> np.ndarray:
-        """Return at which samples limits are satisfied."""
-        return self.worst(limits)(motion) <= LIMIT_TOLERANCE
-
-    @staticmethod
-    def worst(limits: list[Series]) -> Series:
-        """Return the excess over the most violated limit, −1 without limits."""
-        nothing = [lambda motion: np.full(motion.q.shape[:-1], -1.0)]
-        return lambda motion: np.max([limit(motion) for limit in limits or nothing], axis=0)
+        return np.where(self.rates(motion) <= LIMIT_TOLERANCE, self.sample_costs(motion), np.inf)
 
 
 def build_terms(task: MotionTask, probe: np.ndarray) -> Terms:
@@ -95,14 +88,18 @@ def build_terms(task: MotionTask, probe: np.ndarray) -> Terms:
 
         return excess_of
 
+    def worst(limits: list[Series]) -> Series:
+        nothing = [lambda motion: np.full(motion.q.shape[:-1], -1.0)]
+        return lambda motion: np.max([limit(motion) for limit in limits or nothing], axis=0)
+
     limits = [joint_excess(kind) for kind in task.bounds] + [constraint_excess(c) for c in task.constraints]
     if task.obstacles:
         limits.append(lambda motion: (task.min_clearance - motion.clearance) / task.clearance_range)
     orders = [derivative_order(task, limit, probe) for limit in limits]
     return Terms(
         cost=cost,
-        postures=[limit for limit, order in zip(limits, orders, strict=True) if order == 0],
-        rates=[limit for limit, order in zip(limits, orders, strict=True) if order > 0],
+        postures=worst([limit for limit, order in zip(limits, orders, strict=True) if order == 0]),
+        rates=worst([limit for limit, order in zip(limits, orders, strict=True) if order > 0]),
         second=max([derivative_order(task, cost, probe), *orders]) == 2,
     )
 
@@ -197,13 +194,7 @@ class PostureGrid:
         for ahead, k in zip(self.next_node, mask, strict=True):
             place = np.append(np.where(k, np.cumsum(k) - 1, -1), -1)  # last entry: the next of no node is no node
             next_node.append(place[ahead[k]])
-        return PostureGrid(
-            nodes=[q[k] for q, k in zip(self.nodes, mask, strict=True)],
-            next_node=next_node,
-            turning=self.turning,
-            windows=self.windows,
-            scales=self.scales,
-        )
+        return replace(self, nodes=[q[k] for q, k in zip(self.nodes, mask, strict=True)], next_node=next_node)
 
 
 def step_windows(task: MotionTask, pace: float) -> Float[np.ndarray, "time dof"]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -22,20 +21,26 @@ from paretoik.trajectory.motion_terms import joint_distance
 from paretoik.trajectory.plan_starts import grid_starts, sample_starts, sample_travelling
 from paretoik.trajectory.transcription import MotionProgram
 
-# Basin hopping: the best optima are perturbed, recombined and minimised again while the best improves
-#
-# Source: Wales & Doye 1997; ``restarts`` says when.
-
 
 @dataclass(frozen=True, kw_only=True)
-class BasinHoppingOptions:
-    """Settings of basin hopping.
+class RestartOptions:
+    """Settings of adding starts, and of basin hopping: the best optima are perturbed, recombined and minimised again.
 
+    starts: default number of starts per degree of redundancy
+    portions: number of portions in which they are minimised, while better optima are likely unseen
+    expected: expected number of better optima in the next batch below which no independent starts are added
+    rounds: largest number of batches of independent starts
+    many: least number of optima for basin hopping with one degree of redundancy
+    unseen: probability of a new optimum above which basin hopping is used with more degrees of redundancy
+    doomed: number of failed starts after which a branch is left out
+    misled: share by which the best value may change from the first level to the next; if it changes more, starts are
+        sampled on the next level too
+    negligible: share of the usual value at starts that replaces a best value next to 0 for ``misled``
     centers: number of best optima that are perturbed; twice as many are recombined with others
     copies: number of perturbed copies of each
-    perturbation: least and largest perturbation [rad or arm lengths, RMS]
     crossings: number of recombinations of each
     tries: number of tries for each recombination; the best is taken
+    perturbation: least and largest perturbation [rad or arm lengths, RMS]
     patience: number of consecutive batches without improvement that end the search
     gain: share of a value that counts as an improvement
     barrier: first barrier of the minimisation; a high one leaves basins
@@ -44,6 +49,15 @@ class BasinHoppingOptions:
         improvement is enough there if the coarsest level had none
     """
 
+    starts: int = 48
+    portions: int = 4
+    expected: float = 0.05
+    rounds: int = 6
+    many: int = 6
+    unseen: float = 0.02
+    doomed: int = 4
+    misled: float = 0.25
+    negligible: float = 1e-3
     centers: int = 4
     copies: int = 4
     crossings: int = 2
@@ -57,15 +71,18 @@ class BasinHoppingOptions:
     final_rounds: int = 20
 
 
-HOPPING_OPTIONS = BasinHoppingOptions()
+OPTIONS = RestartOptions()
+Batch = tuple[Float[np.ndarray, "starts samples dof"], Sequence[InteriorPointOptions]]
+
+# Basin hopping. Source: Wales & Doye 1997.
 
 
 def disturb(
     task: MotionTask, q: Float[np.ndarray, "optima time dof"], rng: np.random.Generator
 ) -> Float[np.ndarray, "starts time dof"]:
     """Return perturbed copies of the first optima, small and large ones, and recombined pairs."""
-    copies = np.repeat(q[: HOPPING_OPTIONS.centers], HOPPING_OPTIONS.copies, axis=0)
-    least, largest = np.log(HOPPING_OPTIONS.perturbation)
+    copies = np.repeat(q[: OPTIONS.centers], OPTIONS.copies, axis=0)
+    least, largest = np.log(OPTIONS.perturbation)
     perturbed = perturbed_starts(task, copies, rng, size=np.exp(rng.uniform(least, largest, len(copies))))
     return np.concatenate([perturbed, _recombine(task, q, rng)]) if len(q) > 1 else perturbed
 
@@ -77,8 +94,8 @@ def _recombine(
 
     If two optima come near each other, a change costs little and may join the better parts of both.
     """
-    count = HOPPING_OPTIONS.crossings * min(len(q), 2 * HOPPING_OPTIONS.centers)
-    first = rng.integers(0, min(len(q), 2 * HOPPING_OPTIONS.centers), HOPPING_OPTIONS.tries * count)
+    count = OPTIONS.crossings * min(len(q), 2 * OPTIONS.centers)
+    first = rng.integers(0, min(len(q), 2 * OPTIONS.centers), OPTIONS.tries * count)
     second = (first + rng.integers(1, len(q), len(first))) % len(q)  # any other one
     x = recombined_starts(task, q[first], q[second], rng)
     if not len(x):
@@ -89,7 +106,7 @@ def _recombine(
     chosen = x[:0]
     for i in order:
         others = np.concatenate([q, chosen])
-        if len(chosen) < count and joint_distance(task, x[i], others).min() > HOPPING_OPTIONS.distance:
+        if len(chosen) < count and joint_distance(task, x[i], others).min() > OPTIONS.distance:
             chosen = np.concatenate([chosen, x[i : i + 1]])
     return chosen
 
@@ -100,7 +117,7 @@ def disturb_best(
     rng: np.random.Generator,
     solver: Solver = "auto",
     *,
-    patience: int = HOPPING_OPTIONS.patience,
+    patience: int = OPTIONS.patience,
 ) -> Solutions:
     """Return optima and new ones from the best, perturbed or with high barriers, while the best improves.
 
@@ -108,83 +125,35 @@ def disturb_best(
     new optima are refined. It ends after ``patience`` consecutive batches without improvement.
     """
     task, failures, centers = program.task, 0, solutions.x[:0]
-    for _ in range(HOPPING_OPTIONS.final_rounds):
-        before, best = float(solutions.objectives[0, 0]), solutions.x[: HOPPING_OPTIONS.centers]
-        others = best[_far(task, best, centers)]
+    for _ in range(OPTIONS.final_rounds):
+        before, best = float(solutions.objectives[0, 0]), solutions.x[: OPTIONS.centers]
+        far = [not len(centers) or joint_distance(task, x, centers).min() > LEVELS.distinct for x in best]
+        others = best[np.array(far)]
         centers = np.concatenate([centers, others])
         batches = [(others, barrier) for barrier in LEVELS.cold]
-        batches.append((disturb(task, solutions.x, rng), HOPPING_OPTIONS.barrier))
+        batches.append((disturb(task, solutions.x, rng), OPTIONS.barrier))
         x, options = np.concatenate([x for x, _ in batches]), [coarse(each) for x, each in batches for _ in x]
         if not len(x):
             break
         rough = minimise(program, x, np.eye(1, len(program.upper)), options=options, solver=solver)
         rough = rough[distinct_rows(task, rough, rough.objectives[:, 0], limit=len(rough))]
-        rough = rough[rough.converged & _new(task, rough, solutions)]
+        values, known = solutions.objectives[:, 0], list[bool]()  # known: near a solution with about the same value
+        for one, value in zip(rough.x, rough.objectives[:, 0], strict=True):
+            near = np.abs(values - value) <= OPTIONS.value * np.abs(values)
+            known.append(bool(np.any(near & (joint_distance(task, one, solutions.x) <= OPTIONS.distance))))
+        rough = rough[rough.converged & ~np.array(known, dtype=bool)]
         if len(rough):
             ends = minimise(program, rough.x, np.eye(1, len(program.upper)), options=LEVELS.warm, solver=solver)
             both = concatenate((solutions, ends))
             solutions = both[distinct_rows(task, both, both.objectives[:, 0], limit=len(both))]
-        better = solutions.objectives[0, 0] < before - HOPPING_OPTIONS.gain * abs(before)
+        better = solutions.objectives[0, 0] < before - OPTIONS.gain * abs(before)
         failures = 0 if better else failures + 1
         if failures >= patience:
             break
     return solutions
 
 
-def _far(task: MotionTask, q: np.ndarray, others: np.ndarray) -> Bool[np.ndarray, " motions"]:
-    """Return which motions differ from all others."""
-    return np.array([not len(others) or joint_distance(task, x, others).min() > LEVELS.distinct for x in q])
-
-
-def _new(task: MotionTask, rough: Solutions, solutions: Solutions) -> Bool[np.ndarray, " motions"]:
-    """Return which rough ends are near no solution with about the same value."""
-    values = solutions.objectives[:, 0]
-    return np.array(
-        [
-            not np.any(
-                (np.abs(values - value) <= HOPPING_OPTIONS.value * np.abs(values))
-                & (joint_distance(task, x, solutions.x) <= HOPPING_OPTIONS.distance)
-            )
-            for x, value in zip(rough.x, rough.objectives[:, 0], strict=True)
-        ],
-        dtype=bool,
-    )
-
-
 # The restart policy.
-
-
-Batch = tuple[Float[np.ndarray, "starts samples dof"], Sequence[InteriorPointOptions]]
-
-
-@dataclass(frozen=True, kw_only=True)
-class RestartOptions:
-    """Settings of adding starts.
-
-    starts: default number of starts per degree of redundancy
-    portions: number of portions in which they are minimised, while better optima are likely unseen
-    expected: expected number of better optima in the next batch below which no independent starts are added
-    rounds: largest number of batches of independent starts
-    many: least number of optima for basin hopping with one degree of redundancy
-    unseen: probability of a new optimum above which basin hopping is used with more degrees of redundancy
-    doomed: number of failed starts after which a branch is left out
-    misled: share by which the best value may change from the first level to the next; if it changes more, starts are
-        sampled on the next level too
-    negligible: share of the usual value at starts that replaces a best value next to 0 for ``misled``
-    """
-
-    starts: int = 48
-    portions: int = 4
-    expected: float = 0.05
-    rounds: int = 6
-    many: int = 6
-    unseen: float = 0.02
-    doomed: int = 4
-    misled: float = 0.25
-    negligible: float = 1e-3
-
-
-OPTIONS = RestartOptions()
 
 
 class RestartPolicy:
@@ -218,13 +187,19 @@ class RestartPolicy:
 
     def __call__(self, solutions: Solutions) -> Batch:
         """Return further starts, and the options that they alternate between; none if enough were tried."""
-        portion = self._waiting_portion(solutions)
+        if self.waiting and solutions.converged.any() and self.independent.any():
+            # the next start finds a new optimum with the probability ``_unseen``; one in w + 1 of these is the best
+            hits, count = self._optima(solutions)[1], sum(map(len, self.waiting))
+            waiting = count * _unseen(hits) / (np.count_nonzero(hits) + 1)
+            if max(waiting, _expected_better(hits, self.count, int(self.independent.sum()))) <= OPTIONS.expected:
+                self.waiting = []
+        portion = self.waiting.pop(0) if self.waiting else np.empty(0)
         if len(portion):
             return self._batch([], [portion])
         if not solutions.converged.any():
             return self._batch([] if self.grid_tried else [self._grid()], [])
         best = float(solutions.objectives[solutions.converged, 0].min())
-        better = self.best == np.inf or best < self.best - HOPPING_OPTIONS.gain * abs(self.best)
+        better = self.best == np.inf or best < self.best - OPTIONS.gain * abs(self.best)
         self.improved = self.improved or (better and self.best < np.inf)
         self.failures, self.best = 0 if better else self.failures + 1, min(best, self.best)
         optima, hits = self._optima(solutions)
@@ -235,10 +210,11 @@ class RestartPolicy:
         independent, perturbed = list[np.ndarray](), list[np.ndarray]()
         if self.rounds < OPTIONS.rounds:
             if _expected_better(hits, self.count, int(self.independent.sum())) > OPTIONS.expected:
-                independent.append(self._without_doomed(self._sample(), solutions))
+                sample = sample_starts if self.rounds % 2 else sample_travelling  # of all kinds in every other round
+                independent.append(self._without_doomed(sample(self.level, self.count, self.rng), solutions))
             many = len(optima) >= OPTIONS.many
             self.several = _unseen(hits) > OPTIONS.unseen if self.level.redundancy > 1 else many
-            if self.several and self.failures <= HOPPING_OPTIONS.patience:
+            if self.several and self.failures <= OPTIONS.patience:
                 perturbed.append(disturb(self.level, solutions.x[optima], self.rng))
         self.rounds += 1
         return self._batch(perturbed, independent)
@@ -249,22 +225,7 @@ class RestartPolicy:
         self.independent = np.concatenate([self.independent, *flags])
         q = np.concatenate([np.empty((0, len(self.level.times), self.level.arm.dof)), *parts])
         self.starts.append(q)
-        return q, (HOPPING_OPTIONS.barrier,) if len(dependent) and self.rounds else LEVELS.cold
-
-    def _waiting_portion(self, solutions: Solutions) -> Float[np.ndarray, "starts samples dof"]:
-        """Return the next waiting starts; none if neither they nor a further batch are likely to find a better optimum.
-
-        The next start finds a new optimum with the probability ``_unseen``; one in w + 1 of these is better than all.
-        """
-        if self.waiting and solutions.converged.any() and self.independent.any():
-            hits, count = self._optima(solutions)[1], sum(map(len, self.waiting))
-            expected = max(
-                count * _unseen(hits) / (np.count_nonzero(hits) + 1),
-                _expected_better(hits, self.count, int(self.independent.sum())),
-            )
-            if expected <= OPTIONS.expected:
-                self.waiting = []
-        return self.waiting.pop(0) if self.waiting else np.empty((0, len(self.level.times), self.level.arm.dof))
+        return q, (OPTIONS.barrier,) if len(dependent) and self.rounds else LEVELS.cold
 
     def _optima(self, solutions: Solutions) -> tuple[Int[np.ndarray, " optima"], Int[np.ndarray, " optima"]]:
         """Return a row of every optimum, best first, and its number of independent starts."""
@@ -273,18 +234,12 @@ class RestartPolicy:
         for i in np.argsort(values, kind="stable")[: solutions.converged.sum()]:
             if not remaining[i]:
                 continue
-            near = np.flatnonzero(remaining & (values <= values[i] + HOPPING_OPTIONS.value * abs(values[i])))
-            same = near[joint_distance(self.level, solutions.x[i], solutions.x[near]) <= HOPPING_OPTIONS.distance]
+            near = np.flatnonzero(remaining & (values <= values[i] + OPTIONS.value * abs(values[i])))
+            same = near[joint_distance(self.level, solutions.x[i], solutions.x[near]) <= OPTIONS.distance]
             remaining[same] = False
             rows.append(int(i))
             hits.append(int(self.independent[same].sum()))
         return np.array(rows), np.array(hits)
-
-    def _sample(self) -> Float[np.ndarray, "starts samples dof"]:
-        """Return independent starts, of all kinds as at first, in every other round only travelling ones."""
-        if self.rounds % 2:
-            return sample_starts(self.level, self.count, self.rng)
-        return sample_travelling(self.level, self.count, self.rng)
 
     def _without_doomed(self, q: np.ndarray, solutions: Solutions) -> Float[np.ndarray, "starts samples dof"]:
         """Return the starts except those of branches that failed repeatedly."""
@@ -304,7 +259,7 @@ class RestartPolicy:
 
     def _grid(self) -> Float[np.ndarray, "paths samples dof"]:
         self.grid_tried = True
-        return grid_starts(self.level, self.level.arm.dof)
+        return grid_starts(self.level)
 
 
 class LevelRestarts:
@@ -323,42 +278,35 @@ class LevelRestarts:
         solver: Solver,
     ) -> None:
         self.portions, self.starts, self.rng, self.solver = portions, starts, rng, solver
+        self.batch = -(-starts // 2)  # number of starts that a policy adds at a time
         self.policies = list[RestartPolicy]()  # of the first level, and of the next if that misled
         self.compared = False  # whether the first level was compared with the next
 
-    @property
-    def first_starts(self) -> int:
-        """Number of starts of the first level so far."""
-        return len(self.policies[0].independent) if self.policies else 0
-
     def further(self, program: MotionProgram, q: np.ndarray, coarser: Solutions | None) -> Further | None:
         """Return the function that adds starts on a level, or None."""
+        level = program.task
         if coarser is None:
-            self.policies.append(self._policy(program.task, q, self.portions))
+            self.policies.append(RestartPolicy(level, q, self.batch, self.rng, self.portions))
             return self.policies[0]
-        return None if self.compared else partial(self._further_on_next, program.task, q, coarser)
+
+        def further_on_next(solutions: Solutions) -> Batch:
+            """Return further starts on the second level, only if the first misled."""
+            if not self.compared:
+                self.compared = True
+                if is_misled(coarser, solutions):
+                    with suppress(Infeasible):  # the optima of the first level are enough
+                        more = first_portions(sample_starts(level, self.starts * max(level.redundancy, 1), self.rng))
+                        self.policies.append(RestartPolicy(level, q, self.batch, self.rng, more, independent=False))
+            return self.policies[1](solutions) if len(self.policies) > 1 else (q[:0], ())
+
+        return None if self.compared else further_on_next
 
     def disturb(self, program: MotionProgram, solutions: Solutions) -> Solutions:
         """Return optima, with those that the best lead to if many are likely unseen."""
         if not solutions.converged.any() or not any(policy.several for policy in self.policies):
             return solutions
-        patience = HOPPING_OPTIONS.patience if any(policy.improved for policy in self.policies) else 1
+        patience = OPTIONS.patience if any(policy.improved for policy in self.policies) else 1
         return disturb_best(program, solutions, self.rng, self.solver, patience=patience)
-
-    def _further_on_next(self, level: MotionTask, q: np.ndarray, coarser: Solutions, solutions: Solutions) -> Batch:
-        """Return further starts on the second level, only if the first misled."""
-        if not self.compared:
-            self.compared = True
-            if is_misled(coarser, solutions):
-                with suppress(Infeasible):  # the optima of the first level are enough
-                    starts = sample_starts(level, self.starts * max(level.redundancy, 1), self.rng)
-                    self.policies.append(self._policy(level, q, first_portions(starts), independent=False))
-        return self.policies[1](solutions) if len(self.policies) > 1 else (q[:0], ())
-
-    def _policy(
-        self, level: MotionTask, q: np.ndarray, waiting: Sequence[np.ndarray], *, independent: bool = True
-    ) -> RestartPolicy:
-        return RestartPolicy(level, q, -(-self.starts // 2), self.rng, waiting, independent=independent)
 
 
 def first_portions(

@@ -6,7 +6,7 @@ there by the excess and a small margin, so that the curve is strictly within its
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -17,12 +17,12 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from paretoik.errors import warn_user
 from paretoik.nlp.minimise import compile_method, minimise
-from paretoik.nlp.program import InteriorPointOptions, Solver, program_key
+from paretoik.nlp.program import FEASIBLE, InteriorPointOptions, Solver, program_key
 from paretoik.pareto.certificates import weights_at
 from paretoik.pareto.refine import refine
 from paretoik.robot.kinematics import joint_scales
-from paretoik.runs.distribution import Lost, distribute_remembered, workers
-from paretoik.runs.journal import Values, remembered
+from paretoik.runs.distribution import Lost, compute_each, workers
+from paretoik.runs.journal import Values
 from paretoik.stop_flag import Interrupted, check_interruption
 from paretoik.task.limits import LIMIT_TOLERANCE, LIMITED
 from paretoik.task.motion import Motion
@@ -36,7 +36,6 @@ class TighteningOptions:
     """Settings of tightening; shares are of a limit's range.
 
     margin: share by which a tightened motion stays within its limits
-    feasible: share by which a motion may exceed its limits at the samples
     rounds: largest number of times that limits are tightened
     largest: largest share that a limit moves in a round
     steps: number of steps of an interval at which a motion is evaluated
@@ -48,7 +47,6 @@ class TighteningOptions:
     """
 
     margin: float = 2.5e-5
-    feasible: float = 1e-8
     rounds: int = 5
     largest: float = 0.4
     steps: int = 16
@@ -95,7 +93,11 @@ def hold_between(
     for _ in range(OPTIONS.rounds):
         if current.violation <= LIMIT_TOLERANCE or not np.isfinite(current.violation):
             break
-        weights = weights if weights.any() else _weights(program, best.x, n_obj)
+        if not weights.any():  # of the objectives at the motion, or those of refinement if it is not critical
+            (found,) = weights_at(program, best.x[None], n_obj)
+            weights = OPTIONS.weight + np.eye(n_obj)[0]
+            if np.isfinite(found).all():
+                weights = np.maximum(found / found.sum(), OPTIONS.least_weight)
         before = current.bounds
         bounds = _tightened_bounds(program, current.x, before, margin)
         for share in OPTIONS.shares:
@@ -122,36 +124,21 @@ def hold_all(
     ``observe`` is called with the number of finished motions and of all.
     """
     results = dict[int, HeldMotion]()
-    with suppress(Interrupted):
-        for i, held in _hold_each(program, x, n_obj, solver):
-            results[i] = held
-            if observe is not None:
-                observe(len(results), len(x))
     unseen = partial(HeldMotion, bounds=program.bounds, violation=np.nan)
-    return [results[i] if i in results else unseen(x=one) for i, one in enumerate(x)]
-
-
-def _hold_each(
-    program: MotionProgram, x: Float[np.ndarray, "motions time dof"], n_obj: int, solver: Solver
-) -> Iterator[tuple[int, HeldMotion]]:
-    """Yield the index of every motion and its ``HeldMotion``, from the journal or from workers.
-
-    Raises Interrupted after a signal.
-    """
-    check_interruption()
-    keys = [program_key("held motion", program, one, n_obj, solver) for one in x]
-    if len(x) > 1 and workers() > 1:
-        compile_method(program, x[0], np.eye(1, len(program.upper)), OPTIONS.warm, solver=solver)
-        for i, values in distribute_remembered(_hold_values, program, [(one, n_obj, solver) for one in x], keys):
+    with suppress(Interrupted):
+        check_interruption()
+        keys = [program_key("held motion", program, one, n_obj, solver) for one in x]
+        if len(x) > 1 and workers() > 1:
+            compile_method(program, x[0], np.eye(1, len(program.upper)), OPTIONS.warm, solver=solver)
+        for i, values in compute_each(_hold_values, program, [(one, n_obj, solver) for one in x], keys):
             if isinstance(values, Lost):
                 warn_user(f"motion {i}: {values.cause}; it stays as it is")
-                yield i, HeldMotion(x=x[i], bounds=program.bounds, violation=np.nan)
+                results[i] = unseen(x=x[i])
             else:
-                yield i, _held_motion(values)
-        return
-    for i, one in enumerate(x):
-        check_interruption()
-        yield i, _held_motion(remembered(keys[i], partial(_hold_values, program, (one, n_obj, solver))))
+                results[i] = HeldMotion(x=values["x"], bounds=values["bounds"], violation=float(values["violation"]))
+            if observe is not None:
+                observe(len(results), len(x))
+    return [results[i] if i in results else unseen(x=one) for i, one in enumerate(x)]
 
 
 def _hold_values(program: MotionProgram, item: tuple[np.ndarray, int, Solver]) -> Values:
@@ -161,13 +148,9 @@ def _hold_values(program: MotionProgram, item: tuple[np.ndarray, int, Solver]) -
     return {"x": held.x, "bounds": held.bounds, "violation": np.asarray(held.violation)}
 
 
-def _held_motion(values: Values) -> HeldMotion:
-    return HeldMotion(x=values["x"], bounds=values["bounds"], violation=float(values["violation"]))
-
-
 def feasible_motions(program: MotionProgram, x: Float[np.ndarray, "motions time dof"]) -> list[HeldMotion]:
     """Return the motions that satisfy their limits at samples and between them."""
-    at_samples = [one for one in x if program.evaluate(one)[2].min(initial=0.0) >= -OPTIONS.feasible]
+    at_samples = [one for one in x if program.evaluate(one)[2].min(initial=0.0) >= -FEASIBLE]
     return [each for each in (_held(program, one) for one in at_samples) if each.violation <= LIMIT_TOLERANCE]
 
 
@@ -205,14 +188,6 @@ def _solve_again(
         if critical[0]:
             return np.asarray(optimal[0])
     return None
-
-
-def _weights(program: MotionProgram, x: np.ndarray, n_obj: int) -> Float[np.ndarray, " n_obj"]:
-    """Return the weights of the objectives at a motion, or those of refinement if it is not critical."""
-    (weights,) = weights_at(program, x[None], n_obj)
-    if np.isfinite(weights).all():
-        return np.maximum(weights / weights.sum(), OPTIONS.least_weight)
-    return OPTIONS.weight + np.eye(n_obj)[0]
 
 
 def _tightened_bounds(

@@ -24,7 +24,7 @@ from paretoik.task.task import path_equations
 from paretoik.trajectory.curve_states import instant_targets
 from paretoik.trajectory.derivatives import linearise
 from paretoik.trajectory.discretisation import stencil
-from paretoik.trajectory.functions import Functions, trace_functions
+from paretoik.trajectory.functions import Functions, function_names, trace_functions
 from paretoik.trajectory.kernel_arrays import MotionKernel
 from paretoik.trajectory.motion_terms import ORDERS, Evaluators, MotionTerms, Sparsity
 
@@ -76,8 +76,7 @@ def motion_program(task: MotionTask, scales: Sequence[float] | np.ndarray | None
     for i, values in parameters.items():
         inputs[tape.entries[i][1]] = values
     ties = len(functions.epigraph_rows) + evaluators.ties
-    rows = zip(functions.bounds, functions.ranges, strict=True)
-    bounds = [np.column_stack(row) for row in rows] + [np.tile([0.0, np.inf, 1.0], (instants, 1))] * ties
+    bounds = functions.bounds + [np.tile([0.0, np.inf, 1.0], (instants, 1))] * ties
     states = np.concatenate([np.arange(orders * n), *([4 * n + np.arange(orders * n)] if kinked else [])])
     free = len(states) - orders * n + len(evaluators.auxiliary)
     limited, sides, limits, ranges = _limits(task, orders, free, bounds)
@@ -110,7 +109,7 @@ def _evaluators(functions: Functions, path: list[int]) -> Evaluators:
     """Return the evaluators of functions and path, from memory if the same was traced before."""
     tape = functions.motion.trace.tape
     entries = functions.sums, functions.rows, functions.epigraph_rows, functions.epigraph_variables, path
-    sides = [tuple(np.isfinite(bounds).any(axis=0)) for bounds in functions.bounds]
+    sides = [tuple(np.isfinite(bounds[:, :2]).any(axis=0)) for bounds in functions.bounds]
     key = (tuple(tape.entries), tuple(tape.values.items()), tuple(map(tuple, entries)), tuple(sides))
     if key not in _EVALUATORS:
         _EVALUATORS[key] = _differentiate(functions, path)
@@ -177,12 +176,10 @@ def _reformulate(functions: Functions) -> Reformulation:
         probes[tape.entries[i][1]] = rng.choice(values, OPTIONS.probes)
     sides = [1] * len(functions.sums)
     for bounds in functions.bounds:
-        low, high = np.isfinite(bounds).any(axis=0)
+        low, high = np.isfinite(bounds[:, :2]).any(axis=0)
         sides.append(int(high) - int(low))
     sides += [-1] * len(functions.epigraph_rows)
-    peaks = [total.name for total in functions.totals if total.kind == "peak"]
-    names = [total.name for total in functions.totals if total.kind == "sum"]
-    names += [*functions.names, *(peaks[k] for k in functions.epigraph_peaks)]
+    names = function_names(functions.totals, functions.names, functions.epigraph_peaks)
     smooth_choices = functions.distances
     entries = [*functions.sums, *functions.rows, *functions.epigraph_rows]
     reformulation = reformulate_choices(tape, entries, names, probes, smooth_choices)
@@ -231,8 +228,16 @@ def _limits(
     unlimited: number of variables without limits before the rows
     """
     instants, n = len(task.instants), task.arm.dof
-    free = np.tile([-np.inf, np.inf], (instants, n, 1))
-    simple = [_simple_bounds(task, kind, free) for kind in ORDERS[:orders]]
+    free, simple = np.tile([-np.inf, np.inf, 1.0], (instants, n, 1)), list[np.ndarray]()
+    for kind in ORDERS[:orders]:
+        bounded = free
+        if kind in task.bounds:
+            bounds = np.array(np.broadcast_to(task.bounds_at(kind, task.instants), (instants, n, 2)))
+            bounded = np.concatenate([bounds, task.limit_ranges(kind, bounds)[..., None]], axis=-1)
+            if kind == "velocity" and task.stride > 1:  # between samples its coefficients are limited instead
+                bounded[1 :: task.stride, :, :2] = free[1 :: task.stride, :, :2]
+            bounded /= joint_scales(task.arm)[:, None]
+        simple.append(bounded)
     none = np.tile([-np.inf, np.inf, 1.0], (instants, unlimited, 1))
     table = np.concatenate([*simple, none, *(row[:, None] for row in rows)], axis=1)
     both = table[..., :2]
@@ -242,17 +247,6 @@ def _limits(
         which, instant, side = which[moves], instant[moves], side[moves]
     ranges = table[instant, which, 2]
     return np.stack([which, instant], axis=1), 1.0 - 2.0 * side, both[instant, which, side], ranges
-
-
-def _simple_bounds(task: MotionTask, kind: str, free: np.ndarray) -> np.ndarray:
-    """Return the limits on a variable and their ranges; limits on a spline's rates are valid between samples."""
-    if kind not in task.bounds:
-        return np.concatenate([free, np.ones((*free.shape[:-1], 1))], axis=-1)
-    bounds = np.array(np.broadcast_to(task.bounds_at(kind, task.instants), free.shape))
-    table = np.concatenate([bounds, task.limit_ranges(kind, bounds)[..., None]], axis=-1)
-    if kind == "velocity" and task.stride > 1:  # between samples a coefficient of the velocity is limited instead
-        table[1 :: task.stride, :, :2] = free[1 :: task.stride]
-    return table / joint_scales(task.arm)[:, None]
 
 
 def _place_variables(evaluators: Evaluators, states: np.ndarray, dof: int) -> Evaluators:

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from paretoik.nlp.convex_subproblem import solve_subproblem, solve_with_cvxpy
+from paretoik.nlp.convex_subproblem import solve_subproblem
 from paretoik.nlp.program import Cone, Constraints
+from studies.benchmarks.refinement.stated import solve_with_cvxpy
 
 
 def random_model(seed, *, unknowns=20, extra=4, limits=40):

@@ -71,7 +71,7 @@ def test_followed_optimum_stays_on_the_front_and_gains_the_wish(improve, by):
 def test_following_two_halves_equals_following_the_whole():
     whole = followed(PROGRAM, 0.7, aim(0.7, 0.2))[1].optimum
     half = followed(PROGRAM, 0.7, aim(0.7, 0.1))[1].optimum
-    rest = correct(PROGRAM, half, aim(0.7, 0.2).at_share(1.0))
+    rest, _ = correct(PROGRAM, half, aim(0.7, 0.2).at_share(1.0))
     assert rest.x == pytest.approx(whole.x, abs=1e-9)
     assert rest.multipliers == pytest.approx(whole.multipliers, abs=1e-7)
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from paretoik.pareto.refine import refine
-from paretoik.pareto.sweep import Level, LevelSolver
+from paretoik.pareto.sweep import Level, Sweep
 from paretoik.runs.distribution import distributing
 from paretoik.runs.processes import WorkerProcesses
 from tests.pareto.sketches import ellipses, placed, scaled, sketched
@@ -49,14 +49,20 @@ def test_an_observer_that_ends_refinement_leaves_the_same_points_as_they_were_wh
     assert not converged[8:].any()
 
 
+def sweep() -> Sweep:
+    none = np.zeros((0, 2))
+    points = {"x": np.zeros((0, *POINTS.shape[1:])), "objectives": none, "weights": none, "points": 5}
+    return Sweep(program=PROGRAM, n_obj=2, **points, solver="auto", observe=None, ranges=np.ones(2))
+
+
 def levels() -> list[Level]:
     F = POINTS @ PROGRAM.costs.T
     return [Level(POINTS[i], i % 2, np.where(np.arange(2) == i % 2, np.inf, F[i])) for i in range(5)]
 
 
 def test_levels_that_workers_minimised_ahead_come_to_the_same_bit_for_bit(executor):
-    alone = LevelSolver(program=PROGRAM, n_obj=2, solver="auto")
-    ahead = LevelSolver(program=PROGRAM, n_obj=2, solver="auto")
+    alone = sweep()
+    ahead = sweep()
     with distributing(executor):
         ahead.look_ahead(levels())
     assert len(ahead.ahead) == 5
@@ -69,10 +75,10 @@ def test_levels_that_workers_minimised_ahead_come_to_the_same_bit_for_bit(execut
 
 
 def test_nothing_is_done_ahead_without_workers_nor_before_the_first_level_is_due(executor):
-    solver = LevelSolver(program=PROGRAM, n_obj=2, solver="auto")
-    solver.look_ahead(levels())
-    assert not solver.ahead
+    ahead = sweep()
+    ahead.look_ahead(levels())
+    assert not ahead.ahead
     with distributing(executor):
-        solver.look_ahead(levels()[:2])
-        solver.look_ahead(levels())
-    assert len(solver.ahead) == 2
+        ahead.look_ahead(levels()[:2])
+        ahead.look_ahead(levels())
+    assert len(ahead.ahead) == 2

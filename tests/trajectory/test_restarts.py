@@ -54,7 +54,7 @@ def test_restarts_find_better_valleys_where_redundancy_is_more_than_one(monkeypa
     problem = pk.Tracking(arm, path, objectives=[pk.torque_norm])
     with_restarts = [pk.plan(problem, seed=seed, starts=2).best.objective for seed in range(4)]
     monkeypatch.setattr(restarts, "OPTIONS", replace(restarts.OPTIONS, rounds=0))
-    monkeypatch.setattr(basin_hopping, "HOPPING_OPTIONS", replace(basin_hopping.HOPPING_OPTIONS, final_rounds=0))
+    monkeypatch.setattr(basin_hopping, "OPTIONS", replace(basin_hopping.OPTIONS, final_rounds=0))
     without = [pk.plan(problem, seed=seed, starts=2).best.objective for seed in range(4)]
     assert all(one <= other * (1 + 1e-6) for one, other in zip(with_restarts, without, strict=True))
     assert any(one < 0.99 * other for one, other in zip(with_restarts, without, strict=True))
@@ -184,7 +184,7 @@ def test_recombined_optima_are_near_none_that_there_is():
     mixed = basin_hopping._recombine(problem.task, q, np.random.default_rng(1))
     assert len(mixed) > 4
     for one in mixed:
-        assert joint_distance(problem.task, one, q).min() > basin_hopping.HOPPING_OPTIONS.distance
+        assert joint_distance(problem.task, one, q).min() > basin_hopping.OPTIONS.distance
     any_pairs = recombined_starts(problem.task, q, np.roll(q, 1, axis=0), np.random.default_rng(2))
     usual, chosen = (float(np.median(pk.torque_norm(problem.task.motion(x)))) for x in (any_pairs, mixed))
     assert chosen < usual

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -20,10 +20,6 @@ from scipy import sparse
 from paretoik.errors import EvaluationFailed
 from paretoik.nlp.dense.traced_rows import AssembledRows
 from paretoik.nlp.program import dense_rows
-
-if TYPE_CHECKING:
-    from paretoik.nlp.dense.dense_rows import DenseKernel
-
 
 EQUALITY_TOLERANCE = 1e-13  # of a satisfied equality
 
@@ -49,7 +45,7 @@ class DenseProgram:
         return x
 
     @property
-    def kernel(self) -> DenseKernel:
+    def kernel(self) -> Any:
         """The program for compiled solvers."""
         from paretoik.nlp.dense.dense_arrays import dense_kernel  # here: numba
 

@@ -12,7 +12,6 @@ import numpy as np
 
 import paretoik as pk
 from paretoik.nlp import sqp
-from paretoik.nlp.convex_subproblem import solve_with_cvxpy
 from paretoik.nlp.minimise import minimise
 from paretoik.nlp.program import CONVERGED, Program, Solver
 from paretoik.task.motion_task import MotionTask
@@ -24,6 +23,7 @@ from studies.benchmarks.certified.staged import staged_program
 from studies.benchmarks.fronts.programs import compiled_program, joint_program, pack, unpack
 from studies.benchmarks.planner.compiling import COMPILER
 from studies.benchmarks.refinement.nlp import Method, Nlp, dense_nlp, ipopt_solver, motion_nlp, solve_with_scipy
+from studies.benchmarks.refinement.stated import solve_with_cvxpy
 
 Move = Callable[[np.ndarray], np.ndarray | None]
 Judge = Callable[[np.ndarray], tuple[float, float]]

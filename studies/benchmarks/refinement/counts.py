@@ -20,7 +20,7 @@ import numpy as np
 import paretoik as pk
 from paretoik.api.progress import Observer, RunProgress
 from paretoik.compilation_notices import computing_clock
-from paretoik.nlp.convex_subproblem import CanonicalForm, ConvexSubproblem
+from paretoik.nlp.convex_subproblem import ConvexSubproblem
 from paretoik.nlp.criticality import criticality
 from paretoik.pareto import certificates
 from problems import panda, tringali_2020
@@ -56,7 +56,7 @@ def counting() -> Iterator[tuple[Count, Count, Count]]:
     canonical, solved, confirmed = Count(), Count(), Count()
     with (
         patch.object(ConvexSubproblem, "__init__", canonical.wrap(ConvexSubproblem.__init__)),
-        patch.object(CanonicalForm, "solve", solved.wrap(CanonicalForm.solve)),
+        patch.object(ConvexSubproblem, "solve", solved.wrap(ConvexSubproblem.solve)),
         patch.object(certificates, "criticality", confirmed.wrap(criticality)),
     ):
         yield canonical, solved, confirmed
