@@ -104,9 +104,8 @@ def form_value(form: str, values: Any, motion: MeasuredMotion, *, maximise: bool
 
 
 def _joint_limit_distance(motion: MeasuredMotion) -> np.ndarray:
-    lower, upper = np.array(motion.arm.position_limits, dtype=float).T
     total = np.zeros(motion.time.shape)
-    for joint, (low, high) in enumerate(zip(lower, upper, strict=True)):
+    for joint, (low, high) in enumerate(np.array(motion.arm.position_limits, dtype=float)):
         if np.isfinite(high - low) and high > low:
             total += ((motion.q[..., joint] - (high + low) / 2) / (high - low)) ** 2
     return total / (2 * motion.q.shape[-1] * motion.duration[:, None])
