@@ -242,14 +242,7 @@ def __dir__() -> list[str]:
 
 FCI = "Franka Control Interface Documentation, Control Interface Specification and Robot Limits"
 UR_MANUAL = "Universal Robots e-Series user manual 5.8; Max. joint torques; no accelerations or jerks published"
-UR_JOINTS = (
-    "shoulder_pan_joint",
-    "shoulder_lift_joint",
-    "elbow_joint",
-    "wrist_1_joint",
-    "wrist_2_joint",
-    "wrist_3_joint",
-)
+UR_LINKS = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
 
 PANDA = Controller(
     name="panda",
@@ -304,7 +297,7 @@ FR3 = Controller(
 def _ur(name: str, *, degrees: list[float], torque: list[float]) -> Controller:
     return Controller(
         name=name,
-        joint_names=UR_JOINTS,
+        joint_names=[f"{link}_joint" for link in UR_LINKS],
         rate=500.0,
         position=2 * np.pi,
         velocity=np.deg2rad(degrees),
@@ -348,17 +341,17 @@ def find_controller(controller: str | Controller, arm: Arm) -> Controller:
                 f"controller must be one of {', '.join(names)}, or a pk.controllers.Controller, got "
                 f"{shown(controller)}{likely_spelling(controller, names)}"
             )
-        controller = CONTROLLERS.get(controller) or _of_family(controller, arm)
+        if controller in FAMILIES:
+            family = FAMILIES[controller]
+            matching = [each for each in family if each.moves(arm)] or [family[0]]
+            named = [each for each in matching if each.name in arm.name.lower()]
+            if len(matching) > 1 and len(named) != 1:
+                models = ", ".join(each.name for each in matching)
+                raise InvalidInput(
+                    f"controller must be one of {models}, got {shown(controller)}: "
+                    f"joints and name of {arm.name} do not decide"
+                )
+            controller = (named if len(named) == 1 else matching)[0]
+        else:
+            controller = CONTROLLERS[controller]
     return controller.arranged_for(arm)
-
-
-def _of_family(name: str, arm: Arm) -> Controller:
-    family = FAMILIES[name]
-    matching = [each for each in family if each.moves(arm)] or [family[0]]
-    named = [each for each in matching if each.name in arm.name.lower()]
-    if len(matching) > 1 and len(named) != 1:
-        models = ", ".join(each.name for each in matching)
-        raise InvalidInput(
-            f"controller must be one of {models}, got {shown(name)}: joints and name of {arm.name} do not decide"
-        )
-    return (named if len(named) == 1 else matching)[0]

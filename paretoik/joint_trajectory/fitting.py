@@ -151,7 +151,7 @@ def _limited_series(trajectory: JointTrajectory, controller: Controller, arm: Ar
     low, high = controller.velocity_bounds(q)
     yield LimitedSeries(quantity="velocity", values=trajectory.dq, lower=low, upper=high)
     yield _symmetric("acceleration", trajectory.ddq, controller.acceleration)
-    yield _symmetric("jerk", np.diff(_between_rests(trajectory.ddq), axis=0) * rate, controller.jerk)
+    yield _symmetric("jerk", np.diff(np.pad(trajectory.ddq, ((1, 1), (0, 0))), axis=0) * rate, controller.jerk)
 
     if any(body.mass > 0 for body in arm.bodies):
         torque = dynamics.inverse_dynamics(arm, q, trajectory.dq, trajectory.ddq)
@@ -164,10 +164,6 @@ def _limited_series(trajectory: JointTrajectory, controller: Controller, arm: Ar
 
 def _symmetric(quantity: str, values: np.ndarray, limit: np.ndarray, shift: int = 0) -> LimitedSeries:
     return LimitedSeries(quantity=quantity, values=values, lower=-limit[None], upper=limit[None], shift=shift)
-
-
-def _between_rests(values: np.ndarray) -> np.ndarray:
-    return np.pad(values, ((1, 1), (0, 0)))
 
 
 # Slowing down: the fewest periods of a controller in which a motion keeps its limits.
@@ -234,16 +230,17 @@ def fit_motion(
     if moving is None and not (uses and uses[0].exceeded):
         return sample_motion(motion, scaling), scaling, uses
     if moving is not None:  # the rest of a motion that a spline leaves at a resting end vanishes if it is slow enough
-        moving_slowed = _measure(motion, _guess_slower(scaling, uses), controller)[1]
-        if moving_slowed is not None:
+        factor = max((slowing(use) for use in uses if use.quantity in ORDERS), default=1.0)
+        guess = replace(scaling, periods=math.ceil(scaling.periods * max(factor, 1.0)))
+        if _measure(motion, guess, controller)[1] is not None:
             raise _unrest(motion, controller, moving, _ramp_advice(motion, scaling, controller))
     slowed = slow_down(scaling, lambda each: _measure(motion, each, controller)[0])
     if slowed is None:
         raise _refusal(motion, controller, uses[0], "no slowing down helps: at rest it is as much")
     if slower:
         return sample_motion(motion, slowed), slowed, _measure(motion, slowed, controller)[0]
-    factor = f"{slowed.factor * (1 + 5e-5):.4f}"  # rounded up
-    advice = f"slowed down {factor} times it keeps every limit: time_scale={factor} or slow_down=True (--slow-down)"
+    scale = f"{slowed.factor * (1 + 5e-5):.4f}"  # rounded up
+    advice = f"slowed down {scale} times it keeps every limit: time_scale={scale} or slow_down=True (--slow-down)"
     if moving is not None:
         raise _unrest(motion, controller, moving, advice)
     raise _refusal(motion, controller, uses[0], advice)
@@ -256,12 +253,6 @@ def _refusal(motion: Motion, controller: Controller, use: LimitUse, advice: str)
 
 def _unrest(motion: Motion, controller: Controller, moving: str, advice: str) -> Infeasible:
     return Infeasible(f"controller {controller.name}: {moving}; {advice}", motion=motion, limit="rest")
-
-
-def _guess_slower(scaling: TimeScaling, uses: list[LimitUse]) -> TimeScaling:
-    """Return a scaling that is about as slow as limits need, and no slower."""
-    factor = max((slowing(use) for use in uses if use.quantity in ORDERS), default=1.0)
-    return replace(scaling, periods=math.ceil(scaling.periods * max(factor, 1.0)))
 
 
 def _measure(motion: Motion, scaling: TimeScaling, controller: Controller) -> tuple[list[LimitUse], str | None]:

@@ -70,25 +70,19 @@ def npz_bytes(trajectory: JointTrajectory) -> bytes:
 def columns(trajectory: JointTrajectory) -> dict[str, np.ndarray]:
     """Return the columns of a table, by name."""
     table = {"time": trajectory.time}
-    for quantity, values in (
-        ("position", trajectory.q),
-        ("velocity", trajectory.dq),
-        ("acceleration", trajectory.ddq),
-    ):
+    quantities = {"position": trajectory.q, "velocity": trajectory.dq, "acceleration": trajectory.ddq}
+    for quantity, values in quantities.items():
         table |= {f"{quantity}.{joint}": values[:, i] for i, joint in enumerate(trajectory.joint_names)}
     return table
 
 
 def comment_lines(trajectory: JointTrajectory) -> str:
     """Return the metadata as comments, one line each: ``# NAME: JSON``, with ends of lines escaped."""
-    entries = [
-        f"{name}: {json.dumps(to_json(value), ensure_ascii=False)}" for name, value in trajectory.metadata.items()
-    ]
-    return "".join(f"# {''.join(map(_printable, entry))}\n" for entry in entries)
-
-
-def _printable(letter: str) -> str:
-    return letter if letter.isprintable() else json.dumps(letter)[1:-1]
+    text = ""
+    for name, value in trajectory.metadata.items():
+        entry = f"{name}: {json.dumps(to_json(value), ensure_ascii=False)}"
+        text += f"# {''.join(each if each.isprintable() else json.dumps(each)[1:-1] for each in entry)}\n"
+    return text
 
 
 def metadata_json(trajectory: JointTrajectory) -> str:
@@ -104,9 +98,7 @@ def metadata_json(trajectory: JointTrajectory) -> str:
 
 MESSAGE = "trajectory_msgs/msg/JointTrajectory"
 TOPIC = "/joint_trajectory_controller/joint_trajectory"  # with the default name of that controller in ros2_control
-BAG_VERSION: Literal[8] = (
-    8  # of rosbag2: the earlier of the two that rosbags writes, so that more releases of ROS 2 read it
-)
+BAG_VERSION: Literal[8] = 8  # of rosbag2: the earlier of the two that rosbags writes, for more releases of ROS 2
 
 
 def yaml_bytes(trajectory: JointTrajectory) -> bytes:
@@ -114,13 +106,9 @@ def yaml_bytes(trajectory: JointTrajectory) -> bytes:
     import yaml
 
     points = [
-        {"positions": q, "velocities": dq, "accelerations": ddq, "effort": [], "time_from_start": _duration(moment)}
-        for q, dq, ddq, moment in zip(
-            trajectory.q.tolist(),
-            trajectory.dq.tolist(),
-            trajectory.ddq.tolist(),
-            _nanoseconds(trajectory),
-            strict=True,
+        {"positions": q, "velocities": dq, "accelerations": ddq, "effort": [], "time_from_start": since}
+        for q, dq, ddq, since in zip(
+            trajectory.q.tolist(), trajectory.dq.tolist(), trajectory.ddq.tolist(), _durations(trajectory), strict=True
         )
     ]
     message = {
@@ -136,7 +124,10 @@ def yaml_bytes(trajectory: JointTrajectory) -> bytes:
 def check_bag(folder: Path, *, overwrite: bool) -> None:
     """Raise InvalidInput if a folder may not become a bag: only a bag is replaced, and only with ``overwrite``."""
     check_target("bag", folder, overwrite=overwrite, folder=True)
-    if os.path.lexists(folder) and not _is_bag(folder):
+    file = folder / "metadata.yaml"
+    is_bag = not folder.is_symlink() and file.is_file()
+    is_bag = is_bag and file.read_bytes().startswith(b"rosbag2_bagfile_information")
+    if os.path.lexists(folder) and not is_bag:
         raise InvalidInput(f"{folder} must be a bag to replace, or nothing, got something else")
 
 
@@ -175,15 +166,9 @@ def _fill_bag(trajectory: JointTrajectory, folder: Path) -> None:
         header=kinds["std_msgs/msg/Header"](stamp=time(sec=0, nanosec=0), frame_id=""),
         joint_names=list(trajectory.joint_names),
         points=[
-            point(
-                positions=q,
-                velocities=dq,
-                accelerations=ddq,
-                effort=np.zeros(0),
-                time_from_start=duration(**_duration(moment)),
-            )
-            for q, dq, ddq, moment in zip(
-                trajectory.q, trajectory.dq, trajectory.ddq, _nanoseconds(trajectory), strict=True
+            point(positions=q, velocities=dq, accelerations=ddq, effort=np.zeros(0), time_from_start=duration(**since))
+            for q, dq, ddq, since in zip(
+                trajectory.q, trajectory.dq, trajectory.ddq, _durations(trajectory), strict=True
             )
         ],
     )
@@ -193,18 +178,10 @@ def _fill_bag(trajectory: JointTrajectory, folder: Path) -> None:
         writer.write(connection, 0, store.serialize_cdr(message, MESSAGE))
 
 
-def _is_bag(folder: Path) -> bool:
-    file = folder / "metadata.yaml"
-    return not folder.is_symlink() and file.is_file() and file.read_bytes().startswith(b"rosbag2_bagfile_information")
-
-
-def _nanoseconds(trajectory: JointTrajectory) -> list[int]:
-    return np.rint(trajectory.time * 1e9).astype(np.int64).tolist()
-
-
-def _duration(nanoseconds: int) -> dict[str, int]:
-    seconds, remainder = divmod(nanoseconds, 10**9)
-    return {"sec": seconds, "nanosec": remainder}
+def _durations(trajectory: JointTrajectory) -> list[dict[str, int]]:
+    """Return the times of samples as ROS writes them."""
+    moments = np.rint(trajectory.time * 1e9).astype(np.int64).tolist()
+    return [{"sec": moment // 10**9, "nanosec": moment % 10**9} for moment in moments]
 
 
 # Formats of trajectory files, by name or by ending.

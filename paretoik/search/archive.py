@@ -11,7 +11,14 @@ from numpy.typing import ArrayLike
 
 from paretoik.arrays import Constraints, Genes, Ids, Mask, Objectives
 from paretoik.inputs import check_size
-from paretoik.search.objectives import TOLERANCE, Floats, Integers, violations
+from paretoik.search.objectives import (
+    EQUALITY_TOLERANCE,
+    TOLERANCE,
+    Floats,
+    Integers,
+    column_tolerance,
+    violations,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,39 +68,39 @@ class Archive:
     A point within 1e-9 of the ranges of an older one is a duplicate and is left out. Above ``capacity`` points only the
     oldest of each cell of a grid and the best of each objective remain.
 
-    tolerance: largest constraint excess of a feasible point
+    tolerance, equality_tolerance: largest excess of a feasible point in constraints G ≤ 0 and H = 0, one number or one
+        per constraint
     names: names of the objectives, for causes of failure
     """
 
     def __init__(
-        self, *, tolerance: ArrayLike = TOLERANCE, capacity: int = OPTIONS.capacity, names: Sequence[str] = ()
+        self,
+        *,
+        tolerance: ArrayLike = TOLERANCE,
+        equality_tolerance: ArrayLike = EQUALITY_TOLERANCE,
+        capacity: int = OPTIONS.capacity,
+        names: Sequence[str] = (),
     ) -> None:
         check_size("archive capacity", capacity, 1)
         self.failed = Failures()
-        self._tolerance = tolerance
-        self._capacity = capacity
-        self._names = tuple(names)
-        self._members: Members | None = None
+        self.members: Members | None = None  # all points; None before the first are added
+        self._tolerance, self._equality_tolerance = tolerance, equality_tolerance
+        self._capacity, self._names = capacity, tuple(names)
         self._least_violating: Members | None = None
         self._smallest_violation = np.inf
 
     def __len__(self) -> int:
-        return 0 if self._members is None else len(self._members)
-
-    @property
-    def members(self) -> Members | None:
-        """All points; None before the first are added."""
-        return self._members
+        return 0 if self.members is None else len(self.members)
 
     @property
     def F(self) -> Objectives:  # noqa: N802  the field's name
         """Minimised objectives (points, n_obj) of the front."""
-        return np.empty((0, 0)) if self._members is None else self._members.F
+        return np.empty((0, 0)) if self.members is None else self.members.F
 
     @property
     def ids(self) -> Ids:
         """Ids (points,) of the front."""
-        return np.empty(0, dtype=np.int64) if self._members is None else self._members.ids
+        return np.empty(0, dtype=np.int64) if self.members is None else self.members.ids
 
     @property
     def least_violating(self) -> Members | None:
@@ -108,44 +115,41 @@ class Archive:
         G: Constraints | None,
         generation: int,
         *,
+        H: Constraints | None = None,
         causes: Mapping[int, str] | None = None,
     ) -> None:
         """Add evaluated points; ``causes``: reasons of failed evaluations, by id."""
-        G = np.zeros((len(F), 0)) if G is None else G
+        G, H = (np.zeros((len(F), 0)) if table is None else table for table in (G, H))
+        slack = column_tolerance("equality_tolerance", self._equality_tolerance, H.shape[1])
+        tolerance = np.append(column_tolerance("tolerance", self._tolerance, G.shape[1]), np.zeros(H.shape[1]))
+        G = np.column_stack((G, np.abs(H) - slack))
         new = Members(ids, X, F, G, np.full(len(ids), generation, dtype=np.int64))[np.argsort(ids)]
-        violation = violations(new.F, new.G, tolerance=self._tolerance)
+        violation = violations(new.F, new.G, tolerance=tolerance)
         self._count_failures(new, causes or {})
         best = int(np.argmin(violation))
         if np.isfinite(violation[best]) and violation[best] < self._smallest_violation:
             self._least_violating, self._smallest_violation = new[best : best + 1], float(violation[best])
-        old = new[:0] if self._members is None else self._members
-        self._members = self._merge(old, new[violation <= 0.0])
+
+        # Feasible new points that are non-dominated and no duplicates enter; old points that they dominate leave.
+        old, new = new[:0] if self.members is None else self.members, new[violation <= 0.0]
+        new = new[is_nondominated(np.concatenate((old.F, new.F)), keep_weakly=False)[len(old) :]]
+        new = new[~_duplicates(old.F, new.F)]
+        both = old + new
+        if len(new):
+            both = both[is_nondominated(both.F, keep_weakly=False)]
+        self.members = both if len(both) <= self._capacity else both[_thin(both.F, self._capacity // 2)]
 
     def _count_failures(self, new: Members, causes: Mapping[int, str]) -> None:
         for row in np.flatnonzero(~np.isfinite(new.F).all(axis=1) | np.isnan(new.G).any(axis=1)):
-            first = self.failed.first_cause or causes.get(int(new.ids[row])) or self._describe(new.F[row], new.G[row])
+            first = self.failed.first_cause or causes.get(int(new.ids[row]))
+            if not first:
+                bad = np.flatnonzero(~np.isfinite(new.F[row]))
+                if bad.size:
+                    name = self._names[bad[0]] if self._names else f"f{bad[0] + 1}"
+                    first = f"objective {name} is {new.F[row, bad[0]]}"
+                else:
+                    first = f"constraint {np.flatnonzero(np.isnan(new.G[row]))[0] + 1} is nan"
             self.failed = Failures(self.failed.count + 1, first)
-
-    def _describe(self, F: Floats, G: Floats) -> str:
-        bad = np.flatnonzero(~np.isfinite(F))
-        if bad.size:
-            name = self._names[bad[0]] if self._names else f"f{bad[0] + 1}"
-            return f"objective {name} is {F[bad[0]]}"
-        return f"constraint {np.flatnonzero(np.isnan(G))[0] + 1} is nan"
-
-    def _merge(self, old: Members, new: Members) -> Members:
-        new = new[_non_dominated(old.F, new.F)[len(old) :]]
-        new = new[~_duplicates(old.F, new.F)]
-        if not len(new):
-            return old
-        both = old + new
-        both = both[_non_dominated(old.F, new.F)]
-        return both if len(both) <= self._capacity else both[_thin(both.F, self._capacity // 2)]
-
-
-def _non_dominated(old: Floats, new: Floats) -> Mask:
-    mask: Mask = is_nondominated(np.concatenate((old, new)), keep_weakly=False)
-    return mask
 
 
 def _duplicates(old: Floats, new: Floats) -> Mask:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -62,25 +62,6 @@ class Outcome:
         tables = {k: np.asarray(results.get(k, np.full((rows, size), np.nan))) for k, size in columns.items()}
         causes = {row: str(cause) for row, cause in enumerate(results.get("cause", ())) if cause}
         return cls(**tables, causes=causes)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Feasibility:
-    """Tolerances of constraints G ≤ 0 and H = 0: one number, or one per constraint."""
-
-    tolerance: ArrayLike
-    equality_tolerance: ArrayLike
-
-    def archive(self, problem: Any, names: Sequence[str]) -> Archive:
-        """Return an empty archive for a problem with these objective names."""
-        inequalities = column_tolerance("tolerance", self.tolerance, problem.n_ieq_constr)
-        tolerance = np.concatenate((inequalities, np.zeros(problem.n_eq_constr)))
-        return Archive(tolerance=tolerance, names=names)
-
-    def columns(self, outcome: Outcome) -> Floats:
-        """Return constraints for an archive in one table: G, then |H| less its tolerance."""
-        slack = column_tolerance("equality_tolerance", self.equality_tolerance, outcome.H.shape[1])
-        return np.column_stack((outcome.G, np.abs(outcome.H) - slack))
 
 
 def archive_front(search: Any, points: int | None) -> Front:
@@ -154,19 +135,16 @@ class Search:
         self.problem = problem
         self._prototype = algorithm
         self._size, self._offspring, self._seed, self._initial = int(population), offspring, int(seed), initial
-        self._stages = (
-            problem.n_obj if anchors and problem.n_obj > 1 else 0
-        )  # number of objectives searched alone first
+        self._stages = problem.n_obj if anchors and problem.n_obj > 1 else 0  # objectives searched alone first
         self._anchors, self._stage = anchors, 0
         self._anchor_genes: Genes = np.empty((0, problem.n_var))  # the best of each stage
         self.names, self.units, self.maximised = describe_objectives(problem)
         self._algorithm = self._new_algorithm(initial)
         survival = self._algorithm.survival
-        self.feasibility = Feasibility(
-            tolerance=getattr(survival, "tolerance", TOLERANCE),
-            equality_tolerance=getattr(survival, "equality_tolerance", EQUALITY_TOLERANCE),
-        )
-        self.archive = self.feasibility.archive(problem, self.names)
+        tolerance = column_tolerance("tolerance", getattr(survival, "tolerance", TOLERANCE), problem.n_ieq_constr)
+        equality_tolerance = getattr(survival, "equality_tolerance", EQUALITY_TOLERANCE)
+        self.tolerances: dict[str, Any] = {"tolerance": tolerance, "equality_tolerance": equality_tolerance}
+        self.archive = Archive(names=self.names, **self.tolerances)
         self._generation = 0
         self._evaluations = 0
         self._population: Objectives = np.empty((0, problem.n_obj))
@@ -257,8 +235,18 @@ class Search:
 
         Raises InvalidInput for an id that is unknown or told twice, or an array of another shape; then nothing changes.
         """
-        rows, outcome = self._rows(ids), self._outcome
-        assert outcome is not None
+        numbers = integer_array("ids", ids)
+        if numbers.ndim != 1:
+            raise InvalidInput(f"ids must be a list of integers, got shape {numbers.shape}")
+        if self._candidates is None or self._outcome is None:
+            raise InvalidInput("ids must be of an asked generation, got some before ask()")
+        first, last = int(self._candidates.ids[0]), int(self._candidates.ids[-1])
+        for number in numbers[(numbers < first) | (numbers > last)]:
+            raise InvalidInput(f"ids must be among those asked, {first} to {last}, got {number}")
+        rows, outcome = numbers - first, self._outcome
+        unique, counts = np.unique(rows, return_counts=True)
+        for row in unique[(counts > 1) | self._evaluated[unique]]:
+            raise InvalidInput(f"ids must be told once each, got {first + row} again")
         if not isinstance(causes, Mapping | None):
             raise InvalidInput(f"causes must be words by id, got {shown(causes)}")
         values = _table("F", F, len(rows), self.problem.n_obj)
@@ -268,33 +256,17 @@ class Search:
         outcome.causes.update(causes or {})
         self._evaluated[rows] = True
         if self._evaluated.all():
-            self._advance(outcome)
+            self._advance(self._candidates, outcome)
 
-    def _rows(self, ids: ArrayLike) -> Ids:
-        numbers = integer_array("ids", ids)
-        if numbers.ndim != 1:
-            raise InvalidInput(f"ids must be a list of integers, got shape {numbers.shape}")
-        if self._candidates is None or self._outcome is None:
-            raise InvalidInput("ids must be of an asked generation, got some before ask()")
-        first, last = int(self._candidates.ids[0]), int(self._candidates.ids[-1])
-        for number in numbers[(numbers < first) | (numbers > last)]:
-            raise InvalidInput(f"ids must be among those asked, {first} to {last}, got {number}")
-        rows: Ids = numbers - first
-        unique, counts = np.unique(rows, return_counts=True)
-        for row in unique[(counts > 1) | self._evaluated[unique]]:
-            raise InvalidInput(f"ids must be told once each, got {first + row} again")
-        return rows
-
-    def _advance(self, outcome: Outcome) -> None:
-        assert self._candidates is not None
-        columns = self.feasibility.columns(outcome)
-        ids, X = self._candidates.ids, self._candidates.X
-        self.archive.add(ids, X, outcome.F, columns, self._generation, causes=outcome.causes)
-        violation = violations(outcome.F, outcome.G, outcome.H, **vars(self.feasibility))
-        usable = np.where(np.isfinite(outcome.F).all(axis=1, keepdims=True), outcome.F, np.inf)
+    def _advance(self, candidates: Candidates, outcome: Outcome) -> None:
+        F, G, H, ids = outcome.F, outcome.G, outcome.H, candidates.ids
+        self.archive.add(ids, candidates.X, F, G, self._generation, H=H, causes=outcome.causes)
+        violation = violations(F, G, H, **self.tolerances)
+        usable = np.where(np.isfinite(F).all(axis=1, keepdims=True), F, np.inf)
+        axes = slice(self._stage, self._stage + 1) if self._stage < self._stages else slice(None)
         for row, individual in enumerate(self._infills):
             individual.data["objectives"] = usable[row]
-            individual.F, individual.G, individual.H = usable[row, self._axes], outcome.G[row], outcome.H[row]
+            individual.F, individual.G, individual.H = usable[row, axes], G[row], H[row]
             individual.CV = violation[row : row + 1]
             individual.evaluated = {"F", "G", "H"}
         self._algorithm.evaluator.n_eval += len(ids)
@@ -305,11 +277,6 @@ class Search:
         self._candidates = self._infills = self._outcome = None
         if self._stage < self._stages and self._generation == (self._stage + 1) * self._anchors:
             self._next_stage()
-
-    @property
-    def _axes(self) -> slice:
-        """The objectives of the current stage: one of them, or all."""
-        return slice(self._stage, self._stage + 1) if self._stage < self._stages else slice(None)
 
     def _next_stage(self) -> None:
         """Start the next objective from the same genes, or all objectives from the best of each."""
@@ -333,10 +300,13 @@ class Search:
             algorithm = self.problem.algorithm(self._size, offspring=self._offspring, initial=initial)
         else:
             algorithm = MaxiMinNSGA2(pop_size=self._size, n_offsprings=self._offspring, sampling=initial)
-        seed = (
-            int(np.random.SeedSequence([self._seed, self._stage]).generate_state(1)[0]) if self._stages else self._seed
-        )
+        seed = seed_of(self._seed, self._stage) if self._stages else self._seed
         return algorithm.setup(self.problem, seed=seed, termination=NoTermination())
+
+
+def seed_of(seed: int, part: int) -> int:
+    """Return the seed of a part of a search: a stage or an island."""
+    return int(np.random.SeedSequence([seed, part]).generate_state(1)[0])
 
 
 def _table(name: str, values: ArrayLike | None, rows: int, columns: int) -> Floats:

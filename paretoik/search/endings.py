@@ -50,14 +50,14 @@ def ideal_and_range(front: Objectives) -> tuple[Values, Values]:
     return ideal, np.where(width > 0, width, np.where(ideal != 0, np.abs(ideal), 1.0))
 
 
-def normalised_hypervolume(F: Floats, ideal: Floats, width: Floats, *, reference_point: float = 1.1) -> float:
+def normalised_hypervolume(F: Floats, ideal: Floats, width: Floats) -> float:
     """Return the hypervolume of ``F`` (points, n_obj), scaled so that ideal is 0 and ideal + width is 1.
 
     The reference point is 1.1. The result is approximate above four objectives: exact values of a large archive take
     minutes.
     """
     n_obj = F.shape[1]
-    return estimate_hypervolume((F - ideal) / width, np.full(n_obj, reference_point), np.ones(n_obj))
+    return estimate_hypervolume((F - ideal) / width, np.full(n_obj, 1.1), np.ones(n_obj))
 
 
 @runtime_checkable

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, TypeAlias
 
@@ -59,18 +59,18 @@ class _CheckedEvaluation:
         type(self.problem)._evaluate(self.problem, x, out, *arguments, **named)
         for name in ("F", "G", "H"):
             for values in out[name] if isinstance(out.get(name), list | tuple) else [out.get(name)]:
-                _check_real(f"problem {type(self.problem).__name__}: {name}", values)
+                self._check_real(name, values)
 
-
-def _check_real(name: str, values: Any) -> None:
-    """Raise InvalidInput, by ``name``, for masked, complex and textual values; pymoo checks their shape."""
-    try:
-        kind = np.asarray(values).dtype.kind
-    except Exception as error:  # a foreign array may raise anything
-        raise InvalidInput(f"{name} must be real numbers, got {cause_of(error)}") from None
-    if np.ma.is_masked(values) or kind not in "fiubO":
-        fact = "masked ones" if np.ma.is_masked(values) else "complex ones" if kind == "c" else "text"
-        raise InvalidInput(f"{name} must be real numbers, got {fact}")
+    def _check_real(self, name: str, values: Any) -> None:
+        """Raise InvalidInput for masked, complex and textual values; pymoo checks their shape."""
+        wish = f"problem {type(self.problem).__name__}: {name} must be real numbers"
+        try:
+            kind = np.asarray(values).dtype.kind
+        except Exception as error:  # a foreign array may raise anything
+            raise InvalidInput(f"{wish}, got {cause_of(error)}") from None
+        if np.ma.is_masked(values) or kind not in "fiubO":
+            fact = "masked ones" if np.ma.is_masked(values) else "complex ones" if kind == "c" else "text"
+            raise InvalidInput(f"{wish}, got {fact}")
 
 
 def evaluate_rows(problem: Any, evaluate: Evaluate, X: Genes) -> Outcome:
@@ -124,19 +124,25 @@ class Evaluation:
     seconds: float | None = None
 
     @property
+    def runner(self) -> Any:
+        """The runner of a problem that evaluates one row at a time; None if it evaluates many at once."""
+        elementwise = getattr(self.problem, "elementwise", False)
+        return getattr(self.problem, "elementwise_runner", None) if elementwise else None
+
+    @property
     def is_row_by_row(self) -> bool:
         """Whether the problem itself evaluates one row after the other."""
-        return _elementwise(self.problem) and isinstance(self.problem.elementwise_runner, LoopedElementwiseEvaluation)
+        return isinstance(self.runner, LoopedElementwiseEvaluation)
+
+    @property
+    def has_own_runner(self) -> bool:
+        """Whether the problem has its own runner that evaluates rows elsewhere."""
+        return self.runner is not None and not self.is_row_by_row
 
     @property
     def rows_of_a_task(self) -> int:
         """Number of rows per task of a worker, which are timed together."""
         return 1 if self.is_row_by_row or self.seconds is not None else OPTIONS.rows
-
-    @property
-    def has_own_runner(self) -> bool:
-        """Whether the problem has its own runner that evaluates rows elsewhere."""
-        return _elementwise(self.problem) and not self.is_row_by_row
 
 
 def evaluate_candidates(search: Search | Islands, candidates: Candidates, evaluation: Evaluation) -> Outcome:
@@ -173,56 +179,36 @@ def evaluate_again(search: Search | Islands, candidates: Candidates, evaluation:
     return remembered(key_of("again", search.names, search.seed, candidates.generation), compute)["F"]
 
 
-@dataclass(kw_only=True, eq=False)
-class _Parts:
-    """Known parts of a generation of ``size`` rows; the last ``new`` parts are not in the journal yet."""
-
-    key: Callable[[int], bytes]
-    size: int
-    done: list[tuple[Rows, Outcome]] = field(default_factory=list)
-    remembered: int = 0
-    new: int = 0
-    since: float = field(default_factory=time.monotonic)
-
-    @property
-    def remaining(self) -> Rows:
-        """The rows that are not known yet."""
-        return np.setdiff1d(np.arange(self.size), np.concatenate([[], *(rows for rows, _ in self.done)])).astype(int)
-
-    def recall(self) -> None:
-        """Load the parts in the journal."""
-        while (values := recalled(self.key(self.remembered))) is not None:
-            self.done.append((values["rows"], _outcome(values)))
-            self.remembered += 1
-
-    def add(self, rows: Rows, outcome: Outcome) -> None:
-        """Add the outcome of some rows; write to the journal from time to time."""
-        self.done.append((rows, outcome))
-        self.new += 1
-        if time.monotonic() - self.since >= OPTIONS.seconds / 2:
-            self.remember()
-
-    def remember(self) -> None:
-        """Write new parts to the journal, unless the whole generation is known."""
-        self.since = time.monotonic()
-        if self.new and len(self.remaining):
-            rows, outcome = joined(self.done[-self.new :])
-            remembered(self.key(self.remembered), lambda: {"rows": rows, **_table(outcome)})
-            self.remembered, self.new = self.remembered + 1, 0
-
-
 def _evaluate(evaluation: Evaluation, X: Genes, of: tuple[object, ...]) -> Outcome:
-    """Return the outcome of all rows, with parts in the journal."""
-    parts = _Parts(key=lambda i: key_of("rows", *of, X, i), size=len(X))
-    parts.recall()
+    """Return the outcome of all rows, with parts in the journal: those of earlier calls, and new ones at times."""
+    done, new, since = list[tuple[Rows, Outcome]](), list[tuple[Rows, Outcome]](), time.monotonic()
+    while (values := recalled(key_of("rows", *of, X, len(done)))) is not None:
+        done.append((values["rows"], _outcome(values)))
+
+    def missing() -> Rows:
+        known = [rows for rows, _ in (*done, *new)]
+        return np.setdiff1d(np.arange(len(X)), np.concatenate([[], *known])).astype(int)
+
+    def remember() -> None:
+        """Write the new parts as one, unless the whole generation is known."""
+        if new and len(missing()):
+            rows, outcome = joined(new)
+            remembered(key_of("rows", *of, X, len(done)), lambda: {"rows": rows, **_table(outcome)})
+            done.append((rows, outcome))
+            new.clear()
+
     where = _evaluate_in_workers if workers() and not evaluation.has_own_runner else _evaluate_here
     try:
-        for rows, outcome in where(evaluation, X, parts.remaining):
-            parts.add(rows, outcome)
+        for rows, outcome in where(evaluation, X, missing()):
+            new.append((rows, outcome))
+            if time.monotonic() - since >= OPTIONS.seconds / 2:
+                since = time.monotonic()
+                remember()
             check_interruption()
     finally:
-        parts.remember()
-    return joined(parts.done)[1] if parts.done else evaluate_rows(evaluation.problem, evaluation.evaluate, X)
+        remember()
+    parts = [*done, *new]
+    return joined(parts)[1] if parts else evaluate_rows(evaluation.problem, evaluation.evaluate, X)
 
 
 def _evaluate_here(evaluation: Evaluation, X: Genes, rows: Rows) -> Iterator[tuple[Rows, Outcome]]:
@@ -267,12 +253,10 @@ def _check_rows_alone(evaluation: Evaluation, X: Genes) -> None:
     if any(isinstance(table, Lost) for table in tables.values()):
         return
     for name in ("F", "G", "H"):
-        if not np.array_equal(np.concatenate([tables[i][name] for i in (0, 1)]), tables[2][name], equal_nan=True):
-            text = (
-                f"workers must get rows whose values do not depend on other rows, got a problem whose {name} does; "
-                "without workers the results differ by rounding"
-            )
-            warn_user(text)
+        apart, together = np.concatenate([tables[0][name], tables[1][name]]), tables[2][name]
+        if not np.array_equal(apart, together, equal_nan=True):
+            text = f"workers must get rows whose values do not depend on other rows, got a problem whose {name} does"
+            warn_user(f"{text}; without workers the results differ by rounding")
             return
 
 
@@ -280,10 +264,6 @@ def _failed(evaluation: Evaluation, lost: Lost) -> Outcome:
     outcome = Outcome.of(evaluation.problem, {}, 1)
     outcome.causes[0] = lost.cause
     return outcome
-
-
-def _elementwise(problem: Any) -> bool:
-    return bool(getattr(problem, "elementwise", False)) and hasattr(problem, "elementwise_runner")
 
 
 def _table(outcome: Outcome) -> dict[str, np.ndarray]:
@@ -325,8 +305,7 @@ def evolve(
     """
     if not endings:
         raise InvalidInput("endings must have at least one ending, got none")
-    if evaluate is None:
-        evaluate = partial(evaluate_problem, search.problem)
+    evaluate = partial(evaluate_problem, search.problem) if evaluate is None else evaluate
     evaluation = Evaluation(problem=search.problem, evaluate=evaluate, seconds=seconds)
     memory = max(ending.memory for ending in endings)
     past: tuple[Floats, ...] = ()
@@ -341,8 +320,7 @@ def evolve(
                 reason = ending.reached(progress)
                 if reason is not None:
                     return reason
-            suggested = None if improve is None else improve(progress)
-            if suggested is not None:
+            if improve is not None and (suggested := improve(progress)) is not None:
                 search.suggest(suggested)
             past = (*past, progress.front)[-memory:] if memory else ()
     except KeyboardInterrupt:

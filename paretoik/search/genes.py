@@ -44,15 +44,6 @@ class VariableOptions:
 OPTIONS = VariableOptions()
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Operators:
-    """pymoo's operators for a kind of genes: sampling, mating and removal of duplicates."""
-
-    sampling: Any
-    mating: Any
-    duplicates: Any
-
-
 def has_real_genes(problem: Any) -> bool:
     """Return whether the genes of a pymoo problem are an array of real numbers."""
     return getattr(problem, "vars", None) is None and problem.vtype in (None, float)
@@ -60,7 +51,8 @@ def has_real_genes(problem: Any) -> bool:
 
 def check_sampling(sampling: Any) -> None:
     """Raise InvalidInput unless ``sampling`` is genes, individuals or a pymoo Sampling."""
-    if sampling is None or isinstance(sampling, Sampling | Population) or _are_named(sampling):
+    named = isinstance(sampling, list | np.ndarray) and len(sampling) and all(isinstance(row, dict) for row in sampling)
+    if sampling is None or isinstance(sampling, Sampling | Population) or named:
         return
     try:
         genes = np.asarray(sampling)
@@ -69,11 +61,6 @@ def check_sampling(sampling: Any) -> None:
     is_usable = genes.dtype.kind in "biuf" and genes.ndim in (1, 2) and not np.isnan(genes).any()
     if not is_usable or np.ma.is_masked(sampling):
         raise InvalidInput(f"sampling must be genes, a pymoo Population or a pymoo Sampling, got {shown(sampling)}")
-
-
-def _are_named(genes: Any) -> bool:
-    """Return whether genes are rows of variables by name."""
-    return isinstance(genes, list | np.ndarray) and len(genes) > 0 and all(isinstance(row, dict) for row in genes)
 
 
 def samples_bits(sampling: Any) -> bool:
@@ -105,8 +92,8 @@ def within_reach(problem: Any, X: Genes, widths: Float[np.ndarray, " genes"]) ->
     return SimpleNamespace(n_var=problem.n_var, xl=xl, xu=xu, bounds=lambda: (xl, xu), has_bounds=lambda: True)
 
 
-def operators_for(problem: Any, crossover: Any = None, mutation: Any = None, *, binary: bool = False) -> Operators:
-    """Return pymoo's operators for genes that are not real numbers; given ones replace them.
+def operators_for(problem: Any, crossover: Any, mutation: Any, *, binary: bool) -> tuple[Any, Any]:
+    """Return pymoo's sampling and mating for genes that are not real numbers; given operators replace its own.
 
     Genes are binary if ``binary``, else of the problem's type. Raises InvalidInput if pymoo has no operator for such
     genes and none is given.
@@ -117,8 +104,7 @@ def operators_for(problem: Any, crossover: Any = None, mutation: Any = None, *, 
             name = "crossover" if crossover is not None else "mutation"
             raise InvalidInput(f"{name} must be None for named variables, as pymoo has one for each type, got {name}=")
         duplicates = MixedVariableDuplicateElimination()
-        mating = MixedVariableMating(selection=selection, eliminate_duplicates=duplicates)
-        return Operators(sampling=MixedVariableSampling(), mating=mating, duplicates=duplicates)
+        return MixedVariableSampling(), MixedVariableMating(selection=selection, eliminate_duplicates=duplicates)
     sampling = None
     if binary or np.issubdtype(problem.vtype, np.bool_):
         sampling = BinaryRandomSampling()
@@ -130,9 +116,7 @@ def operators_for(problem: Any, crossover: Any = None, mutation: Any = None, *, 
     elif crossover is None or mutation is None:
         name = "crossover" if crossover is None else "mutation"
         raise InvalidInput(f"{name} must be a pymoo operator for genes of type {problem.vtype}, got none")
-    duplicates = DefaultDuplicateElimination()
-    mating = Mating(selection, crossover, mutation, eliminate_duplicates=duplicates)
-    return Operators(sampling=sampling, mating=mating, duplicates=duplicates)
+    return sampling, Mating(selection, crossover, mutation, eliminate_duplicates=DefaultDuplicateElimination())
 
 
 # First population: genes from the user, from the problem, and random ones.

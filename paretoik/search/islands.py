@@ -17,8 +17,8 @@ from numpy.typing import ArrayLike
 from paretoik.arrays import Genes, Ids, Objectives
 from paretoik.front.front import Front
 from paretoik.inputs import check_size
-from paretoik.search.archive import Failures
-from paretoik.search.ask_tell import Candidates, Outcome, Search, archive_front
+from paretoik.search.archive import Archive, Failures
+from paretoik.search.ask_tell import Candidates, Search, archive_front, seed_of
 from paretoik.search.maximin import survivors
 
 
@@ -62,7 +62,7 @@ class Islands:
             Search(
                 problem,
                 population=population,
-                seed=int(np.random.SeedSequence([seed, i]).generate_state(1)[0]),
+                seed=seed_of(seed, i),
                 initial=initial,
                 algorithm=algorithm,
                 anchors=anchors,
@@ -71,7 +71,7 @@ class Islands:
         ]
         first = self._searches[0]
         self.names, self.units, self.maximised = first.names, first.units, first.maximised
-        self.archive = first.feasibility.archive(problem, self.names)
+        self.archive = Archive(names=self.names, **first.tolerances)
         self._migrants = max(1, round(options.share * population))
         self._epoch, self._first_epoch = options.epoch, anchors * problem.n_obj
         self._candidates: Candidates | None = None
@@ -115,29 +115,21 @@ class Islands:
         candidates, causes = self._candidates, causes or {}
         assert candidates is not None
         assert np.array_equal(ids, candidates.ids)
-        outcome = Outcome(F=F, G=G, H=H, causes=dict(causes))
-        columns = self._searches[0].feasibility.columns(outcome)
-        self.archive.add(ids, candidates.X, F, columns, candidates.generation, causes=causes)
+        self.archive.add(ids, candidates.X, F, G, candidates.generation, H=H, causes=causes)
         first = 0
         for search in self._searches:
             own = search.ask().ids
             rows = slice(first, first + len(own))
-            own_causes = {
-                int(one): causes[int(one_of_all)]
-                for one, one_of_all in zip(own, ids[rows], strict=True)
-                if int(one_of_all) in causes
-            }
+            pairs = zip(own.tolist(), ids[rows].tolist(), strict=True)
+            own_causes = {one: causes[number] for one, number in pairs if number in causes}
             search.tell(own, F[rows], G[rows], H=H[rows], causes=own_causes)
             first += len(own)
         self.evaluations, self._candidates = self.evaluations + len(ids), None
         if self.generation >= self._first_epoch and self.generation % self._epoch == 0:
-            self._migrate()
-
-    def _migrate(self) -> None:
-        """Send migrants of every island to the next, where they replace as many offspring."""
-        migrants = [self._migrants_of(search) for search in self._searches]
-        for i, search in enumerate(self._searches):
-            search.suggest(migrants[i - 1])
+            # Migrants of every island go to the next, where they replace as many offspring.
+            migrants = [self._migrants_of(search) for search in self._searches]
+            for i, search in enumerate(self._searches):
+                search.suggest(migrants[i - 1])
 
     def _migrants_of(self, search: Search) -> Genes:
         """Return genes of points spread over an island's front, in the order of their ids."""

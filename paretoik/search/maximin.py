@@ -106,18 +106,12 @@ def neighbour_distances(Z: Floats, groups: Integers, count: int) -> Floats:
     return sums
 
 
-def insertion_order(Z: Floats, count: int, nearest: Floats, starts: Sequence[int] = ()) -> tuple[Integers, Floats]:
+def greedy_order(Z: Floats, count: int, nearest: Floats, starts: Sequence[int] = ()) -> tuple[Integers, Floats]:
     """Select ``count`` of the mutually non-dominated points ``Z``, always the one farthest from all selected.
 
     ``nearest`` (points,) are squared distances to points selected before (inf if there are none); positions in
     ``starts`` come first. Returns positions in order of selection and squared insertion distances.
     """
-    fast = Z.shape[1] == 2 and len(Z) >= OPTIONS.fewest_split
-    return (front_order if fast else greedy_order)(Z, count, nearest, starts)
-
-
-def greedy_order(Z: Floats, count: int, nearest: Floats, starts: Sequence[int] = ()) -> tuple[Integers, Floats]:
-    """Select points one by one, for any number of objectives; arguments as for ``insertion_order``."""
     nearest = nearest.copy()
     nearest[list(starts)] = np.inf
     matrix = squared_distances(Z, Z) if len(Z) <= OPTIONS.matrix_limit else None
@@ -240,7 +234,10 @@ def survivors(
     ranks = pareto_rank(F[feasible]) if feasible.size else np.empty(0, dtype=np.int64)
     reserved = others[:0]
     if infeasible_share > 0.0 and feasible.size:
-        reserved = _nondominated_infeasible(F, violation, feasible[ranks == 0], others)[: int(infeasible_share * count)]
+        candidates = others[np.isfinite(violation[others])]
+        front = F[feasible[ranks == 0]]
+        nondominated = ~dominates(front[None], F[candidates][:, None]).any(axis=1)
+        reserved = candidates[nondominated][: int(infeasible_share * count)]
     places = min(feasible.size, count - reserved.size)
     Z, is_beyond = _normalised(F[feasible], ranks, ranges)
     chosen, distance = _by_maximin(Z, ranks, is_beyond, places)
@@ -279,7 +276,8 @@ def _by_maximin(Z: Floats, ranks: Integers, is_beyond: Mask, count: int) -> tupl
         members = np.flatnonzero(groups == group)
         places = min(count, members.size)
         starts = [] if positions else starting_points(Z[members])[:places]
-        order, squared = insertion_order(Z[members], places, nearest[members], starts)
+        fast = Z.shape[1] == 2 and members.size >= OPTIONS.fewest_split
+        order, squared = (front_order if fast else greedy_order)(Z[members], places, nearest[members], starts)
         positions.append(members[order])
         distances.append(np.sqrt(squared))
         count -= places
@@ -288,13 +286,6 @@ def _by_maximin(Z: Floats, ranks: Integers, is_beyond: Mask, count: int) -> tupl
         later = np.flatnonzero(groups > group)
         nearest[later] = np.minimum(nearest[later], nearest_squared(Z[later], Z[positions[-1]]))
     return np.concatenate(positions), np.concatenate(distances)
-
-
-def _nondominated_infeasible(F: Floats, violation: Floats, front: Integers, others: Integers) -> Integers:
-    """Return those of ``others`` with finite violation that no point of ``front`` dominates, in their order."""
-    others = others[np.isfinite(violation[others])]
-    nondominated: Integers = others[~dominates(F[front][None], F[others][:, None]).any(axis=1)]
-    return nondominated
 
 
 def _with_species(
@@ -351,7 +342,12 @@ class MaxiMin(Survival):  # type: ignore[misc]  # pymoo has no types
         check_infeasible_share(infeasible_share)
         check_tolerance("tolerance", tolerance)
         check_tolerance("equality_tolerance", equality_tolerance)
-        self.ranges = None if ranges is None else _checked_ranges(ranges)
+        box = None if ranges is None else real_array("ranges", ranges)
+        if box is not None and (
+            box.ndim != 2 or len(box) != 2 or not np.isfinite(box).all() or (box[0] > box[1]).any()
+        ):
+            raise InvalidInput(f"ranges must be finite (lower, upper) with lower <= upper, got {shown(box.tolist())}")
+        self.ranges = box
         self.infeasible_share = infeasible_share
         self.tolerance = tolerance
         self.equality_tolerance = equality_tolerance
@@ -396,10 +392,3 @@ def dominates(F: Floats, other: Floats) -> np.ndarray:
 def column(pop: Any, name: str) -> Floats:
     """Return one attribute (X, F, G, H or CV) of pymoo's individuals, stacked; faster than ``pop.get``."""
     return np.array([getattr(individual, name) for individual in pop], dtype=float)
-
-
-def _checked_ranges(ranges: ArrayLike) -> Floats:
-    box = real_array("ranges", ranges)
-    if box.ndim != 2 or len(box) != 2 or not np.isfinite(box).all() or (box[0] > box[1]).any():
-        raise InvalidInput(f"ranges must be finite (lower, upper) with lower <= upper, got {shown(box.tolist())}")
-    return box

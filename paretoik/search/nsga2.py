@@ -23,7 +23,6 @@ from paretoik.errors import InvalidInput
 from paretoik.inputs import check_call, check_count, check_instance, check_size, shown
 from paretoik.search.genes import (
     SMALLEST_POPULATION,
-    Operators,
     check_bounds,
     check_sampling,
     check_sizes,
@@ -252,7 +251,7 @@ class MaxiMinNSGA2(GeneticAlgorithm):  # type: ignore[misc]  # pymoo has no type
         self.sampling, self.crossover, self.mutation = sampling, crossover, mutation
         self.tournament_type = "comp_by_rank_and_crowding"  # for pymoo's own mating
         self._branchwise = branchwise
-        self._operators: Operators | None = None  # for genes that are not real numbers
+        self._own_operators: tuple[Any, Any] | None = None  # sampling and mating of genes that are not real
 
     def __repr__(self) -> str:
         return f"MaxiMinNSGA2(pop_size={self.pop_size})"
@@ -265,10 +264,10 @@ class MaxiMinNSGA2(GeneticAlgorithm):  # type: ignore[misc]  # pymoo has no type
         binary = samples_bits(self.sampling)
         if has_real_genes(problem) and not binary:
             check_bounds(problem, initial=self.sampling)
-            self.mating, self._operators = self._branchwise, None
+            self.mating, self._own_operators = self._branchwise, None
         else:
-            operators = operators_for(problem, self.crossover, self.mutation, binary=binary)
-            self.mating, self._operators = operators.mating, operators
+            self._own_operators = operators_for(problem, self.crossover, self.mutation, binary=binary)
+            self.mating = self._own_operators[1]
         for name in options:
             if name not in self.__dict__ and name not in ("verbose", "progress"):
                 raise InvalidInput(f"minimize must get only options of pymoo, got {shown(name)}")
@@ -278,28 +277,27 @@ class MaxiMinNSGA2(GeneticAlgorithm):  # type: ignore[misc]  # pymoo has no type
         initial = self.sampling
         if isinstance(initial, Sampling):
             initial = initial.do(self.problem, self.pop_size, random_state=self.random_state)
-        if self._operators is not None:
-            return self._sampled(initial, self._operators)
+        if self._own_operators is not None:
+            return self._sampled(initial, *self._own_operators)
         individuals = initial if isinstance(initial, Population) else Population()
         X = individuals.get("X") if isinstance(initial, Population) else initial
         X = seeded_population(self.problem, self.pop_size, X, rng=self.random_state)
         by_genes = {np.asarray(individual.X, dtype=float).tobytes(): individual for individual in individuals}
         return Population([by_genes.get(row.tobytes()) or Individual(X=row) for row in X])
 
-    def _sampled(self, initial: Any, operators: Operators) -> Any:
+    def _sampled(self, initial: Any, sampling: Any, mating: Any) -> Any:
         """Return the first population of genes that are not real numbers: given ones, then pymoo's samples."""
         first = initial if isinstance(initial, Population) else Population.new("X", [] if initial is None else initial)
         if len(first) > self.pop_size:
             raise InvalidInput(f"sampling must have at most {self.pop_size} individuals, got {len(first)}")
-        if len(first) < self.pop_size and operators.sampling is None:
+        if len(first) < self.pop_size and sampling is None:
             raise InvalidInput(f"sampling must have {self.pop_size} individuals for such genes, got {len(first)}")
-        for _ in range(10):
+        for attempt in range(11):
             if len(first) < self.pop_size:
-                more = operators.sampling.do(self.problem, self.pop_size - len(first), random_state=self.random_state)
-                first = Population.merge(first, operators.duplicates.do(more, first))
-        if len(first) < self.pop_size:  # too few different genes exist
-            spare = self.pop_size - len(first)
-            first = Population.merge(first, operators.sampling.do(self.problem, spare, random_state=self.random_state))
+                more = sampling.do(self.problem, self.pop_size - len(first), random_state=self.random_state)
+                if attempt < 10:  # after that, too few different genes exist
+                    more = mating.eliminate_duplicates.do(more, first)
+                first = Population.merge(first, more)
         return first
 
     def _set_optimum(self, **kwargs: Any) -> None:

@@ -77,26 +77,23 @@ def describe_objectives(problem: Any) -> tuple[tuple[str, ...], tuple[str, ...],
 
     Raises InvalidInput for entries that a front cannot have.
     """
-    n_obj = problem.n_obj
+    n_obj, described = problem.n_obj, dict[str, tuple[Any, ...]]()
     plain: dict[str, tuple[Any, ...]] = {
         "names": tuple(f"f{axis + 1}" for axis in range(n_obj)),
         "units": ("",) * n_obj,
         "maximised": (False,) * n_obj,
     }
-    names, units, maximised = (_entries(problem, name) or entries for name, entries in plain.items())
-    for name, values in zip(plain, (names, units, maximised), strict=True):
+    for name, entries in plain.items():
+        given = getattr(problem, name, None)
+        try:
+            described[name] = (() if given is None else tuple(given)) or entries
+        except TypeError:
+            raise InvalidInput(f"problem.{name} must have one entry per objective, got {shown(given)}") from None
+    for name, values in described.items():
         if len(values) != n_obj:
             raise InvalidInput(f"problem.{name} must have one entry per objective ({n_obj}), got {len(values)}")
+    names, units, maximised = described.values()
     check_names(names, units)
     for value in maximised:
         check_flag("problem.maximised", value)
     return names, units, maximised
-
-
-def _entries(problem: Any, name: str) -> tuple[Any, ...]:
-    """Return an attribute with one entry per objective, () if the problem has none."""
-    given = getattr(problem, name, None)
-    try:
-        return () if given is None else tuple(given)
-    except TypeError:
-        raise InvalidInput(f"problem.{name} must have one entry per objective, got {shown(given)}") from None

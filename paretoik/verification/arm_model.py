@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from paretoik.errors import InvalidInput
 
@@ -149,7 +150,7 @@ class ArmModel:
         place = self.pin.updateFramePlacement(self.model, self.data, number)
         return place.rotation.copy(), place.translation.copy(), jacobian
 
-    def drift(self, q: np.ndarray, dq: np.ndarray, frame: str = "tool") -> np.ndarray:
+    def drift(self, q: np.ndarray, dq: np.ndarray, frame: str) -> np.ndarray:
         """Return the acceleration (6,) of a frame in world axes when joints have none."""
         number, world = self.frame_number(frame), self.pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         self.pin.forwardKinematics(self.model, self.data, q, dq, np.zeros_like(q))
@@ -207,8 +208,6 @@ def import_pinocchio() -> Any:
 
 def rotation_of(quaternion: np.ndarray) -> np.ndarray:
     """Return the rotation matrix of a quaternion (w, x, y, z)."""
-    from scipy.spatial.transform import Rotation
-
     return np.asarray(Rotation.from_quat(np.roll(quaternion, -1, axis=-1)).as_matrix())
 
 

@@ -9,7 +9,8 @@ import numpy as np
 from scipy.optimize import linprog
 
 from paretoik.verification.arm_model import TOLERANCES, ArmModel
-from paretoik.verification.run_contents import Check, RunContents, Worst, demand, judge, leave_out
+from paretoik.verification.objectives import worst_joint
+from paretoik.verification.run_contents import Check, RunContents, demand, judge, leave_out
 
 
 def check_standing(run: RunContents, problem: Any, model: ArmModel) -> Iterator[Check]:
@@ -49,13 +50,15 @@ def check_point_to_point(run: RunContents, problem: Any, model: ArmModel) -> Ite
         moving = float(steps[steps > TOLERANCES.rest * (1.0 + 1e-6)].sum())
         off = max(value / duration - 1.0, moving / value - 1.0, 0.0)
         yield judge("objective duration", off, TOLERANCES.values, detail, point=point)
-        yield from _check_motors(problem, model, time, q, point)
-        yield from _check_work(run, problem, model, row, q)
+        middle = (q[1:] + q[:-1]) / 2
+        effort = model.torques(middle, 0 * middle, 0 * middle)  # against gravity
+        yield _check_motors(problem, model, time, q, effort, point)
+        yield from _check_work(run, problem, row, q, effort)
 
 
-def _check_work(run: RunContents, problem: Any, model: ArmModel, row: int, q: np.ndarray) -> Iterator[Check]:
-    """Check the work of motors at the joints against gravity, given or taken, in one motion."""
-    middle, point = (q[1:] + q[:-1]) / 2, int(run.ids[row])
+def _check_work(run: RunContents, problem: Any, row: int, q: np.ndarray, effort: np.ndarray) -> Iterator[Check]:
+    """Check the work of motors at the joints, given or taken, in one motion."""
+    point = int(run.ids[row])
     for k, entry in enumerate(run.objectives):
         name = str(entry["name"])
         if name == "duration":
@@ -63,7 +66,7 @@ def _check_work(run: RunContents, problem: Any, model: ArmModel, row: int, q: np
         if name != "energy" or hasattr(problem.actuation, "rod"):
             yield leave_out(f"objective {name}", "it is not computed a second time for these motors", point=point)
             continue
-        work = float(np.abs(model.torques(middle, 0 * middle, 0 * middle) * np.diff(q, axis=0)).sum())
+        work = float(np.abs(effort * np.diff(q, axis=0)).sum())
         value = float(run.values[row, k])
         detail = f"the table says {value:.10g} J, it is {work:.10g}"
         yield judge("objective energy", abs(value - work) / max(work, 1e-12), TOLERANCES.energies, detail, point=point)
@@ -114,45 +117,27 @@ def check_polygon(run: RunContents, model: ArmModel | None, reason: str = "") ->
 
 def _position_limits(model: ArmModel, time: np.ndarray, q: np.ndarray, point: int) -> Check:
     """Return whether the arm's own limits are satisfied: excesses are shares of a joint's range, or of 1 rad or m."""
-    lower, upper = np.array(model.arm.position_limits, dtype=float).T
-    size = np.where(np.isfinite(upper - lower) & (upper > lower), upper - lower, 1.0)
-    place, excess = _worst_of(model, "position", time, q, lower, upper, size)
+    limits = np.array(model.arm.position_limits, dtype=float)
+    width = limits[:, 1] - limits[:, 0]
+    size = np.where(np.isfinite(width) & (width > 0), width, 1.0)
+    excess, place = worst_joint(model, "position", time, q, limits, size)
     return judge("position limits", max(excess, 0.0), TOLERANCES.limits, str(place), point=point, worst=place)
-
-
-def _worst_of(
-    model: ArmModel,
-    what: str,
-    time: np.ndarray,
-    values: np.ndarray,
-    low: np.ndarray,
-    high: np.ndarray,
-    size: np.ndarray,
-) -> tuple[Worst, float]:
-    """Return the value (time, dof) farthest beyond its limits, and its excess as a share of ``size``."""
-    low, high = np.broadcast_to(low, values.shape), np.broadcast_to(high, values.shape)
-    share = np.maximum(values - high, low - values) / size
-    i, j = np.unravel_index(int(share.argmax()), share.shape)
-    limit = high[i, j] if values[i, j] - high[i, j] >= low[i, j] - values[i, j] else low[i, j]
-    joint = model.arm.joint_names[j]
-    place = Worst(what=what, joint=joint, time=float(time[i]), value=float(values[i, j]), limit=float(limit))
-    return place, float(share[i, j])
 
 
 def _highest_speed(actuation: Any, model: ArmModel, q: np.ndarray, direction: np.ndarray) -> float:
     """Return the most speed along a direction that motors at the joints allow, by a linear program."""
     columns = model.jacobian(q)[2][: len(direction)]
-    low, high = _motor_speeds(actuation.motors, model.torques(q[None], 0 * q[None], 0 * q[None])[0])
+    speeds = _motor_speeds(actuation.motors, model.torques(q[None], 0 * q[None], 0 * q[None])[0])
     rows = np.column_stack([columns, -np.asarray(direction)])
-    bounds = [*zip(low, high, strict=True), (0.0, None)]
+    bounds = [*speeds, (0.0, None)]
     result = linprog(
         np.append(np.zeros(model.dof), -1.0), A_eq=rows, b_eq=np.zeros(len(rows)), bounds=bounds, method="highs"
     )
     return float(-result.fun) if result.status == 0 else float("nan")
 
 
-def _motor_speeds(motors: Any, effort: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the lowest and highest speeds of motors under efforts, by the shape of their curve; NaN past stall."""
+def _motor_speeds(motors: Any, effort: np.ndarray) -> np.ndarray:
+    """Return the speeds (..., 2) of motors under efforts, lowest and highest, by their curve; NaN past stall."""
     share = effort / np.asarray(motors.stall)
     if motors.shape == "diamond":
         ahead = back = 1.0 - np.abs(share)
@@ -162,18 +147,18 @@ def _motor_speeds(motors: Any, effort: np.ndarray) -> tuple[np.ndarray, np.ndarr
         ahead = back = np.ones_like(share)
     bearable = np.abs(share) <= 1.0 + 1e-8
     ahead, back = (np.where(bearable, np.maximum(each, 0.0), np.nan) for each in (ahead, back))
-    return -back * np.asarray(motors.fastest), ahead * np.asarray(motors.fastest)
+    return np.stack([-back * np.asarray(motors.fastest), ahead * np.asarray(motors.fastest)], axis=-1)
 
 
-def _check_motors(problem: Any, model: ArmModel, time: np.ndarray, q: np.ndarray, point: int) -> Iterator[Check]:
+def _check_motors(
+    problem: Any, model: ArmModel, time: np.ndarray, q: np.ndarray, effort: np.ndarray, point: int
+) -> Check:
     """Check that motors at the joints can follow, each within its curve under the load of gravity."""
     if hasattr(problem.actuation, "rod"):
-        yield leave_out("motors", "rods and sliders are not modelled a second time", point=point)
-        return
-    middle, speed = (q[1:] + q[:-1]) / 2, np.diff(q, axis=0) / np.diff(time)[:, None]
-    low, high = _motor_speeds(problem.actuation.motors, model.torques(middle, 0 * middle, 0 * middle))
-    fastest = np.asarray(problem.actuation.motors.fastest)
-    place, excess = _worst_of(model, "speed", (time[1:] + time[:-1]) / 2, speed, low, high, fastest)
+        return leave_out("motors", "rods and sliders are not modelled a second time", point=point)
+    motors, halfway = problem.actuation.motors, (time[1:] + time[:-1]) / 2
+    speed, allowed = np.diff(q, axis=0) / np.diff(time)[:, None], _motor_speeds(motors, effort)
+    excess, place = worst_joint(model, "speed", halfway, speed, allowed, np.asarray(motors.fastest))
     detail = f"{place}: faster than its motor by {excess:.3g} of its speed"
     shown = max(excess, 0.0) if np.isfinite(excess) else excess
-    yield judge("motors", shown, TOLERANCES.maxima, detail, point=point, worst=place)
+    return judge("motors", shown, TOLERANCES.maxima, detail, point=point, worst=place)

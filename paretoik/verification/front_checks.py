@@ -16,7 +16,7 @@ along it, their slopes there become further pieces, until a better motion is sho
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -29,9 +29,16 @@ from paretoik.front.certificates import STATUSES
 from paretoik.verification.arm_model import OPTIONS, TOLERANCES, ArmModel
 from paretoik.verification.measured_motion import MeasuredMotion, measure
 from paretoik.verification.motion_checks import finer_motion, project, project_curve
-from paretoik.verification.objectives import Terms, clearance_range, is_own_integral, limit_shares, objective_terms
-from paretoik.verification.path_targets import path_points, task_error
-from paretoik.verification.run_contents import Check, RunContents, demand, judge, leave_out
+from paretoik.verification.objectives import (
+    Terms,
+    clearance_range,
+    is_own_integral,
+    joint_limits,
+    limit_shares,
+    objective_terms,
+)
+from paretoik.verification.path_targets import path_targets, task_errors
+from paretoik.verification.run_contents import Check, RunContents, demand, first_line, judge, leave_out
 
 # The table and the arrays of a run, without the problem.
 
@@ -52,15 +59,14 @@ def check_tables(run: RunContents) -> Iterator[Check]:
     yield demand("finite values", np.isfinite(values).all(), "an objective in the table is no finite number")
     yield from _check_order(run, values)
     yield from _check_arrays(run)
-    if "objective" not in run.entries and np.isfinite(run.table.get("criticality", np.nan)).any():
+    if not run.is_plan and np.isfinite(run.table.get("criticality", np.nan)).any():
         yield from _check_rates(run)
 
 
 def _check_order(run: RunContents, values: np.ndarray) -> Iterator[Check]:
     """Check that no point dominates another; for a plan, that the best comes first."""
-    signs = np.array([-1.0 if each.get("maximised") else 1.0 for each in run.objectives])
-    F = values * signs
-    if "objective" in run.entries:
+    F = values * run.signs
+    if run.is_plan:
         exceeds = run.table.get("status", np.zeros(len(F), dtype=np.str_)) == EXCEEDS  # these come last
         in_order = np.array_equal(np.lexsort((F[:, 0], exceeds)), np.arange(len(F)))
         yield demand("order of optima", in_order, "a later optimum is better than the one before")
@@ -97,13 +103,11 @@ def _check_arrays(run: RunContents) -> Iterator[Check]:
 
 def _check_rates(run: RunContents) -> Iterator[Check]:
     """Check that exchange rates follow from the weights, and are in their intervals."""
-    arrays, objectives = run.motions, run.objectives
+    arrays, size = run.motions, run.ranges
     for name in ("weights", "exchange_rates", "exchange_intervals"):
         if name not in arrays or len(arrays[name]) != len(run.ids):
             yield demand("certificates", False, f"motions.npz has no {name} of all points")
             return
-    size = certified_ranges(run)
-    signs = np.array([-1.0 if each.get("maximised") else 1.0 for each in objectives])
     for row, number in enumerate(run.ids.tolist()):
         weights = np.asarray(arrays["weights"][row])
         status = str(run.table["status"][row])
@@ -118,7 +122,7 @@ def _check_rates(run: RunContents) -> Iterator[Check]:
         if not finite.any() or (size == 0).any():
             yield leave_out("exchange rates", "a rate has no single value there", point=number)
             continue
-        natural = weights / size * signs
+        natural = weights / size * run.signs
         with np.errstate(divide="ignore", invalid="ignore"):
             expected = -natural[:, None] / natural[None, :]
         scale = np.maximum(np.abs(expected), np.finfo(float).tiny)
@@ -128,11 +132,6 @@ def _check_rates(run: RunContents) -> Iterator[Check]:
         below, above = intervals[..., 0] - rates, rates - intervals[..., 1]
         off = float(np.max((np.maximum(below, above) / scale)[bounded], initial=0.0))
         yield judge("exchange intervals", off, TOLERANCES.rates, "a rate is outside its interval", point=number)
-
-
-def certified_ranges(run: RunContents) -> np.ndarray:
-    """Return the ranges (n_obj,) that the weights of a run refer to."""
-    return np.array([float(each["range"][1]) - float(each["range"][0]) for each in run.objectives])
 
 
 # Certificates by differences along the self-motion.
@@ -146,30 +145,30 @@ def check_certificate(
     run: RunContents, task: Any, model: ArmModel, objectives: Any, row: int, time: np.ndarray, q: np.ndarray
 ) -> Iterator[Check]:
     """Check the criticality of a point if the run claims it, and its weights if it has any."""
-    point, status = int(run.ids[row]), status_of(run, row)
-    stated = "objective" not in run.entries and "criticality" in run.table
+    point, status = int(run.ids[row]), run.status(row)
+    stated = not run.is_plan and "criticality" in run.table
     residual = float(run.table["criticality"][row]) if stated else np.nan
     if status not in CRITICAL and np.isnan(residual):
         return
-    size, weights = _sizes(run, row), np.ones(1)
-    if "objective" not in run.entries:
+    if run.is_plan:
+        size, weights = np.maximum(np.abs(run.values[row]), np.finfo(float).tiny), np.ones(1)
+    else:
+        size = np.where(run.ranges > 0, run.ranges, np.maximum(np.abs(run.values[row]), 1.0))
         weights = np.asarray(run.motions["weights"][row]) if "weights" in run.motions else np.full(len(size), np.nan)
         excess = max(residual - TOLERANCES.criticality, 0.0) if status in CRITICAL else 0.0
         yield demand("certificates", not excess, f"{status!r} must have criticality 0, got {residual:.3g}", point=point)
     accepted = TOLERANCES.criticality + (0.0 if status in CRITICAL else max(residual, 0.0))
-    signs = np.array([-1.0 if each.get("maximised") else 1.0 for each in run.objectives])
-    known, reason = bool(np.isfinite(weights).all()), ""
+    known = bool(np.isfinite(weights).all())
     some = weights if known else np.full(len(size), 1.0 / len(size))
     try:
-        gain, weighted, steepest = _gains(task, model, objectives, signs / size, some, time, q, accepted)
+        near = _neighbours(task, model, objectives, run.signs / size, time, q)
+        gain, weighted, steepest = _gains(near, some, accepted)
         if gain > accepted and any(is_own_integral(each) for each in objectives):
-            kinked = _gains(task, model, objectives, signs / size, some, time, q, accepted, own_kinks=True)
+            kinked = _gains(replace(near, own_kinks=True), some, accepted)
             gain, weighted, steepest = min((gain, weighted, steepest), kinked)
-    except UndecidedError as fault:
-        reason = str(fault)
     except Exception as fault:  # a user's function may raise anything
-        reason = f"a function fails here: {(str(fault).splitlines() or [type(fault).__name__])[0]}"
-    if reason:
+        undecided = isinstance(fault, UndecidedError)
+        reason = str(fault) if undecided else f"a function fails here: {first_line(fault)}"
         yield from (leave_out(subject, reason, point=point) for subject in SUBJECTS)
         return
     detail = f"a direction improves all objectives by {gain:.3g} of their ranges, the table says {residual:.3g}"
@@ -184,35 +183,22 @@ def check_certificate(
     )
 
 
-def status_of(run: RunContents, row: int) -> str:
-    """Return the status of a point in the table, "" if it has none."""
-    return str(run.table["status"][row]) if "status" in run.table else ""
-
-
 class UndecidedError(Exception):
     """Differences cannot decide whether a point is critical; the text has the reason."""
-
-
-def _sizes(run: RunContents, row: int) -> np.ndarray:
-    """Return the scales of objectives (n_obj,): ranges of the run, else the value, at least 1 unit."""
-    if "objective" in run.entries:
-        return np.maximum(np.abs(run.values[row]), np.finfo(float).tiny)
-    size = certified_ranges(run)
-    return np.where(size > 0, size, np.maximum(np.abs(run.values[row]), 1.0))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Pieces:
     """Pieces of an objective's terms to first order: their ``values``, and ``slopes`` (pieces, directions).
 
-    ``terms`` (pieces,) are the terms that they belong to. ``weights`` are those of the terms, None if the largest term
-    counts.
+    ``terms`` (pieces,) are the terms that they belong to, ``weights`` those of the terms. If the largest term counts,
+    all are pieces of one term.
     """
 
     terms: np.ndarray
     values: np.ndarray
     slopes: np.ndarray
-    weights: np.ndarray | None
+    weights: np.ndarray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -228,21 +214,19 @@ class FirstOrder:
 class Neighbours:
     """Motions near one on its path, by coordinates along the self-motion of each sample that may move.
 
-    ``frames`` (samples, redundancy, dof) are the directions of each of the ``samples``.
+    ``frames`` (samples, redundancy, dof) are the directions of each of the ``samples``. ``factors`` (n_obj,) divide
+    objectives by their sizes, negative if they are maximised; ``own_kinks``: users' integrals have kinks.
     """
 
     task: Any
     model: ArmModel
+    objectives: Any
+    factors: np.ndarray
     time: np.ndarray
     q: np.ndarray
     samples: np.ndarray
     frames: np.ndarray
-
-    @property
-    def promises_between(self) -> bool:
-        """Whether refined motions keep limits between samples too."""
-        limited = self.task.bounds or self.task.obstacles or self.task.constraints
-        return bool(limited) and self.task.differences == "spline"
+    own_kinks: bool = False
 
     @property
     def size(self) -> int:
@@ -263,57 +247,47 @@ class Neighbours:
             moved[-1] = project(self.model, self.task.tasks, moved[-2:-1], self.time[-1:], self.q[-1:])[0][0]
         return moved
 
+    def terms(self, d: np.ndarray) -> list[Terms]:
+        """Return the objectives of the motion at coordinates, and last its limits."""
+        motion = measure(self.model, self.task, self.time, self.move(d))
+        pairs = zip(self.objectives, self.factors, strict=True)
+        terms = [objective_terms(each, motion, factor, own_kinks=self.own_kinks) for each, factor in pairs]
+        return [*terms, _limit_terms(self.task, motion)]
 
-def _gains(
-    task: Any,
-    model: ArmModel,
-    objectives: Any,
-    factors: np.ndarray,
-    weights: np.ndarray,
-    time: np.ndarray,
-    q: np.ndarray,
-    accepted: float,
-    *,
-    own_kinks: bool = False,
-) -> tuple[float, float, float]:
+    def limits_between(self, d: np.ndarray) -> np.ndarray:
+        """Return all limits of the motion at coordinates on the finer grid, as shares of their ranges."""
+        curve = project_curve(self.task, self.model, self.time, self.move(d))
+        return _limit_terms(self.task, finer_motion(self.task, self.model, curve, self.time)).pieces.ravel()
+
+
+def _gains(near: Neighbours, weights: np.ndarray, accepted: float) -> tuple[float, float, float]:
     """Return the gain of all objectives at once, of their weighted sum, and of the steepest one.
 
     Raises UndecidedError if kinks leave it open.
     """
-    near = _neighbours(task, model, time, q)
-
-    def evaluate(d: np.ndarray) -> list[Terms]:
-        motion = measure(model, task, time, near.move(d))
-        terms = [
-            objective_terms(each, motion, factor, own_kinks=own_kinks)
-            for each, factor in zip(objectives, factors, strict=True)
-        ]
-        return [*terms, _limit_terms(task, motion)]
-
-    at = _linearise(near, evaluate, np.zeros(near.size))
     box = 1.0 / np.sqrt(near.frames.shape[1])
-    gain, at = _shown_gain(near, evaluate, at, box, accepted)
+    gain, at = _shown_gain(near, _linearise(near, np.zeros(near.size)), box, accepted)
     weighted = gain if len(weights) == 1 else _best_gain(at, box, weights[None])[0]
     free = replace(at, limits=at.limits[:0], bounds=at.bounds[:0])
     steepest = max(_best_gain(free, box, row[None])[0] for row in np.eye(len(weights)))
     return gain, weighted, steepest
 
 
-def _neighbours(task: Any, model: ArmModel, time: np.ndarray, q: np.ndarray) -> Neighbours:
+def _neighbours(
+    task: Any, model: ArmModel, objectives: Any, factors: np.ndarray, time: np.ndarray, q: np.ndarray
+) -> Neighbours:
     """Return the motions near one; raises UndecidedError if a tied end is not the posture nearest to the one before."""
-    frames = list[np.ndarray]()
-    for k in range(len(time)):
-        parts = []
-        for each in task.tasks:
-            x, turned = path_points(each.path, time[k : k + 1])
-            parts.append(task_error(model, each, q[k], x[0], None if turned is None else turned[0])[1])
-        frames.append((null_space(np.concatenate(parts) * model.scales) * model.scales[:, None]).T)
+    targets = path_targets(task.tasks, time)
+    jacobians = [task_errors(model, targets, q[k], k)[1] for k in range(len(time))]
+    frames = [(null_space(jacobian * model.scales) * model.scales[:, None]).T for jacobian in jacobians]
     redundancy = min(len(frame) for frame in frames)
     first, last = int(task.start is not None), len(time) - int(task.cyclic or task.ties_end)
     samples = np.arange(first, last)
     near = Neighbours(
         task=task,
         model=model,
+        objectives=objectives,
+        factors=factors,
         time=time,
         q=q,
         samples=samples,
@@ -324,23 +298,24 @@ def _neighbours(task: Any, model: ArmModel, time: np.ndarray, q: np.ndarray) -> 
     return near
 
 
-def _linearise(near: Neighbours, evaluate: Callable[[np.ndarray], list[Terms]], d: np.ndarray) -> FirstOrder:
+def _linearise(near: Neighbours, d: np.ndarray) -> FirstOrder:
     """Return objectives and limits to first order at coordinates, by central differences.
 
     Terms of an instant depend only on samples near it, so that samples far apart are moved at once. If that does not
     predict the change in a random direction, each sample is moved alone. Raises UndecidedError at a concave kink.
     """
-    terms = evaluate(d)
+    terms = near.terms(d)
     instants = np.concatenate([np.tile(each.instants, len(each.pieces)) for each in terms])
     middle = _flat(terms)
     for spacing in (OPTIONS.spacing, len(near.time)):
         if spacing < len(near.time) and (instants < 0).any():
             continue
-        slopes, bend = _slopes(near, evaluate, d, middle, instants, spacing)
+        slopes, bend = _slopes(near, d, middle, instants, spacing)
         if spacing >= len(near.time):
             break
         u = np.random.default_rng(0).uniform(-1.0, 1.0, near.size)
-        seen = (_flat(evaluate(d + OPTIONS.step * u)) - _flat(evaluate(d - OPTIONS.step * u))) / (2 * OPTIONS.step)
+        ahead, back = (_flat(near.terms(d + sign * OPTIONS.step * u)) for sign in (1.0, -1.0))
+        seen = (ahead - back) / (2 * OPTIONS.step)
         foreseen = slopes @ u
         if (np.abs(seen - foreseen) <= OPTIONS.foreseen * (np.abs(slopes) @ np.abs(u)) + OPTIONS.foreseen).all():
             break
@@ -349,18 +324,18 @@ def _linearise(near: Neighbours, evaluate: Callable[[np.ndarray], list[Terms]], 
         rows = slice(first, first + each.pieces.size)
         first = rows.stop
         if len(each.pieces) == 1 and (bend[rows] < -OPTIONS.kink * np.abs(slopes[rows]).max(axis=1)).any():
-            nearer = _slopes(near, evaluate, d, middle, instants, spacing, OPTIONS.step / 10)[1]
+            nearer = _slopes(near, d, middle, instants, spacing, OPTIONS.step / 10)[1]
             if (nearer[rows] < np.minimum(bend[rows] / 2, -OPTIONS.kink * np.abs(slopes[rows]).max(axis=1))).any():
                 raise UndecidedError("an objective has a kink that opens downwards there")
         numbers = np.tile(np.arange(each.pieces.shape[1]), len(each.pieces))
-        objectives.append(Pieces(terms=numbers, values=each.pieces.ravel(), slopes=slopes[rows], weights=each.weights))
+        numbers, weights = (0 * numbers, np.ones(1)) if each.weights is None else (numbers, each.weights)
+        objectives.append(Pieces(terms=numbers, values=each.pieces.ravel(), slopes=slopes[rows], weights=weights))
     finite = np.isfinite(middle[first:])
     return FirstOrder(objectives=tuple(objectives), limits=slopes[first:][finite], bounds=middle[first:][finite])
 
 
 def _slopes(
     near: Neighbours,
-    evaluate: Callable[[np.ndarray], list[Terms]],
     d: np.ndarray,
     middle: np.ndarray,
     instants: np.ndarray,
@@ -382,7 +357,7 @@ def _slopes(
         for k in range(redundancy):
             by = np.zeros((count, redundancy))
             by[members, k] = step
-            ahead, back = (_flat(evaluate(d + sign * by.ravel())) for sign in (1.0, -1.0))
+            ahead, back = (_flat(near.terms(d + sign * by.ravel())) for sign in (1.0, -1.0))
             with np.errstate(invalid="ignore"):
                 slopes[np.arange(len(middle)), owner, k] = (ahead - back) / (2 * step)
                 bend = np.fmin(bend, (ahead - 2 * middle + back) / step)
@@ -396,7 +371,7 @@ def _flat(terms: Sequence[Terms]) -> np.ndarray:
 def _limit_terms(task: Any, motion: MeasuredMotion) -> Terms:
     """Return all limits as shares of their ranges, negative if satisfied; −inf without a limit."""
     count = motion.time.shape[1]
-    shares = list(limit_shares(task, motion).values())
+    shares = [limit_shares(values, limits, size) for _, values, limits, size in joint_limits(task, motion)]
     if task.obstacles:
         distances = motion.pair_clearances.reshape(count, -1)
         shares.append((task.min_clearance - distances) / clearance_range(task, motion.model))
@@ -418,54 +393,42 @@ def _limit_terms(task: Any, motion: MeasuredMotion) -> Terms:
     )
 
 
-def _total(terms: Terms) -> float:
-    largest = terms.pieces.max(axis=0)
-    return float(largest.max() if terms.weights is None else largest @ terms.weights)
+def _totals(terms: Sequence[Terms]) -> np.ndarray:
+    """Return the values of objectives (n_obj,); the last terms are limits."""
+    largest = [(each.pieces.max(axis=0), each.weights) for each in terms[:-1]]
+    return np.array([values.max() if weights is None else values @ weights for values, weights in largest])
 
 
-def _shown_gain(
-    near: Neighbours,
-    evaluate: Callable[[np.ndarray], list[Terms]],
-    at: FirstOrder,
-    box: float,
-    accepted: float,
-) -> tuple[float, FirstOrder]:
+def _shown_gain(near: Neighbours, at: FirstOrder, box: float, accepted: float) -> tuple[float, FirstOrder]:
     """Return the gain of all objectives at once; one above ``accepted`` only if a motion shows it.
 
     On the way there all objectives fall with at least half of the predicted slope, and no limit is exceeded more than
     before, at any instant or between. Raises UndecidedError if kinks or limits between samples leave it open.
     """
-    start = np.array([_total(each) for each in evaluate(np.zeros(near.size))[:-1]])
-    between = np.zeros(0)
-    if near.promises_between:  # limits with a small slack after refinement count as active there too
-        between = np.maximum(_between(near, np.zeros(near.size)), -TOLERANCES.tightened)
+    task, origin = near.task, np.zeros(near.size)
+    start, between = _totals(near.terms(origin)), np.zeros(0)
+    if task.differences == "spline" and (task.bounds or task.obstacles or task.constraints):
+        # Refined motions keep limits between samples too: those with a small slack after refinement count as active.
+        between = np.maximum(near.limits_between(origin), -TOLERANCES.tightened)
     reason = ""
     for _ in range(OPTIONS.rounds):
         gain, d = _best_gain(at, box, np.eye(len(at.objectives)))
         if gain <= accepted:
             return gain, at
         for step in OPTIONS.trials:
-            *objectives, limits = evaluate(step * d)
-            far = np.array([_total(each) for each in objectives])
-            half = np.array([_total(each) for each in evaluate(step / 2 * d)[:-1]])
+            there = near.terms(step * d)
+            far, half = _totals(there), _totals(near.terms(step / 2 * d))
             falls = ((4 * half - far - 3 * start) / step).max() <= -gain / 2  # slopes at the start, without curvature
-            kept = limits.pieces.max(initial=0.0) <= max(at.bounds.max(initial=0.0), 0.0) + TOLERANCES.limits
+            kept = there[-1].pieces.max(initial=0.0) <= max(at.bounds.max(initial=0.0), 0.0) + TOLERANCES.limits
             if falls and kept:
-                if not len(between) or (_between(near, step * d) <= between + TOLERANCES.limits).all():
+                if not len(between) or (near.limits_between(step * d) <= between + TOLERANCES.limits).all():
                     return gain, at
                 reason = "a direction improves all objectives, but comes nearer to limits between samples"
         if reason:
             raise UndecidedError(reason)
-        there = _linearise(near, evaluate, OPTIONS.probe * d)
-        pairs = zip(at.objectives, there.objectives, strict=True)
+        pairs = zip(at.objectives, _linearise(near, OPTIONS.probe * d).objectives, strict=True)
         at = replace(at, objectives=tuple(_with_pieces(one, other, OPTIONS.probe * d) for one, other in pairs))
     raise UndecidedError("kinks of an objective leave it open")
-
-
-def _between(near: Neighbours, d: np.ndarray) -> np.ndarray:
-    """Return all limits of the motion at coordinates on the finer grid, as shares of their ranges."""
-    curve = project_curve(near.task, near.model, near.time, near.move(d))
-    return _limit_terms(near.task, finer_motion(near.task, near.model, curve, near.time)).pieces.ravel()
 
 
 def _with_pieces(at: Pieces, there: Pieces, d: np.ndarray) -> Pieces:
@@ -483,13 +446,11 @@ def _with_pieces(at: Pieces, there: Pieces, d: np.ndarray) -> Pieces:
 
 def _best_gain(at: FirstOrder, box: float, mixtures: np.ndarray) -> tuple[float, np.ndarray]:
     """Return the most that all mixtures (rows, n_obj) of objectives fall at once, and the direction in the box."""
-    directions = at.limits.shape[1]
-    linear, rows, right, columns, epigraphs = [], [], [], [], 0
-    shares = list[list[tuple[int, float]]]()
-    for each in at.objectives:
-        slope, own = np.zeros(directions), list[tuple[int, float]]()
-        terms = each.terms if each.weights is not None else np.zeros(len(each.terms), dtype=int)
-        weights = np.ones(1) if each.weights is None else each.weights
+    n_obj, directions = len(at.objectives), at.limits.shape[1]
+    linear, rows, right, columns = np.zeros((n_obj, directions)), [np.zeros((0, directions))], [], list[int]()
+    epigraphs = list[np.ndarray]()  # for each e: its weights in the objectives (n_obj,)
+    for i, each in enumerate(at.objectives):
+        terms, weights = each.terms, each.weights
         order = np.lexsort((-each.values, terms))
         heads = order[np.unique(terms[order], return_index=True)[1]]  # the largest piece of each term
         head = np.empty(len(weights), dtype=int)
@@ -499,45 +460,25 @@ def _best_gain(at: FirstOrder, box: float, mixtures: np.ndarray) -> tuple[float,
         reached = (slack <= box * (lengths + lengths[head[terms]])) & (weights[terms] > 0)
         several = np.bincount(terms[reached], minlength=len(weights)) > 1
         smooth = head[~several]
-        slope = weights[terms[smooth]] @ each.slopes[smooth]
+        linear[i] = weights[terms[smooth]] @ each.slopes[smooth]
         for term in np.flatnonzero(several):
             members = np.flatnonzero(reached & (terms == term))
             rows.append(each.slopes[members])
             right.append(slack[members])
-            columns += [epigraphs] * len(members)
-            own.append((epigraphs, float(weights[term])))
-            epigraphs += 1
-        linear.append(slope)
-        shares.append(own)
+            columns += [len(epigraphs)] * len(members)
+            epigraphs.append(weights[term] * np.eye(n_obj)[i])
+    count, ties = len(epigraphs), len(columns)
+    table = np.array(epigraphs).reshape(count, n_obj).T
     bounded = at.bounds > -np.abs(at.limits).sum(axis=1) * box
-    table = np.zeros((len(at.objectives), epigraphs))
-    for i, own in enumerate(shares):
-        for column, weight in own:
-            table[i, column] = weight
-    ties = len(columns)
-    pieces = np.concatenate([np.zeros((0, directions)), *rows])
-    epigraph = sparse.csr_array((-np.ones(ties), (np.arange(ties), columns)), shape=(ties, epigraphs))
-    matrix = sparse.block_array(
-        [
-            [
-                sparse.csr_array(mixtures @ np.array(linear)),
-                sparse.csr_array(mixtures @ table),
-                np.ones((len(mixtures), 1)),
-            ],
-            [sparse.csr_array(pieces), epigraph, np.zeros((ties, 1))],
-            [
-                sparse.csr_array(at.limits[bounded]),
-                sparse.csr_array((int(bounded.sum()), epigraphs)),
-                np.zeros((int(bounded.sum()), 1)),
-            ],
-        ],
-        format="csr",
-    )
+    shares = [sparse.csr_array(mixtures @ linear), sparse.csr_array(mixtures @ table), np.ones((len(mixtures), 1))]
+    epigraph = sparse.csr_array((-np.ones(ties), (np.arange(ties), columns)), shape=(ties, count))
+    pieces, limited = sparse.csr_array(np.concatenate(rows)), sparse.csr_array(at.limits[bounded])
+    matrix = sparse.block_array([shares, [pieces, epigraph, None], [limited, None, None]], format="csr")
     slacks = np.maximum(-at.bounds[bounded] - TOLERANCES.tightened, 0.0)
     upper = np.concatenate([np.zeros(len(mixtures)), *right, slacks])
-    cost = np.zeros(directions + epigraphs + 1)
+    cost = np.zeros(directions + count + 1)
     cost[-1] = -1.0
-    limits = [*[(-box, box)] * directions, *[(None, None)] * epigraphs, (0.0, None)]
+    limits = [*[(-box, box)] * directions, *[(None, None)] * count, (0.0, None)]
     result = linprog(cost, A_ub=matrix, b_ub=upper, bounds=limits, method="highs")
     if result.status != 0:
         raise UndecidedError(f"the linear program of its gain ends with: {result.message}")

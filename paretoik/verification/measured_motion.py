@@ -11,7 +11,14 @@ import numpy as np
 from scipy.interpolate import BSpline, KroghInterpolator, PPoly, lagrange, make_interp_spline
 
 from paretoik.verification.arm_model import OPTIONS, ArmModel, rotation_of
-from paretoik.verification.path_targets import curve_states, path_points, task_axes, task_error, tracking_errors
+from paretoik.verification.path_targets import (
+    curve_states,
+    frame_errors,
+    path_points,
+    path_targets,
+    task_axes,
+    task_errors,
+)
 
 # The curve of a motion, rebuilt from its samples with SciPy, and its finite differences.
 #
@@ -29,25 +36,23 @@ def rebuild(time: np.ndarray, q: np.ndarray, *, differences: str, cyclic: bool, 
         return make_interp_spline(time, q, k=degree, bc_type="periodic" if cyclic else None)
     if not cyclic and len(time) < 5 - ends_at_rest:
         return _polynomial(time, q, ends_at_rest=ends_at_rest)
-    knots = _knots(time, cyclic=cyclic)
-    rows, right = [], []
-    count, samples = len(time) + 2, len(time)
-    inner = range(samples) if cyclic else range(1, samples - 1)
+    # Knots: the times, with three more at each end: those of the cycle, or mirrored ones.
+    step, count = np.diff(time), len(time)
+    ahead, behind = (step[-1:-4:-1], step[:3]) if cyclic else (step[:3], step[-1:-4:-1])
+    ahead, behind = (np.cumsum(np.resize(each, 3)) for each in (ahead, behind))
+    knots = np.concatenate([(time[0] - ahead)[::-1], time, time[-1] + behind])
     if cyclic:
         around = np.concatenate([q[-2:-1], q, q[1:2]])
-        right = [_blossom(knots[k + 2 : k + 5], around[k : k + 3]) for k in inner]
-        control = np.array([right[-2], *right, right[1]])
-        return BSpline(knots, control, 3)
-    unit = np.eye(count)
-    for k in inner:
-        rows.append(unit[k + 1])
-        right.append(_blossom(knots[k + 2 : k + 5], q[k - 1 : k + 2]))
+        inner = [_blossom(knots[k + 2 : k + 5], around[k : k + 3]) for k in range(count)]
+        return BSpline(knots, np.array([inner[-2], *inner, inner[1]]), 3)
+    # Control points c: those of inner samples, then B(end) c = q(end) and the condition at each end.
+    unit = np.eye(count + 2)
+    rows = [unit[k + 1] for k in range(1, count - 1)]
+    right = [_blossom(knots[k + 2 : k + 5], q[k - 1 : k + 2]) for k in range(1, count - 1)]
     basis = BSpline(knots, unit, 3)
-    for end, sample in ((0, q[0]), (-1, q[-1])):
-        rows.append(basis(time[end]))
-        right.append(sample)
-        rows.append(_rest_row(unit) if end and ends_at_rest else _free_row(basis, time if end == 0 else time[::-1]))
-        right.append(np.zeros(q.shape[1]))
+    last = unit[-1] - unit[-3] if ends_at_rest else _free_row(basis, time[::-1])
+    rows += [basis(time[0]), _free_row(basis, time), basis(time[-1]), last]
+    right += [q[0], np.zeros(q.shape[1]), q[-1], np.zeros(q.shape[1])]
     return BSpline(knots, np.linalg.solve(np.array(rows), np.array(right)), 3)
 
 
@@ -89,14 +94,6 @@ def quadrature(time: np.ndarray, differences: str) -> np.ndarray:
     return weights
 
 
-def _knots(time: np.ndarray, *, cyclic: bool) -> np.ndarray:
-    """Return the times with three more at each end: those of the cycle, or mirrored ones."""
-    step = np.diff(time)
-    ahead, behind = (step[-1:-4:-1], step[:3]) if cyclic else (step[:3], step[-1:-4:-1])
-    ahead, behind = (np.resize(each, 3) for each in (ahead, behind))
-    return np.concatenate([(time[0] - np.cumsum(ahead))[::-1], time, time[-1] + np.cumsum(behind)])
-
-
 def _blossom(t: np.ndarray, q: np.ndarray) -> np.ndarray:
     """Return the polar form, at three times, of the parabola through three samples."""
     c, b, a = np.linalg.solve(np.vander(t - t[1], 3, increasing=True), q)
@@ -114,10 +111,6 @@ def _free_row(basis: BSpline, time: np.ndarray) -> np.ndarray:
         share = lagrange(others, np.eye(count)[k])(0.0) if count > 1 else 1.0
         row = row - share * second(time[k + 1])
     return np.asarray(row)
-
-
-def _rest_row(unit: np.ndarray) -> np.ndarray:
-    return unit[-1] - unit[-3]
 
 
 def _polynomial(time: np.ndarray, q: np.ndarray, *, ends_at_rest: bool) -> PPoly:
@@ -223,11 +216,6 @@ def clearances(obstacles: Sequence[Any], nodes: np.ndarray, radius: float) -> np
     return np.asarray(pair_distances(obstacles, nodes).min(axis=(1, 2)) - radius)
 
 
-def smallest_radius(obstacles: Sequence[Any]) -> float:
-    """Return the smallest radius or half size [m] of obstacles."""
-    return min(float(np.min(getattr(each, "half_sizes", getattr(each, "radius", np.inf)))) for each in obstacles)
-
-
 # A motion measured a second time.
 
 
@@ -269,12 +257,12 @@ class MeasuredMotion:
     @property
     def tasks(self) -> Any:
         """The tasks of the motion."""
-        return getattr(self.task, "tasks", ())
+        return self.task.tasks
 
     @property
     def obstacles(self) -> Any:
         """The obstacles of the problem."""
-        return getattr(self.task, "obstacles", ())
+        return self.task.obstacles
 
     @property
     def instants(self) -> MeasuredMotion:
@@ -336,11 +324,10 @@ class MeasuredMotion:
     @cached_property
     def manipulability(self) -> np.ndarray:
         """Yoshikawa's measure of the tasks' Jacobian (1, time), by its singular values."""
-        if not self.tasks:
-            size = slice(0, 2) if self.arm.is_planar else slice(0, 6)
-            jacobians = [self.model.jacobian(q)[2][size] for q in self.q[0]]
-        else:
-            jacobians = [np.concatenate([self._task_jacobian(task, q) for task in self.tasks]) for q in self.q[0]]
+        targets = path_targets(self.tasks, np.zeros(1))
+        axes = [task_axes(task, self.arm) for task in self.tasks]
+        units = np.concatenate([[self.model.length] * size + [1.0] * len(turning) for size, turning in axes])
+        jacobians = [task_errors(self.model, targets, q, 0)[1] * units[:, None] for q in self.q[0]]
         return np.array([np.prod(np.linalg.svd(each, compute_uv=False)) for each in jacobians])[None]
 
     @cached_property
@@ -361,43 +348,29 @@ class MeasuredMotion:
     def _misses(self) -> tuple[np.ndarray, np.ndarray]:
         distance, largest = np.zeros(self.time.shape), np.zeros(self.time.shape)
         for task in self.tasks:
-            size, _ = task_axes(task, self.arm)
-            positions, rotations = path_points(task.path, self.time[0])
-            distances, angles = tracking_errors(self.model, task, self.q[0], positions, rotations)
-            place = self.model.poses(self.q[0], task.frame)[1]
-            entries = np.abs(positions[:, :size] - place[:, :size]).max(axis=1)
-            distance[0] = np.maximum(distance[0], distances)
-            largest[0] = np.maximum(largest[0], np.maximum(entries, angles))
+            offsets, vectors = frame_errors(self.model, task, self.q[0], *path_points(task.path, self.time[0]))
+            entries = np.maximum(np.abs(offsets).max(axis=1), np.linalg.norm(vectors, axis=1))
+            distance[0] = np.maximum(distance[0], np.linalg.norm(offsets, axis=1))
+            largest[0] = np.maximum(largest[0], entries)
         return distance, largest
-
-    def _task_jacobian(self, task: Any, q: np.ndarray) -> np.ndarray:
-        positions, rotations = path_points(task.path, np.zeros(1))
-        rows = task_error(self.model, task, q, positions[0], None if rotations is None else rotations[0])[1]
-        return rows * np.where(np.arange(len(rows)) < task_axes(task, self.arm)[0], self.model.length, 1.0)[:, None]
 
 
 def measure(model: ArmModel, task: Any, time: np.ndarray, q: np.ndarray) -> MeasuredMotion:
     """Return joint positions (time, dof) at times as a motion of a task, at its instants."""
-    differences, cyclic = str(getattr(task, "differences", "backward")), bool(getattr(task, "cyclic", False))
-    rest = bool(getattr(task, "ends_at_rest", False))
-    curve = rebuild(time, q, differences=differences, cyclic=cyclic, ends_at_rest=rest)
-    dq, ddq, jerk = rates(curve, time, q, differences=differences, cyclic=cyclic)
-    t = instants_of(time, differences)
-    bounds, spline = None, None
-    weights, radius = quadrature(time, differences), float(getattr(task, "link_radius", 0.0))
+    kind = {"differences": task.differences, "cyclic": task.cyclic}
+    curve = rebuild(time, q, **kind, ends_at_rest=task.ends_at_rest)
+    dq, ddq, jerk = rates(curve, time, q, **kind)
+    t = instants_of(time, task.differences)
+    weights, radius = quadrature(time, task.differences), float(task.link_radius)
 
-    def measured(state: tuple[np.ndarray, ...], **settings: Any) -> MeasuredMotion:
-        rows: dict[str, Any] = dict(
-            zip(("q", "dq", "ddq", "jerk"), (np.asarray(part)[None] for part in state), strict=True)
-        )
-        return MeasuredMotion(
-            model=model, task=task, time=t[None], weights=weights, link_radius=radius, **rows, **settings
-        )
+    def measured(q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, **settings: Any) -> MeasuredMotion:
+        state: dict[str, Any] = {"q": q[None], "dq": dq[None], "ddq": ddq[None], "jerk": jerk[None], "time": t[None]}
+        return MeasuredMotion(model=model, task=task, weights=weights, link_radius=radius, **state, **settings)
 
-    if differences == "spline":
-        state = np.array(curve(t)), dq, ddq
-        spline = measured((*state, jerk))
-        q, dq, ddq = curve_states(model, task.tasks, state, t) if getattr(task, "tasks", ()) else state
-        bounds = np.array(dq)[None]  # a parabola's coefficient is v + h a / 2 of the sample before
-        bounds[0, 1::2] += dq[:-1:2] + np.diff(time)[:, None] / 2 * ddq[:-1:2] - dq[1::2]
-    return measured((q, dq, ddq, jerk), coefficients=bounds, of_spline=spline)
+    if task.differences != "spline":
+        return measured(q, dq, ddq)
+    state = curve(t), dq, ddq
+    q, dq, ddq = curve_states(model, task.tasks, state, t)
+    bounds = np.array(dq)[None]  # a parabola's coefficient is v + h a / 2 of the sample before
+    bounds[0, 1::2] += dq[:-1:2] + np.diff(time)[:, None] / 2 * ddq[:-1:2] - dq[1::2]
+    return measured(q, dq, ddq, coefficients=bounds, of_spline=measured(*state))

@@ -13,9 +13,9 @@ from scipy.interpolate import interp1d
 from paretoik.verification.arm_model import TOLERANCES, ArmModel
 from paretoik.verification.measured_motion import MeasuredMotion, measure
 from paretoik.verification.motion_checks import check_limits, check_path, least_clearance
-from paretoik.verification.objectives import objective_value
-from paretoik.verification.path_targets import orientation_errors, sample_points, task_axes, tracking_errors
-from paretoik.verification.run_contents import Check, RunContents, Worst, demand, judge, leave_out
+from paretoik.verification.objectives import objective_size, objective_value
+from paretoik.verification.path_targets import frame_errors, sample_points, tracking_errors
+from paretoik.verification.run_contents import Check, RunContents, Worst, demand, first_line, judge, leave_out
 
 # Parameters of a method from a search: bounds for the table from the one stored motion of each point.
 #
@@ -35,12 +35,12 @@ def check_tuning(run: RunContents, problem: Any, model: ArmModel) -> Iterator[Ch
     yield from check_path(task, model)
     for row, number in enumerate(run.ids.tolist()):
         time, q = (np.asarray(run.motions[name][row], dtype=float) for name in ("time", "q"))
-        times = np.asarray(task.times)
-        if len(time) != len(times) or not np.allclose(time, times, rtol=0.0, atol=TOLERANCES.times * times[-1]):
+        if not _has_times(time, task):
             yield leave_out("motions against the path", "the method takes its own time", point=number)
             continue
         yield _check_start(run, problem, q[0], row, number)
-        errors = sample_errors(model, task, q)
+        parts = [part for each in task.tasks for part in frame_errors(model, each, q, *sample_points(each.path))]
+        errors = np.concatenate(parts, axis=1)
         if problem.tolerance is not None and float(run.table["violation"][row]) <= 0:
             off = float(np.abs(errors).max())
             detail = f"its tool is {off:.3g} off the path, {problem.tolerance:g} is the tolerance"
@@ -48,20 +48,22 @@ def check_tuning(run: RunContents, problem: Any, model: ArmModel) -> Iterator[Ch
         if listed == names:
             motion = measure(model, task, time, q)
             yield from _check_objectives(run, problem, motion, errors, row, number)
-    yield from _left_out(problem)
+    # Parts of the objectives that were not computed a second time:
+    count = problem.judged_starts
+    if count > 1 and problem.judged_by == "worst":
+        reason = f"one of {count} motions is stored, the table has the worst: it is no better than the stored one"
+        yield leave_out("objectives from the other starts", reason)
+    elif count > 1:
+        reason = f"the table has the mean of {count} motions, but one is stored: no objective was computed again"
+        yield leave_out("objectives from all starts", reason)
+    yield leave_out(
+        "the method's steps", "the stored motion is not resolved a second time from the method's numbers and its start"
+    )
 
 
-def sample_errors(model: ArmModel, task: Any, q: np.ndarray) -> np.ndarray:
-    """Return the errors (time, rows) [m, rad] of all task equations at the samples."""
-    parts = list[np.ndarray]()
-    for each in task.tasks:
-        positions, rotations = sample_points(each.path)
-        size, turning = task_axes(each, model.arm)
-        here, place = model.poses(q, each.frame)
-        parts.append(positions[:, :size] - place[:, :size])
-        if turning and rotations is not None:
-            parts.append(orientation_errors(each.axes, here, rotations)[:, list(turning)])
-    return np.concatenate(parts, axis=1)
+def _has_times(time: np.ndarray, task: Any) -> bool:
+    times = np.asarray(task.times)
+    return len(time) == len(times) and np.allclose(time, times, rtol=0.0, atol=TOLERANCES.times * times[-1])
 
 
 def _check_start(run: RunContents, problem: Any, posture: np.ndarray, row: int, point: int) -> Check:
@@ -91,14 +93,12 @@ def _check_objectives(
         try:
             expected = _value(objective, motion, errors)
         except Exception as fault:  # a user's function may raise anything
-            line = (str(fault).splitlines() or [type(fault).__name__])[0]
-            yield leave_out(subject, f"its function fails here: {line}", point=point)
+            yield leave_out(subject, f"its function fails here: {first_line(fault)}", point=point)
             continue
         if expected is None:
             yield leave_out(subject, "it counts what the method did, which is not in the files", point=point)
             continue
-        low, high = entry.get("range", (0.0, 0.0))
-        size = max(abs(expected), abs(float(high) - float(low)), 1e-12)
+        size = objective_size(entry, expected)
         better = (expected - value) * (-1.0 if objective.maximise else 1.0)
         text = f"the table says {value:.10g} {objective.unit}".rstrip()
         if alone:
@@ -114,60 +114,30 @@ def _value(objective: Any, motion: MeasuredMotion, errors: np.ndarray) -> float 
     if getattr(function, "__module__", None) != MEASURES:
         return objective_value(objective, motion)
     if function.__name__ == "distance":
-        return _distance(motion, inspect.getclosurevars(function).nonlocals["reference"])
+        # the joint distance from another motion, RMS over time, angles modulo whole turns
+        difference = motion.q[0] - np.asarray(inspect.getclosurevars(function).nonlocals["reference"].q)
+        turns = np.where(motion.arm.periodic, np.round(difference / (2 * np.pi)), 0.0)
+        return float(np.sqrt(((difference - 2 * np.pi * turns) ** 2).sum(axis=1).mean()))
     definition = DEFINITIONS.get(function.__name__)
     return None if definition is None else definition(motion, errors)
 
 
-def _tracking_error(motion: MeasuredMotion, errors: np.ndarray) -> float:
-    return float(np.abs(errors).max())
-
-
-def _limit_margin(motion: MeasuredMotion, errors: np.ndarray) -> float:
-    margins = [
-        min(float(joint.min() - low), float(high - joint.max())) / (high - low)
-        for joint, (low, high) in zip(motion.q[0].T, motion.arm.position_limits, strict=True)
-        if np.isfinite(high - low)
-    ]
-    return min(margins, default=0.0)
-
-
-def _speed_ratio(motion: MeasuredMotion, errors: np.ndarray) -> float:
-    limits = [limit if np.isfinite(limit) else 1.0 for limit in motion.arm.velocity_limits]
-    return max(float(np.abs(speed).max()) / limit for speed, limit in zip(motion.dq[0].T, limits, strict=True))
-
-
-def _duration(motion: MeasuredMotion, errors: np.ndarray) -> float:
-    return float(motion.duration[0])
-
-
 DEFINITIONS: dict[str, Callable[[MeasuredMotion, np.ndarray], float]] = {
-    "tracking_error": _tracking_error,
-    "limit_margin": _limit_margin,
-    "speed_ratio": _speed_ratio,
-    "duration": _duration,
+    "tracking_error": lambda motion, errors: float(np.abs(errors).max()),
+    "limit_margin": lambda motion, errors: min(
+        (
+            min(float(joint.min() - low), float(high - joint.max())) / (high - low)
+            for joint, (low, high) in zip(motion.q[0].T, motion.arm.position_limits, strict=True)
+            if np.isfinite(high - low)
+        ),
+        default=0.0,
+    ),
+    "speed_ratio": lambda motion, errors: max(
+        float(np.abs(speed).max()) / (limit if np.isfinite(limit) else 1.0)
+        for speed, limit in zip(motion.dq[0].T, motion.arm.velocity_limits, strict=True)
+    ),
+    "duration": lambda motion, errors: float(motion.duration[0]),
 }
-
-
-def _distance(motion: MeasuredMotion, reference: Any) -> float:
-    """Return the joint distance from another motion, RMS over time, angles modulo whole turns."""
-    difference = motion.q[0] - np.asarray(reference.q)
-    turns = np.where(motion.arm.periodic, np.round(difference / (2 * np.pi)), 0.0)
-    return float(np.sqrt(((difference - 2 * np.pi * turns) ** 2).sum(axis=1).mean()))
-
-
-def _left_out(problem: Any) -> Iterator[Check]:
-    """Yield exactly which parts of the objectives were not computed a second time."""
-    count = problem.judged_starts
-    if count > 1 and problem.judged_by == "worst":
-        reason = f"one of {count} motions is stored, the table has the worst: it is no better than the stored one"
-        yield leave_out("objectives from the other starts", reason)
-    elif count > 1:
-        reason = f"the table has the mean of {count} motions, but one is stored: no objective was computed again"
-        yield leave_out("objectives from all starts", reason)
-    yield leave_out(
-        "the method's steps", "the stored motion is not resolved a second time from the method's numbers and its start"
-    )
 
 
 # Resolved motions: the statements of the files about themselves, and, with the problem, about the path.
@@ -194,9 +164,7 @@ def check_resolution(run: RunContents, task: Any, model: ArmModel | None, reason
         return
     for row, (time, q) in enumerate(zip(run.motions["time"], run.motions["q"], strict=True)):
         point = int(run.ids[row])
-        same = len(time) == len(task.times) and np.allclose(
-            time, task.times, rtol=0, atol=TOLERANCES.times * task.times[-1]
-        )
+        same = _has_times(time, task)
         yield demand("times of the path", same, "its times are not those of the path", point=point)
         if not same:
             continue
@@ -247,7 +215,15 @@ def check_loop(run: RunContents, loop: Any, model: ArmModel) -> Iterator[Check]:
     yield from check_limits(limited, motion, None, point)
     yield from (row for row in check_limits(task, motion, violation, point) if row.subject == "violation in the table")
     if task.obstacles and np.isfinite(loop.longest):
-        yield from _check_sweep(task, model, motion, time, q, point)
+        # During steps, which are straight in joints:
+        smallest, at, proven = least_clearance(motion, interp1d(time, q, axis=0), time)
+        limit, tolerance = float(task.min_clearance), TOLERANCES.limits * model.length
+        detail = (
+            f"links come within {smallest:.4g} m of an obstacle at {at:.4g} s, the limit is {task.min_clearance:g} m"
+        )
+        yield judge("clearance between samples", max(limit - smallest, 0.0), tolerance, detail, point=point)
+        if not proven:
+            yield leave_out("clearance between samples", "a step is too near to an obstacle to be sure", point=point)
     elif task.obstacles:
         yield leave_out("clearance between samples", "steps of any length are only clear at their ends", point=point)
     velocity = np.diff(q, axis=0) / step
@@ -265,17 +241,3 @@ def check_loop(run: RunContents, loop: Any, model: ArmModel) -> Iterator[Check]:
         expected = float(series[objective.name].mean())
         detail = f"the table says {value:.10g} {objective.unit}, it is {expected:.10g}"
         yield judge(subject, abs(value - expected) / max(abs(expected), 1e-9), TOLERANCES.energies, detail, point=point)
-
-
-def _check_sweep(
-    task: Any, model: ArmModel, motion: MeasuredMotion, time: np.ndarray, q: np.ndarray, point: int
-) -> Iterator[Check]:
-    """Check distances during steps, which are straight in joints."""
-    straight = interp1d(time, q, axis=0)
-    smallest, at, proven = least_clearance(task, model, straight, motion, time)
-    short = float(task.min_clearance) - smallest
-    detail = f"links come within {smallest:.4g} m of an obstacle at {at:.4g} s, the limit is {task.min_clearance:g} m"
-    tolerance = TOLERANCES.limits * model.length
-    yield judge("clearance between samples", max(short, 0.0), tolerance, detail, point=point)
-    if not proven:
-        yield leave_out("clearance between samples", "a step is too near to an obstacle to be sure", point=point)

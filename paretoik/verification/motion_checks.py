@@ -3,31 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.polynomial import chebyshev
 
 from paretoik.verification.arm_model import OPTIONS, TOLERANCES, ArmModel
-from paretoik.verification.measured_motion import MeasuredMotion, clearances, nearest_pair, rebuild, smallest_radius
+from paretoik.verification.measured_motion import MeasuredMotion, clearances, nearest_pair, rebuild
 from paretoik.verification.objectives import (
     clearance_range,
+    excesses,
+    objective_size,
     objective_value,
     stated_value,
-    worst_of_clearance,
-    worst_of_constraint,
-    worst_of_limits,
 )
-from paretoik.verification.path_targets import path_points, sample_points, task_error, tracking_errors
-from paretoik.verification.run_contents import Check, RunContents, Worst, demand, judge, leave_out, note
-
-
-def check_joints(run: RunContents, arm: Any) -> Iterator[Check]:
-    """Check that the stored joints are those of the arm, in its order."""
-    stored = [str(name) for name in run.motions["joint_names"]]
-    names = ", ".join(arm.joint_names)
-    yield demand("joint names", stored == list(arm.joint_names), f"joints must be {names}, got {', '.join(stored)}")
+from paretoik.verification.path_targets import (
+    path_points,
+    path_targets,
+    sample_points,
+    task_errors,
+    tracking_errors,
+)
+from paretoik.verification.run_contents import Check, RunContents, Worst, first_line, judge, leave_out
 
 
 def check_path(task: Any, model: ArmModel) -> Iterator[Check]:
@@ -59,21 +57,16 @@ def check_samples(task: Any, model: ArmModel, time: np.ndarray, q: np.ndarray, p
         if angle[k] > distance[k] / model.length:
             place = Worst(what="angle", joint=frame, time=float(time[k]), value=float(angle[k]), unit="rad")
         yield judge("tracking at samples", float(error.max()), share, detail, point=point, worst=place)
-    if task.start is not None:
-        yield _same_posture("start", model, q[0], task.start, float(time[0]), "its start", point)
-    if task.cyclic:
-        yield _same_posture("closure", model, q[-1], q[0], float(time[-1]), "where it begins", point)
-
-
-def _same_posture(
-    subject: str, model: ArmModel, q: np.ndarray, wanted: np.ndarray, time: float, name: str, point: int
-) -> Check:
-    """Return whether a posture is another one, with the joint that is farthest from it."""
-    off = np.abs((q - wanted) / model.scales)
-    j = int(off.argmax())
-    place = Worst(what="position", joint=model.arm.joint_names[j], time=time, value=float(q[j]), limit=float(wanted[j]))
-    detail = f"{place.joint} is at {q[j]:.10g}, {name} is {wanted[j]:.10g}"
-    return judge(subject, float(off[j]), TOLERANCES.on_path, detail, point=point, worst=place)
+    ends = [("start", "its start", 0, task.start), ("closure", "where it begins", -1, q[0] if task.cyclic else None)]
+    for subject, name, k, wanted in ends:
+        if wanted is None:
+            continue
+        off = np.abs((q[k] - wanted) / model.scales)
+        j = int(off.argmax())
+        joint, is_, limit = model.arm.joint_names[j], float(q[k, j]), float(wanted[j])
+        place = Worst(what="position", joint=joint, time=float(time[k]), value=is_, limit=limit)
+        detail = f"{joint} is at {is_:.10g}, {name} is {limit:.10g}"
+        yield judge(subject, float(off[j]), TOLERANCES.on_path, detail, point=point, worst=place)
 
 
 def check_limits(task: Any, motion: MeasuredMotion, violation: float | None, point: int) -> Iterator[Check]:
@@ -91,19 +84,6 @@ def check_limits(task: Any, motion: MeasuredMotion, violation: float | None, poi
         yield judge("violation in the table", abs(violation - largest), TOLERANCES.limits, detail, point=point)
 
 
-def excesses(task: Any, motion: MeasuredMotion) -> Iterator[tuple[str, float, Worst | None, str]]:
-    """Yield every limit's subject, worst excess as a share of its range, and place, or why these are unknown."""
-    for kind, (excess, place) in worst_of_limits(task, motion).items():
-        yield f"{kind} limits", excess, place, ""
-    if task.obstacles:
-        yield "clearance at samples", *worst_of_clearance(task, motion), ""
-    for each in task.constraints:
-        try:
-            yield f"constraint {each.name}", *worst_of_constraint(each, motion), ""
-        except Exception as fault:  # a user's function may raise anything
-            yield f"constraint {each.name}", np.nan, None, f"its function fails here: {_line(fault)}"
-
-
 def check_objectives(
     run: RunContents, objectives: Any, motion: MeasuredMotion, values: np.ndarray, point: int
 ) -> Iterator[Check]:
@@ -113,12 +93,11 @@ def check_objectives(
         try:
             expected = stated_value(objective, motion, value)
         except Exception as fault:  # a user's function may raise anything
-            yield leave_out(subject, f"its function fails here: {_line(fault)}", point=point)
+            yield leave_out(subject, f"its function fails here: {first_line(fault)}", point=point)
             continue
-        low, high = entry.get("range", (0.0, 0.0))
-        size = max(abs(expected), abs(float(high) - float(low)), 1e-12)
+        off = abs(value - expected) / objective_size(entry, expected)
         detail = f"the table says {value:.10g} {objective.unit}, it is {expected:.10g}"
-        yield judge(subject, abs(value - expected) / size, TOLERANCES.values, detail, point=point)
+        yield judge(subject, off, TOLERANCES.values, detail, point=point)
 
 
 def check_errors(
@@ -131,8 +110,7 @@ def check_errors(
             value, true = stated_value(objective, motion, stated_as), objective_value(objective, finer)
         except Exception:  # a user's function may raise anything: its value's row has the reason
             continue
-        low, high = entry.get("range", (0.0, 0.0))
-        size, point = max(abs(value), abs(float(high) - float(low)), 1e-12), int(run.ids[row])
+        size, point = objective_size(entry, value), int(run.ids[row])
         share = abs(true - value) / size
         if promised:
             detail = f"{100 * share:.2g} % of its size on the curve"
@@ -141,10 +119,6 @@ def check_errors(
             stated = float(run.table[column][row]) / size
             detail = f"the table says {100 * stated:.2g} % of its size, it is {100 * share:.2g} %"
             yield judge(f"{subject} in the table", abs(stated - share), TOLERANCES.error, detail, point=point)
-
-
-def _line(fault: Exception) -> str:
-    return (str(fault).splitlines() or [type(fault).__name__])[0]
 
 
 # Motions between their samples: the curve, projected onto the path, with its limits and distances.
@@ -160,26 +134,17 @@ def project(
 
     The normal directions are those at the postures ``normal_at`` (time, dof), by default ``q``.
     """
-    targets = [path_points(task.path, t) for task in tasks]
+    targets = path_targets(tasks, t)
     result, error = np.array(q), np.zeros(len(t))
-    squares = model.scales**2
-
-    def errors_at(posture: np.ndarray, row: int) -> tuple[np.ndarray, np.ndarray]:
-        parts = [
-            task_error(model, task, posture, x[row], None if turned is None else turned[row])
-            for task, (x, turned) in zip(tasks, targets, strict=True)
-        ]
-        return np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
-
     for row in range(len(t)):
-        directions = None if normal_at is None else squares[:, None] * errors_at(normal_at[row], row)[1].T
+        normal = None if normal_at is None else task_errors(model, targets, normal_at[row], row)[1]
         for _ in range(OPTIONS.newton_steps):
-            miss, jacobian = errors_at(result[row], row)
-            if directions is None:
-                directions = squares[:, None] * jacobian.T
+            miss, jacobian = task_errors(model, targets, result[row], row)
+            normal = jacobian if normal is None else normal
             error[row] = np.abs(miss).max()
             if error[row] < 1e-13:
                 break
+            directions = model.scales[:, None] ** 2 * normal.T
             step = np.linalg.lstsq(jacobian @ directions, miss, rcond=None)[0]
             result[row] = result[row] + directions @ step
     return result, error
@@ -202,8 +167,8 @@ class ProjectedCurve:
         piece = np.clip(np.searchsorted(self.edges, t, side="right") - 1, 0, len(self.series) - 1)
         low, high = self.edges[piece], self.edges[piece + 1]
         place = 2 * (t - low) / (high - low) - 1
-        series = chebyshev.chebder(np.swapaxes(self.series, 0, 1), order)[:, piece] if order else None
-        terms = np.swapaxes(self.series, 0, 1)[:, piece] if series is None else series
+        series = np.swapaxes(self.series, 0, 1)
+        terms = (chebyshev.chebder(series, order) if order else series)[:, piece]
         powers = np.cos(np.arange(len(terms))[:, None] * np.arccos(np.clip(place, -1.0, 1.0)))
         return np.einsum("nt,ntj->tj", powers, terms) * (2.0 / (high - low))[:, None] ** order
 
@@ -236,28 +201,21 @@ def project_curve(task: Any, model: ArmModel, time: np.ndarray, q: np.ndarray) -
 def finer_motion(task: Any, model: ArmModel, curve: ProjectedCurve, time: np.ndarray) -> MeasuredMotion:
     """Return the curve of a motion at many instants per interval, with Simpson's weights for its integrals."""
     count = OPTIONS.finer
-    step = np.repeat(np.diff(time) / count, count)
-    t = np.append((time[:-1, None] + np.diff(time)[:, None] * np.arange(count) / count).ravel(), time[-1])
+    step, t = np.repeat(np.diff(time) / count, count), divided(time, count)
     weights = np.zeros(len(t))
     for k in range(0, len(t) - 1, 2):
         weights[k : k + 3] += step[k] / 3 * np.array([1.0, 4.0, 1.0])
-    q, dq, ddq, jerk = (curve(t, order)[None] for order in range(4))
-    return MeasuredMotion(
-        model=model,
-        task=task,
-        time=t[None],
-        q=q,
-        dq=dq,
-        ddq=ddq,
-        jerk=jerk,
-        weights=weights,
-        link_radius=float(task.link_radius),
-    )
+    state: dict[str, Any] = {name: curve(t, order)[None] for order, name in enumerate(("q", "dq", "ddq", "jerk"))}
+    radius = float(task.link_radius)
+    return MeasuredMotion(model=model, task=task, time=t[None], weights=weights, link_radius=radius, **state)
+
+
+def divided(time: np.ndarray, count: int) -> np.ndarray:
+    """Return times with every interval divided into ``count`` equal ones."""
+    return np.append((time[:-1, None] + np.diff(time)[:, None] * np.arange(count) / count).ravel(), time[-1])
 
 
 def check_between(
-    task: Any,
-    model: ArmModel,
     samples: MeasuredMotion,
     finer: MeasuredMotion,
     curve: ProjectedCurve,
@@ -270,6 +228,7 @@ def check_between(
 
     ``stated`` is the table's bound of the violation there; ``promised`` says whether there must be no violation.
     """
+    task = samples.task
     detail = f"it leaves its path by {curve.error:.3g} at {curve.at:.4g} s"
     yield judge("tracking between samples", curve.error, TOLERANCES.on_path, detail, point=point)
     found = list[tuple[float, Worst]]()
@@ -281,53 +240,45 @@ def check_between(
     kept = [each for each in found if each[1].what != "clearance"]  # distances are bounded everywhere below
     if kept:
         excess, place = max(kept, key=lambda each: each[0])
-        excess = max(excess, 0.0)
-        yield _judge_limits(task, excess, place, promised=promised, point=point)
+        excess = float(max(excess, 0.0))
+        subject, detail = "limits between samples", f"{place}: exceeded by {excess:.3g} of its range"
+        row = judge(subject, excess, TOLERANCES.between, detail, point=point, worst=place)
+        if not promised and row.verdict == "failed":
+            spline = task.differences == "spline"
+            reason = "a point that is no minimum" if spline else f"differences={task.differences!r}"
+            row = replace(row, verdict="noted", detail=f"nothing is promised between samples of {reason}")
+        yield row
     if stated is not None:
         largest, worst = max(found, key=lambda each: each[0], default=(0.0, None))
-        detail = f"the table says {stated:.3g}, it is {max(largest, 0.0):.3g}"
-        short = max(largest, 0.0) - min(stated, max(largest, 0.0))
-        subject = "violation_between in the table"
+        largest, subject = max(largest, 0.0), "violation_between in the table"
+        detail, short = f"the table says {stated:.3g}, it is {largest:.3g}", largest - min(stated, largest)
         yield judge(subject, short, TOLERANCES.stated, detail, point=point, worst=worst)
     if task.obstacles:
-        yield from _check_clearance(task, model, curve, samples, promised=promised, point=point)
+        yield from _check_clearance(curve, samples, promised=promised, point=point)
 
 
-def _judge_limits(task: Any, excess: float, place: Worst, *, promised: bool, point: int) -> Check:
-    subject, detail = "limits between samples", f"{place}: exceeded by {excess:.3g} of its range"
-    if promised or excess <= TOLERANCES.between:
-        return judge(subject, excess, TOLERANCES.between, detail, point=point, worst=place)
-    reason = "a point that is no minimum" if task.differences == "spline" else f"differences={task.differences!r}"
-    detail = f"nothing is promised between samples of {reason}"
-    return note(subject, excess, detail, tolerance=TOLERANCES.between, point=point, worst=place)
-
-
-def _check_clearance(
-    task: Any, model: ArmModel, curve: ProjectedCurve, samples: MeasuredMotion, *, promised: bool, point: int
-) -> Iterator[Check]:
+def _check_clearance(curve: ProjectedCurve, samples: MeasuredMotion, *, promised: bool, point: int) -> Iterator[Check]:
     """Check distances on the whole way: an interval is done if its ends and its length exclude a collision."""
-    smallest, at, proven = least_clearance(task, model, curve, samples, samples.time[0])
+    task, model = samples.task, samples.model
+    smallest, at, proven = least_clearance(samples, curve, samples.time[0])
     size, short = clearance_range(task, model), max(float(task.min_clearance) - smallest, 0.0)
     pair = nearest_pair(task.obstacles, model.nodes(curve(np.array([at])))[0])
     place = Worst(what="clearance", joint=pair, time=at, value=smallest, limit=float(task.min_clearance), unit="m")
-    accepted = TOLERANCES.between * size
-    subject, detail = "clearance between samples", str(place)
-    grazing = 0.0 if promised else _grazing(task, samples)
-    if accepted < short <= grazing:
+    row = judge("clearance between samples", short, TOLERANCES.between * size, str(place), point=point, worst=place)
+    if row.verdict == "failed" and not promised and short <= _grazing(samples):
         reason = "nothing is promised between samples of a point that is no minimum"
-        yield note(subject, short, reason, tolerance=accepted, point=point, worst=place)
-    else:
-        yield judge(subject, short, accepted, detail, point=point, worst=place)
+        row = replace(row, verdict="noted", detail=reason)
+    yield row
     if not proven:
-        yield leave_out(subject, "an interval is too near to an obstacle to be sure", point=point)
+        yield leave_out(row.subject, "an interval is too near to an obstacle to be sure", point=point)
 
 
 def least_clearance(
-    task: Any, model: ArmModel, postures: Callable[[np.ndarray], np.ndarray], samples: MeasuredMotion, time: np.ndarray
+    samples: MeasuredMotion, postures: Callable[[np.ndarray], np.ndarray], time: np.ndarray
 ) -> tuple[float, float, bool]:
     """Return the least clearance if it may be below the limit, its time, and whether all intervals are resolved."""
-    count = OPTIONS.instants
-    t = np.append((time[:-1, None] + np.diff(time)[:, None] * np.arange(count) / count).ravel(), time[-1])
+    task, model = samples.task, samples.model
+    t = divided(time, OPTIONS.instants)
     q = postures(t)
     distance = clearances(task.obstacles, model.nodes(q), samples.link_radius)
     reaches = model.reaches(q)
@@ -358,16 +309,17 @@ def least_clearance(
     return smallest, at, resolved
 
 
-def _grazing(task: Any, samples: MeasuredMotion) -> float:
+def _grazing(samples: MeasuredMotion) -> float:
     """Return how deep [m] links may dip between samples that are clear, on their way along an obstacle.
 
     Half an interval h of speed v along a round of radius R dips v²h²/8R, one of acceleration a, a h²/8; never as deep
     as half the smallest obstacle, which would be through it.
     """
-    round_ = smallest_radius(task.obstacles)
+    sizes = [getattr(each, "half_sizes", getattr(each, "radius", np.inf)) for each in samples.obstacles]
+    round_ = min(float(np.min(each)) for each in sizes)
     nodes = samples.links[0]
     step = np.diff(samples.time[0])
     v = np.linalg.norm(np.diff(nodes, axis=0), axis=-1).max(axis=1) / step
     a = np.linalg.norm(np.diff(nodes, 2, axis=0), axis=-1).max(initial=0.0) / step.min() ** 2
-    dip = np.diff(np.asarray(task.times)).max() ** 2 / 8 * (a + v.max() ** 2 / (round_ + samples.link_radius))
+    dip = np.diff(np.asarray(samples.task.times)).max() ** 2 / 8 * (a + v.max() ** 2 / (round_ + samples.link_radius))
     return float(min(dip, round_ / 2))

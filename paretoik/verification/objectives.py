@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from paretoik.verification.arm_model import ArmModel
 from paretoik.verification.measured_motion import MeasuredMotion, nearest_pair
-from paretoik.verification.run_contents import Worst
+from paretoik.verification.run_contents import Worst, first_line
 
 LIBRARY = "paretoik.task.objectives"  # defines the library's own objectives
 
@@ -31,6 +31,12 @@ def stated_value(objective: Any, motion: MeasuredMotion, stated: float) -> float
         return value
     of_spline = objective_value(objective, motion.spline)
     return min((of_spline,) if name else (value, of_spline), key=lambda each: abs(each - stated))
+
+
+def objective_size(entry: Mapping[str, Any], value: float) -> float:
+    """Return the size of an objective: its value, or the range of its entry in `run.json` if that is larger."""
+    low, high = entry.get("range", (0.0, 0.0))
+    return max(abs(value), abs(float(high) - float(low)), 1e-12)
 
 
 def objective_function(objective: Any) -> Callable[[Any], Any]:
@@ -97,56 +103,22 @@ def form_value(form: str, values: Any, motion: MeasuredMotion, *, maximise: bool
     return float(array.reshape(-1)[0])
 
 
-def _kinetic_energy(motion: MeasuredMotion) -> np.ndarray:
-    return motion.kinetic_energy
-
-
-def _torque_norm(motion: MeasuredMotion) -> np.ndarray:
-    return np.einsum("...j,...j->...", motion.torque, motion.torque)
-
-
-def _joint_drift(motion: MeasuredMotion) -> np.ndarray:
-    return np.linalg.norm(motion.q[:, -1] - motion.q[:, 0], axis=-1) / motion.q.shape[-1]
-
-
 def _joint_limit_distance(motion: MeasuredMotion) -> np.ndarray:
-    lower, upper = np.array(motion.arm.position_limits, dtype=float).T
     total = np.zeros(motion.time.shape)
-    for joint, (low, high) in enumerate(zip(lower, upper, strict=True)):
+    for joint, (low, high) in enumerate(np.array(motion.arm.position_limits, dtype=float)):
         if np.isfinite(high - low) and high > low:
             total += ((motion.q[..., joint] - (high + low) / 2) / (high - low)) ** 2
     return total / (2 * motion.q.shape[-1] * motion.duration[:, None])
 
 
-def _nearness(values: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
+def _nearness(values: np.ndarray, limits: Iterable[Any]) -> np.ndarray:
     total = np.zeros(values.shape[:-1])
-    for joint, (low, high) in enumerate(zip(lower, upper, strict=True)):
+    for joint, (low, high) in enumerate(limits):
         if np.isfinite(high - low) and high > low:
             range_ = high - low
             inside = np.minimum(np.maximum(values[..., joint], low + 1e-3 * range_), high - 1e-3 * range_)
             total += range_**2 / (4 * (high - inside) * (inside - low))
     return total
-
-
-def _joint_limit_nearness(motion: MeasuredMotion) -> np.ndarray:
-    return _nearness(motion.q, *np.array(motion.arm.position_limits, dtype=float).T)
-
-
-def _velocity_limit_nearness(motion: MeasuredMotion) -> np.ndarray:
-    limits = np.array(motion.arm.velocity_limits, dtype=float)
-    return _nearness(motion.dq, -limits, limits)
-
-
-def _manipulability(motion: MeasuredMotion) -> np.ndarray:
-    return motion.manipulability / motion.duration[:, None]
-
-
-def _jerk(motion: MeasuredMotion) -> np.ndarray:
-    return np.einsum("...j,...j->...", motion.jerk, motion.jerk)
-
-
-def _obstacle_clearance(motion: MeasuredMotion) -> np.ndarray:
-    return motion.clearance
 
 
 ABSOLUTE: dict[str, Callable[[MeasuredMotion], np.ndarray]] = {
@@ -160,80 +132,137 @@ ABSOLUTE: dict[str, Callable[[MeasuredMotion], np.ndarray]] = {
 KINKED_INTEGRALS = ("mechanical_energy", "joint_travel", "joint_limit_nearness", "velocity_limit_nearness")
 
 DEFINITIONS: dict[str, Callable[[MeasuredMotion], np.ndarray]] = {
-    "kinetic_energy": _kinetic_energy,
-    "torque_norm": _torque_norm,
+    "kinetic_energy": lambda motion: motion.kinetic_energy,
+    "torque_norm": lambda motion: np.einsum("...j,...j->...", motion.torque, motion.torque),
     "mechanical_energy": lambda motion: np.abs(motion.power).sum(axis=-1),
     "joint_travel": lambda motion: np.abs(motion.dq).sum(axis=-1),
-    "joint_drift": _joint_drift,
+    "joint_drift": lambda motion: np.linalg.norm(motion.q[:, -1] - motion.q[:, 0], axis=-1) / motion.q.shape[-1],
     "joint_limit_distance": _joint_limit_distance,
-    "joint_limit_nearness": _joint_limit_nearness,
-    "velocity_limit_nearness": _velocity_limit_nearness,
-    "manipulability": _manipulability,
+    "joint_limit_nearness": lambda motion: _nearness(motion.q, np.array(motion.arm.position_limits, dtype=float)),
+    "velocity_limit_nearness": lambda motion: _nearness(
+        motion.dq, [(-limit, limit) for limit in np.array(motion.arm.velocity_limits, dtype=float)]
+    ),
+    "manipulability": lambda motion: motion.manipulability / motion.duration[:, None],
     "peak_velocity": lambda motion: np.abs(ABSOLUTE["peak_velocity"](motion)).max(axis=-1),
     "peak_torque": lambda motion: np.abs(motion.torque).max(axis=-1),
-    "jerk": _jerk,
-    "obstacle_clearance": _obstacle_clearance,
+    "jerk": lambda motion: np.einsum("...j,...j->...", motion.jerk, motion.jerk),
+    "obstacle_clearance": lambda motion: motion.clearance,
 }
 
 
 # Limits of a motion, as shares of their ranges.
 
 
-QUANTITIES = {
-    "position": "q",
-    "velocity": "dq",
-    "acceleration": "ddq",
-    "jerk": "jerk",
-    "torque": "torque",
-    "power": "power",
-}
-UNITS = {  # of joints that turn, and of those that slide
-    "position": ("rad", "m"),
-    "velocity": ("rad/s", "m/s"),
-    "acceleration": ("rad/s²", "m/s²"),
-    "jerk": ("rad/s³", "m/s³"),
-    "torque": ("N m", "N"),
-    "power": ("W", "W"),
+LIMITED = {  # by kind: the bounded attribute of a motion, its unit for joints that turn, and for those that slide
+    "position": ("q", "rad", "m"),
+    "velocity": ("velocity_bounds", "rad/s", "m/s"),  # for a spline Bernstein points at the middles of intervals
+    "acceleration": ("ddq", "rad/s²", "m/s²"),
+    "jerk": ("jerk", "rad/s³", "m/s³"),
+    "torque": ("torque", "N m", "N"),
+    "power": ("power", "W", "W"),
 }
 
 
-def worst_of_limits(task: Any, motion: MeasuredMotion) -> dict[str, tuple[float, Worst]]:
-    """Return by kind the largest excess of a joint limit, as a share of its range, and its place."""
-    worst = {}
-    for kind, share in limit_shares(task, motion).items():
-        instant, joint = np.unravel_index(int(np.argmax(share)), share.shape)
-        value = float(limited_values(task, motion, kind)[instant, joint])
-        bounds = limits_at(task.bounds[kind], np.asarray(task.times), motion.time[0])[instant, joint]
-        above = value - bounds[1] >= bounds[0] - value
-        place = Worst(
-            what=kind,
-            joint=motion.arm.joint_names[joint],
-            time=float(motion.time[0, instant]),
-            value=value,
-            limit=float(bounds[1] if above else bounds[0]),
-            unit=UNITS[kind][int(not motion.model.turning[joint])],
-        )
-        worst[kind] = float(share[instant, joint]), place
-    return worst
+def excesses(task: Any, motion: MeasuredMotion) -> Iterator[tuple[str, float, Worst | None, str]]:
+    """Yield every limit's subject, worst excess as a share of its range, and place, or why these are unknown."""
+    for kind, values, limits, size in joint_limits(task, motion):
+        units = LIMITED[kind][1:]
+        yield f"{kind} limits", *worst_joint(motion.model, kind, motion.time[0], values, limits, size, units), ""
+    if task.obstacles:
+        instant = int(motion.clearance.argmin())
+        smallest, limit = float(motion.clearance[0, instant]), float(task.min_clearance)
+        pair, time = nearest_pair(task.obstacles, motion.links[0, instant]), float(motion.time[0, instant])
+        place = Worst(what="clearance", joint=pair, time=time, value=smallest, limit=limit, unit="m")
+        excess = float(task.min_clearance - smallest) / clearance_range(task, motion.model)
+        yield "clearance at samples", excess, place, ""
+    for each in task.constraints:
+        try:
+            yield f"constraint {each.name}", *_worst_of_constraint(each, motion), ""
+        except Exception as fault:  # a user's function may raise anything
+            yield f"constraint {each.name}", np.nan, None, f"its function fails here: {first_line(fault)}"
 
 
-def worst_of_clearance(task: Any, motion: MeasuredMotion) -> tuple[float, Worst]:
-    """Return how far the least clearance is below its limit, as a share of its range, and its place."""
-    instant = int(motion.clearance.argmin())
-    smallest = float(motion.clearance[0, instant])
-    pair = nearest_pair(task.obstacles, motion.links[0, instant])
-    place = Worst(
-        what="clearance",
-        joint=pair,
-        time=float(motion.time[0, instant]),
-        value=smallest,
-        limit=float(task.min_clearance),
-        unit="m",
+def worst_joint(
+    model: ArmModel,
+    what: str,
+    time: np.ndarray,
+    values: np.ndarray,
+    limits: np.ndarray,
+    size: np.ndarray,
+    units: tuple[str, str] = ("", ""),
+) -> tuple[float, Worst]:
+    """Return the excess, as a share of ``size``, and place of the value (time, dof) farthest beyond its limits."""
+    limits = np.broadcast_to(limits, (*values.shape, 2))
+    share = limit_shares(values, limits, size)
+    instant, joint = np.unravel_index(int(share.argmax()), share.shape)
+    value, (low, high) = float(values[instant, joint]), limits[instant, joint]
+    return float(share[instant, joint]), Worst(
+        what=what,
+        joint=model.arm.joint_names[joint],
+        time=float(time[instant]),
+        value=value,
+        limit=float(high if value - high >= low - value else low),
+        unit=units[0 if model.turning[joint] else 1],
     )
-    return float(task.min_clearance - smallest) / clearance_range(task, motion.model), place
 
 
-def worst_of_constraint(constraint: Any, motion: MeasuredMotion) -> tuple[float, Worst]:
+def limit_shares(values: np.ndarray, limits: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """Return how much limits (..., 2) are exceeded, as shares of ``size``; −inf without a limit."""
+    return np.asarray(np.maximum(values - limits[..., 1], limits[..., 0] - values) / size)
+
+
+def joint_limits(task: Any, motion: MeasuredMotion) -> Iterator[tuple[str, np.ndarray, np.ndarray, np.ndarray]]:
+    """Yield for each kind of limit the bounded values (time, dof), limits (time, dof, 2) and ranges (time, dof).
+
+    A range is the width of limits, the size of a single one, or a usual size for an arm.
+    """
+    model, duration = motion.model, float(np.ptp(motion.time))
+    force = sum(float(body.mass) for body in model.arm.bodies)
+    force *= model.length / duration**2 + float(np.linalg.norm(model.arm.gravity))
+    work = force * model.length or 1.0
+    usual = {
+        "position": model.scales,
+        "velocity": model.scales / duration,
+        "acceleration": model.scales / duration**2,
+        "jerk": model.scales / duration**3,
+        "torque": work / model.scales,
+        "power": np.full(model.dof, work / duration),
+    }
+    for kind, bounds in task.bounds.items():
+        limits = limits_at(bounds, np.asarray(task.times), motion.time[0])
+        lower, upper = limits[..., 0], limits[..., 1]
+        with np.errstate(invalid="ignore"):
+            width = upper - lower
+        one = np.where(np.isfinite(upper), np.abs(upper), np.where(np.isfinite(lower), np.abs(lower), 0.0))
+        size = np.where(np.isfinite(width), width, one)
+        yield kind, getattr(motion, LIMITED[kind][0])[0], limits, np.where(size > 0, size, usual[kind])
+
+
+def limits_at(bounds: np.ndarray, samples: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """Return limits (1 or time, dof, 2) at times (time, dof, 2), linear between the samples."""
+    if len(bounds) == 1:
+        return np.broadcast_to(bounds, (len(t), *bounds.shape[1:]))
+    if len(bounds) == len(t) and np.array_equal(samples, t):
+        return np.asarray(bounds)
+    after = np.clip(np.searchsorted(samples, t), 0, len(samples) - 1)
+    exact = np.isclose(samples[after], t, rtol=0, atol=1e-12)
+    limits = np.empty((len(t), *bounds.shape[1:]))
+    for joint in range(bounds.shape[1]):
+        for side, none in enumerate((-np.inf, np.inf)):
+            column = bounds[:, joint, side]
+            finite = np.isfinite(column)
+            between = np.interp(t, samples, np.where(finite, column, 0.0))
+            bounded = finite[after] & (exact | finite[np.maximum(after - 1, 0)])  # at both ends of an interval
+            limits[:, joint, side] = np.where(bounded, between, none)
+    return limits
+
+
+def clearance_range(task: Any, model: ArmModel) -> float:
+    """Return the scale of violations of clearance [m]: its limit, at least 1 % of the arm's length."""
+    return max(float(task.min_clearance), 0.01 * model.length)
+
+
+def _worst_of_constraint(constraint: Any, motion: MeasuredMotion) -> tuple[float, Worst]:
     """Return the excess of a user's own limit, as a share of its scale, and its place.
 
     An integral may have kinks, and is then limited on the spline: the smaller excess of spline and curve counts.
@@ -252,68 +281,3 @@ def worst_of_constraint(constraint: Any, motion: MeasuredMotion) -> tuple[float,
     excess_of_it = max(value - constraint.upper, constraint.lower - value) / float(constraint.scale)
     worst = Worst(what=constraint.name, time=time, value=value, limit=limit, unit=constraint.unit)
     return excess_of_it if np.isfinite(value) else float("nan"), worst
-
-
-def limit_shares(task: Any, motion: MeasuredMotion) -> dict[str, np.ndarray]:
-    """Return how much joint limits are exceeded (time, dof), as shares of their ranges; −inf without a limit."""
-    shares = {}
-    for kind, bounds in task.bounds.items():
-        limits = limits_at(bounds, np.asarray(task.times), motion.time[0])
-        size = ranges(kind, limits, motion.model, float(np.ptp(motion.time)))
-        values = limited_values(task, motion, kind)
-        shares[kind] = np.maximum(values - limits[..., 1], limits[..., 0] - values) / size
-    return shares
-
-
-def limited_values(task: Any, motion: MeasuredMotion, kind: str) -> np.ndarray:
-    """Return the values (time, dof) that a kind of limit bounds.
-
-    With differences="spline" velocities at the middles of intervals are Bernstein points.
-    """
-    return np.asarray(getattr(motion, "velocity_bounds" if kind == "velocity" else QUANTITIES[kind])[0])
-
-
-def limits_at(bounds: np.ndarray, samples: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Return limits (1 or time, dof, 2) at times (time, dof, 2), linear between the samples."""
-    if len(bounds) == 1:
-        return np.broadcast_to(bounds, (len(t), *bounds.shape[1:]))
-    if len(bounds) == len(t) and np.array_equal(samples, t):
-        return np.asarray(bounds)
-    limits = np.empty((len(t), *bounds.shape[1:]))
-    for joint in range(bounds.shape[1]):
-        for side in range(2):
-            column = bounds[:, joint, side]
-            finite = np.isfinite(column)
-            if finite.all():
-                limits[:, joint, side] = np.interp(t, samples, column)
-            else:  # no limit in an interval if one of its ends has none
-                after = np.clip(np.searchsorted(samples, t), 0, len(samples) - 1)
-                exact = np.isclose(samples[after], t, rtol=0, atol=1e-12)
-                bounded = finite[after] & (exact | finite[np.maximum(after - 1, 0)])
-                none = np.inf if side else -np.inf
-                limits[:, joint, side] = np.where(bounded, np.interp(t, samples, np.where(finite, column, 0.0)), none)
-    return limits
-
-
-def ranges(kind: str, limits: np.ndarray, model: ArmModel, duration: float) -> np.ndarray:
-    """Return the ranges of limits (..., dof, 2): their width, the size of a single one, or a usual size for an arm."""
-    lower, upper = limits[..., 0], limits[..., 1]
-    with np.errstate(invalid="ignore"):
-        width = upper - lower
-    one = np.where(np.isfinite(upper), np.abs(upper), np.where(np.isfinite(lower), np.abs(lower), 0.0))
-    size = np.where(np.isfinite(width), width, one)
-    return np.where(size > 0, size, _usual(kind, model, duration))
-
-
-def clearance_range(task: Any, model: ArmModel) -> float:
-    """Return the scale of violations of clearance [m]: its limit, at least 1 % of the arm's length."""
-    return max(float(task.min_clearance), 0.01 * model.length)
-
-
-def _usual(kind: str, model: ArmModel, duration: float) -> np.ndarray:
-    mass = sum(float(body.mass) for body in model.arm.bodies)
-    force = mass * (model.length / duration**2 + float(np.linalg.norm(model.arm.gravity)))
-    work = force * model.length or 1.0
-    if kind in ("torque", "power"):
-        return work / model.scales if kind == "torque" else np.full(model.dof, work / duration)
-    return model.scales / duration ** {"position": 0, "velocity": 1, "acceleration": 2, "jerk": 3}[kind]

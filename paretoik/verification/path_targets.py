@@ -2,28 +2,42 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from paretoik.verification.arm_model import OPTIONS, ArmModel
+from paretoik.verification.arm_model import OPTIONS, ArmModel, rotation_of
 
+Targets: TypeAlias = list[tuple[Any, np.ndarray, np.ndarray | None]]  # tasks with positions and rotations (time, ...)
 TURNING_AXES = {"xyz+z-axis": (0, 1), "xy+angle": (2,), "pose": (0, 1, 2)}  # equations of orientation, in the frame
 
 
-def covered(law: str, fraction: np.ndarray) -> np.ndarray:
-    """Return how much of a path is covered at fractions of its duration, by the name of its time law.
+def covered(law: str, fraction: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return how much of a path is covered at fractions of its duration, by its time law, and two derivatives.
 
     The raised cosine is integrated from its acceleration a(τ) = ±4 (1 − cos 4πτ), + in the first half.
     """
     if law == "uniform":
-        return fraction
+        return fraction, np.ones_like(fraction), np.zeros_like(fraction)
     if law == "quintic":
-        return np.asarray(np.polyval([6.0, -15.0, 10.0, 0.0, 0.0, 0.0], fraction))
-    half = np.where(fraction <= 0.5, fraction, 1.0 - fraction)
+        law_of_time = np.poly1d([6.0, -15.0, 10.0, 0.0, 0.0, 0.0])
+        return law_of_time(fraction), law_of_time.deriv()(fraction), law_of_time.deriv(2)(fraction)
+    early = fraction <= 0.5
+    half = np.where(early, fraction, 1.0 - fraction)
+    bend = 4.0 * (1.0 - np.cos(4.0 * np.pi * half))
     risen = 2.0 * half**2 - (1.0 - np.cos(4.0 * np.pi * half)) / (4.0 * np.pi**2)
-    return np.where(fraction <= 0.5, risen, 1.0 - risen)
+    speed = 4.0 * half - np.sin(4.0 * np.pi * half) / np.pi
+    return np.where(early, risen, 1.0 - risen), speed, np.where(early, bend, -bend)
+
+
+def _shape(path: Any, t: np.ndarray) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray]:
+    """Return the curve of a path without its timing, its parameter at times [s], and two derivatives."""
+    curve, t = path.curve, np.asarray(t, dtype=float)
+    if type(curve).__name__ != "TimedCurve":
+        return curve, t, np.ones_like(t), np.zeros_like(t)
+    parameter, speed, bend = covered(curve.law, t / curve.duration)
+    return curve.shape, parameter, speed / curve.duration, bend / curve.duration**2
 
 
 def path_points(path: Any, t: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
@@ -31,10 +45,7 @@ def path_points(path: Any, t: np.ndarray) -> tuple[np.ndarray, np.ndarray | None
 
     Lines and circles are computed from their numbers; splines are SciPy's own, other curves the user's function.
     """
-    curve, parameter = path.curve, np.asarray(t, dtype=float)
-    if type(curve).__name__ == "TimedCurve":
-        parameter = covered(curve.law, parameter / curve.duration)
-        curve = curve.shape
+    curve, parameter, _, _ = _shape(path, t)
     kind, share = type(curve).__name__, parameter[:, None]
     if kind == "Line":
         positions = np.asarray(curve.origin) + share * np.asarray(curve.step)
@@ -54,27 +65,10 @@ def path_points(path: Any, t: np.ndarray) -> tuple[np.ndarray, np.ndarray | None
     return positions, _matrices(quaternions)
 
 
-def covering_rates(law: str, fraction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the first and second derivatives of ``covered``."""
-    if law == "uniform":
-        return np.ones_like(fraction), np.zeros_like(fraction)
-    if law == "quintic":
-        first = np.polyder([6.0, -15.0, 10.0, 0.0, 0.0, 0.0])
-        return np.polyval(first, fraction), np.polyval(np.polyder(first), fraction)
-    half = np.where(fraction <= 0.5, fraction, 1.0 - fraction)
-    bend = 4.0 * (1.0 - np.cos(4.0 * np.pi * half))
-    return 4.0 * half - np.sin(4.0 * np.pi * half) / np.pi, np.where(fraction <= 0.5, bend, -bend)
-
-
 def path_rates(path: Any, t: np.ndarray) -> tuple[np.ndarray, ...]:
     """Return velocities and accelerations of a path at times, then those of its orientation about world axes, or 0."""
-    curve, t = path.curve, np.asarray(t, dtype=float)
-    speed, bend, parameter = np.ones((len(t), 1)), np.zeros((len(t), 1)), t
-    if type(curve).__name__ == "TimedCurve":
-        fraction = t / curve.duration
-        first, second = covering_rates(curve.law, fraction)
-        speed, bend = first[:, None] / curve.duration, second[:, None] / curve.duration**2
-        parameter, curve = covered(curve.law, fraction), curve.shape
+    curve, parameter, *factors = _shape(path, t)
+    speed, bend = (factor[:, None] for factor in factors)
     kind, none = type(curve).__name__, np.zeros((len(t), 3))
     if kind == "Line":
         axis = none
@@ -111,13 +105,13 @@ def curve_states(
     Their derivatives are differences of the fourth order. If the spline is too far from the path, its own state is
     returned.
     """
-    targets = [(task, path_points(task.path, t), path_rates(task.path, t)) for task in tasks]
+    targets, rates = path_targets(tasks, t), [path_rates(task.path, t) for task in tasks]
     states = np.array(spline)
     for k in range(len(t)):
         s, ds, dds = (part[k] for part in spline)
         step = OPTIONS.turn / max(np.abs(ds).max(), np.sqrt(np.abs(dds).max()), 1e-12)
         around = [
-            model.scales[:, None] ** 2 * _task_system(model, targets, s + x * ds + x * x / 2 * dds, k)[1].T
+            model.scales[:, None] ** 2 * task_errors(model, targets, s + x * ds + x * x / 2 * dds, k)[1].T
             for x in step * np.arange(-2.0, 3.0)
         ]
         directions = around[2]
@@ -125,35 +119,32 @@ def curve_states(
         bend = np.tensordot([-1.0, 16.0, -30.0, 16.0, -1.0], around, 1) / (12 * step**2)
         q, size = s.copy(), np.inf
         for _ in range(12):
-            miss, jacobian = _task_system(model, targets, q, k)
+            miss, jacobian = task_errors(model, targets, q, k)
             size = np.abs(miss).max()
             if size <= 1e-13:
                 break
             q = q + directions @ np.linalg.solve(jacobian @ directions, miss)
         if size > 1e-10:
             continue
-        _, jacobian = _task_system(model, targets, q, k)
+        _, jacobian = task_errors(model, targets, q, k)
         matrix = jacobian @ directions
         moved = np.linalg.lstsq(directions, q - s, rcond=None)[0]
         dq = ds + turn @ moved
-        rate = np.linalg.solve(matrix, _task_rates(model, targets, q, None, k) - jacobian @ dq)
+        rate = np.linalg.solve(matrix, _task_rates(model, tasks, rates, q, None, k) - jacobian @ dq)
         dq = dq + directions @ rate
         ddq = dds + bend @ moved + 2 * turn @ rate
-        ddq = ddq + directions @ np.linalg.solve(matrix, _task_rates(model, targets, q, dq, k) - jacobian @ ddq)
+        ddq = ddq + directions @ np.linalg.solve(matrix, _task_rates(model, tasks, rates, q, dq, k) - jacobian @ ddq)
         states[:, k] = q, dq, ddq
     return states[0], states[1], states[2]
 
 
-def _task_system(model: ArmModel, targets: list[Any], q: np.ndarray, k: int) -> tuple[np.ndarray, np.ndarray]:
-    parts = [task_error(model, task, q, x[k], None if r is None else r[k]) for task, (x, r), _ in targets]
-    return np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
-
-
-def _task_rates(model: ArmModel, targets: list[Any], q: np.ndarray, dq: np.ndarray | None, k: int) -> np.ndarray:
+def _task_rates(
+    model: ArmModel, tasks: Any, rates: list[tuple[np.ndarray, ...]], q: np.ndarray, dq: np.ndarray | None, k: int
+) -> np.ndarray:
     """Return the tasks' Jacobian times velocities, or with given velocities times accelerations."""
     rows = []
-    for task, _, rates in targets:
-        v, a, turn, bend = (part[k] for part in rates)
+    for task, parts in zip(tasks, rates, strict=True):
+        v, a, turn, bend = (part[k] for part in parts)
         size, turning = task_axes(task, model.arm)
         rotation, _, jacobian = model.jacobian(q, task.frame)
         if dq is None:
@@ -163,6 +154,11 @@ def _task_rates(model: ArmModel, targets: list[Any], q: np.ndarray, dq: np.ndarr
             linear, angular = a[:size] - drift[:size], bend + np.cross(omega, omega - turn) - drift[3:]
         rows += [linear / model.length, (rotation.T @ angular)[list(turning)]]
     return np.concatenate(rows)
+
+
+def path_targets(tasks: Any, t: np.ndarray) -> Targets:
+    """Return the tasks with the positions and rotations of their paths at times [s]."""
+    return [(task, *path_points(task.path, t)) for task in tasks]
 
 
 def sample_points(path: Any) -> tuple[np.ndarray, np.ndarray | None]:
@@ -175,19 +171,20 @@ def task_axes(task: Any, arm: Any) -> tuple[int, tuple[int, ...]]:
     return 2 if task.axes in ("xy", "xy+angle") else 3, TURNING_AXES.get(task.axes, ())
 
 
-def task_error(
-    model: ArmModel, task: Any, q: np.ndarray, position: np.ndarray, rotation: np.ndarray | None
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return a task's errors (rows,) [share of the arm's length, rad] in one posture, and their Jacobian by joints."""
-    size, turning = task_axes(task, model.arm)
-    here, place, jacobian = model.jacobian(q, task.frame)
-    error, rows = (position[:size] - place[:size]) / model.length, jacobian[:size] / model.length
-    if turning:
-        assert rotation is not None
-        vector = orientation_errors(task.axes, here[None], rotation[None])[0]
-        error = np.concatenate([error, vector[list(turning)]])
-        rows = np.concatenate([rows, (here.T @ jacobian[3:])[list(turning)]])
-    return error, rows
+def task_errors(model: ArmModel, targets: Targets, q: np.ndarray, k: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return all tasks' errors [share of the arm's length, rad] of a posture at time k, and their Jacobian."""
+    errors, rows = list[np.ndarray](), list[np.ndarray]()
+    for task, positions, rotations in targets:
+        size, turning = task_axes(task, model.arm)
+        here, place, jacobian = model.jacobian(q, task.frame)
+        errors.append((positions[k, :size] - place[:size]) / model.length)
+        rows.append(jacobian[:size] / model.length)
+        if turning:
+            assert rotations is not None
+            vector = orientation_errors(task.axes, here[None], rotations[k : k + 1])[0]
+            errors.append(vector[list(turning)])
+            rows.append((here.T @ jacobian[3:])[list(turning)])
+    return np.concatenate(errors), np.concatenate(rows)
 
 
 def orientation_errors(axes: str, here: np.ndarray, target: np.ndarray) -> np.ndarray:
@@ -202,20 +199,25 @@ def orientation_errors(axes: str, here: np.ndarray, target: np.ndarray) -> np.nd
     return across * np.where(sine > 1e-12, angle / np.where(sine > 1e-12, sine, 1.0), 1.0)[..., None]
 
 
+def frame_errors(
+    model: ArmModel, task: Any, q: np.ndarray, positions: np.ndarray, rotations: np.ndarray | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the errors of a task's frame at every sample: (time, 2 or 3) [m] and (time, 0 to 3) [rad]."""
+    size, turning = task_axes(task, model.arm)
+    here, place = model.poses(q, task.frame)
+    vectors = np.zeros((len(q), 0))
+    if turning and rotations is not None:
+        vectors = orientation_errors(task.axes, here, rotations)[:, list(turning)]
+    return positions[:, :size] - place[:, :size], vectors
+
+
 def tracking_errors(
     model: ArmModel, task: Any, q: np.ndarray, positions: np.ndarray, rotations: np.ndarray | None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return how far a task's frame is off at every sample: distances [m] and angles [rad] (time,)."""
-    size, turning = task_axes(task, model.arm)
-    here, place = model.poses(q, task.frame)
-    distance = np.linalg.norm(positions[:, :size] - place[:, :size], axis=1)
-    if not turning or rotations is None:
-        return distance, np.zeros(len(q))
-    vectors = orientation_errors(task.axes, here, rotations)[:, list(turning)]
-    return distance, np.linalg.norm(vectors, axis=1)
+    offsets, vectors = frame_errors(model, task, q, positions, rotations)
+    return np.linalg.norm(offsets, axis=1), np.linalg.norm(vectors, axis=1)
 
 
 def _matrices(quaternions: np.ndarray | None) -> np.ndarray | None:
-    if quaternions is None:
-        return None
-    return np.asarray(Rotation.from_quat(np.roll(quaternions, -1, axis=1)).as_matrix())
+    return None if quaternions is None else rotation_of(quaternions)

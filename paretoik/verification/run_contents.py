@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -19,6 +19,7 @@ from paretoik.tables import html_representation
 
 
 Verdict = Literal["passed", "failed", "noted", "not checked"]
+MOST_FAILURES = 12  # lines of failures on a screen
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,9 +54,9 @@ class Check:
     """
 
     subject: str
-    point: int | None
-    deviation: float
-    tolerance: float
+    point: int | None = None
+    deviation: float = math.nan
+    tolerance: float = math.nan
     verdict: Verdict
     detail: str = ""
     worst: Worst | None = None
@@ -63,7 +64,10 @@ class Check:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Verification:
-    """Everything that was checked of a run, as rows; ``print`` shows it on one screen."""
+    """Everything that was checked of a run, as rows.
+
+    ``print`` shows one screen: the headline, a line per subject, then at most 12 failures.
+    """
 
     folder: str
     rows: tuple[Check, ...]
@@ -106,7 +110,15 @@ class Verification:
         return f"{self.folder}: {text}"
 
     def __repr__(self) -> str:
-        return verification_text(self)
+        groups, failures = _by_subject(self.rows), self.failures
+        width = max((len(group[0].subject) for group in groups), default=0)
+        text = [self.headline, *(_subject_line(group, width) for group in groups)]
+        for row in failures[:MOST_FAILURES]:
+            place = "" if row.point is None else f"point {row.point}, "
+            text.append(f"fails: {place}{row.subject}: {row.detail}")
+        if len(failures) > MOST_FAILURES:
+            text.append(f"and {len(failures) - MOST_FAILURES} more, in .failures")
+        return "\n".join(text)
 
     _repr_html_ = html_representation
 
@@ -121,88 +133,42 @@ def judge(
     worst: Worst | None = None,
 ) -> Check:
     """Return the row of a deviation, which fails if it is above the tolerance or not a number."""
-    passed = bool(deviation <= tolerance)
-    return Check(
-        subject=subject,
-        point=point,
-        deviation=float(deviation),
-        tolerance=float(tolerance),
-        verdict="passed" if passed else "failed",
-        detail="" if passed else detail,
-        worst=worst,
-    )
+    row = demand(subject, deviation <= tolerance, detail, point=point)
+    return replace(row, deviation=float(deviation), tolerance=float(tolerance), worst=worst)
 
 
 def demand(subject: str, holds: object, detail: str, *, point: int | None = None) -> Check:
     """Return the row of a condition that is met or fails, without a measure."""
-    return Check(
-        subject=subject,
-        point=point,
-        deviation=math.nan,
-        tolerance=math.nan,
-        verdict="passed" if holds else "failed",
-        detail="" if holds else detail,
-    )
-
-
-def note(
-    subject: str,
-    deviation: float,
-    detail: str,
-    *,
-    tolerance: float = math.nan,
-    point: int | None = None,
-    worst: Worst | None = None,
-) -> Check:
-    """Return the row of a measured value for which the library promises nothing."""
-    return Check(
-        subject=subject,
-        point=point,
-        deviation=float(deviation),
-        tolerance=tolerance,
-        verdict="noted",
-        detail=detail,
-        worst=worst,
-    )
+    return Check(subject=subject, point=point, verdict="passed" if holds else "failed", detail="" if holds else detail)
 
 
 def leave_out(subject: str, reason: str, *, point: int | None = None) -> Check:
     """Return the row of a check that was not made, and why."""
-    return Check(
-        subject=subject, point=point, deviation=math.nan, tolerance=math.nan, verdict="not checked", detail=reason
-    )
+    return Check(subject=subject, point=point, verdict="not checked", detail=reason)
 
 
-def verification_text(verification: Verification, *, lines: int = 12) -> str:
-    """Return a verification as one screen: the headline, a line per subject, then at most ``lines`` failures."""
-    subjects = list(dict.fromkeys(row.subject for row in verification.rows))
-    groups = [[row for row in verification.rows if row.subject == subject] for subject in subjects]
-    width = max((len(subject) for subject in subjects), default=0)
-    text = [verification.headline]
-    text += [_subject_line(group, width) for group in groups]
-    failures = verification.failures
-    text += [f"fails: {_place(row)}{row.subject}: {row.detail}" for row in failures[:lines]]
-    if len(failures) > lines:
-        text.append(f"and {len(failures) - lines} more, in .failures")
-    return "\n".join(text)
+def first_line(fault: Exception) -> str:
+    """Return the first line of an error's text, its type if it has none."""
+    return (str(fault).splitlines() or [type(fault).__name__])[0]
+
+
+def _by_subject(rows: Sequence[Check]) -> list[list[Check]]:
+    return [[row for row in rows if row.subject == subject] for subject in dict.fromkeys(row.subject for row in rows)]
 
 
 def _listed(rows: Sequence[Check]) -> str:
     """Return each subject once, with its number of points and the first reason."""
-    subjects = dict.fromkeys(row.subject for row in rows)
-    groups = [[row for row in rows if row.subject == subject] for subject in subjects]
     return ", ".join(
         f"{group[0].subject}{f' of {len(group)} points' if len(group) > 1 else ''} "
         f"({group[0].worst or group[0].detail})"
-        for group in groups
+        for group in _by_subject(rows)
     )
 
 
 def _subject_line(rows: Sequence[Check], width: int) -> str:
     """Return the worst of the rows of one subject as a line."""
-    order = ("failed", "not checked", "noted", "passed")
-    worst = min(order.index(row.verdict) for row in rows)
-    verdict = order[worst]
+    verdicts = {row.verdict for row in rows}
+    verdict = next(each for each in ("failed", "not checked", "noted", "passed") if each in verdicts)
     same = [row for row in rows if row.verdict == verdict]
     measured = [row for row in same if not math.isnan(row.deviation)]
     line = f"  {rows[0].subject:<{width}}  {verdict:<11}"
@@ -217,10 +183,6 @@ def _subject_line(rows: Sequence[Check], width: int) -> str:
     if verdict in ("not checked", "noted"):
         line += f"  {same[0].detail}"
     return line.rstrip()
-
-
-def _place(row: Check) -> str:
-    return "" if row.point is None else f"point {row.point}, "
 
 
 # The files of a run, as the verifier reads them.
@@ -248,10 +210,25 @@ class RunContents:
     @property
     def objectives(self) -> list[dict[str, Any]]:
         """The objectives' entries; a plan has only one."""
-        if "objective" in self.entries:
+        if self.is_plan:
             return [dict(self.entries["objective"])]
         listed = self.entries.get("objectives", [])
         return [dict(each) for each in listed] if isinstance(listed, list) else []
+
+    @property
+    def is_plan(self) -> bool:
+        """Whether the run is a plan, which has one objective and no front."""
+        return "objective" in self.entries
+
+    @property
+    def signs(self) -> np.ndarray:
+        """−1 for maximised objectives, 1 for the others (n_obj,)."""
+        return np.array([-1.0 if each.get("maximised") else 1.0 for each in self.objectives])
+
+    @property
+    def ranges(self) -> np.ndarray:
+        """The ranges (n_obj,) that the weights of a run refer to."""
+        return np.array([float(each["range"][1]) - float(each["range"][0]) for each in self.objectives])
 
     @property
     def ids(self) -> np.ndarray:
@@ -264,6 +241,10 @@ class RunContents:
         columns = [self.table.get(str(each["name"]), np.full(len(self.ids), np.nan)) for each in self.objectives]
         return np.stack(columns, axis=1) if columns else np.zeros((len(self.ids), 0))
 
+    def status(self, row: int) -> str:
+        """Return the status of a point in the table, "" if it has none."""
+        return str(self.table["status"][row]) if "status" in self.table else ""
+
 
 def read_contents(folder: Path) -> RunContents:
     """Read a run folder; raises InvalidRun if it is not a run with a result."""
@@ -271,11 +252,8 @@ def read_contents(folder: Path) -> RunContents:
     if not isinstance(entries.get("files"), dict):
         raise InvalidRun(f"{folder} must be a run with a result, got one of status {entries.get('status')!r} without")
     written = entries.pop("digest", None)
-    checks = [
-        demand("digests", written == digest(entries), f"{RUN} does not match its digest: it was edited or cut"),
-    ]
-    table: dict[str, np.ndarray] = {}
-    arrays: dict[str, dict[str, np.ndarray]] = {}
+    checks = [demand("digests", written == digest(entries), f"{RUN} does not match its digest: it was edited or cut")]
+    table, arrays = dict[str, np.ndarray](), dict[str, dict[str, np.ndarray]]()
     for name, expected in entries["files"].items():
         if name not in RESULTS:
             checks.append(demand("files", False, f"{RUN} lists {name!r}, which is no file of a result"))
@@ -291,24 +269,17 @@ def read_contents(folder: Path) -> RunContents:
             if name.endswith(".npz"):
                 arrays[name] = read_arrays(content)
             else:
-                table = _read_columns(content)
+                stored = read_table(content)
+                table = {column: _column(column, stored.column(column)) for column in stored.column_names}
         except Exception as fault:  # the parser may raise anything; the file is the cause
-            line = (str(fault).splitlines() or [type(fault).__name__])[0]
-            checks.append(demand("files", False, f"{name} cannot be read: {line}"))
+            checks.append(demand("files", False, f"{name} cannot be read: {first_line(fault)}"))
     return RunContents(folder=folder, entries=entries, table=table, arrays=arrays, checks=checks)
 
 
-def _read_columns(content: bytes) -> dict[str, np.ndarray]:
-    import pyarrow as pa
-
-    table = read_table(content)
-    columns = {}
-    for name in table.column_names:
-        column = table.column(name)
-        if name not in TEXTS and name != "id":
-            columns[name] = np.array([np.nan if value is None else value for value in column.to_pylist()], dtype=float)
-        elif name == "id":
-            columns[name] = column.cast(pa.int64()).to_numpy()
-        else:
-            columns[name] = np.array(["" if value is None else str(value) for value in column.to_pylist()])
-    return columns
+def _column(name: str, column: Any) -> np.ndarray:
+    """Return a column of a table: integer ids, text, or numbers, NaN if one is missing."""
+    if name == "id":
+        return np.asarray(column.cast("int64").to_numpy())
+    if name in TEXTS:
+        return np.array(["" if value is None else str(value) for value in column.to_pylist()])
+    return np.array([np.nan if value is None else value for value in column.to_pylist()], dtype=float)

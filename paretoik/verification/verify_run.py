@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator
 from typing import Any, TypeAlias
 
@@ -12,13 +11,12 @@ from paretoik.runs.executor import computed_text
 from paretoik.stop_flag import check_interruption
 from paretoik.verification.arm_model import ArmModel, build_model
 from paretoik.verification.capability_checks import check_point_to_point, check_polygon, check_standing, check_tool_path
-from paretoik.verification.front_checks import check_certificate, check_tables, status_of
+from paretoik.verification.front_checks import check_certificate, check_tables
 from paretoik.verification.measured_motion import measure
 from paretoik.verification.method_checks import check_loop, check_resolution, check_tuning
 from paretoik.verification.motion_checks import (
     check_between,
     check_errors,
-    check_joints,
     check_limits,
     check_objectives,
     check_path,
@@ -26,7 +24,7 @@ from paretoik.verification.motion_checks import (
     finer_motion,
     project_curve,
 )
-from paretoik.verification.run_contents import Check, RunContents, Verification, demand, leave_out, note
+from paretoik.verification.run_contents import Check, RunContents, Verification, demand, leave_out
 
 Show: TypeAlias = Callable[[int, int], object]  # gets the number of checked points and of all points
 
@@ -41,7 +39,7 @@ def verify_run(
     """
     rows = [*run.checks]
     if words := computed_text(run.entries.get("computed")):
-        rows.append(note("computed by", math.nan, words))
+        rows.append(Check(subject="computed by", verdict="noted", detail=words))
     if same is not None:
         rows.append(demand("problem", same, "its fingerprint is not that of the problem that the run solved"))
     holds = str(run.entries.get("holds", ""))
@@ -102,8 +100,10 @@ def _check_motions(run: RunContents, problem: Any) -> Iterator[Check]:
     if "q" not in run.motions or arm is None:
         yield leave_out("objectives", "the problem has no arm and no motions: its values are its own")
         return
-    yield from check_joints(run, arm)
-    if [str(name) for name in run.motions["joint_names"]] != list(arm.joint_names):
+    stored, joints = [str(name) for name in run.motions["joint_names"]], list(arm.joint_names)
+    wish = f"joints must be {', '.join(joints)}, got {', '.join(stored)}"
+    yield demand("joint names", stored == joints, wish)
+    if stored != joints:
         return
     model = build_model(arm)
     if run.entries.get("timeline") == "step":
@@ -139,9 +139,9 @@ def _check_tracking(run: RunContents, problem: Any, model: ArmModel) -> Iterator
         motion, curve = measure(model, task, time, q), project_curve(task, model, time, q)
         finer = finer_motion(task, model, curve, time)
         yield from check_limits(task, motion, _stated(run, "violation", row), number)
-        promised = task.differences == "spline" and status_of(run, row) in ("minimum", "converged")
+        promised = task.differences == "spline" and run.status(row) in ("minimum", "converged")
         stated = _stated(run, "violation_between", row)
-        yield from check_between(task, model, motion, finer, curve, stated, number, promised=promised)
+        yield from check_between(motion, finer, curve, stated, number, promised=promised)
         if all(name in named for name, _, _ in listed):
             objectives = [named[name] for name, _, _ in listed]
             yield from check_objectives(run, objectives, motion, run.values[row], number)

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import paretoik as pk
 from paretoik.errors import InvalidInput
-from paretoik.joint_trajectory.controllers import CONTROLLERS, FAMILIES, FR3, Braking, Controller, find_controller
+from paretoik.joint_trajectory.controllers import CONTROLLERS, FR3, Braking, Controller, find_controller
 from paretoik.joint_trajectory.controllers import PANDA as CONTROLLERS_PANDA
-from tests.joint_trajectory.motions import PANDA
 from tests.joint_trajectory.motions import PANDA as PANDA_ARM
 
 TWO = {"name": "bench", "joint_names": ("joint1", "joint2"), "rate": 250}
@@ -71,12 +69,6 @@ def test_joints_in_another_order_have_their_own_limits_there(names):
     assert (back.joint_names, back.position.tolist()) == (("joint1", "joint2"), mine.position.tolist())
 
 
-def test_a_controller_may_be_changed_in_one_thing():
-    slower = replace(pk.controllers.PANDA, rate=500)
-    assert slower.rate == 500
-    np.testing.assert_array_equal(slower.position, pk.controllers.PANDA.position)
-
-
 @pytest.mark.parametrize("names", [("left_joint1", "right_joint2"), ("a", "b"), ("joint1", "joint1_joint2")])
 def test_joints_of_other_names_are_not_the_controllers(names):
     arm = pk.Arm.from_dh(**SCARA, joint_names=names, name="scara")
@@ -85,13 +77,6 @@ def test_joints_of_other_names_are_not_the_controllers(names):
     )
     with pytest.raises(InvalidInput, match=re.escape(wanted)):
         Controller(**TWO).arranged_for(arm)
-
-
-def test_an_arm_with_a_joint_fixed_is_not_the_controllers():
-    with pytest.raises(
-        InvalidInput, match=r"panda: joints must be panda_joint1, .* or fer_joint1, .*, got panda_joint1"
-    ):
-        pk.controllers.PANDA.arranged_for(PANDA.fixed(panda_joint3=0.0))
 
 
 SCARA = {"a": [0.3, 0.2], "alpha": [0.0, 0.0], "d": [0.0, 0.0], "theta": [0.0, 0.0], "convention": "modified"}
@@ -146,14 +131,6 @@ def test_each_controller_has_a_source_and_moves_the_joints_of_its_vendor(name):
     assert len(controller.joint_names) == len(controller.velocity) == (6 if name.startswith("ur") else 7)
     assert np.isfinite(controller.velocity).all()
     assert find_controller(name, named(controller.joint_names)) is controller
-
-
-@every_one
-def test_limits_that_are_not_published_are_not_there(name):
-    controller = CONTROLLERS[name]
-    published = {kind for kind in ("acceleration", "jerk") if np.isfinite(getattr(controller, kind)).all()}
-    expected = {"franka": {"acceleration", "jerk"}, "ur": set(), "kinova": {"acceleration"}}
-    assert published == next(expected[family] for family, members in FAMILIES.items() if controller in members)
 
 
 @pytest.mark.parametrize(

@@ -124,15 +124,6 @@ def test_names_of_metadata_of_any_kind_leave_the_samples_readable(tmp_path, kind
     assert list(metadata.values()) == list(trajectory.metadata.values())
 
 
-def test_numpy_reads_the_numbers_as_documented(tmp_path):
-    trajectory = sampled("planar", rate=30.0, **ABOUT)
-    file = tmp_path / "out.csv"
-    write_trajectory(trajectory, file, "csv")
-    numbers = np.genfromtxt(file, delimiter=",")[1:]
-    np.testing.assert_array_equal(numbers[:, 0], trajectory.time)
-    np.testing.assert_array_equal(numbers[:, 1:4], trajectory.q)
-
-
 @every_format
 def test_what_was_there_is_replaced_whole(tmp_path, kind):
     for rate in (20.0, 30.0):

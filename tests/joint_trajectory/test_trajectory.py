@@ -55,13 +55,6 @@ def test_velocities_and_accelerations_are_those_of_the_positions_in_their_own_ti
     np.testing.assert_allclose(trajectory.ddq[1:-1], acceleration, atol=2e-2 * (1 + np.abs(acceleration).max()))
 
 
-def test_a_slowed_motion_has_lower_rates_and_the_same_positions():
-    own, slow = sampled(rate=400.0), sampled(rate=200.0, factor=2.0)
-    np.testing.assert_allclose(slow.q, own.q, atol=1e-12)
-    np.testing.assert_allclose(slow.dq, own.dq / 2, atol=1e-12)
-    np.testing.assert_allclose(slow.ddq, own.ddq / 4, atol=1e-11)
-
-
 def test_columns_come_in_the_order_that_is_asked_for_by_name():
     trajectory = sampled("planar")
     turned = trajectory.reorder(["joint3", "joint1", "joint2"])

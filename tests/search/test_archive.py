@@ -47,22 +47,6 @@ def test_archive_keeps_the_first_of_each_non_dominated_point_in_any_batches(F, b
     assert np.array_equal(archive.members.X[:, 0], expected)
 
 
-def test_ids_and_generations_stay_with_their_points():
-    archive = fill(Archive(), [[0, 2], [2, 0]], first=0, generation=0)
-    fill(archive, [[1, 1], [3, 3]], first=2, generation=1)
-    fill(archive, [[0.5, 0.5]], first=4, generation=2)
-    assert archive.ids.tolist() == [0, 1, 4]
-    assert archive.members.generations.tolist() == [0, 0, 2]
-
-
-def test_the_order_within_a_batch_does_not_matter():
-    F = np.random.default_rng(0).random((30, 2))
-    straight, shuffled = fill(Archive(), F), Archive()
-    order = np.random.default_rng(1).permutation(30)
-    shuffled.add(order, np.repeat(order[:, None].astype(float), 2, axis=1), F[order], None, 0)
-    assert np.array_equal(straight.ids, shuffled.ids)
-
-
 def test_a_point_nearer_than_rounding_is_the_older_one():
     archive = fill(Archive(), [[0.0, 1.0], [0.5, 0.5], [1.0, 0.0]])
     tolerance = OPTIONS.distance_tolerance

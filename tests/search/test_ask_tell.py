@@ -172,18 +172,6 @@ def test_the_front_speaks_the_users_language():
     assert tuple(told(Search(Parabolas(), population=8), 1).front.names) == ("f1", "f2")
 
 
-def test_names_of_another_number_of_objectives_are_refused():
-    problem = Parabolas()
-    problem.names = ("one",)
-    with pytest.raises(InvalidInput, match=r"problem.names must have one entry per objective \(2\), got 1"):
-        Search(problem)
-
-
-def test_initial_genes_are_asked_first():
-    search = Search(Parabolas(), population=6, initial=[[0.5, 0.25, 0.0]])
-    assert search.ask().X[0].tolist() == [0.5, 0.25, 0.0]
-
-
 def test_suggested_genes_are_asked_next_and_the_rest_later():
     search = told(Search(Parabolas(), population=6, offspring=2), 1)
     best = np.array([[0.1, 0, 0], [0.2, 0, 0], [0.3, 0, 0]])
@@ -215,11 +203,6 @@ def test_constant_objectives_leave_one_point(n_obj):
     assert search.archive.ids.tolist() == [0]
 
 
-def test_a_negative_seed_is_refused():
-    with pytest.raises(InvalidInput, match="seed must be an integer of at least 0, got -1"):
-        Search(Parabolas(), seed=-1)
-
-
 def test_anchors_look_at_one_objective_at_a_time_and_then_at_all():
     search = Search(get_problem("zdt1", n_var=6), population=20, seed=1, anchors=15)
     told(search, 14)
@@ -239,14 +222,3 @@ def test_anchored_searches_repeat_bit_for_bit():
     first, second = (told(Search(get_problem("zdt1", n_var=6), population=20, seed=1, anchors=5), 20) for _ in range(2))
     assert np.array_equal(first.archive.F, second.archive.F)
     assert np.array_equal(first.archive.ids, second.archive.ids)
-
-
-def test_one_objective_needs_no_anchors():
-    problem = get_problem("sphere", n_var=3)
-    plain, anchored = (told(Search(problem, population=8, seed=1, anchors=n), 6) for n in (0, 3))
-    assert np.array_equal(plain.archive.F, anchored.archive.F)
-
-
-def test_anchors_beside_an_algorithm_are_refused():
-    with pytest.raises(InvalidInput, match="algorithm must have its own sampling"):
-        Search(get_problem("zdt1"), algorithm=MaxiMinNSGA2(), anchors=3)

@@ -40,17 +40,6 @@ def test_the_archive_never_loses_hypervolume():
         assert covered.all()
 
 
-def test_the_same_seed_gives_the_same_bits_and_another_does_not():
-    runs = []
-    for seed in (4, 4, 5):
-        running = Search(Parabolas(), population=10, seed=seed)
-        evolve(running, [Generations(8)])
-        runs.append(running.archive.members)
-    assert np.array_equal(runs[0].X, runs[1].X)
-    assert np.array_equal(runs[0].ids, runs[1].ids)
-    assert not np.array_equal(runs[0].X[:4], runs[2].X[:4])
-
-
 def test_continued_search_equals_one_run():
     at_once, in_two = search(), search()
     evolve(at_once, [Generations(9)])
@@ -215,11 +204,3 @@ def test_equality_constraints_count():
 def test_a_run_without_an_ending_is_refused():
     with pytest.raises(InvalidInput, match="endings must have at least one ending"):
         evolve(search(), [])
-
-
-def test_no_rows_have_no_outcome_though_the_problem_raises():
-    def fail(genes):
-        raise ValueError("an individual at least")
-
-    outcome = evaluate_rows(Parabolas(), fail, np.empty((0, 3)))
-    assert (outcome.F.shape, outcome.causes) == ((0, 2), {})

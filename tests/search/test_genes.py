@@ -15,9 +15,8 @@ from pymoo.optimize import minimize
 from pymoo.problems import get_problem
 
 from paretoik.errors import InvalidInput
-from paretoik.inputs import check_size
 from paretoik.search.ask_tell import Search
-from paretoik.search.genes import seeded_population, widths_of, within_reach
+from paretoik.search.genes import seeded_population
 from paretoik.search.nsga2 import MaxiMinNSGA2
 from tests.search.problems import Parabolas
 
@@ -119,15 +118,6 @@ def test_without_bounds_and_genes_to_start_from_there_is_no_search():
         solved(Unbounded())
     with pytest.raises(InvalidInput, match=r"problem.xl\[0\] must be a finite bound, got -inf"):
         solved(Unbounded(xl=np.array([-np.inf]), xu=np.ones(1)))
-
-
-def test_finite_bounds_are_the_problems_own():
-    problem = Parabolas()
-    assert within_reach(problem, np.zeros((3, problem.n_var)), np.ones(problem.n_var)) is problem
-    half, X = Unbounded(xl=np.array([0.0])), np.array([[2.0], [4.0]])
-    reach = within_reach(half, X, widths_of(X))
-    assert (reach.xl.tolist(), reach.xu.tolist()) == ([0.0], [6.0])
-    assert widths_of(np.array([[0.0, -3.0], [0.0, -3.0]])).tolist() == [1.0, 3.0]
 
 
 @pytest.mark.parametrize("make", [lambda: get_problem("zdt1", n_var=5), Integers, Bits, Named])
@@ -248,12 +238,6 @@ def test_populations_below_four_are_refused_by_name_and_value(size):
         Search(plain(), population=size)
     with pytest.raises(InvalidInput, match=f"pop_size must be an integer of at least 4, got {size}"):
         MaxiMinNSGA2(pop_size=size)
-
-
-@pytest.mark.parametrize("size", [4.0, True, None, "9"])
-def test_sizes_that_are_no_integers_are_refused(size):
-    with pytest.raises(InvalidInput, match=f"population must be an integer of at least 0, got {size!r}"):
-        check_size("population", size, 0)
 
 
 @pytest.mark.parametrize(

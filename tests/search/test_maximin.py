@@ -132,17 +132,6 @@ def test_survivors_are_those_of_the_rule_across_fronts(F, data):
 
 
 @settings(max_examples=60, deadline=None)
-@given(st.integers(1, 4).flatmap(objectives), st.data())
-def test_better_ranks_come_first_and_each_point_once(F, data):
-    count = data.draw(st.integers(1, len(F)))
-    selection = survivors(F, np.zeros(len(F)), count)
-    assert len(np.unique(selection.index)) == count
-    assert (np.diff(selection.rank) >= 0).all()
-    assert selection.rank.max() == np.sort(pareto_rank(F))[count - 1]
-    assert not np.isnan(selection.distance).any()
-
-
-@settings(max_examples=60, deadline=None)
 @given(objectives(2), st.integers(1, 20), st.integers(-20, 20))
 def test_selection_does_not_depend_on_units(F, scale, shift):
     F = np.round(F)
@@ -151,13 +140,6 @@ def test_selection_does_not_depend_on_units(F, scale, shift):
     other = survivors((F + shift) * 2.0**scale, np.zeros(len(F)), count)  # integers and powers of two keep every bit
     assert np.array_equal(selection.index, other.index)
     assert np.array_equal(selection.distance, other.distance)
-
-
-def test_two_objectives_start_from_both_ends():
-    F = np.array([[0.5, 0.5], [0.0, 1.0], [1.0, 0.0], [0.4, 0.6]])
-    selection = survivors(F, np.zeros(4), 3)
-    assert selection.index.tolist() == [1, 2, 0]
-    assert selection.distance[:2].tolist() == [np.inf, np.inf]
 
 
 @settings(max_examples=60, deadline=None)
@@ -174,21 +156,6 @@ def test_spacing_is_the_sum_of_distances_to_the_nearest_survivors_of_the_same_ra
         is_best = any(members[Z[members, axis].argmin()] == place for axis in range(n_obj))
         expected = np.inf if is_best or len(gaps) < n_obj else sum(gaps[:n_obj])
         assert selection.spacing[place] == pytest.approx(expected, rel=1e-12)
-
-
-def test_survivors_are_known_without_computing_a_spacing(monkeypatch):
-    F = np.random.default_rng(0).random((60, 2))
-    expected = survivors(F, np.zeros(60), 20)
-    assert expected.spacing.size == 20
-
-    def refused(*_):
-        raise AssertionError
-
-    monkeypatch.setattr("paretoik.search.maximin.neighbour_distances", refused)
-    selection = survivors(F, np.zeros(60), 20)
-    assert np.array_equal(selection.index, expected.index)
-    with pytest.raises(AssertionError):
-        selection.spacing  # noqa: B018  # reading computes it
 
 
 def test_spacing_does_not_depend_on_the_order_in_which_an_even_front_was_inserted():

@@ -15,7 +15,7 @@ from pymoo.problems import get_problem
 
 from paretoik.errors import InvalidInput
 from paretoik.search.ask_tell import Search
-from paretoik.search.nsga2 import BranchwiseMating, MaxiMinNSGA2, Parents
+from paretoik.search.nsga2 import BranchwiseMating, MaxiMinNSGA2
 from tests.search.problems import Branches, Constant, Parabolas, Repeated
 
 
@@ -41,11 +41,6 @@ def test_ask_and_tell_equals_minimize():
         algorithm.evaluator.eval(problem, infills)
         algorithm.tell(infills=infills)
     assert np.array_equal(algorithm.result().F, minimize(problem, MaxiMinNSGA2(pop_size=12), ("n_gen", 12), seed=3).F)
-
-
-def test_one_objective_is_minimised():
-    result = minimize(get_problem("sphere", n_var=4), MaxiMinNSGA2(pop_size=20), ("n_gen", 80), seed=1)
-    assert result.F[0] < 1e-3
 
 
 @pytest.mark.parametrize("problem", [Constant(1), Constant(2), Constant(3), Repeated(), Parabolas(n_obj=10)])
@@ -141,33 +136,6 @@ def population(problem, X, *, rank=None, distance=None, violation=None):
 
 def mating(**settings):
     return BranchwiseMating(SBX(eta=15, prob=0.9), PM(eta=20), **settings)
-
-
-def parents(violation, rank, distance, F=None):
-    n = len(rank)
-    F = np.zeros((n, 2)) if F is None else np.array(F, dtype=float)
-    return Parents(np.zeros((n, 1)), F, np.array(violation), np.array(rank), np.array(distance), np.zeros(n, int))
-
-
-def winners(who, a, b, **settings):
-    return mating(**settings)._select_winners(who, np.array(a), np.array(b), np.random.default_rng(0)).tolist()
-
-
-def test_a_tournament_goes_by_violation_then_rank_then_distance():
-    who = parents([0.0, 0.0, 0.0, 0.1, np.inf], [0, 0, 1, 5, 6], [1.0, np.inf, np.inf, 0.0, 0.0])
-    assert winners(who, [0, 1, 2, 3, 4], [1, 0, 0, 2, 3]) == [1, 1, 0, 2, 3]
-
-
-def test_a_tournament_of_equals_is_decided_by_chance():
-    who = parents([0.0, 0.0], [0, 0], [1.0, 1.0])
-    won = winners(who, [0] * 200, [1] * 200)
-    assert 60 < sum(won) < 140
-
-
-def test_an_infeasible_point_beats_a_feasible_one_only_if_asked_to_and_better():
-    who = parents([0.0, 0.1, 0.1], [0, 1, 2], [1.0, 0.0, 0.0], F=[[1, 1], [0, 0], [0, 2]])
-    assert winners(who, [0, 1, 0], [1, 0, 2]) == [0, 0, 0]
-    assert winners(who, [0, 1, 0], [1, 0, 2], infeasible_parents=True) == [1, 1, 0]
 
 
 def test_offspring_stay_in_their_parents_species_or_jump_whole():

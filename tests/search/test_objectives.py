@@ -16,11 +16,6 @@ def test_objectives_of_a_plain_problem_are_numbered_from_one_and_minimised():
     assert describe_objectives(get_problem("zdt1")) == (("f1", "f2"), ("", ""), (False, False))
 
 
-def test_a_problem_s_own_names_units_and_senses_are_taken():
-    problem = SimpleNamespace(n_obj=2, names=["work", "reach"], units=["J", "m"], maximised=[False, True])
-    assert describe_objectives(problem) == (("work", "reach"), ("J", "m"), (False, True))
-
-
 @pytest.mark.parametrize("attribute", ["names", "units", "maximised"])
 def test_descriptions_must_have_one_entry_per_objective(attribute):
     problem = SimpleNamespace(n_obj=3, **{attribute: ["a", "b"]})

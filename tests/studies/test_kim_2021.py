@@ -15,15 +15,15 @@ from paretoik.capability.time_optimal import fastest_plan
 from paretoik.robot.kinematics import forward_kinematics
 from studies.kim_2021 import __main__ as study
 from studies.kim_2021.continuous import continuous, resolved
-from studies.kim_2021.energies import along_profile, posture_rows, postures, table_4
+from studies.kim_2021.energies import along_profile, postures
 from studies.kim_2021.exactness import linear_programs, random_paths, symmetries
 from studies.kim_2021.full_program import full_program
 from studies.kim_2021.looking_ahead import looking_ahead, root
 from studies.kim_2021.pictures import draw
 from studies.kim_2021.polygons import polygon_rows, polygons
 from studies.kim_2021.profiles import Mechanism, evenly, minimum_timing, refine_profile
-from studies.kim_2021.racing import PEERS, polygon_race, step_race
-from studies.kim_2021.sensitivity import Assumptions, floor_rows, gains, nearest_rows, sensitivity_rows
+from studies.kim_2021.racing import PEERS
+from studies.kim_2021.sensitivity import Assumptions, floor_rows, gains
 from studies.kim_2021.setting import MECHANISMS, POSITIONS, actuation_of, beside_paper, paper, speeds
 from studies.kim_2021.surrogates import AS_PAPER, all_surrogates, surrogate_rows
 from studies.kim_2021.trajectories import START, TARGET, cheating, figure_8, possible_time, references, trajectory
@@ -70,17 +70,6 @@ def test_the_text_s_positions_are_in_the_grid():
         assert POSITIONS[name] == pytest.approx(place)
 
 
-def test_directions_with_slower_sliders_are_named(corners):
-    rows = polygon_rows(corners)
-    counts = {row.row: row for row in rows if row.column == "directions in which DAM is faster"}
-    assert [counts[one.name].ours for one in corners] == [np.count_nonzero(one.gain > 1e-9) for one in corners]
-    assert counts["all nine"].ours == sum(counts[one.name].ours for one in corners)
-    assert counts["p6"].reference == 16
-    assert counts["p6"].note.startswith("LOSS")
-    assert "22.5°" in counts["p6"].note
-    assert "faster in all" in counts["p5"].note
-
-
 def test_the_usual_assumptions_are_the_librarys(corners):
     np.testing.assert_allclose(gains(Assumptions(), tuple(POSITIONS)), [one.gain for one in corners], atol=1e-12)
     assert np.rad2deg(pk.capability.kim_sliders().angle_bounds[0, 1]) == pytest.approx(117.4, abs=0.05)
@@ -90,24 +79,9 @@ def test_the_usual_assumptions_are_the_librarys(corners):
     assert np.all(gains(limited, ("p6",)) >= gains(Assumptions(), ("p6",)) - 1e-9)
 
 
-def test_assumptions_that_cannot_hold_the_arm_are_rows_with_a_reason():
-    rows = {row.row: row for row in sensitivity_rows(angles=[-120.0, 60.0])}
-    assert np.isnan(rows["all nine: mass 0.8"].ours)
-    assert "joint2 must bear a torque" in rows["all nine: mass 0.8"].note
-    assert np.isnan(rows["p6: base angle 60"].ours)
-    assert rows["p6: as is"].ours == pytest.approx(100 * gains(Assumptions(), ("p6",)).mean())
-
-
 def test_the_floor_of_rod_angles_costs_more_against_smaller_angles():
     costs = [row.ours for row in floor_rows()]
     assert 0.0 < costs[0] < costs[1] < costs[2]
-
-
-def test_combinations_near_the_papers_are_counted():
-    rows = nearest_rows(angles=[-120.0], masses=(0.25,))
-    tried, held, better = (row.ours for row in rows[:3])
-    assert (tried, held >= better >= 1) == (8, True)
-    assert all(row.reference == 31.9 for row in rows[3:])
 
 
 def test_ellipses_are_judged_where_they_were_not_fitted(models):
@@ -148,12 +122,6 @@ def test_the_possible_time_of_a_short_piece_is_its_length_over_the_maximum():
     for name in MECHANISMS:
         fastest = speeds(name, POSITIONS["p5"], way[None])[0]
         assert possible_time(name, path, 2) == pytest.approx(1e-6 / fastest, rel=1e-3)
-
-
-def test_points_are_spread_evenly():
-    corner = np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 1.0]])
-    spread = evenly(corner, 8)
-    np.testing.assert_allclose(spread[[0, 2, 6, 8]], [[0, 0], [1, 0], [3, 0], [3, 1]], atol=1e-12)
 
 
 @pytest.mark.parametrize("name", MECHANISMS)
@@ -207,13 +175,6 @@ def test_the_papers_own_pipeline_has_rows_with_the_printed_numbers(trajectories)
         assert np.linalg.norm(references(run)[-1] - TARGET) <= 1e-9
 
 
-def test_losses_are_said(ways, trajectories):
-    rows = {(row.table, row.row, row.column): row for row in posture_rows(ways, trajectories) + table_4(ways)}
-    assert rows["Table 4", "JAM", "total"].reference == 575.3
-    assert rows["Table 4", "DAM beside JAM", "total"].note.startswith("LOSS")
-    assert rows["postures along the trajectory of Figure 8", "DAM beside JAM", "soonest"].note.startswith("LOSS")
-
-
 def test_other_assumptions_change_who_is_sooner():
     several = [Assumptions(), Assumptions(mass=0.0), Assumptions(base_angle=60.0)]
     rows = {row.row: row for row in straight_rows(several, pieces=4, cell=2.0)}
@@ -251,12 +212,6 @@ def test_closed_forms_are_exact(trajectories):
     rows = linear_programs(20, rng) + symmetries(20, rng) + random_paths(trajectories, 10, rng)
     assert len(rows) == 9
     assert not any(row.note.startswith("LOSS") for row in rows)
-
-
-def test_races_have_both_sides(trajectories):
-    rows = polygon_race(rounds=2) + step_race(trajectories["DAM"], steps=3)
-    assert {row.column for row in rows} == {"ours", "CasADi + IPOPT", "CasADi + IPOPT, warm", "CasADi + FATROP"}
-    assert all(row.ours > 0 for row in rows)
 
 
 def test_pictures_are_drawn_and_rows_written(corners, trajectories, ways, tmp_path, monkeypatch):

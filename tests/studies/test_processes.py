@@ -103,8 +103,3 @@ def test_workers_of_a_cluster_run_seeds_as_processes_of_this_machine_do(tmp_path
         found = run(there)
     with processes.processes() as here:
         assert found == run(here) == {("a",): [(0, 0), (1, 0), (2, 0)], ("bcd",): [(0, 0), (0, 1), (0, 2)]}
-
-
-def test_every_method_comes_first_in_its_turn():
-    orders = [processes.rotated("abc", turn) for turn in range(4)]
-    assert ["".join(order) for order in orders] == ["abc", "bca", "cab", "abc"]

@@ -62,8 +62,3 @@ def test_a_row_is_printed_with_its_unit_the_number_beside_it_and_its_note(capsys
     printed = capsys.readouterr().out
     for part in ("simulation 1", "energy", "N²m²s", "0.12346", "0.0912", "FATROP", "[nan, nan] [bold]"):
         assert part in printed
-
-
-def test_a_number_without_a_reference_has_empty_cells(capsys):
-    report([row()])
-    assert "None" not in capsys.readouterr().out

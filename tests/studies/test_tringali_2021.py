@@ -21,14 +21,11 @@ from studies.tringali_2021.readings import (
     READINGS,
     Reading,
     cubic_spline,
-    first_updates,
-    other_masses,
     reading_row,
     slsqp,
     straight_pieces,
 )
 from studies.tringali_2021.real_time import Slsqp, make_solver, real_time_rows
-from studies.tringali_2021.reasons import PRINTED, REASONS, reason
 from studies.tringali_2021.splines import spline_rows, thrice_continuous
 from studies.tringali_2021.trajectories import (
     NUMBERS,
@@ -129,31 +126,6 @@ def test_a_reading_that_changes_nothing_is_the_method_itself(trajectories):
     np.testing.assert_allclose(other, trajectories[1].motions["PMKE"].q, atol=1e-4)
 
 
-def test_a_reading_with_fewer_updates_is_the_same_up_to_the_last_and_another_after_it(trajectories):
-    usual, q = trajectories[2].motions["PMKE"].q, Reading(name="", samples=201, make_solver=first_updates(13))
-    q = q.resolve(3, "fitted").q
-    np.testing.assert_array_equal(q[: 6 * 20 + 11], usual[: 6 * 20 + 11])  # updates at 0, 0.5 ... 6 s
-    assert np.abs(q - usual).max() > 0.01
-
-
-def test_readings_of_masses_and_bounds_are_those_of_the_windows_alone():
-    motion = Reading(name="", samples=201, make_solver=other_masses("printed")).resolve(1, "fitted")
-    np.testing.assert_allclose(
-        motion.q,
-        pk.resolve(
-            arm_of("printed"),
-            tringali_2021.trajectory(1, 201),
-            pk.methods.PredictiveKineticEnergy(),
-            start=tringali_2021.START,
-            unreachable="track",
-        ).q,
-        atol=1e-9,
-    )
-    assert motion.arm.name == arm_of("fitted").name
-    bounded = Reading(name="", samples=201, make_solver=slsqp(bound=3.2)).resolve(3, "fitted")
-    assert bounded.traces.predictions.min() >= -3.2 - 1e-9
-
-
 def test_the_held_posture_gives_the_text_s_numbers_of_trajectory_4():
     (held,) = (reading for reading in READINGS if "posture held" in reading.name)
     row = reading_row(held, "fitted", numbers=(4,))
@@ -215,23 +187,6 @@ def test_casadi_finds_the_same_minima_of_the_windows():
     rows = peers.window_rows("fitted", rounds=1, numbers=(1,))
     assert [row.column for row in rows] == ["ours", "SQP with qrqp, CasADi", "FATROP, CasADi"]
     assert all("the same minimum in 17 of 17" in row.note for row in rows)
-
-
-def test_without_casadi_windows_are_left_out_with_a_line(monkeypatch, capsys):
-    monkeypatch.setattr(study, "find_spec", lambda _: None)
-    assert study._window_rows(1) == []
-    assert "CasADi is not installed" in capsys.readouterr().err
-
-
-def test_every_difference_has_its_reason(trajectories):
-    assert reason("trajectory 2", "LSV", "fitted", -0.001) == "the same within 1 %"
-    assert "cannot have used" in reason("trajectory 2", "global", "printed", -0.27)
-    assert "several minima" in reason("trajectory 4", "joint 1 PMKE", "fitted", 0.02)
-    assert reason("trajectory 4", "joint 1 PMKE", "printed", 0.02) == PRINTED  # the other minimum is not considered
-    assert "read as e-4" in reason("trajectory 1", "PMKE", "fitted", 0.0)
-    rows = [row for one in trajectories for row in (*table_5(one), *text_rows(one)) if row.reference is not None]
-    assert all("; " in row.note for row in rows)
-    assert {(row, column) for _, row, column in paper()} >= set(REASONS)
 
 
 @pytest.mark.slow

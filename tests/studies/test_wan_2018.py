@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-from contextlib import nullcontext
 from functools import cache
 
 import numpy as np
@@ -12,13 +10,11 @@ from scipy.spatial.transform import Rotation
 
 import paretoik as pk
 from problems import wan_2018
-from studies.wan_2018 import __main__ as study
 from studies.wan_2018.events import EVENTS, event_rows
 from studies.wan_2018.fronts import comparison_rows
 from studies.wan_2018.methods import (
     AXES,
     all_methods,
-    cut_short,
     paper,
     paper_methods,
     resolve_table,
@@ -26,7 +22,7 @@ from studies.wan_2018.methods import (
     worst_errors,
 )
 from studies.wan_2018.pictures import FIGURES, draw
-from studies.wan_2018.tables import euler_rows, running_time_rows, speed_row, table_rows
+from studies.wan_2018.tables import running_time_rows, table_rows
 
 
 @cache
@@ -72,13 +68,6 @@ def test_tables_are_compared_with_the_papers(table):
     assert all(0 <= share <= 1 for share in shares)
 
 
-def test_readings_of_the_euler_angles_are_compared_by_their_errors():
-    rows = euler_rows("Table 2", population=20)
-    assert next(row.row for row in rows).startswith(wan_2018.EULER)
-    assert len({row.row for row in rows}) == len(rows) > 3
-    assert all(row.ours > 0 for row in rows)
-
-
 def test_joint_4_is_freed_more_often_than_by_the_weighted_least_norm():
     rows = {(row.row, row.column): row.ours for row in table_rows(resolved_table("Table 2"))}
     for name in ("WGPM, as printed", "WGPM, consistent"):
@@ -102,15 +91,6 @@ def test_events_are_compared_with_the_papers():
     assert all(row.note for row in rows)
 
 
-def test_the_start_that_is_drawn_is_nearest_to_the_papers_and_not_cut_short():
-    resolved = resolved_table("Table 3")
-    nearest, motion = resolved.nearest_start(), resolved.motions["GPM"]
-    printed = [paper()["Table 3", axis, "GPM"] for axis in AXES]
-    distance = np.abs(np.log(worst_errors(motion) / printed) ** 2).sum(axis=1)
-    assert not cut_short(motion)[nearest]
-    assert (distance[~cut_short(motion)] >= distance[nearest]).all()
-
-
 def test_every_figure_is_drawn(tmp_path):
     files = draw(tmp_path, [resolved_table(table) for table in ("Table 2", "Table 3")])
     assert [file.stem for file in files] == list(FIGURES)
@@ -128,17 +108,3 @@ def test_families_are_compared_by_their_fronts():
     rows = comparison_rows(seeds=2, population=8, generations=2, judged_starts=1)
     assert [row.column for row in rows] == ["hypervolume, median", "IGD+, median", "additive ε, median"]
     assert all(row.note.startswith("from 1 starts each: undecided") for row in rows)  # two seeds cannot decide
-
-
-def test_the_command_writes_rows(tmp_path, monkeypatch):
-    for name in ("table_rows", "euler_rows", "event_rows", "running_time_rows", "draw"):
-        monkeypatch.setattr(study, name, lambda *_, **__: [])
-    monkeypatch.setattr(study, "resolve_table", lambda *_, **__: None)
-    monkeypatch.setattr(study, "processes", lambda _: nullcontext())
-    monkeypatch.setattr(study, "comparison_rows", lambda **_: [])
-    monkeypatch.setattr(study, "speed_row", lambda rounds: speed_row(rounds=1))
-    study.main(["--quick", "--json", str(tmp_path / "rows.json")])
-    (row,) = json.loads((tmp_path / "rows.json").read_text())
-    assert row["row"] == "200 sets, 743 samples"
-    assert row["ours"] > 0
-    assert row["unit"] == "s"

@@ -1,10 +1,8 @@
-""""""
-
 from __future__ import annotations
 
 import pytest
 
-from paretoik.verification.run_contents import Verification, Worst, demand, judge, leave_out, note
+from paretoik.verification.run_contents import Check, Verification, Worst, demand, judge, leave_out
 
 PLACE = Worst(what="velocity", joint="joint2", time=0.45, value=3.81, limit=3.8, unit="rad/s")
 
@@ -17,7 +15,7 @@ def test_verified_is_said_only_if_everything_was_checked_and_passed():
     good = demand("ids", True, "")
     assert of(good, judge("start", 0.0, 1e-9, "")).headline == "runs/a: verified, all 2 checks passed"
     lacking = leave_out("curvature", "no second derivatives", point=3)
-    over = note("limits between samples", 1e-3, "", tolerance=1e-4, worst=PLACE)
+    over = Check(subject="limits between samples", deviation=1e-3, tolerance=1e-4, verdict="noted", worst=PLACE)
     failed = judge("velocity limits", 1e-3, 1e-8, str(PLACE), point=3, worst=PLACE)
     for row in (lacking, over, failed):
         assert not of(good, row).verified

@@ -10,8 +10,8 @@ import pytest
 import paretoik as pk
 from paretoik.task.starts import rollout_starts
 from studies.benchmarks.basins.cases import all_cases
-from studies.benchmarks.basins.racing import Race, Tries, race
-from studies.benchmarks.basins.tables import summary_rows, table_rows
+from studies.benchmarks.basins.racing import race
+from studies.benchmarks.basins.tables import table_rows
 from studies.benchmarks.fronts.programs import joint_program, pack, unpack
 
 
@@ -26,25 +26,6 @@ def test_a_problem_is_drawn_alike_every_time(arm):
     first, second = case.problem().task, case.problem().task
     assert np.array_equal(first.targets, second.targets)
     assert first.redundancy >= 1
-
-
-def test_the_time_to_the_best_is_that_of_all_tries_over_those_that_ended_there():
-    tries = Tries(values=[2.0, 1.0, 1.0, np.inf], seconds=[1.0, 1.0, 2.0, 4.0])
-    assert (tries.best, tries.hits(1.0), tries.time_to_best(1.0)) == (1.0, 2, 4.0)
-    assert tries.time_to_best(0.5) == np.inf
-
-
-def a_race(ours, theirs, redundancy=2):
-    """Return a race whose tries took a second each."""
-    tries = [Tries(values=values, seconds=[1.0] * len(values)) for values in (ours, theirs)]
-    return Race(case=all_cases(0)[0], redundancy=redundancy, ours=tries[0], peers={"IPOPT": tries[1]})
-
-
-def test_the_summary_counts_what_is_won_and_hit():
-    won, lost = a_race([1.0, 1.0], [1.0, 2.0]), a_race([2.0, 2.0], [1.0, 1.0], redundancy=3)
-    ours = {(row.row, row.column): row.ours for row in summary_rows([won, won, lost])}
-    assert list(ours.values()) == [2, 0.5, 1.0, 0.0]
-    assert table_rows([won, lost])[-1].note.startswith("ratio 0.5")  # the summary first, then losses
 
 
 @pytest.mark.parametrize(("arm", "cyclic"), [("planar 4R", False), ("rail", True), ("random 7R", False)])

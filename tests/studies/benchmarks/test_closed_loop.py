@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from studies.benchmarks.closed_loop import __main__ as study
 from studies.benchmarks.closed_loop import contestants, equivalence, exactness
 
 
@@ -50,14 +49,6 @@ def test_engine_and_pymoo_come_as_near_to_the_exact_front(monkeypatch, links, ne
         assert near <= volume <= 1.02
 
 
-def test_exact_steps_are_timed_for_both_arms(monkeypatch):
-    monkeypatch.setattr(study, "EXACT", 5)
-    rows = study.exact_rows(1)
-    assert [(row.row, row.column) for row in rows[:2]] == [("3R", "no obstacles"), ("3R", "with two obstacles")]
-    assert len(rows) == 4
-    assert all(row.ours > 0 for row in rows)
-
-
 @pytest.mark.parametrize("links", [3, 4])
 @pytest.mark.parametrize("longest", [np.inf, 0.1])
 @pytest.mark.parametrize("blocked", [False, True])
@@ -71,10 +62,3 @@ def test_a_step_that_is_not_the_best_is_found_out(monkeypatch):
     monkeypatch.setattr(exactness, "exact_step", lambda step, weight: exact(step, weight=min(1.0, weight + 0.05)))
     (step,) = exactness.random_steps(3, 7, 1, np.inf, False)
     assert exactness.advantage(step, 0) > 1e-4
-
-
-def test_everybody_is_timed():
-    rows = study.speed_rows(3, rounds=1, slow_generations=3)
-    assert [row.column for row in rows][:3] == ["ours", "pymoo", "pymoo, compiled evaluation"]
-    assert all(row.ours > 0 for row in rows)
-    assert "times ours, goal 300" in rows[1].note

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from paretoik.api.session import DEFAULTS
 from paretoik.front.indicators import hypervolume
 from studies.benchmarks import energy_torque as study
 
@@ -34,25 +33,3 @@ def test_the_reference_is_what_its_staircase_covers():
     F = study.reference_front()
     below = F[np.less(F, study.REFERENCE_POINT).all(axis=1)]
     assert hypervolume(F, study.REFERENCE_POINT) == pytest.approx(staircase(below, study.REFERENCE_POINT), rel=1e-12)
-
-
-def test_the_reference_itself_has_the_whole_hypervolume_and_half_of_it_less(capsys):
-    F = study.reference_front()
-    whole, points, _ = study.variant_rows("all", 2 * [study.Searched(F=F, seconds=1.0)])
-    less, fewer, _ = study.variant_rows("half", 2 * [study.Searched(F=F[::2], seconds=1.0)])
-    assert whole.ours == 1.0
-    assert 0.9 < less.ours < 1.0
-    assert (points.ours, fewer.ours) == (len(F), len(F[::2]))
-    assert capsys.readouterr().out.count("seed") == 4
-
-
-def test_an_ablated_algorithm_lacks_an_ingredient_and_nothing_of_its_size():
-    problem = study.energy_torque()
-    assert study.variants(problem, ablate=False) == {"defaults": None}
-    ablated = study.variants(problem, ablate=True)
-    assert ablated.pop("defaults") is None
-    suited = problem.algorithm(DEFAULTS.population)
-    first, second = ablated.values()
-    assert first.pop_size == second.pop_size == DEFAULTS.population
-    assert type(first.mating.crossover) is type(suited.mating.crossover)
-    assert type(second.mating.crossover) is not type(suited.mating.crossover)

@@ -12,7 +12,6 @@ import paretoik as pk
 from paretoik.search.ask_tell import Search
 from studies.benchmarks.fronts import __main__ as study
 from studies.benchmarks.fronts import cases, judging, methods, running, sweeps
-from studies.benchmarks.significance import scores as score
 from studies.benchmarks.significance import union
 
 CASE = "energy_torque"
@@ -72,13 +71,6 @@ def test_every_combination_of_the_factors_occurs_once_and_every_pair_of_levels_t
         ]
 
 
-def test_contrasts_are_orthogonal_and_weigh_cells_alike():
-    every = [which for size in (1, 2, 3) for which in itertools.combinations(range(3), size)]
-    weights = np.array([judging.contrast(which) for which in every])
-    np.testing.assert_allclose(weights @ weights.T, np.eye(7) / 2)
-    np.testing.assert_allclose(weights.sum(axis=1), 0.0, atol=1e-15)
-
-
 def test_a_factor_s_effect_is_what_was_put_in_and_the_others_none():
     effects = judging.effects("case", table(MaxiMin=0.1, seeding=0.0, refinement=-0.2))
     volume = {one.factors: one for one in effects if one.indicator == "hypervolume"}
@@ -90,22 +82,6 @@ def test_a_factor_s_effect_is_what_was_put_in_and_the_others_none():
     distance = {one.factors: one.mean for one in effects if one.indicator == "IGD+"}
     assert distance["MaxiMin"] == pytest.approx(0.1)  # less is better, so this helps
     assert judging.effect_rows(effects)[0].note.startswith("HURTS")
-
-
-def test_the_interval_of_an_effect_covers_it_about_nineteen_times_in_twenty():
-    rng = np.random.default_rng(1)
-    weights = judging.contrast([0])
-    covered = 0
-    for _ in range(200):
-        _, low, high = judging.effect(rng.normal(0.0, 1.0, (8, 31)), weights)
-        covered += low <= 0.0 <= high
-    assert 170 <= covered <= 199
-
-
-def test_one_seed_proves_no_effect():
-    every = table(MaxiMin=0.1, seeding=0.0, refinement=-0.2)
-    effects = judging.effects("case", {name: scores[:1] for name, scores in every.items()})
-    assert {one.verdict for one in effects} == {"undecided"}
 
 
 def test_cells_with_the_same_start_begin_alike_and_other_starts_are_random():
@@ -172,20 +148,6 @@ def test_points_that_the_verifier_refuses_are_absent():
     np.testing.assert_array_equal(judged.F, cases.verify(problem, good, account).F)
 
 
-def test_indicators_of_a_known_front():
-    line = np.column_stack([np.linspace(0.0, 1.0, 101), np.linspace(1.0, 0.0, 101)])
-    whole = score(line, line)
-    assert (whole["IGD+"], whole["epsilon"]) == (0.0, 0.0)
-    assert whole["hypervolume"] == pytest.approx(1.1**2 - 0.5 - 0.5 * 0.01)  # stairs of 0.01
-    worse = score(line + 0.05, line)
-    assert worse["epsilon"] == pytest.approx(0.05)
-    assert worse["hypervolume"] < whole["hypervolume"]
-    nothing = score(NOTHING, line)
-    assert nothing["hypervolume"] == 0.0
-    assert nothing["epsilon"] == pytest.approx(1.1)
-    assert np.isfinite(nothing["IGD+"])
-
-
 def test_the_union_is_dominated_by_no_front_and_holds_none_of_the_dominated():
     rng = np.random.default_rng(2)
     fronts = [rng.uniform(size=(20, 2)) for _ in range(3)]
@@ -195,37 +157,6 @@ def test_the_union_is_dominated_by_no_front_and_holds_none_of_the_dominated():
     assert len(undominated) == sum(
         not np.any(np.all(every <= one, axis=1) & np.any(every < one, axis=1)) for one in every
     )
-
-
-def test_losses_come_first_and_are_counted():
-    rng = np.random.default_rng(3)
-    names = [running.OURS, running.PLAIN, running.EPSILON, "weak", "strong"]
-    centre = dict(zip(names, (0.5, 0.5, 0.5, 0.3, 0.9), strict=True))
-    scores = {
-        name: [{"hypervolume": v, "IGD+": 1 - v, "epsilon": 1 - v} for v in centre[name] + rng.normal(0, 0.01, 31)]
-        for name in names
-    }
-    rows = judging.comparison_rows(judging.comparisons("case", "evaluations", scores))
-    compared = [row for row in rows if row.table == judging.COMPARED]
-    verdicts = [row.note.split(";")[0] for row in compared]
-    assert verdicts == ["LOSS"] * 9 + ["win"] * 9
-    counted = {row.row: (row.ours, row.reference) for row in rows if row.table == judging.COUNTED}
-    assert counted["strong: paretoik, equal evaluations"] == (0, 3)
-    assert counted["weak: paretoik, equal evaluations"] == (3, 0)
-
-
-def test_methods_that_find_nothing_at_all_are_undecided_or_equal_not_nan():
-    names = [running.OURS, running.PLAIN, running.EPSILON, "peer"]
-    scores = {name: [score(NOTHING, np.eye(2)) for _ in range(5)] for name in names}
-    rows = judging.comparison_rows(judging.comparisons("case", "CPU time", scores))
-    assert {row.note.split(";")[0] for row in rows if row.table == judging.COMPARED} <= {"undecided", "equal"}
-
-
-def test_halton_s_points_are_even_wherever_one_stops():
-    first = np.array(list(itertools.islice(sweeps.shares(1), 7)))[:, 0]
-    np.testing.assert_allclose(np.sort(first), np.arange(1, 8) / 8)
-    both = np.array(list(itertools.islice(sweeps.shares(2), 35)))
-    assert np.histogram2d(*both.T, bins=(2, 3), range=((0, 1), (0, 1)))[0].min() >= 5
 
 
 @pytest.mark.usefixtures("unchecked")  # our kernels get CasADi's symbols
@@ -260,13 +191,6 @@ def test_the_general_program_s_optimum_is_ours(cyclic):
         assert task.violations(task.motion(other)).max() < cases.VIOLATION
 
 
-def test_simulations_keep_their_limits_and_get_both_objectives():
-    one, four = cases.CASES["simulation 1"].make(), cases.CASES["simulation 4"].make()
-    assert one.names == four.names == ("kinetic_energy", "torque_norm")
-    assert not one.task.bounds
-    assert set(four.task.bounds) == {"position", "velocity", "torque", "power"}
-
-
 @pytest.mark.usefixtures("here")
 def test_quick_writes_strict_json_of_every_table(tmp_path, monkeypatch, capsys):
     for module in (cases, methods, running, study):
@@ -288,10 +212,3 @@ def test_quick_writes_strict_json_of_every_table(tmp_path, monkeypatch, capsys):
     left = [(row["row"], row["column"]) for row in rows if row["table"] == judging.LEFT]
     assert len(left) == len(set(left)) == 2 * len(running.methods_of(CASE))
     assert "left out" in capsys.readouterr().out
-
-
-@pytest.mark.parametrize("words", [["--seeds", "1"], ["--evaluations", "5"], ["--problems", "none such"]])
-def test_impossible_runs_are_refused(words, capsys):
-    with pytest.raises(SystemExit):
-        study.main(words)
-    assert "must be at least" in capsys.readouterr().err or words[0] == "--problems"

@@ -3,31 +3,15 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from pymoo.optimize import minimize
 
 from studies.benchmarks.maximin import __main__ as study
-from studies.benchmarks.maximin import cases, interleaved_runs, judging, methods, single_run, stored_runs
-from studies.benchmarks.significance import compare, decide
+from studies.benchmarks.maximin import cases, interleaved_runs, judging, methods, single_run
 
 ONE_OF_EACH = ["ZDT5", "DTLZ1-5", "WFG9", "MW14", "CTP8", "DASCMOP9", "OSY", "steep tail"]
-
-
-def values(centre, seed):
-    return centre * np.random.default_rng(seed).uniform(0.99, 1.01, 31)
-
-
-def judged(**outcomes):
-    """Return judged results, one keyword per problem: our indicator against 1 of both peers, our time against 1 s."""
-    rows, seconds = [], {}
-    for name, (ours, time) in outcomes.items():
-        for peer in (methods.CROWDING, methods.HYPERVOLUME):
-            rows.append(compare(name, "hypervolume", peer, values(ours, 0), values(1.0, 1)))
-            seconds |= {(name, methods.OURS): time, (name, peer): 1.0}
-    return judging.Judged(comparisons={methods.OURS: decide(rows)}, seconds=seconds)
 
 
 @pytest.mark.parametrize("name", ONE_OF_EACH)
@@ -62,31 +46,6 @@ def test_a_run_is_the_same_again_and_leaves_only_points_of_its_box_none_dominate
     assert np.array_equal(np.all(first.F[:, None] <= first.F[None], axis=-1), np.eye(len(first.F), dtype=bool))
 
 
-def test_goals_need_no_loss_and_the_lead_on_half_of_the_problems_in_no_more_time():
-    chosen = [cases.cases()[name] for name in ("ZDT1", "ZDT2", "ZDT3", "ZDT4")]
-    good = judging.goal_rows(judged(ZDT1=(1.1, 0.5), ZDT2=(1.1, 1.0), ZDT3=(1.1, 1.5), ZDT4=(1.0, 0.5)), chosen)
-    assert [row.ours for row in good] == [0, pytest.approx(0.5, abs=0.26)]
-    assert all(row.note.startswith("met") for row in good)
-    bad = judging.goal_rows(judged(ZDT1=(0.9, 0.5), ZDT2=(1.1, 1.5), ZDT3=(1.1, 1.5), ZDT4=(1.1, 0.5)), chosen)
-    assert [(row.ours, row.reference) for row in bad] == [(1, 0), (0.25, 0.5)]
-    assert bad[0].note == "NOT MET: of 4 comparisons 3 won, 0 undecided; ZDT1 hypervolume: loss"
-    assert bad[1].note.startswith("NOT MET: 1 of 4; significantly ahead in 3, behind in 1; 0.50 to 1.50 of its time")
-
-
-def test_too_few_seeds_prove_no_goal():
-    one = compare("ZDT1", "hypervolume", methods.CROWDING, np.array([1.1, 1.2]), np.array([1.0, 0.9]))
-    few = judging.Judged(comparisons={methods.OURS: decide([one])}, seconds={})
-    (goal,) = judging.goal_rows(few, [cases.cases()["ZDT1"]])
-    assert goal.note == "UNDECIDED: of 1 comparisons 0 won, 1 undecided"
-
-
-def test_unions_are_stored_and_joined_with_what_was_stored(tmp_path):
-    case = cases.cases()["steep tail"]
-    one, other = (single_run.Run(np.array([F]), 1.0) for F in ([0.0, 1.0], [1.0, 0.0]))
-    judging.union_front(case, [one], tmp_path)
-    assert judging.union_front(case, [other], tmp_path).tolist() == [[1.0, 0.0], [0.0, 1.0]]
-
-
 def test_an_unknown_problem_is_refused_by_name_and_families_are_taken():
     with pytest.raises(SystemExit, match=r"--problems must be some of ZDT, .*such as ZDT1, got ZDT9"):
         study.choose_cases(["ZDT9"], quick=False)
@@ -94,13 +53,6 @@ def test_an_unknown_problem_is_refused_by_name_and_families_are_taken():
         *(f"CTP{k}" for k in range(1, 9)),
         "OSY",
     ]
-
-
-def test_quick_shortens_every_problem():
-    full = cases.cases()
-    chosen = study.choose_cases([], quick=True)
-    assert [case.name for case in chosen] == list(study.QUICK)
-    assert all(case.generations < full[case.name].generations for case in chosen)
 
 
 @pytest.mark.usefixtures("here")
@@ -120,13 +72,6 @@ def test_every_method_s_cost_and_every_comparison_are_reported(tmp_path, capsys,
     assert "left out: MOEA/D" in capsys.readouterr().out
 
 
-def test_with_goals_only_their_peers_run():
-    case = replace(cases.cases()["ZDT1"], peers=(methods.CROWDING, methods.HYPERVOLUME))
-    assert methods.methods_of(case) == [methods.OURS, methods.ONE_LINE, methods.CROWDING, methods.HYPERVOLUME]
-    many = replace(cases.cases()["DTLZ2-5"], peers=case.peers)
-    assert methods.methods_of(many) == [methods.OURS, methods.ONE_LINE, methods.CROWDING]
-
-
 @pytest.mark.usefixtures("here")
 def test_stored_runs_are_read_and_only_what_is_missing_is_run(tmp_path, monkeypatch):
     monkeypatch.setattr(single_run, "WARM_UP", {2: "ZDT1"})
@@ -142,17 +87,3 @@ def test_stored_runs_are_read_and_only_what_is_missing_is_run(tmp_path, monkeypa
     assert len(files) == 2 * 4
     assert len(after) == 3 * 4
     assert files.items() <= after.items()
-
-
-def test_a_run_of_ours_is_stored_for_this_search_and_one_of_a_peer_for_this_pymoo(tmp_path):
-    ours, one_line, peer = (
-        stored_runs.stored_run(tmp_path, "ZDT1", name, 3, 250) for name in (methods.OURS, methods.ONE_LINE, "NSGA-II")
-    )
-    assert ours.parts[-3] == one_line.parts[-3] != peer.parts[-3]
-    assert len({ours, one_line, peer}) == 3
-    assert stored_runs.load_run(ours) is None
-    stored_runs.save_run(ours, single_run.Run(np.array([[0.0, 1.0]]), 0.25))
-    stored = stored_runs.load_run(ours)
-    assert stored.F.tolist() == [[0.0, 1.0]]
-    assert stored.seconds == 0.25
-    assert [file.name for file in ours.parent.iterdir()] == [ours.name]

@@ -13,12 +13,10 @@ from paretoik.trajectory.grid_oracle import grid_oracle
 from studies.benchmarks.planner import optima, simulations
 from studies.benchmarks.planner.compiling import COMPILER, blockwise, compiled
 from studies.benchmarks.planner.cores import Cores
-from studies.benchmarks.planner.growth import growth
 from studies.benchmarks.planner.optima import AGREED, TIGHT
-from studies.benchmarks.planner.peers import Peer, Question, Solved, peer, program_of, task_of, tracking, written_out
+from studies.benchmarks.planner.peers import Peer, Question, peer, program_of, task_of, tracking, written_out
 from studies.benchmarks.planner.programs import ENERGY, TORQUE, inertia
-from studies.benchmarks.planner.simulations import NAMES, expected_time
-from studies.benchmarks.planner.verdicts import LOSS, losses_first, versus
+from studies.benchmarks.planner.simulations import NAMES
 
 SOLVERS = ("fatrop", "ipopt")
 ARMS = ("printed", "fitted")
@@ -143,29 +141,6 @@ def test_a_ceiling_holds_and_binds(solver):
     assert float(task.objectives[1](task.motion(ended.q))) == pytest.approx(0.97 * torque, rel=1e-7)
 
 
-def test_half_the_hits_take_twice_the_time():
-    def tries(hits):
-        return [
-            Solved(q=np.zeros((2, 3)), value=1.0 + (i >= hits), solved=True, seconds=0.5, cpu=0.5, iterations=1)
-            for i in range(8)
-        ]
-
-    assert expected_time(tries(2), 1.0) == pytest.approx(2 * expected_time(tries(4), 1.0))
-    assert expected_time(tries(8), 1.0) == pytest.approx(0.25)  # two cores
-    assert expected_time(tries(0), 1.0) == np.inf
-
-
-def test_losses_come_first_and_say_so():
-    won, lost = (
-        versus(table="t", row="r", column=name, unit="s", ours=ours, theirs=2.0, goal=0.5)
-        for name, ours in (("won", 1.0), ("lost", 1.1))
-    )
-    missed = versus(table="t", row="r", column="missed", unit="s", ours=np.inf, theirs=np.inf, goal=0.5)
-    assert [row.column for row in losses_first([won, lost, missed])] == ["lost", "missed", "won"]
-    assert lost.note == f"{LOSS}ratio 0.55, goal 0.5"
-    assert won.note == "ratio 0.5, goal 0.5"
-
-
 @pytest.mark.usefixtures("unchecked")  # whole plans and a grid oracle
 def test_a_simulation_is_compared_with_its_peers_on_both_cores(monkeypatch, tmp_path):
     monkeypatch.setattr(simulations, "COMPILER", None)  # compiled forms are tested above
@@ -187,11 +162,3 @@ def test_a_simulation_is_compared_with_its_peers_on_both_cores(monkeypatch, tmp_
     assert len(agreed) == 2
     assert max(agreed) < AGREED
     assert all(row.ours > 0 for row in result.rows)
-
-
-def test_growth_has_an_exponent_of_each():
-    rows = growth(NAMES[:1], seed=0, repeats=1, samples=(26, 51, 101))
-    exponents = {row.column: (row.ours, row.reference) for row in rows if "exponent" in row.column}
-    assert len(exponents) == 2
-    assert len(rows) == 5
-    assert all(np.isfinite(pair).all() for pair in exponents.values())

@@ -12,16 +12,11 @@ from paretoik.robot.arms import tringali_3r
 from paretoik.task.motion import Motion
 from paretoik.task.objectives import kinetic_energy, torque_norm
 from problems.tringali_2020 import straight
-from studies.benchmarks import energy_torque
 
 casadi = pytest.importorskip("casadi", reason="CasADi comes with the extra bench")
 
 from studies.benchmarks import reference_front as study  # noqa: E402  it imports CasADi itself
 from studies.benchmarks import reference_program as model  # noqa: E402
-
-
-def optimum(F, q=0.0):
-    return model.Optimum(q=np.full((3, 3), q), F=np.asarray(F, float), multipliers=(np.empty(0), np.empty(0)))
 
 
 def test_it_imports_nothing_of_paretoik():
@@ -66,25 +61,3 @@ def test_an_optimum_follows_the_path_within_its_limits_and_beats_where_it_starte
     motion = Motion(arm=tringali_3r(), time=np.linspace(0.0, 1.0, 13), q=np.stack([start, best.q]))
     assert np.diff(kinetic_energy(motion)) < 0
     assert best.F[study.ENERGY] == pytest.approx(kinetic_energy(motion)[1], rel=1e-9)
-
-
-def test_the_best_of_close_optima_is_kept():
-    better, worse, other = optimum([1.0, 3.0], 0.0), optimum([1.1, 2.0], 5e-4), optimum([2.0, 1.0], 0.1)
-    assert study.distinct_optima([worse, None, other, better], study.ENERGY, 9) == [better, other]
-    assert study.distinct_optima([worse, None, other, better], study.TORQUE, 1) == [other]
-
-
-def test_the_hypervolume_printed_is_the_one_that_the_search_is_measured_by():
-    F = energy_torque.reference_front()
-    front = [optimum(point) for point in F]
-    printed = {row.column: row.ours for row in study.front_rows(front, [front[0], front[-1]]) if row.row == "front"}
-    searched = energy_torque.hypervolume(F, energy_torque.REFERENCE_POINT)
-    assert np.array_equal(study.REFERENCE_POINT, energy_torque.REFERENCE_POINT)
-    assert printed == {"points": len(F), "hypervolume": pytest.approx(searched, rel=1e-12)}
-
-
-def test_a_front_is_written_as_it_is_read(tmp_path, monkeypatch):
-    F = np.array([[0.0412345678, 0.09], [0.05, 0.0812345678]])
-    study.write_front([optimum(point) for point in F], tmp_path / study.REFERENCE.name)
-    monkeypatch.setattr(energy_torque, "REPORTED", tmp_path)
-    np.testing.assert_allclose(energy_torque.reference_front(), F, atol=5e-10, rtol=0)

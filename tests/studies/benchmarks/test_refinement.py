@@ -13,12 +13,10 @@ import paretoik as pk
 from paretoik.trajectory.plan_starts import sample_starts
 from problems import kim_2021, tringali_2020
 from studies.benchmarks.fronts.programs import pack, unpack
-from studies.benchmarks.planner.verdicts import LOSS
 from studies.benchmarks.refinement import cases
-from studies.benchmarks.refinement.__main__ import Ends, solve_all, tabulate
+from studies.benchmarks.refinement.__main__ import solve_all
 from studies.benchmarks.refinement.cases import STATED, motions
-from studies.benchmarks.refinement.counts import counting
-from studies.benchmarks.refinement.nlp import Nlp, dense_nlp, ipopt_solver, motion_nlp, solve_with_scipy
+from studies.benchmarks.refinement.nlp import Nlp, dense_nlp, ipopt_solver, motion_nlp
 
 SAMPLES = 11
 
@@ -105,42 +103,3 @@ def test_ipopt_takes_a_program_by_its_functions():
     )
     x = np.array([0.6, 0.1])
     assert ipopt_solver(nlp, x)(x) == pytest.approx([0.5, np.sqrt(0.75)], abs=1e-6)
-
-
-def test_scipy_says_that_it_ran_out_of_time(task, start, nlp):
-    assert solve_with_scipy(nlp, pack(task, start), "trust-constr", 0.0) is None
-
-
-def test_solutions_of_clarabel_are_counted_and_each_optimum_of_a_plan_takes_some(task):
-    problem = pk.Tracking(task.arm, task.tasks[0].path, objectives=[pk.kinetic_energy], differences="backward")
-    with counting() as (_, solved, confirmed):
-        plan = pk.plan(problem, starts=2)
-    assert confirmed.calls == len(plan.optima)
-    assert solved.calls >= confirmed.calls
-    assert 0 < solved.seconds < confirmed.seconds
-
-
-def test_a_peer_that_is_quicker_or_better_is_a_loss():
-    def ends(objectives, seconds):
-        return Ends(objectives=np.array(objectives), seconds=np.array(seconds))
-
-    rows = tabulate(
-        "case",
-        "ours",
-        {
-            "ours": ends([1.0, 2.0], [1.0, 1.0]),
-            "quicker": ends([1.0, 2.0], [0.5, 1.0]),
-            "better": ends([0.9, np.nan], [5.0, 5.0]),
-            "worse": ends([1.0, np.nan], [1.0, 1.0]),
-            "failed": ends([np.nan, np.nan], [0.1, 0.1]),
-        },
-    )
-    lost = {row.row: row.note.startswith(LOSS) for row in rows}
-    assert lost == {"ours": False, "quicker": True, "better": True, "worse": False, "failed": False}
-    assert {row.row: row.ours for row in rows} == {
-        "ours": 1.0,
-        "quicker": 0.75,
-        "better": 10.0,
-        "worse": 2.0,
-        "failed": np.inf,
-    }

@@ -41,10 +41,3 @@ def test_the_union_itself_scores_best_and_units_do_not_matter():
     scale = np.array([1000.0, 0.01])
     assert study.scores((union[5:15] + 0.01) * scale, union * scale) == pytest.approx(part)
     assert study.scores(np.empty((0, 2)), union)["hypervolume"] == 0.0
-
-
-def test_a_comparison_is_reported_with_the_peer_even_if_a_run_found_nothing():
-    (one,) = study.decide([study.compare("ZDT1", "IGD+", "cd", np.full(5, np.inf), np.linspace(0.99, 1.01, 5))])
-    row = study.comparison_row("table", one, one.verdict)
-    assert (row.row, row.column, row.ours, row.reference) == ("ZDT1", "IGD+ beside cd", np.inf, one.theirs)
-    assert row.note.startswith(one.verdict)
