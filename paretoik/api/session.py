@@ -479,7 +479,8 @@ def _save_source(front: Front, folder: Path) -> None:
     """Save the front that a run begins with, and its folder, from which a stopped run is resumed."""
     run = {} if front.folder is None else {"run": str(front.folder)}
     files = front_files(replace(front, provenance={**front.provenance, **run}))
-    with only_writer(folder, *SOURCE) as source:
+    source = folder.joinpath(*SOURCE)
+    with only_writer(source):
         replace_files(source, files)
 
 

@@ -54,10 +54,10 @@ def save(front: Front, folder: Path, *, overwrite: bool = False) -> None:
     has values that JSON cannot hold or names that the format needs.
     """
     files = front_files(front)
-    with only_writer(folder) as opened:
+    with only_writer(folder):
         if _is_replaced(front, folder, overwrite=overwrite) and (folder / CHOICES).exists():
             files[CHOICES] = choices_bytes(Choices())
-        replace_files(opened, files)
+        replace_files(folder, files)
     attach(front, folder)
 
 
