@@ -32,30 +32,18 @@ def pickled(what: str, value: Any) -> bytes:
 
     Raises InvalidInput, with the name ``what``, if it cannot be pickled.
     """
-    try:
-        with _users_modules_by_value():
-            return bytes(cloudpickle.dumps(value))
-    except Exception as error:  # code of users may raise anything
-        text = f"workers: {what} must be picklable, got {cause_of(error)}"
-        raise InvalidInput(text) from error
-
-
-@contextmanager
-def _users_modules_by_value() -> Iterator[None]:
-    before = cloudpickle.list_registry_pickle_by_value()
-    added = [module for module in _users_modules() if module.__name__ not in before]
+    by_value = cloudpickle.list_registry_pickle_by_value()
+    modules = [module for name, module in sys.modules.copy().items() if _is_users_module(name)]
+    added = [module for module in modules if module.__name__ not in by_value]
     for module in added:
         cloudpickle.register_pickle_by_value(module)
     try:
-        yield
+        return bytes(cloudpickle.dumps(value))
+    except Exception as error:  # code of users may raise anything
+        raise InvalidInput(f"workers: {what} must be picklable, got {cause_of(error)}") from error
     finally:
         for module in added:
             cloudpickle.unregister_pickle_by_value(module)
-
-
-def _users_modules() -> list[ModuleType]:
-    """Return the modules that are not a library's."""
-    return [module for name, module in sys.modules.copy().items() if _is_users_module(name)]
 
 
 @cache
@@ -69,14 +57,7 @@ def _is_users_module(name: str) -> bool:
 # Computation in this process, or by an executor.
 
 
-@dataclass(frozen=True, kw_only=True)
-class DistributionOptions:
-    """Seconds of waiting for workers (``trial``) after which it is known whether they pay."""
-
-    trial: float = 5.0
-
-
-OPTIONS = DistributionOptions()
+TRIAL = 5.0  # s: time of waiting for workers after which it is known whether they pay
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -197,7 +178,13 @@ def distribute(
             account.items += begin is not None
             yield place, reply.value
         account.starting, begin = False, time.monotonic()
-    _tell_whether_workers_pay(account)
+    if account.waited >= TRIAL and account.computed < account.waited and not account.warned:
+        computed, waited = (1000 * seconds / max(account.items, 1) for seconds in (account.computed, account.waited))
+        warn_user(
+            f"workers: they do not pay here, a task takes {computed:.2g} ms to compute and {waited:.2g} ms with them; "
+            "the run is faster without"
+        )
+    account.warned = account.warned or account.waited >= TRIAL
     if errors:
         raise errors[min(errors)]
 
@@ -215,21 +202,4 @@ def distribute_remembered(
             yield place, stored
     for i, values in distribute(function, shared, [items[place] for place in remaining]):
         place = remaining[i]
-        yield place, values if isinstance(values, Lost) else remembered(keys[place], partial(_itself, values))
-
-
-def _itself(values: Values) -> Values:
-    return values
-
-
-def _tell_whether_workers_pay(account: _Account) -> None:
-    if account.warned or account.waited < OPTIONS.trial:
-        return
-    account.warned = True
-    if account.computed < account.waited:
-        each = account.computed / max(account.items, 1)
-        text = (
-            f"workers: they do not pay here, a task takes {1000 * each:.2g} ms to compute and "
-            f"{1000 * account.waited / max(account.items, 1):.2g} ms with them; the run is faster without"
-        )
-        warn_user(text)
+        yield place, values if isinstance(values, Lost) else remembered(keys[place], partial(dict, values))
