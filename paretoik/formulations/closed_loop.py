@@ -35,7 +35,7 @@ from paretoik.formulations.protocol import Timeline
 from paretoik.front.choice import Choice, Preference
 from paretoik.front.front import Front
 from paretoik.front.preferences import Weights
-from paretoik.inputs import check_call, check_flag, check_seed, check_size, shown
+from paretoik.inputs import check_flag, check_seed, check_size, shown
 from paretoik.robot.arm import Arm
 from paretoik.search.genes import SMALLEST_POPULATION
 from paretoik.tables import fit_screen, html_representation
@@ -151,7 +151,6 @@ DIGEST_INTERVAL = 100  # steps from one digest of the state to the next
 ASKED_BY_PYMOO = ("vars", "vtype", "xl", "xu", "bounds", "has_bounds", "n_ieq_constr", "n_eq_constr")
 
 
-@check_call
 class ClosedLoop:
     """Follow ``path`` with ``arm`` step by step: search each step, and choose it by weights.
 

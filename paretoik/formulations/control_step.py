@@ -24,7 +24,6 @@ from paretoik.errors import Infeasible, InvalidInput
 from paretoik.formulations.formulation import Formulation, of_genes
 from paretoik.front.preferences import Weights
 from paretoik.inputs import (
-    check_call,
     check_magnitude,
     check_size,
     finite_array,
@@ -142,7 +141,6 @@ def check_start(
 # One control step as a pymoo problem.
 
 
-@check_call
 class ControlStep(Formulation):
     """Search the next joint positions of an arm that follows ``path``: a vectorised pymoo problem.
 

@@ -44,7 +44,7 @@ from paretoik.formulations.dense_formulation import (
     slider_shares,
 )
 from paretoik.formulations.formulation import of_genes
-from paretoik.inputs import check_call, check_flag, check_seed, check_size, finite_array, read_list
+from paretoik.inputs import check_flag, check_seed, check_size, finite_array, read_list
 from paretoik.nlp.dense.dense_program import DenseProgram
 from paretoik.robot import kinematics
 from paretoik.robot.arm import Arm
@@ -253,7 +253,6 @@ def _check_power(power: bool | None, quantities: Sequence[Quantity]) -> bool:
     return bool(power)
 
 
-@check_call
 class DirectionalMaxima(DenseFormulation):
     """Find postures (and sliders) that are fast or strong along several directions: a vectorised pymoo problem.
 

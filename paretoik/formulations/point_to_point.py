@@ -32,7 +32,7 @@ from paretoik.formulations.dense_formulation import (
 )
 from paretoik.formulations.formulation import of_genes
 from paretoik.formulations.initial_paths import InitialPaths, find_initial_paths
-from paretoik.inputs import check_call, check_flag, check_size, finite_array, read_list
+from paretoik.inputs import check_flag, check_size, finite_array, read_list
 from paretoik.nlp.dense.dense_program import DenseProgram
 from paretoik.robot.arm import Arm
 from paretoik.task.limits import LIMIT_TOLERANCE, Constraint
@@ -57,7 +57,6 @@ class PointToPointOptions:
 OPTIONS = PointToPointOptions()
 
 
-@check_call
 class PointToPoint(DenseFormulation):
     """Move the tool from ``start`` to ``target``, quickly and with little work: a vectorised pymoo problem.
 

@@ -22,7 +22,7 @@ from paretoik.formulations.motions import values_between
 from paretoik.formulations.navigation import navigate, predict
 from paretoik.formulations.protocol import Individuals
 from paretoik.front.front import Front
-from paretoik.inputs import check_call, check_seed, check_size
+from paretoik.inputs import check_seed, check_size
 from paretoik.nlp.program import Solver
 from paretoik.pareto.certificates import Discretisation
 from paretoik.pareto.scalarisation import Observe
@@ -132,7 +132,6 @@ class TrackingOptions:
 OPTIONS = TrackingOptions()
 
 
-@check_call
 class Tracking(Formulation):
     """Follow ``path`` with ``arm``, trading ``objectives`` against each other: a vectorised pymoo problem.
 

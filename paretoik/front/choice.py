@@ -15,7 +15,7 @@ from jaxtyping import Float, Int
 from paretoik.arrays import Mask, Values
 from paretoik.errors import InvalidInput
 from paretoik.front.geometry import PREFERENCE_OPTIONS as OPTIONS
-from paretoik.inputs import check_call, check_mapping, shown
+from paretoik.inputs import check_mapping, shown
 from paretoik.tables import field_representation, fit_screen, html_representation
 
 if TYPE_CHECKING:
@@ -144,7 +144,6 @@ class ExchangeRate:
     _repr_html_ = html_representation
 
 
-@check_call
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Choice:
     """One point of a front, and the reason of the choice.

@@ -37,7 +37,6 @@ from paretoik.front.points import (
     within_bounds,
 )
 from paretoik.inputs import (
-    check_call,
     check_flag,
     check_function,
     check_mapping,
@@ -167,7 +166,6 @@ __all__ = ["Choice", "Front", "Preference"]
 MotionBuilder = Callable[[np.ndarray, np.ndarray, tuple[str, ...]], JointMotions]
 
 
-@check_call
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Front:
     """Mutually non-dominated points, sorted by the first objective.

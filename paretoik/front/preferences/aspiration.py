@@ -25,13 +25,12 @@ from paretoik.front.choice import (
 from paretoik.front.front import Front
 from paretoik.front.geometry import PREFERENCE_OPTIONS as OPTIONS
 from paretoik.front.points import check_front, check_known, row_of
-from paretoik.inputs import check_call, is_integer, read_list, shown
+from paretoik.inputs import is_integer, read_list, shown
 from paretoik.tables import html_representation
 
 # A preference by classification: objectives that improve and objectives that may get worse (NIMBUS).
 
 
-@check_call
 @dataclass(frozen=True, init=False, eq=False)
 class Classify:
     """Every objective in one class, seen from a current point: the classes of NIMBUS.
@@ -187,7 +186,6 @@ def _outcome(front: Front, start: int, row: int, others: int) -> str:
 # A preference by desired values of the objectives.
 
 
-@check_call
 @dataclass(frozen=True, init=False, eq=False)
 class Aspiration:
     """Values of the objectives to aspire to, by name, in their own units and sign; other objectives are free.

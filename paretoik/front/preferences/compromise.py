@@ -12,7 +12,6 @@ from paretoik.front.choice import Choice, first_row, percent, subject
 from paretoik.front.front import Front
 from paretoik.front.geometry import PREFERENCE_OPTIONS as OPTIONS
 from paretoik.front.points import check_front, check_has_points, row_of
-from paretoik.inputs import check_call
 from paretoik.tables import html_representation
 
 # A preference for one point, by its id.
@@ -35,7 +34,6 @@ class Point:
 # The knee of a front as a preference.
 
 
-@check_call
 @dataclass(frozen=True, kw_only=True)
 class Knee:
     """The knee: the point from which any step costs the most compared with its gain.
@@ -135,7 +133,6 @@ def _trade_offs(front: Front, row: int) -> Values:
 COMPROMISE_IN_WORDS = "the point whose hardest-hit objective gives up the least, as a share of its range on the front"
 
 
-@check_call
 @dataclass(frozen=True, kw_only=True)
 class Compromise:
     """The compromise: the point whose hardest-hit objective gives up the least, as a share of its range.

@@ -16,13 +16,12 @@ from paretoik.front.front import Front
 from paretoik.front.points import Bound, bounds_by_axis, check_front, inside, merge_bounds, row_of, take
 from paretoik.front.preferences.compromise import Compromise, Knee, Point
 from paretoik.front.preferences.weights import Weights
-from paretoik.inputs import check_call, is_integer, likely_spelling, shown, user_function
+from paretoik.inputs import is_integer, likely_spelling, shown, user_function
 from paretoik.tables import html_representation
 
 # A preference by bounds, and by another preference that decides among the points within.
 
 
-@check_call
 @dataclass(frozen=True, init=False, eq=False)
 class Bounds:
     """Bounds of objectives, and a preference that chooses among the points within them.

@@ -15,13 +15,12 @@ from paretoik.front.choice import Choice, compare_neighbours, first_row, list_wo
 from paretoik.front.front import Front
 from paretoik.front.geometry import PREFERENCE_OPTIONS as OPTIONS
 from paretoik.front.points import check_front, check_known
-from paretoik.inputs import check_call, finite_number, likely_spelling, shown
+from paretoik.inputs import finite_number, likely_spelling, shown
 from paretoik.tables import html_representation
 
 # A lexicographic preference: the first objective decides, the second among equally good points, and so on.
 
 
-@check_call
 @dataclass(frozen=True, init=False, eq=False)
 class Lexicographic:
     """Objectives in the order of their importance, each with a tolerance around its best value.
@@ -123,7 +122,6 @@ def _step_in_words(front: Front, axis: int, best: float, tolerance: float, count
 # A preference by weights.
 
 
-@check_call
 @dataclass(frozen=True, init=False, eq=False)
 class Weights:
     """Weights of the objectives, by name; an objective that is not named has weight 0.
@@ -210,7 +208,6 @@ def _unreached(front: Front, row: int, unreached: list[int]) -> str:
 # A preference by weights that are not known exactly.
 
 
-@check_call
 @dataclass(frozen=True, init=False, eq=False)
 class Robust:
     """Weights that may each be wrong by a share ``uncertainty``; the largest regret is minimised.
