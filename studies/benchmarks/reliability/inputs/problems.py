@@ -17,7 +17,6 @@ from paretoik.loading import load_problem
 from problems import marcos_2012
 from studies.benchmarks.reliability.inputs.faults import Raising, RaisingText
 from studies.benchmarks.reliability.inputs.judging import Outcome
-from studies.benchmarks.reliability.inputs.messages import OPTIONS
 
 
 class Untold(Exception):  # noqa: N818
@@ -168,7 +167,7 @@ def _outcome(call: Callable[[], object]) -> Outcome:
         call()
     except ParetoikError as refusal:
         words = str(refusal)
-        good = words.isprintable() and 0 < len(words) <= OPTIONS.long
+        good = words.isprintable() and bool(words)
         return Outcome(verdict="good" if good else "poor", words=words)
     except BaseException as error:
         return Outcome(verdict="bad", words=cause_of(error))
