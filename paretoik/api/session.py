@@ -131,7 +131,7 @@ def _exit_of(interruption: Interruption) -> BaseException:
     """Return the exception that a signal would have raised if nobody had caught it."""
     if interruption.signal is None:  # another thread's
         return KeyboardInterrupt()
-    return KeyboardInterrupt() if interruption.signal == SIGINT else SystemExit(interruption.exit_code)
+    return KeyboardInterrupt() if interruption.signal == SIGINT else SystemExit(128 + interruption.signal)
 
 
 # The settings of a run that a user gives, shared by all ways of solving.

@@ -223,7 +223,7 @@ def c_function(signature: Any, *, what: str = "", seconds: float | None = None) 
         callback = CFunc(function, normalize_signature(signature), locals={}, options={"error_model": "numpy"})
         callback._cache = _cache(function, CompilationNotice(what=what or function.__name__, seconds=seconds))
         codegen = callback._targetdescr.target_context.codegen()
-        with _compiling(), compilation_unit(codegen, function.__qualname__):
+        with _compiling(function), compilation_unit(codegen, function.__qualname__):
             callback.compile()
         symbol = f"{function.__module__}.{function.__qualname__}"
         llvm.add_symbol(symbol, callback.address)
@@ -281,12 +281,13 @@ class _Entry(_Dispatcher):
 
     def compile(self, sig: Any) -> Any:
         """Return the machine code for a signature."""
-        with _compiling(), compilation_unit(self.targetctx.codegen(), self.py_func.__qualname__, level=self.level):
+        unit = compilation_unit(self.targetctx.codegen(), self.py_func.__qualname__, level=self.level)
+        with _compiling(self.py_func), unit:
             return super().compile(sig)
 
 
 @contextmanager
-def _compiling() -> Iterator[None]:
+def _compiling(function: Any) -> Iterator[None]:
     """Hold the compiler's lock, without garbage collections: they take up to a quarter of the time."""
     with global_compiler_lock:
         collects = gc.isenabled()
@@ -294,7 +295,7 @@ def _compiling() -> Iterator[None]:
         try:
             yield
         finally:
-            end_compilation()
+            end_compilation(f"{function.__module__}.{function.__qualname__}")
             if collects:
                 gc.enable()
 

@@ -11,7 +11,7 @@ import socket
 import time
 import uuid
 from collections import deque
-from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Iterator, Sequence
 from concurrent.futures import Future, wait
 from contextlib import suppress
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ from typing import Any
 
 from paretoik.errors import InvalidInput, SolverFailed, warn_user
 from paretoik.inputs import cause_of
-from paretoik.runs.cluster_task import Computed, Origin, Refused, Task, itself, run_task
+from paretoik.runs.cluster_task import Computed, Origin, Task, run_task
 from paretoik.runs.distribution import Function, Lost, Reply, pickled
 from paretoik.runs.machine import processor, software
 from paretoik.stop_flag import STOP, Interrupted
@@ -85,16 +85,10 @@ class Cluster:
 
     def description(self) -> dict[str, Any]:
         """Return who has computed, as an entry of `run.json`: machines and workers by make of processor."""
-        makes = sorted({origin.processor for origin in self.origins})
-        groups = [[origin for origin in self.origins if origin.processor == make] for make in makes]
-        machines = [
-            {
-                "processor": " ".join(group[0].processor),
-                "machines": len({origin.machine for origin in group}),
-                "workers": len(group),
-            }
-            for group in groups
-        ]
+        machines = []
+        for make in sorted({origin.processor for origin in self.origins}):
+            places = [origin.machine for origin in self.origins if origin.processor == make]
+            machines.append({"processor": " ".join(make), "machines": len(set(places)), "workers": len(places)})
         return {"by": "Dask cluster", "machines": machines}
 
     def close(self) -> None:
@@ -122,7 +116,7 @@ class Cluster:
         shared, content, future = self._shared
         if future is None or future.status in CANCELLED:
             key = f"paretoik-shared-{hashlib.sha256(content).hexdigest()}"
-            future = self.client.submit(itself, content, key=key)
+            future = self.client.submit(bytes, content, key=key)  # a task, so that workers that replace others get it
             self._shared = shared, content, future
         return future
 
@@ -237,8 +231,6 @@ class _Round:
         self.ended: SimpleQueue[Any] = SimpleQueue()
         self.answered, self.computed = 0, 0.0
         self.owners = 0  # number of threads when the shared object was last spread
-        self.patience = 5 * self.options.interval  # for a result that is on its way; it grows while none comes
-        self.late: Any = None  # the task whose result did not come in time
 
     def replies(self) -> Iterator[tuple[int, Reply]]:
         while self.answered < len(self.items):
@@ -246,16 +238,8 @@ class _Round:
                 raise Interrupted  # the scheduler drops futures that no client holds
             self.cluster.look()
             self._submit()
-            ended = self._wait()
-            results = self._gather(ended)
-            for future in ended:
-                if self.late is None:
-                    yield from self._received(future, results)
-                else:
-                    self.ended.put(future)
-            if self.late is not None:  # the others come first the next time
-                self.ended.put(self.late)
-                self.late = None
+            with suppress(Empty):
+                yield from self._received(self.ended.get(timeout=self.options.interval))
 
     def _submit(self) -> None:
         """Send tasks as far ahead as allowed; send suspects one by one when all others are done."""
@@ -283,36 +267,19 @@ class _Round:
         self.running[future] = places
         future.add_done_callback(self.ended.put)
 
-    def _wait(self) -> list[Any]:
-        """Return the tasks that have ended; none if none ends for a while."""
-        ended = list[Any]()
-        with suppress(Empty):
-            ended.append(self.ended.get(timeout=self.options.interval))
-            while True:
-                ended.append(self.ended.get_nowait())
-        return ended
-
-    def _gather(self, futures: Sequence[Any]) -> dict[Any, Any]:
-        """Return the results of tasks, fetched together to save round trips; none if one fails."""
-        finished = [future for future in futures if future.status == "finished"]
-        fetch = partial(self.cluster.client.gather, finished, asynchronous=True)
-        with suppress(Exception):  # each one is then fetched by itself
-            results = self.cluster.wait_for(fetch, self.patience) if len(finished) > 1 else ()
-            return dict(zip(finished, results, strict=False))
-        return {}
-
-    def _received(self, future: Any, results: Mapping[Any, Any]) -> Iterator[tuple[int, Reply]]:
+    def _received(self, future: Any) -> Iterator[tuple[int, Reply]]:
         """Yield the replies of a task that ended; if it has none, let others compute its items."""
         try:
-            result = results[future] if future in results else self.cluster.wait_for(future._result, self.patience)
+            result = self.cluster.wait_for(future._result, self.options.patience)
+        except TimeoutError:  # the worker with the result is busy, or gone and it is computed again
+            self.ended.put(future)
+            return
         except Exception as error:
             yield from self._failed(future, error)
             return
-        self.patience = 5 * self.options.interval
         del self.running[future]
-        if isinstance(result, Refused):
-            raise InvalidInput(f"cluster: on every worker {result.reason}")
-        assert isinstance(result, Computed)
+        if not isinstance(result, Computed):
+            raise InvalidInput(f"cluster: on every worker {result}")
         self.cluster.origins.add(result.origin)
         if result.origin.processor != processor():
             self.cluster.tell("workers have another make of processor: the run is reproducible to tolerance alone")
@@ -324,9 +291,6 @@ class _Round:
     def _failed(self, future: Any, error: Exception) -> Iterator[tuple[int, Reply]]:
         from distributed import KilledWorker
 
-        if isinstance(error, TimeoutError):  # the worker with the result is busy, or gone and it is computed again
-            self.patience, self.late = min(2 * self.patience, self.options.patience), future
-            return
         alone, places = len(self.running) == 1, self.running.pop(future)
         if future.status in CANCELLED:  # its scheduler is gone
             self.pending.extendleft(reversed(places))

@@ -53,12 +53,9 @@ def child_command(module: str, *arguments: str) -> list[str]:
 # Versions of packages, and features of the processor.
 
 
-PACKAGES = ("paretoik", "pymoo", "numpy", "scipy", "numba", "cvxpy", "clarabel")  # a result depends on their versions
-
-
 def versions() -> dict[str, str]:
     """Return the versions of the packages that a result depends on, by name."""
-    return {name: version(name) for name in PACKAGES}
+    return {name: version(name) for name in ("paretoik", "pymoo", "numpy", "scipy", "numba", "cvxpy", "clarabel")}
 
 
 @cache

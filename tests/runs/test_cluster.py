@@ -148,6 +148,7 @@ def frozen(process, seconds):
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:cluster. no answer")
 def test_a_scheduler_that_is_slow_to_answer_is_waited_for(tmp_path):
     options = replace(OPTIONS, watch=0.2, connection=1.0)
     slow = r"cluster: no answer from the scheduler at tcp://.*; one is waited for, 60 s at most"
