@@ -8,14 +8,13 @@ import platform
 import threading
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import cache
 from typing import Any, NamedTuple
 
 import cloudpickle
 
 from paretoik.runs.distribution import Reply, become_worker
-from paretoik.runs.machine import difference, processor, software
+from paretoik.runs.machine import processor, software
 from paretoik.runs.processes import WorkerProcesses
 from paretoik.runs.worker import compute
 
@@ -44,8 +43,7 @@ class Origin(NamedTuple):
     processor: tuple[str, ...]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Computed:
+class Computed(NamedTuple):
     """The replies to items by place, and their origin."""
 
     replies: Sequence[tuple[int, Reply]]
@@ -65,8 +63,9 @@ _LOCAL = _Local()
 
 def run_task(shared: bytes, task: Task) -> Computed | str:
     """Return the replies to the items of a task, or the reason why there are none: this worker has other versions."""
-    if reason := difference(task.software, software()):
-        return reason
+    for name, number in task.software.items():
+        if (here := software().get(name, "none")) != number:
+            return f"{name} must be {number}, got {here}"
     become_worker()
     _keep_memory()
     origin = Origin(platform.node(), os.getpid(), processor())

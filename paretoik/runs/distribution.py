@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache, partial
 from types import ModuleType
-from typing import Any, Protocol, TypeAlias, runtime_checkable
+from typing import Any, NamedTuple, Protocol, TypeAlias, runtime_checkable
 
 import cloudpickle
 
@@ -60,23 +60,20 @@ def _is_users_module(name: str) -> bool:
 TRIAL = 5.0  # s: time of waiting for workers after which it is known whether they pay
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Done:
+class Done(NamedTuple):
     """The value that a function returned, and how long it took [s]."""
 
     value: Any
     seconds: float
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Raised:
+class Raised(NamedTuple):
     """The error that a function raised."""
 
     error: Exception
 
 
-@dataclass(frozen=True, kw_only=True)
-class Lost:
+class Lost(NamedTuple):
     """An item without a result: every worker that tried it ended, or it took too long; ``cause`` says which."""
 
     cause: str
@@ -116,7 +113,7 @@ class _Account:
     computed: float = 0.0
     items: int = 0
     starting: bool = True  # workers start until the first reply, which takes longer than others
-    warned: bool = False
+    told: bool = False  # whether they pay
 
 
 _ACTIVE: list[_Account] = []  # at most one, like the journal
@@ -178,13 +175,12 @@ def distribute(
             account.items += begin is not None
             yield place, reply.value
         account.starting, begin = False, time.monotonic()
-    if account.waited >= TRIAL and account.computed < account.waited and not account.warned:
-        computed, waited = (1000 * seconds / max(account.items, 1) for seconds in (account.computed, account.waited))
-        warn_user(
-            f"workers: they do not pay here, a task takes {computed:.2g} ms to compute and {waited:.2g} ms with them; "
-            "the run is faster without"
-        )
-    account.warned = account.warned or account.waited >= TRIAL
+    if account.waited >= TRIAL and not account.told:
+        account.told = True
+        if account.computed < account.waited:
+            computed, waited = (1000 * each / max(account.items, 1) for each in (account.computed, account.waited))
+            text = f"workers: they do not pay here, a task takes {computed:.2g} ms to compute and {waited:.2g} ms with"
+            warn_user(f"{text} them; the run is faster without")
     if errors:
         raise errors[min(errors)]
 

@@ -52,10 +52,9 @@ def class_parts(kind: type) -> dict[str, object]:
         for each in fields(kind):
             default = each.default_factory if each.default is MISSING else each.default
             parts[f"field {each.name}"] = None if default is MISSING else default
-    hidden = _state_names(kind) | {"_abc_impl"}
     if issubclass(kind, Enum):
-        parts["members"] = {name: member.value for name, member in kind.__members__.items()}
-        hidden |= {name for name in vars(kind) if name in kind.__members__ or name[0] == name[-1] == "_"}
+        return parts | {"members": {name: member.value for name, member in kind.__members__.items()}}
+    hidden = _state_names(kind) | {"_abc_impl"}
     for name, value in vars(kind).items():
         slot = isinstance(value, MemberDescriptorType | GetSetDescriptorType)
         if not slot and name not in hidden and (not name.startswith("__") or _is_written(value)):
@@ -148,7 +147,6 @@ def _first_argument(node: Function) -> str:
 DECIMALS = 6  # of computed values [rad, m, shares]: processors differ in their last bits
 DEPTH = 100  # of nested values; deeper ones count by their type only, as Python's stack is limited
 EXACT = 2**53  # floats represent all integers up to this one
-GENERATORS = (np.random.Generator, np.random.RandomState, np.random.BitGenerator, random.Random)
 
 
 @dataclass(kw_only=True, eq=False)
@@ -161,6 +159,8 @@ class Digester:
 
     def digest(self, value: object) -> bytes:
         """Return the digest of a value."""
+        if isinstance(value, Enum):
+            return joined("enum", self.digest(type(value)), value.name.encode())
         if value is None or isinstance(value, bool | int | float | complex | str | bytes | np.generic):
             return self._plain(value)
         if id(value) in self.done:
@@ -180,8 +180,6 @@ class Digester:
     def _plain(self, value: Any) -> bytes:
         value = value.item() if isinstance(value, np.generic) else value
         match value:
-            case Enum():
-                return joined("enum", self.digest(type(value)), value.name.encode())
             case str():
                 return joined("text", value.encode(errors="surrogatepass"))
             case bytes():
@@ -207,21 +205,14 @@ class Digester:
                 return joined("sequence", *own, *map(self.digest, value))
             case PurePath():
                 return joined("path", value.name.encode(errors="surrogatepass"))  # its folder does not count
-            case Enum():
-                return joined("enum", *own, value.name.encode())
             case ModuleType():
                 return joined("module", value.__name__.encode())
-            case MethodType():
-                return joined("method", self.digest(value.__func__), self.digest(value.__self__))
             case type():
                 return joined("class", *self._named(class_parts(value)))
-            case property():
-                return joined("property", *map(self.digest, (value.fget, value.fset, value.fdel)))
-            case staticmethod() | classmethod():
-                return joined(type(value).__name__, self.digest(value.__func__))
-            case cached_property():
-                return joined("property", self.digest(value.func))
-        if isinstance(value, GENERATORS):
+            case MethodType() | property() | staticmethod() | classmethod() | cached_property():
+                names = "__func__", "__self__", "fget", "fset", "fdel", "func"
+                return joined(type(value).__name__, *(self.digest(getattr(value, name, None)) for name in names))
+        if isinstance(value, np.random.Generator | np.random.RandomState | np.random.BitGenerator | random.Random):
             return joined("chance", library_name(type(value)).encode())
         function = None if own else underlying(value)  # a user's object may contain more
         if function is not None:

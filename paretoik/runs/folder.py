@@ -8,7 +8,6 @@ import os
 import shutil
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
-from dataclasses import dataclass
 from pathlib import Path
 
 from paretoik.errors import InvalidInput, warn_user
@@ -61,14 +60,7 @@ def remove_run(folder: Path) -> None:
 # Disk space for a run's result, held by a file until the result is written: nothing else can fill it.
 
 
-@dataclass(frozen=True, kw_only=True)
-class SpaceOptions:
-    """How many ``bytes`` are held: 200 motions of 7 joints at 501 samples take 6 MB."""
-
-    bytes: int = 8 * 2**20
-
-
-OPTIONS = SpaceOptions()
+SPACE = 8 * 2**20  # bytes that are held: 200 motions of 7 joints at 501 samples take 6 MB
 
 
 class ReservedSpace:
@@ -88,13 +80,13 @@ class ReservedSpace:
                 with suppress(OSError):  # the folder of a resumed run has more in it
                     file.parent.rmdir()
                 run = file.parent.parent
-                wish = f"must have {OPTIONS.bytes / 2**20:g} MB of free disk for the result"
+                wish = f"must have {SPACE / 2**20:g} MB of free disk for the result"
                 raise InvalidInput(f"{run} {wish}, got {shutil.disk_usage(run).free / 2**20:.2g} MB") from None
 
     def take(self) -> None:
         """Hold the disk space; raises OSError if there is too little."""
         self._file.parent.mkdir(exist_ok=True)
-        self._file.write_bytes(bytes(OPTIONS.bytes))
+        self._file.write_bytes(bytes(SPACE))
 
     def release(self) -> None:
         """Free the disk space for the result."""
@@ -112,16 +104,10 @@ LOCK = ".lock"
 def claim_folder(folder: Path | str, *, overwrite: bool = False) -> Iterator[Path]:
     """Make `folder` if need be and lock it against every other writer while the body runs.
 
-    A folder that has a run with a result, or one to resume, is accepted with `overwrite` only. Once the body ends, in
-    whatever way, with the result of a new run there, the files of the former run are removed, and nothing else; without
-    a result they are as they were. If the process is killed meanwhile, the next one that claims or locks the folder
-    puts them back. The lock is the kernel's: it ends with the process (and those forked from it), however that ends.
-
-    Raises
-    ------
-    InvalidInput
-        The folder cannot be made, contains something that is no run, contains a run with a result or one to resume
-        while `overwrite` is false, or another process is writing into it.
+    Once the body ends with the result of a new run there, the files of the former run are removed, and nothing else;
+    without a result they are as they were. If the process is killed, the next one that locks the folder puts them back.
+    Raises InvalidInput if the folder cannot be made, has something that is no run, has a run with a result or one to
+    resume without `overwrite`, or if another process is writing into it.
     """
     place = Path(folder)
     with _refusal(place):

@@ -61,9 +61,6 @@ class Journal:
             raise
         self._synced = time.monotonic()
 
-    def __len__(self) -> int:
-        return len(self._places)
-
     @property
     def keys(self) -> Collection[bytes]:
         """The keys of all frames."""

@@ -25,7 +25,7 @@ from paretoik.runs.files import (
     unfinished_note,
     write_run,
 )
-from paretoik.runs.folder import LOCK, OPTIONS, ReservedSpace, claim_folder, lock_folder
+from paretoik.runs.folder import LOCK, SPACE, ReservedSpace, claim_folder, lock_folder
 from studies.benchmarks.reliability.full_disk import namespaces_can_mount
 
 HOLDER = """
@@ -225,13 +225,13 @@ ROOT = Path(__file__).parents[2]
 def test_room_is_on_the_disk_until_it_is_left(tmp_path):
     file = tmp_path / "checkpoint" / "reserve"
     room = ReservedSpace(file)
-    assert file.stat().st_size == OPTIONS.bytes
-    assert file.stat().st_blocks * 512 >= OPTIONS.bytes
+    assert file.stat().st_size == SPACE
+    assert file.stat().st_blocks * 512 >= SPACE
     room.release()
     room.release()
     assert not file.exists()
     room.take()
-    assert file.stat().st_size == OPTIONS.bytes
+    assert file.stat().st_size == SPACE
 
 
 def test_a_disk_without_room_is_refused_and_nothing_stays_on_it(tmp_path, monkeypatch):
