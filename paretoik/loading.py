@@ -85,7 +85,10 @@ def _import_module(place: str, what: str = "problem") -> ModuleType:
     if path.suffix == ".py":
         if not path.is_file():
             raise InvalidInput(f"{what} file {place} must be a file, got {missing_file(path)}")
-        root, dotted = _root_and_name(path.resolve())
+        parts, root = [path.stem], path.resolve().parent
+        while (root / "__init__.py").is_file():
+            parts, root = [root.name, *parts], root.parent
+        dotted = ".".join(parts)
     elif not all(part.isidentifier() for part in dotted.split(".")):
         raise InvalidInput(f"{what} file must be FILE.py or package.module, got {shown(place)}")
     if str(root) not in sys.path:
@@ -109,14 +112,6 @@ def _import_module(place: str, what: str = "problem") -> ModuleType:
     except BaseException as error:  # a user's file may raise anything
         file = str(path.resolve()) if path.suffix == ".py" else None
         raise InvalidInput(f"{what} file {place} must load, got {_summary(error, file)}") from error
-
-
-def _root_and_name(path: Path) -> tuple[Path, str]:
-    parts, folder = [path.stem], path.parent
-    while (folder / "__init__.py").is_file():
-        parts.append(folder.name)
-        folder = folder.parent
-    return folder, ".".join(reversed(parts))
 
 
 def _import_package(root: Path, name: str) -> None:
@@ -155,7 +150,11 @@ def _wish_and_fact(module: ModuleType, place: str, name: str) -> str:
 
 def _offers(module: ModuleType) -> dict[str, Any]:
     public = {name: value for name, value in vars(module).items() if not name.startswith("_")}
-    return {name: value for name, value in public.items() if _is_problem(value) or _makes_problem(value, module)}
+    return {
+        name: value
+        for name, value in public.items()
+        if _is_problem(value) or (_is_own_factory(value, module) and _returns_problem(value))
+    }
 
 
 def _unannotated(module: ModuleType) -> list[str]:
@@ -185,10 +184,6 @@ def _function_of(value: object) -> Callable[..., Any] | None:
     except BaseException:  # a user's object may answer anything, without end
         return None
     return function if inspect.isfunction(function) else None
-
-
-def _makes_problem(value: object, module: ModuleType) -> bool:
-    return _is_own_factory(value, module) and _returns_problem(value)
 
 
 def _returns_problem(value: Callable[..., Any]) -> bool:

@@ -41,6 +41,7 @@ def _solved_kinds() -> Iterator[str]:
 
     from paretoik.api.directional_maxima import directional_maxima
     from paretoik.api.epsilon_front import epsilon_front
+    from paretoik.api.plan import plan
     from paretoik.api.resolve import resolve
     from paretoik.api.solve import solve
     from paretoik.capability.actuation import kim_joint_motors
@@ -51,16 +52,24 @@ def _solved_kinds() -> Iterator[str]:
     from paretoik.resolution.methods import ConstrainedQP, PseudoInverse
     from paretoik.robot.arm import Arm
     from paretoik.robot.arms import kim_3r, marcos_nr, tringali_3r
+    from paretoik.robot.pose import Pose
     from paretoik.task.limits import Limits
     from paretoik.task.objectives import kinetic_energy, torque_norm
     from paretoik.task.obstacles import Circle, Sphere
     from paretoik.task.path import circle, line
 
-    few: dict[str, Any] = {"population": 8, "generations": 2, "observe": False}
+    few: dict[str, Any] = {"population": 8, "generations": 2, "points": 4, "observe": False}
     planar, across = tringali_3r(), line((0.4678, 0.0), (0.0983, 0.1526), duration=1.0, samples=11)
-    settings: dict[str, Any] = {"objectives": [kinetic_energy, torque_norm], "coefficients": 4, "bases": 2}
-    away = [Circle([1.5, 1.5], 0.1)]
-    tracking = Tracking(planar, across, limits=Limits(velocity=9.0), obstacles=away, link_radius=0.02, **settings)
+    coded: dict[str, Any] = {"coefficients": 4, "bases": 2}
+    tracking = Tracking(
+        planar,
+        across,
+        objectives=[kinetic_energy, torque_norm],
+        limits=Limits(velocity=9.0),
+        obstacles=[Circle([1.5, 1.5], 0.1)],
+        link_radius=0.02,
+        **coded,
+    )
     solve(tracking, refine=True, **few)
     yield "Tracking, planar"
 
@@ -80,12 +89,17 @@ def _solved_kinds() -> Iterator[str]:
         inertias=np.tile(0.01 * np.eye(3), (7, 1, 1)),
         position_limits=2.8,
     )
-    ahead = line([0.45, -0.05, 0.4], [0.45, 0.05, 0.4], duration=1.0, samples=9)
-    solve(
-        Tracking(spatial, ahead, obstacles=[Sphere([2.0, 0.0, 0.5], 0.1)], link_radius=0.02, **settings),
-        refine=True,
-        **few,
+    down = [Pose.from_rpy([0.45, y, 0.4], [np.pi, 0.0, 0.0]) for y in (-0.05, 0.05)]
+    reach = Tracking(
+        spatial,
+        line(*down, duration=1.0, samples=9),
+        objectives=[kinetic_energy],
+        obstacles=[Sphere([2.0, 0.0, 0.5], 0.1)],
+        link_radius=0.02,
+        **coded,
     )
+    solve(reach, **few)
+    plan(reach, starts=1, observe=False)
     yield "Tracking, spatial"
 
     around = circle((0.7, 0.0), 0.5, duration=0.01, samples=5, turns=0.011, timing="uniform")
@@ -97,7 +111,7 @@ def _solved_kinds() -> Iterator[str]:
     solve(DirectionalMaxima(arm, motors, [0.2, -0.15], np.eye(2), starts=8), **few)
     yield "DirectionalMaxima"
 
-    solve(PointToPoint(arm, motors, [0.1, -0.15], [0.2, -0.15], samples=7, coefficients=4, bases=2), refine=True, **few)
+    solve(PointToPoint(arm, motors, [0.1, -0.15], [0.2, -0.15], samples=7, **coded), refine=True, **few)
     yield "PointToPoint"
 
     start = front.motions[0].q[0]

@@ -4,6 +4,8 @@ A function under ``@compiled`` has two variants with the same bits: one that Pyt
 functions call, which has no wrappers and is not specialised by literal arguments. Each is compiled at its first call
 and cached on disk: in the package's folder, else in the user's, else in a temporary one. A function under
 ``@c_function`` is linked by its address: its callers do not optimise its code again.
+
+Several classes below subclass private ones of numba: pyproject.toml has the newest version that they were tested with.
 """
 
 from __future__ import annotations
