@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import count
 from math import inf
-from signal import SIGALRM
+from signal import SIGALRM, Signals
 from types import FrameType
 
 from paretoik import stop_flag
@@ -188,7 +188,7 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM)
 class Interruption:
     """The signal that asked a run to stop, if any."""
 
-    signal: signal.Signals | None = None
+    signal: Signals | None = None
 
 
 _ACTIVE: list[Interruption] = []  # at most one: signals belong to the process
@@ -250,7 +250,7 @@ def interruptible() -> Iterator[Interruption]:
     interruption, former = Interruption(), {which: signal.getsignal(which) for which in SIGNALS}
 
     def record(number: int, frame: FrameType | None) -> None:
-        interruption.signal = signal.Signals(number)
+        interruption.signal = Signals(number)
         STOP[0] = number
         restore()
 

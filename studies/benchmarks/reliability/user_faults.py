@@ -235,7 +235,6 @@ class Untold(Exception):
 RAISES = {
     "sys.exit(0)": "sys.exit(0)",
     "sys.exit()": "sys.exit()",
-    "KeyboardInterrupt": "raise KeyboardInterrupt",
     "GeneratorExit": "raise GeneratorExit",
     "BaseException": "raise Own('two\\nlines')",
     "no text": "raise Untold",
