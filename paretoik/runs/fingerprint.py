@@ -216,8 +216,8 @@ class Digester:
             return joined("chance", library_name(type(value)).encode())
         function = None if own else underlying(value)  # a user's object may contain more
         if function is not None:
-            parts = function_parts(function)
-            return joined("function", parts.code.encode(errors="surrogatepass"), *self._named(parts.values))
+            code, values = function_parts(function)
+            return joined("function", code.encode(errors="surrogatepass"), *self._named(values))
         if isinstance(value, BuiltinFunctionType | np.ufunc):
             return joined("function", library_name(value).encode())
         state, computed = object_state(value), getattr(type(value), "computed_attributes", ())

@@ -10,7 +10,6 @@ import linecache
 import sys
 import sysconfig
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import lru_cache
 from types import CodeType, FunctionType, ModuleType
 from typing import Any, TypeAlias
@@ -80,7 +79,9 @@ def syntax_of(function: FunctionType) -> Function | None:
     nodes = starts.get((code.co_name, code.co_firstlineno), []) if code in codes else []
     if len(nodes) > 1:  # lambdas in one line
         spans = set(code.co_positions())
-        nodes = [node for node in nodes if isinstance(node, ast.Lambda) and _span(node.body) in spans]
+        bodies = [node.body for node in nodes if isinstance(node, ast.Lambda)]
+        places = [(each.lineno, each.end_lineno, each.col_offset, each.end_col_offset) for each in bodies]
+        nodes = [node for node, place in zip(nodes, places, strict=False) if place in spans]
     return nodes[0] if len(nodes) == 1 else None
 
 
@@ -109,10 +110,6 @@ def nested_codes(code: CodeType) -> Iterator[CodeType]:
     for constant in code.co_consts:
         if isinstance(constant, CodeType):
             yield from nested_codes(constant)
-
-
-def _span(node: ast.expr) -> tuple[int, int | None, int, int | None]:
-    return node.lineno, node.end_lineno, node.col_offset, node.end_col_offset
 
 
 def _text(node: Function) -> str:
@@ -154,20 +151,15 @@ def _place(node: ast.expr) -> Place:
 # The parts of a function.
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class FunctionParts:
-    """A function's ``code`` as text, and by name the ``values`` that it was made with or finds when it runs."""
+def function_parts(function: FunctionType) -> tuple[str, dict[str, object]]:
+    """Return a function's code as text, and by name the values that it was made with or finds when it runs.
 
-    code: str
-    values: dict[str, object]
-
-
-def function_parts(function: FunctionType) -> FunctionParts:
-    """Return the parts of a function, without what it changes itself, such as its own cache."""
+    Values that it changes itself, such as its own cache, are left out.
+    """
     code, module_globals = function.__code__, function.__globals__
     if is_library(function.__module__, code.co_filename):
         bare = inspect.unwrap(function)  # type checks that a user has put around it do not count
-        return FunctionParts(code=library_name(bare), values=_closure(bare))
+        return library_name(bare), _closure(bare)
     node = syntax_of(function)
     written = set() if node is None else written_places(node)
     positional = code.co_varnames[: code.co_argcount]
@@ -187,7 +179,7 @@ def function_parts(function: FunctionType) -> FunctionParts:
         loaded &= {each.id for each in ast.walk(node) if isinstance(each, ast.Name)} - {name for name, _ in written}
     for name in loaded:
         values |= _reached(f"global {name}", module_globals[name], code)
-    return FunctionParts(code=_bytecode(code) if node is None else _text(node), values=values)
+    return _bytecode(code) if node is None else _text(node), values
 
 
 def _closure(function: FunctionType) -> dict[str, object]:
