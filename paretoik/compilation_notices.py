@@ -54,6 +54,22 @@ def announce(notice: CompilationNotice) -> None:
 _OBSERVERS: list[Observer] = [print_line]
 
 
+Listener = Callable[[str, float], object]  # takes the name of a compiled function, and how long that took [s]
+
+
+@contextmanager
+def list_compiled(listener: Listener) -> Iterator[None]:
+    """Tell ``listener`` of every function that the body compiles, as soon as it is compiled."""
+    _LISTENERS.append(listener)
+    try:
+        yield
+    finally:
+        _LISTENERS.remove(listener)
+
+
+_LISTENERS: list[Listener] = []
+
+
 _TIME: list[tuple[float, float | None]] = [(0.0, None)]
 """Seconds of finished compilations, and the start of the present one: one pair, as other threads read both."""
 
@@ -65,11 +81,14 @@ def begin_compilation() -> None:
         _TIME[0] = seconds, time.monotonic()
 
 
-def end_compilation() -> None:
-    """Start the clock again if a compilation is under way."""
+def end_compilation(what: str = "") -> None:
+    """Start the clock again if a compilation is under way, and tell that ``what`` is compiled."""
     seconds, since = _TIME[0]
-    if since is not None:
-        _TIME[0] = seconds + time.monotonic() - since, None
+    if since is None:
+        return
+    _TIME[0] = seconds + time.monotonic() - since, None
+    for listener in _LISTENERS:
+        listener(what, _TIME[0][0] - seconds)
 
 
 def computing_clock() -> float:

@@ -6,8 +6,6 @@ whatever its own text is.
 
 from __future__ import annotations
 
-import functools
-import inspect
 import os
 import signal
 import threading
@@ -15,33 +13,24 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from difflib import get_close_matches
-from dis import opmap
 from functools import partial
 from numbers import Integral
 from os import PathLike
 from pathlib import Path
 from reprlib import Repr
 from types import FrameType, UnionType
-from typing import TYPE_CHECKING, Any, SupportsInt, TypeGuard, TypeVar
+from typing import TYPE_CHECKING, Any, SupportsInt, TypeGuard
 
 import numpy as np
 
 from paretoik.arrays import Objectives
 from paretoik.compilation_notices import computing_clock
 from paretoik.errors import EvaluationFailed, InvalidInput, ParetoikError, warn_user
-from paretoik.stop_flag import Interrupted
 
 # Functions of users, which may raise anything: the error becomes one line with their name.
 
 
-@dataclass(frozen=True, kw_only=True)
-class OddObjectiveOptions:
-    """Values may differ by a share ``rounding`` when they are computed again, in another batch."""
-
-    rounding: float = 1e-6
-
-
-GUARD_OPTIONS = OddObjectiveOptions()
+ROUNDING = 1e-6  # share by which values may differ when they are computed again, in another batch
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,11 +66,9 @@ def user_function(name: str, failure: type[ParetoikError] = EvaluationFailed) ->
     """
     try:
         yield
-    except ParetoikError:
+    except (ParetoikError, KeyboardInterrupt):
         raise
     except BaseException as error:
-        if is_ctrl_c(error):
-            raise
         raise failure(f"{name} raised {cause_of(error)}") from error
 
 
@@ -158,21 +145,6 @@ def limited_call(name: str, *, loads: bool = False) -> Iterator[None]:
         raise late.limit.failure(name) from None
 
 
-def is_ctrl_c(error: BaseException) -> bool:
-    """Return whether an error is a KeyboardInterrupt after a signal, not one that a user's code raised by itself."""
-    handler: Any = signal.getsignal(signal.SIGINT)
-    while isinstance(handler, partial):
-        handler = handler.func
-    code, trace = getattr(handler, "__code__", None), error.__traceback__
-    while trace is not None and trace.tb_next is not None:
-        trace = trace.tb_next
-        if code is not None and trace.tb_frame.f_code is code:  # a handler in Python, as in asyncio
-            return True
-    if isinstance(error, Interrupted) or not isinstance(error, KeyboardInterrupt) or trace is None:
-        return isinstance(error, Interrupted)
-    return trace.tb_frame.f_code.co_code[trace.tb_lasti] != opmap["RAISE_VARARGS"]
-
-
 def attribute_of(value: object, name: str, default: object = None) -> Any:
     """Return an attribute of a user's object, the default if it has none or raises."""
     try:
@@ -196,29 +168,25 @@ def warn_of_odd_objectives(names: Sequence[str], values: Objectives, again: Obje
 
     ``values`` are in the user's own sign, ``again`` are those of the first arguments, computed once more.
     """
-    for name, column, repeated in zip(names, values.T, again.T, strict=True):
+    for place, (name, column, repeated) in enumerate(zip(names, values.T, again.T, strict=True)):
         first = column[: len(repeated)]
-        differ = ~np.isclose(first, repeated, rtol=GUARD_OPTIONS.rounding, atol=0, equal_nan=True)
+        differ = ~np.isclose(first, repeated, rtol=ROUNDING, atol=0, equal_nan=True)
         finite = column[np.isfinite(column)]
+        whole = np.isfinite(values).all(axis=1)
         if differ.any():
             text = f"must have one value for one argument, got {first[differ][0]:.6g} and then "
             text += f"{repeated[differ][0]:.6g}: results that use it are random"
         elif len(finite) > 1 and np.ptp(finite) == 0:
             text = f"must vary, got {finite[0]:.6g} for each of the first {len(finite)}: it may be constant"
+        elif whole.sum() > 1:
+            same = np.isclose(values[whole, :place], column[whole, None], rtol=ROUNDING, atol=0).all(axis=0)
+            if not same.any():
+                continue
+            text = f"must have other values than {names[int(same.argmax())]}, got the same for each of the first "
+            text += f"{whole.sum()}: it may be a duplicate"
         else:
-            text = _duplicate(names, values, names.index(name))
-        if text:
-            warn_user(f"objective {name} {text}")
-
-
-def _duplicate(names: Sequence[str], values: Objectives, column: int) -> str:
-    """Return which objective before one has the same values, "" if none."""
-    finite = np.isfinite(values).all(axis=1)
-    for before in range(column if finite.sum() > 1 else 0):
-        if np.allclose(values[finite, before], values[finite, column], rtol=GUARD_OPTIONS.rounding, atol=0):
-            text = f"must have other values than {names[before]}, got the same for each of the first"
-            return f"{text} {finite.sum()}: it may be a duplicate"
-    return ""
+            continue
+        warn_user(f"objective {name} {text}")
 
 
 # Checks of numbers, arrays, text, names, paths and functions.
@@ -237,7 +205,7 @@ class InputOptions:
     largest_count, largest_seed: larger counts do not fit any memory; NumPy itself draws seeds of this size
     largest_quantity: of quantities in SI units; positive ones are at least its inverse, so that squares and quotients
         remain finite
-    shown, items: most characters of a value and most items of a list in a message
+    shown, items: most characters of a text and most items of a list in a message
     longest_name: most bytes of a name that file systems accept
     turned: larger angles [rad], more than two turns, are probably degrees: no joint of a robot on sale turns further
     largest_angle: numbers cannot tell larger angles [rad] apart to 1e-9 rad
@@ -265,12 +233,7 @@ def shown(value: object) -> str:
         text = _REPR.repr(value)
     except BaseException:  # an integer of more digits than Python writes, or an object whose text raises an error
         text = f"a {type(value).__name__}"
-    return clipped(" ".join(text.split()))
-
-
-def clipped(text: str) -> str:
-    """Return a text as an error shows it: only its beginning if it is long."""
-    return text if len(text) <= OPTIONS.shown else f"{text[: OPTIONS.shown]}..."
+    return " ".join(text.split())
 
 
 def listed(names: Iterable[str]) -> str:
@@ -453,7 +416,8 @@ def check_instance(
 ) -> None:
     """Raise InvalidInput unless ``value`` is of a ``kind``; ``wish`` is its name, with an ``example``."""
     if not isinstance(value, kind):
-        raise InvalidInput(f"{name} must be {wish}{_such_as(example)}, got {shown(value)}")
+        such_as = f", such as {example}" if example else ""
+        raise InvalidInput(f"{name} must be {wish}{such_as}, got {shown(value)}")
 
 
 def read_list(name: str, value: object, kind: type | UnionType | tuple[type, ...], wish: str) -> tuple[Any, ...]:
@@ -476,90 +440,9 @@ def read_list(name: str, value: object, kind: type | UnionType | tuple[type, ...
 
 def check_mapping(name: str, value: object, wish: str, *, example: str = "") -> None:
     """Raise InvalidInput unless ``value`` is a mapping with text as keys; ``wish`` names its content."""
+    such_as = f", such as {example}" if example else ""
     if not isinstance(value, Mapping):
-        raise InvalidInput(f"{name} must be {wish}{_such_as(example)}, got {shown(value)}")
-    strange = [key for key in value if not isinstance(key, str)]
-    if strange:
-        raise InvalidInput(f"{name} must be {wish}{_such_as(example)}, got the key {shown(strange[0])}")
-
-
-def _such_as(example: str) -> str:
-    return f", such as {example}" if example else ""
-
-
-# Calls by users: an unknown, missing or extra argument is refused in one line.
-#
-# Python's own TypeError says less; here the message also suggests the right name for a misspelt one.
-
-
-Callee = TypeVar("Callee", bound=Callable[..., Any])
-
-
-def check_call(callee: Callee) -> Callee:
-    """Return a function, or a class with its public methods, that refuses calls that do not fit its signature.
-
-    These calls raise InvalidInput before anything is done; a call that fits costs nothing more.
-    """
-    if not inspect.isclass(callee):
-        return _checked(callee)  # type: ignore[return-value]
-    for name, member in list(vars(callee).items()):
-        if name != "__init__" and name.startswith("_"):
-            continue
-        if isinstance(member, classmethod | staticmethod):
-            setattr(callee, name, type(member)(_checked(member.__func__)))
-        elif inspect.isfunction(member):
-            setattr(callee, name, _checked(member))
-    return callee
-
-
-def _checked(function: Callable[..., Any]) -> Callable[..., Any]:
-    @functools.wraps(function)
-    def call(*arguments: Any, **named: Any) -> Any:
-        try:
-            return function(*arguments, **named)
-        except TypeError:
-            fault = _fault(function, arguments, named)
-            if not fault:  # the function itself raised it
-                raise
-        raise InvalidInput(f"{function.__qualname__.removesuffix('.__init__')}: {fault}")
-
-    return call
-
-
-def _fault(function: Callable[..., Any], arguments: tuple[Any, ...], named: Mapping[str, Any]) -> str:
-    """Return what does not fit a signature, "" if the call fits."""
-    signature = inspect.signature(function)
-    parameters = signature.parameters.values()
-    try:
-        signature.bind(*arguments, **named)
-    except TypeError:
-        pass
-    else:
-        return ""
-    names = [each.name for each in parameters if each.kind in (each.POSITIONAL_OR_KEYWORD, each.KEYWORD_ONLY)]
-    names = [name for name in names if name not in ("self", "cls")]
-    if not any(each.kind is each.VAR_KEYWORD for each in parameters):
-        for name in named.keys() - set(names):
-            return f"{_wish(names)}, got {shown(name)}{likely_spelling(name, names)}"
-    positional = [each for each in parameters if each.kind in (each.POSITIONAL_ONLY, each.POSITIONAL_OR_KEYWORD)]
-    own = sum(each.name in ("self", "cls") for each in positional[:1])
-    if len(arguments) > len(positional) and not any(each.kind is each.VAR_POSITIONAL for each in parameters):
-        wish = f"at most {len(positional) - own} by place" if len(positional) > own else "all by name"
-        return f"arguments must be {wish}, got {len(arguments) - own} by place"
-    for each in positional[: len(arguments)]:
-        if each.name in named:
-            return f"{each.name} must be given once, got it by place and by name"
-    missing = [
-        each.name
-        for each in parameters
-        if each.default is each.empty
-        and each not in positional[: len(arguments)]
-        and each.name not in named
-        and each.kind not in (each.VAR_POSITIONAL, each.VAR_KEYWORD)
-    ]
-    return f"{listed(missing)} must be given, got none"
-
-
-def _wish(names: Iterable[str]) -> str:
-    every = list(names)
-    return f"arguments must be among {listed(every)}" if every else "arguments must be none"
+        raise InvalidInput(f"{name} must be {wish}{such_as}, got {shown(value)}")
+    for key in value:
+        if not isinstance(key, str):
+            raise InvalidInput(f"{name} must be {wish}{such_as}, got the key {shown(key)}")

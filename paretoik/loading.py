@@ -13,10 +13,8 @@ from types import ModuleType
 from typing import Any, TypeGuard
 
 from paretoik.errors import InvalidInput, ParetoikError
-from paretoik.inputs import attribute_of, cause_of, is_ctrl_c, is_integer, likely_spelling, limited_call, listed, shown
+from paretoik.inputs import attribute_of, cause_of, is_integer, likely_spelling, limited_call, listed, shown
 from paretoik.paths import missing_file, shell_command
-
-LONGEST = 200  # characters of a reference that is shown whole
 
 
 def load_problem(reference: str) -> Any:
@@ -39,11 +37,11 @@ def load_problem(reference: str) -> Any:
     module = _import_module(place)
     value = attribute_of(module, name)
     if value is None:
-        raise InvalidInput(f"problem {_quoted(reference)} must be {_wish_and_fact(module, place, name)}")
+        raise InvalidInput(f"problem {reference!r} must be {_wish_and_fact(module, place, name)}")
     problem = _call(value, module, reference) if _is_factory(value, module) else value
     if not _is_problem(problem):
         raise InvalidInput(
-            f"problem {_quoted(reference)} must be a pymoo problem or a function that returns one, got {shown(problem)}"
+            f"problem {reference!r} must be a pymoo problem or a function that returns one, got {shown(problem)}"
         )
     return problem
 
@@ -58,7 +56,7 @@ def load_value(what: str, reference: str) -> Any:
     if not hasattr(module, name):
         names = [each for each in vars(module) if not each.startswith("_")]
         raise InvalidInput(
-            f"{what} {_quoted(reference)} must be a name of {place}, got {shown(name)}{likely_spelling(name, names)}"
+            f"{what} {reference!r} must be a name of {place}, got {shown(name)}{likely_spelling(name, names)}"
         )
     return getattr(module, name)
 
@@ -87,7 +85,10 @@ def _import_module(place: str, what: str = "problem") -> ModuleType:
     if path.suffix == ".py":
         if not path.is_file():
             raise InvalidInput(f"{what} file {place} must be a file, got {missing_file(path)}")
-        root, dotted = _root_and_name(path.resolve())
+        parts, root = [path.stem], path.resolve().parent
+        while (root / "__init__.py").is_file():
+            parts, root = [root.name, *parts], root.parent
+        dotted = ".".join(parts)
     elif not all(part.isidentifier() for part in dotted.split(".")):
         raise InvalidInput(f"{what} file must be FILE.py or package.module, got {shown(place)}")
     if str(root) not in sys.path:
@@ -98,7 +99,7 @@ def _import_module(place: str, what: str = "problem") -> ModuleType:
             if path.suffix == ".py":
                 _import_package(root, dotted.partition(".")[0])
             return importlib.import_module(dotted)
-    except ParetoikError:
+    except (ParetoikError, KeyboardInterrupt):
         raise
     except ModuleNotFoundError as error:
         missing = str(error.name)
@@ -109,24 +110,8 @@ def _import_module(place: str, what: str = "problem") -> ModuleType:
             ) from error
         raise InvalidInput(f"{what} file {place} must load, got no module {missing!r} installed") from error
     except BaseException as error:  # a user's file may raise anything
-        if is_ctrl_c(error):
-            raise
         file = str(path.resolve()) if path.suffix == ".py" else None
         raise InvalidInput(f"{what} file {place} must load, got {_summary(error, file)}") from error
-
-
-def _root_and_name(path: Path) -> tuple[Path, str]:
-    parts, folder = [path.stem], path.parent
-    while (folder / "__init__.py").is_file():
-        parts.append(folder.name)
-        folder = folder.parent
-    return folder, ".".join(reversed(parts))
-
-
-def _quoted(reference: str) -> str:
-    """Return a reference as an error shows it: whole if it is as short as a path, so that it can be typed again."""
-    quoted = repr(reference)
-    return quoted if len(quoted) <= LONGEST else shown(reference)
 
 
 def _import_package(root: Path, name: str) -> None:
@@ -165,7 +150,11 @@ def _wish_and_fact(module: ModuleType, place: str, name: str) -> str:
 
 def _offers(module: ModuleType) -> dict[str, Any]:
     public = {name: value for name, value in vars(module).items() if not name.startswith("_")}
-    return {name: value for name, value in public.items() if _is_problem(value) or _makes_problem(value, module)}
+    return {
+        name: value
+        for name, value in public.items()
+        if _is_problem(value) or (_is_own_factory(value, module) and _returns_problem(value))
+    }
 
 
 def _unannotated(module: ModuleType) -> list[str]:
@@ -197,10 +186,6 @@ def _function_of(value: object) -> Callable[..., Any] | None:
     return function if inspect.isfunction(function) else None
 
 
-def _makes_problem(value: object, module: ModuleType) -> bool:
-    return _is_own_factory(value, module) and _returns_problem(value)
-
-
 def _returns_problem(value: Callable[..., Any]) -> bool:
     try:
         returned = inspect.signature(value, eval_str=True).return_annotation
@@ -219,19 +204,16 @@ def _call(function: Any, module: ModuleType, reference: str) -> Any:
     required = _required_arguments(function)
     if required:
         raise InvalidInput(
-            f"problem {_quoted(reference)} must be a function without arguments, got one that needs "
-            f"{', '.join(required)}"
+            f"problem {reference!r} must be a function without arguments, got one that needs {', '.join(required)}"
         )
     try:
-        with limited_call(f"problem {_quoted(reference)}", loads=True):
+        with limited_call(f"problem {reference!r}", loads=True):
             return function()
-    except ParetoikError:
+    except (ParetoikError, KeyboardInterrupt):
         raise
     except BaseException as error:  # a user's function may raise anything
-        if is_ctrl_c(error):
-            raise
         summary = _summary(error, getattr(module, "__file__", None))
-        raise InvalidInput(f"problem {_quoted(reference)} must be built without error, got {summary}") from error
+        raise InvalidInput(f"problem {reference!r} must be built without error, got {summary}") from error
 
 
 def _required_arguments(function: Any) -> list[str]:

@@ -44,7 +44,10 @@ def html_table(rows: Rows, *, caption: str = "") -> str:
     >>> html_table([["a", "b"], ["1 < 2", ""]])
     '<table><thead><tr><th>a</th><th>b</th></tr></thead><tbody><tr><td>1 &lt; 2</td><td></td></tr></tbody></table>'
     """
-    head, *body = ["".join(f"<{kind}>{escape(cell)}</{kind}>" for cell in row) for kind, row in _kinds(rows)]
+    kinds = ["th", *["td"] * (len(rows) - 1)]
+    head, *body = [
+        "".join(f"<{kind}>{escape(cell)}</{kind}>" for cell in row) for kind, row in zip(kinds, rows, strict=True)
+    ]
     lines = "".join(f"<tr>{line}</tr>" for line in body)
     title = f"<caption>{escape(caption)}</caption>" if caption else ""
     return f"<table>{title}<thead><tr>{head}</tr></thead><tbody>{lines}</tbody></table>"
@@ -58,10 +61,6 @@ def html_text(text: str) -> str:
 def html_representation(item: object) -> str:
     """Return an item's text as a notebook shows it."""
     return html_text(repr(item))
-
-
-def _kinds(rows: Rows) -> list[tuple[str, Sequence[str]]]:
-    return [("th" if place == 0 else "td", row) for place, row in enumerate(rows)]
 
 
 def fit_screen(text: str) -> str:
@@ -143,11 +142,4 @@ def _wrap(line: str, width: int) -> list[str]:
         return [line]
     label = re.match(r"\s*\S+\s{2,}|\s*", line)
     indent = " " * min(label.end() if label is not None else 0, width // 2)
-    return textwrap.wrap(
-        line,
-        width,
-        subsequent_indent=indent,
-        break_on_hyphens=False,
-        drop_whitespace=True,
-        replace_whitespace=False,
-    )
+    return textwrap.wrap(line, width, subsequent_indent=indent, break_on_hyphens=False, replace_whitespace=False)

@@ -9,11 +9,10 @@ from pathlib import Path
 from paretoik.front.comparison import Comparison
 from paretoik.front.front import Front
 from paretoik.front.points import attach
-from paretoik.inputs import check_call, file_path, read_list
+from paretoik.inputs import file_path, read_list
 from paretoik.runs.executor import computed_text
 
 
-@check_call
 def compare(*fronts: Front | Path | str, labels: Sequence[str] | None = None) -> Comparison:
     """Compare fronts or run folders by hypervolume, coverage, additive epsilon and attainment.
 

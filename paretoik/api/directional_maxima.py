@@ -15,7 +15,7 @@ from paretoik.capability.actuation import Actuation
 from paretoik.capability.directional import DirectionalQuery, PerformancePolygon, directional_query, performance_polygon
 from paretoik.capability.joint_capability import Quantity
 from paretoik.front.storage import array_bytes
-from paretoik.inputs import check_call, check_flag
+from paretoik.inputs import check_flag
 from paretoik.review.recording.messages import MaximaScene, maxima_end, workcell_of
 from paretoik.robot.arm import Arm
 from paretoik.runs.files import DRAWING, POLYGON, write_result
@@ -79,7 +79,6 @@ def review_polygon(polygon: PerformancePolygon, provenance: Mapping[str, Any], s
 # The verb that finds directional maxima.
 
 
-@check_call
 def directional_maxima(
     arm: Arm,
     actuation: Actuation,

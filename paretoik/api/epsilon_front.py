@@ -21,7 +21,7 @@ from paretoik.formulations.protocol import Differentiable, require_program
 from paretoik.front.front import Front
 from paretoik.front.indicators import HypervolumeCurve
 from paretoik.front.preferences.compromise import marked_rows
-from paretoik.inputs import check_call, check_count, check_flag, check_seed, check_size
+from paretoik.inputs import check_count, check_flag, check_seed, check_size
 from paretoik.nlp.minimise import check_solver
 from paretoik.nlp.program import Solver
 from paretoik.pareto.epsilon import epsilon_points
@@ -147,7 +147,6 @@ class SweepDisplay:
 # The verb that finds a front by ε-constraints.
 
 
-@check_call
 def epsilon_front(
     problem: Any,
     *,

@@ -10,7 +10,7 @@ from typing import Any
 
 from paretoik.errors import InvalidInput
 from paretoik.front.front import Choice
-from paretoik.inputs import check_call, check_flag, check_mapping, file_path, positive_number, shown
+from paretoik.inputs import check_flag, check_mapping, file_path, positive_number, shown
 from paretoik.joint_trajectory.controllers import Controller, find_controller
 from paretoik.joint_trajectory.fitting import LimitUse, fit_motion
 from paretoik.joint_trajectory.formats import Format, check_bag, find_format, write_trajectory
@@ -21,7 +21,6 @@ from paretoik.task.motion import Motion
 MADE = ("made by", "arm", "controller", "controller rate", "rate", "time_scale", "ramp", "use of limits")
 
 
-@check_call
 def export(
     motion: Choice | Motion,
     file: str | Path,

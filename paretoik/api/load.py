@@ -13,7 +13,7 @@ from paretoik.formulations.motions import motions_of_task, restore_motions
 from paretoik.formulations.protocol import at_samples_of, timeline
 from paretoik.front.front import Front
 from paretoik.front.points import attach
-from paretoik.inputs import CALLS, check_call, file_path, shown
+from paretoik.inputs import CALLS, file_path, shown
 from paretoik.loading import load_problem
 from paretoik.paths import shell_command
 from paretoik.runs.files import MOTIONS, problem_words
@@ -66,7 +66,6 @@ def check_problem_argument(problem: object) -> None:
 # The plan of a run.
 
 
-@check_call
 def load_plan(folder: str | Path, problem: Any = None) -> Plan:
     """Return the plan of a run folder.
 
@@ -144,7 +143,6 @@ def _starts(run: Mapping[str, Any]) -> int:
 # The front of a run.
 
 
-@check_call
 def load_front(folder: str | Path, problem: Any = None) -> Front:
     """Return the front of a run folder.
 

@@ -14,7 +14,7 @@ from paretoik.api.progress import Observer, count_observer
 from paretoik.api.result import infeasible_recorded, limit_words, save_plan
 from paretoik.api.session import RunSession, Subject, computing, run_session
 from paretoik.formulations.protocol import require_plan
-from paretoik.inputs import check_call, check_count, check_flag, check_seed
+from paretoik.inputs import check_count, check_flag, check_seed
 from paretoik.nlp.minimise import check_solver
 from paretoik.nlp.program import Solver, check_solver_name
 from paretoik.review.palette import objective_label
@@ -140,7 +140,6 @@ def _plan_end(plan: Plan) -> PlanEnd:
 # The verb that plans one objective.
 
 
-@check_call
 def plan(
     problem: Any,
     *,

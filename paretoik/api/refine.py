@@ -24,7 +24,7 @@ from paretoik.front.front import Front
 from paretoik.front.indicators import HypervolumeCurve, ranges_of
 from paretoik.front.points import ADDED_SAMPLES, SOLVERS
 from paretoik.front.preferences.compromise import marked_rows
-from paretoik.inputs import check_call, check_flag, file_path, shown
+from paretoik.inputs import check_flag, file_path, shown
 from paretoik.nlp.minimise import check_solver
 from paretoik.nlp.program import Solver
 from paretoik.pareto.placement import POINT_TOLERANCE, front_rows
@@ -125,7 +125,6 @@ class RefinementOptions:
 OPTIONS = RefinementOptions()
 
 
-@check_call
 def refine(
     front: Front,
     problem: Any = None,

@@ -16,7 +16,7 @@ from paretoik.front.certificates import certificate_text
 from paretoik.front.choice import list_words
 from paretoik.front.front import Front
 from paretoik.front.points import StoredMotions, attach, confirmation_text
-from paretoik.inputs import check_call, check_flag, file_path, shown
+from paretoik.inputs import check_flag, file_path, shown
 from paretoik.paths import shell_command
 from paretoik.review.report import Report, Steps
 from paretoik.review.words import describe_limits_between
@@ -35,7 +35,6 @@ from paretoik.runs.files import (
 STEP_PARTS = ("chosen", "best", "worst")  # columns of a closed loop's table of steps
 
 
-@check_call
 def report(
     front: Front | Path | str, file: Path | str | None = None, *, overwrite: bool = False, problem: Any = None
 ) -> Path:

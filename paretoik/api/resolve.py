@@ -16,7 +16,7 @@ from paretoik.api.session import RunSession, Subject, run_session
 from paretoik.errors import Infeasible
 from paretoik.front.points import StoredJoints, StoredMotions
 from paretoik.front.storage import array_bytes, motion_arrays
-from paretoik.inputs import check_call, check_flag
+from paretoik.inputs import check_flag
 from paretoik.resolution.follow import TRACKING_TOLERANCE
 from paretoik.resolution.protocol import Criterion, Method, ResolvedMotion
 from paretoik.resolution.resolve import Resolution, Unreachable, resolution_of
@@ -148,7 +148,6 @@ def review_resolution(motion: ResolvedMotion, resolution: Resolution, session: R
 # The verb that resolves one motion along a path.
 
 
-@check_call
 def resolve(
     arm: Arm,
     path: Path | Task | Sequence[Path | Task],

@@ -24,7 +24,7 @@ from paretoik.formulations.protocol import at_samples_of, timeline
 from paretoik.front.front import Front
 from paretoik.front.points import attach
 from paretoik.front.preferences.weights import Weights
-from paretoik.inputs import check_call, check_count, check_flag, check_function, file_path
+from paretoik.inputs import check_count, check_flag, check_function, file_path
 from paretoik.runs.executor import check_workers
 from paretoik.runs.files import CHECKPOINT, FINISHED, JOURNAL, RUN, can_resume, check_digest, read_run
 from paretoik.runs.fingerprint import check_fingerprint
@@ -40,7 +40,6 @@ ENDINGS = {"evaluations": None, "target": None, "stagnation": False}  # endings 
 OF_LOOP = {"weights", "warm_start"}  # settings of a closed loop's run that belong to the problem
 
 
-@check_call
 def resume(
     folder: str | Path,
     problem: Any = None,

@@ -131,7 +131,7 @@ def _exit_of(interruption: Interruption) -> BaseException:
     """Return the exception that a signal would have raised if nobody had caught it."""
     if interruption.signal is None:  # another thread's
         return KeyboardInterrupt()
-    return KeyboardInterrupt() if interruption.signal == SIGINT else SystemExit(interruption.exit_code)
+    return KeyboardInterrupt() if interruption.signal == SIGINT else SystemExit(128 + interruption.signal)
 
 
 # The settings of a run that a user gives, shared by all ways of solving.
@@ -479,7 +479,8 @@ def _save_source(front: Front, folder: Path) -> None:
     """Save the front that a run begins with, and its folder, from which a stopped run is resumed."""
     run = {} if front.folder is None else {"run": str(front.folder)}
     files = front_files(replace(front, provenance={**front.provenance, **run}))
-    with only_writer(folder, *SOURCE) as source:
+    source = folder.joinpath(*SOURCE)
+    with only_writer(source):
         replace_files(source, files)
 
 

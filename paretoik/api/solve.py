@@ -13,7 +13,7 @@ from paretoik.api.session import SolveSettings, Subject, run_session
 from paretoik.arrays import Genes
 from paretoik.formulations.protocol import timeline
 from paretoik.front.front import Front
-from paretoik.inputs import check_call, check_flag
+from paretoik.inputs import check_flag
 from paretoik.nlp.program import Solver
 from paretoik.runs.interruption import limited_evaluations
 from paretoik.task.motion import Motion
@@ -24,7 +24,6 @@ RUNS: dict[str, type[FrontSearch] | type[LoopRun]] = {
 }  # ways of solving, by what their runs count
 
 
-@check_call
 def solve(
     problem: Any,
     *,

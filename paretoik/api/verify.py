@@ -9,7 +9,7 @@ from paretoik.api.load import check_problem_argument, how_to_name, named_problem
 from paretoik.api.progress import Observer, count_observer, open_observer
 from paretoik.errors import InvalidInput
 from paretoik.formulations.protocol import at_samples_of
-from paretoik.inputs import check_call, file_path
+from paretoik.inputs import file_path
 from paretoik.runs.file_replacement import without_writers
 from paretoik.runs.fingerprint import fingerprint
 
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from paretoik.verification.run_contents import Verification
 
 
-@check_call
 def verify(folder: str | Path, problem: Any = None, *, observe: Observer | bool | None = None) -> Verification:
     """Check the folder of a run again; return one row per check.
 

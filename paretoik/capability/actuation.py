@@ -16,7 +16,7 @@ from jaxtyping import Float
 from paretoik.arrays import Joints, read_only
 from paretoik.capability import actuator_kernels as actuators
 from paretoik.errors import InvalidInput
-from paretoik.inputs import check_call, check_choice, check_instance, finite_array, finite_number, real_array, shown
+from paretoik.inputs import check_choice, check_instance, finite_array, finite_number, real_array, shown
 from paretoik.robot.arm import Arm
 from paretoik.tables import field_representation, html_representation
 
@@ -28,7 +28,6 @@ MotorShape = Literal["diamond", "strip", "box"]
 SHAPES: tuple[MotorShape, ...] = get_args(MotorShape)
 
 
-@check_call
 @dataclass(frozen=True, init=False, eq=False)
 class MotorCurve:
     """Highest speeds of motors at an effort, one motor per joint.
@@ -183,7 +182,6 @@ def check_geometry(
 LEAST_ROD_ANGLE = float(np.deg2rad(10.0))  # rad: nearer to 0 or π, sliders turn or hold the joint poorly
 
 
-@check_call
 @dataclass(frozen=True, kw_only=True, eq=False)
 class JointActuation:
     """A motor at every joint. Source: Kim, Choi & Jang 2021, Eq. 4 and Table 3.
@@ -240,7 +238,6 @@ class JointActuation:
         return rows
 
 
-@check_call
 @dataclass(frozen=True, init=False, eq=False)
 class DistributedActuation:
     """Two sliders per joint, joined by a rod.
@@ -394,7 +391,6 @@ def check_actuation(actuation: object, arm: Arm) -> None:
         raise InvalidInput(f"actuation must turn joints by rods, got {sliding} of {arm.name}, which slides")
 
 
-@check_call
 def kim_joint_motors() -> JointActuation:
     """Return the motors at the joints (JAM-3R) of Kim, Choi & Jang 2021, Table 3.
 
@@ -404,7 +400,6 @@ def kim_joint_motors() -> JointActuation:
     return JointActuation(motors=MotorCurve(stall=[12.3, 3.5, 3.5], fastest=np.deg2rad([3.3, 13.2, 13.2])))
 
 
-@check_call
 def kim_sliders(base_angle: float = float(np.deg2rad(-120.0)), bend: Literal[-1, 1] = 1) -> DistributedActuation:
     """Return the sliders (DAM-3R) of Kim, Choi & Jang 2021, Table 2.
 

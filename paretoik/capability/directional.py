@@ -31,7 +31,7 @@ from paretoik.capability.postures import (
     sample_postures_at,
 )
 from paretoik.errors import InvalidInput
-from paretoik.inputs import check_call, check_choice, check_seed, check_size, finite_array
+from paretoik.inputs import check_choice, check_seed, check_size, finite_array
 from paretoik.robot import kinematics
 from paretoik.robot.arm import Arm
 from paretoik.robot.dynamics import gravity_torques
@@ -92,7 +92,6 @@ def _planar_table(arm: Arm) -> tuple[np.ndarray, ...] | None:
 # Directional maxima of a tool at a position.
 
 
-@check_call
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PerformancePolygon:
     """Highest speeds or forces of an arm along each direction from a position, with their postures.

@@ -19,7 +19,7 @@ from scipy.linalg import LinAlgError, cholesky_banded, eig_banded, solveh_banded
 from paretoik.capability.path_runs import PathQuery, run_path
 from paretoik.capability.speed_models import SpeedModel, check_model
 from paretoik.errors import InvalidInput, SolverFailed
-from paretoik.inputs import ArrayLike, check_call, check_size, finite_array
+from paretoik.inputs import ArrayLike, check_size, finite_array
 from paretoik.nlp.convex_programs import Pieces
 from paretoik.tables import field_representation, html_representation
 
@@ -96,7 +96,6 @@ class GeodesicOptions:
 OPTIONS = GeodesicOptions()
 
 
-@check_call
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FastestPath:
     """A path and its times.
@@ -121,7 +120,6 @@ class FastestPath:
         return float(self.times[-1])
 
 
-@check_call
 def path_time(model: SpeedModel, points: ArrayLike, *, tolerance: float = OPTIONS.time_tolerance) -> float:
     """Return the least time [s] in which the tool can follow a path.
 
@@ -155,7 +153,6 @@ def path_time(model: SpeedModel, points: ArrayLike, *, tolerance: float = OPTION
     return float(_integrate_times(model, corners, tolerance).sum())
 
 
-@check_call
 def fastest_path(
     model: SpeedModel,
     start: ArrayLike,

@@ -20,7 +20,7 @@ from paretoik.capability.speed_models import (
     speeds_along,
 )
 from paretoik.errors import InvalidInput, SolverFailed
-from paretoik.inputs import check_call, check_flag, finite_array, real_array, shown
+from paretoik.inputs import check_flag, finite_array, real_array, shown
 from paretoik.nlp.convex_programs import fit_inverse_squares, symmetric_basis
 from paretoik.tables import field_representation, html_representation
 
@@ -40,7 +40,6 @@ class Samples(NamedTuple):
     speeds: Speeds
 
 
-@check_call
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FitErrors:
     """Relative errors of a model's speeds: 0.1 is 10 %.
@@ -59,7 +58,6 @@ class FitErrors:
     _repr_html_ = html_representation
 
 
-@check_call
 def fit_errors(model: SpeedModel, positions: Positions, directions: Directions, speeds: Speeds) -> FitErrors:
     """Return the errors of a model at directional maxima [m/s].
 
@@ -141,7 +139,6 @@ class EllipsoidFitOptions:
 OPTIONS = EllipsoidFitOptions()
 
 
-@check_call
 def fit_ellipsoids(
     positions: Positions,
     directions: Directions,
@@ -211,7 +208,6 @@ def fit_ellipsoids(
     return model
 
 
-@check_call
 def fit_axes(positions: Positions, directions: Directions, speeds: Speeds) -> AxesEllipses:
     """Return the paper's model, fitted in its two stages: the ellipse of each position, then polynomials.
 

@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from paretoik.errors import InvalidInput
-from paretoik.inputs import check_call, check_size, shown
+from paretoik.inputs import check_size, shown
 from paretoik.tables import field_representation, html_representation
 
 # Polynomials of a position, several at once, with derivatives and bounds over a box.
@@ -156,7 +156,6 @@ class SpeedModel(Protocol):
         """Return R(p) [s/m] and ∂R/∂p [s/m²], the coordinate of p last."""
 
 
-@check_call
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PolynomialEllipsoids:
     """Ellipsoids vᵀ P v ≤ 1 with P = Q(p) / s(p)²; log s and the entries of Q are polynomials.
@@ -202,7 +201,6 @@ class PolynomialEllipsoids:
         return replace(self, polynomials=replace(self.polynomials, coefficients=coefficients))
 
 
-@check_call
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AxesEllipses:
     """Ellipses by their radii a, b [m/s] and the angle c [rad] of the first, each a polynomial of the position.

@@ -25,7 +25,7 @@ from paretoik.capability.geodesic import (
 from paretoik.capability.path_runs import PathQuery, run_path
 from paretoik.capability.speed_models import SpeedModel, check_model
 from paretoik.errors import InvalidInput, SolverFailed
-from paretoik.inputs import ArrayLike, check_call, check_choice, check_size, finite_array, shown
+from paretoik.inputs import ArrayLike, check_choice, check_size, finite_array, shown
 from paretoik.nlp.convex_programs import IntervalSolver, Pieces
 from paretoik.tables import field_representation, html_representation
 from paretoik.task.limits import LIMIT_TOLERANCE
@@ -190,7 +190,6 @@ class Planner:
 # The control loop: it plans in every period.
 
 
-@check_call
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TimeOptimalRun:
     """Result of time-optimal control, sample by sample, one period apart.
@@ -234,7 +233,6 @@ class TimeOptimalRun:
     _repr_html_ = html_representation
 
 
-@check_call
 def time_optimal_control(
     model: SpeedModel,
     start: ArrayLike,

@@ -27,6 +27,7 @@ from paretoik.cli.select import select
 from paretoik.cli.show import show
 from paretoik.cli.solve import solve
 from paretoik.cli.verify import verify
+from paretoik.cli.warmup import warmup
 from paretoik.errors import InvalidInput, ParetoikError
 from paretoik.inputs import likely_spelling, shown
 
@@ -152,6 +153,7 @@ app.command()(export)
 app.command()(report)
 app.command()(compare)
 app.command()(verify)
+app.command()(warmup)
 app.command("check-robot")(check_robot)
 
 

@@ -12,7 +12,7 @@ from paretoik.front.choice import Preference
 from paretoik.front.choice_tree import present_point, read_choices
 from paretoik.front.preferences import Aspiration, Bounds, Classify, Knee, Lexicographic, Robust, Weights
 from paretoik.front.preferences.compromise import Compromise, Point
-from paretoik.inputs import clipped, likely_spelling, shown
+from paretoik.inputs import likely_spelling, shown
 
 CLASSES = "improve, improve:VALUE, keep, relax:VALUE or free"
 PREFERENCE_OF_OPTION = {"uncertainty": "robust", "from": "classify"}
@@ -97,7 +97,7 @@ def parse_bounds(text: str) -> dict[str, tuple[float | None, float | None]]:
         name, sign, value = match[1], match[2], _number("bounds", match[1], match[3])
         lower, upper = bounds.get(name, (None, None))
         if (upper if sign == "<=" else lower) is not None:
-            raise InvalidInput(f"bounds must have one bound on each side, got {clipped(name)} {sign} twice")
+            raise InvalidInput(f"bounds must have one bound on each side, got {name} {sign} twice")
         bounds[name] = (lower, value) if sign == "<=" else (value, upper)
     return bounds
 
@@ -114,7 +114,7 @@ def parse_classes(text: str, start: int | None, run: Path) -> Classify:
             lists[word].append(name)
         else:
             hint = likely_spelling(word, ("improve", "keep", "relax", "free"))
-            raise InvalidInput(f"classify must be for {clipped(name)} {CLASSES}, got {shown(kind)}{hint}")
+            raise InvalidInput(f"classify must be for {name} {CLASSES}, got {shown(kind)}{hint}")
     if start is None:
         start = present_point(read_choices(run), name="--from")
     return Classify(start, improve_to=values["improve"], relax_to=values["relax"], **lists)
@@ -132,4 +132,4 @@ def _number(option: str, name: str, text: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise InvalidInput(f"{option} must be a number for {clipped(name)}, got {shown(text)}") from None
+        raise InvalidInput(f"{option} must be a number for {name}, got {shown(text)}") from None

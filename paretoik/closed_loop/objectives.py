@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from paretoik.errors import InvalidInput
-from paretoik.inputs import check_call, check_flag, check_function, check_text, function_name, shown
+from paretoik.inputs import check_flag, check_function, check_text, function_name, shown
 from paretoik.tables import html_representation
 from paretoik.task.motion import Motion
 from paretoik.task.objectives import Objective
@@ -72,7 +72,6 @@ class StepObjective:
         return -1.0 if self.maximise else 1.0
 
 
-@check_call
 def step_objective(
     *, unit: str, maximise: bool = False, name: str | None = None
 ) -> Callable[[Function], StepObjective]:

@@ -4,6 +4,8 @@ A function under ``@compiled`` has two variants with the same bits: one that Pyt
 functions call, which has no wrappers and is not specialised by literal arguments. Each is compiled at its first call
 and cached on disk: in the package's folder, else in the user's, else in a temporary one. A function under
 ``@c_function`` is linked by its address: its callers do not optimise its code again.
+
+Several classes below subclass private ones of numba: pyproject.toml has the newest version that they were tested with.
 """
 
 from __future__ import annotations
@@ -223,7 +225,7 @@ def c_function(signature: Any, *, what: str = "", seconds: float | None = None) 
         callback = CFunc(function, normalize_signature(signature), locals={}, options={"error_model": "numpy"})
         callback._cache = _cache(function, CompilationNotice(what=what or function.__name__, seconds=seconds))
         codegen = callback._targetdescr.target_context.codegen()
-        with _compiling(), compilation_unit(codegen, function.__qualname__):
+        with _compiling(function), compilation_unit(codegen, function.__qualname__):
             callback.compile()
         symbol = f"{function.__module__}.{function.__qualname__}"
         llvm.add_symbol(symbol, callback.address)
@@ -281,12 +283,13 @@ class _Entry(_Dispatcher):
 
     def compile(self, sig: Any) -> Any:
         """Return the machine code for a signature."""
-        with _compiling(), compilation_unit(self.targetctx.codegen(), self.py_func.__qualname__, level=self.level):
+        unit = compilation_unit(self.targetctx.codegen(), self.py_func.__qualname__, level=self.level)
+        with _compiling(self.py_func), unit:
             return super().compile(sig)
 
 
 @contextmanager
-def _compiling() -> Iterator[None]:
+def _compiling(function: Any) -> Iterator[None]:
     """Hold the compiler's lock, without garbage collections: they take up to a quarter of the time."""
     with global_compiler_lock:
         collects = gc.isenabled()
@@ -294,7 +297,7 @@ def _compiling() -> Iterator[None]:
         try:
             yield
         finally:
-            end_compilation()
+            end_compilation(f"{function.__module__}.{function.__qualname__}")
             if collects:
                 gc.enable()
 

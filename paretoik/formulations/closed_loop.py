@@ -32,7 +32,7 @@ from paretoik.formulations.protocol import Timeline
 from paretoik.front.choice import Choice, Preference
 from paretoik.front.front import Front
 from paretoik.front.preferences import Weights
-from paretoik.inputs import check_call, check_flag, check_seed, check_size, finite_array, likely_spelling, shown
+from paretoik.inputs import check_flag, check_seed, check_size, finite_array, likely_spelling, shown
 from paretoik.robot.arm import Arm
 from paretoik.search.genes import SMALLEST_POPULATION
 from paretoik.tables import fit_screen, html_representation
@@ -160,7 +160,6 @@ def normalise_weights(
 ASKED_BY_PYMOO = ("vars", "vtype", "xl", "xu", "bounds", "has_bounds", "n_ieq_constr", "n_eq_constr")
 
 
-@check_call
 class ClosedLoop:
     """Follow ``path`` with ``arm`` step by step: search each step, and choose it by weights.
 

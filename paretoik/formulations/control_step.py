@@ -22,7 +22,6 @@ from paretoik.closed_loop.objectives import StepObjective, as_step_objective, jo
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.formulations.formulation import Formulation, of_genes
 from paretoik.inputs import (
-    check_call,
     check_magnitude,
     check_size,
     finite_array,
@@ -116,7 +115,6 @@ def check_start(
 # One control step as a pymoo problem.
 
 
-@check_call
 class ControlStep(Formulation):
     """Search the next joint positions of an arm that follows ``path``: a vectorised pymoo problem.
 

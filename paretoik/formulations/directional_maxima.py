@@ -44,7 +44,7 @@ from paretoik.formulations.dense_formulation import (
     slider_shares,
 )
 from paretoik.formulations.formulation import of_genes
-from paretoik.inputs import check_call, check_flag, check_seed, check_size, finite_array, read_list
+from paretoik.inputs import check_flag, check_seed, check_size, finite_array, read_list
 from paretoik.robot import kinematics
 from paretoik.robot.arm import Arm
 from paretoik.robot.dynamics import gravity_torques
@@ -227,7 +227,6 @@ NAMES: dict[Quantity, str] = {"velocity": "speed", "force": "force"}
 UNITS: dict[Quantity, str] = {"velocity": "m/s", "force": "N"}
 
 
-@check_call
 class DirectionalMaxima(DenseFormulation):
     """Find postures (and sliders) that are fast or strong along several directions: a vectorised pymoo problem.
 

@@ -32,7 +32,7 @@ from paretoik.formulations.dense_formulation import (
 )
 from paretoik.formulations.formulation import of_genes
 from paretoik.formulations.initial_paths import InitialPaths, find_initial_paths, range_excess
-from paretoik.inputs import check_call, check_flag, check_size, finite_array, read_list
+from paretoik.inputs import check_flag, check_size, finite_array, read_list
 from paretoik.robot.arm import Arm
 from paretoik.task.limits import LIMIT_TOLERANCE, Constraint
 from paretoik.task.motion import Motion
@@ -56,7 +56,6 @@ class PointToPointOptions:
 OPTIONS = PointToPointOptions()
 
 
-@check_call
 class PointToPoint(DenseFormulation):
     """Move the tool from ``start`` to ``target``, quickly and with little work: a vectorised pymoo problem.
 

@@ -14,7 +14,7 @@ from paretoik.closed_loop.open_loop import posture_bounds
 from paretoik.errors import InvalidInput
 from paretoik.formulations.control_step import check_limits
 from paretoik.formulations.formulation import Formulation, check_motions, of_genes
-from paretoik.inputs import check_call, read_list
+from paretoik.inputs import read_list
 from paretoik.robot.arm import Arm
 from paretoik.search.nsga2 import MaxiMinNSGA2
 from paretoik.search.operators import elitist_algorithm
@@ -30,7 +30,6 @@ from paretoik.task.validation import motion_task
 from paretoik.trajectory.infeasibility import explain_violation
 
 
-@check_call
 class Posture(Formulation):
     """Search a first posture on a path, clear of obstacles: a vectorised pymoo problem.
 

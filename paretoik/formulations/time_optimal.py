@@ -11,7 +11,7 @@ from jaxtyping import Float
 from paretoik.capability.speed_models import SpeedModel, check_model
 from paretoik.capability.time_optimal import TimeOptimalRun, time_optimal_control
 from paretoik.errors import EvaluationFailed, InvalidInput, SolverFailed
-from paretoik.inputs import check_call, finite_array, integer_array, shown
+from paretoik.inputs import finite_array, integer_array, shown
 from paretoik.resolution.protocol import HELD, STATUS, Method, Number, Parameter, ResolvedMotion, Traces, empty_traces
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import retract_nearest, task_errors
@@ -28,7 +28,6 @@ class ControlTraces(Traces):
     cuts: Float[np.ndarray, "*batch"]
 
 
-@check_call
 @dataclass(frozen=True, eq=False, repr=False)
 class TimeOptimalControl(Method):
     """Time-optimal control from a path's first position to its last, limited by ``model``.

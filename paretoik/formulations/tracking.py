@@ -22,7 +22,7 @@ from paretoik.formulations.motions import values_between
 from paretoik.formulations.navigation import navigate, predict
 from paretoik.formulations.protocol import Differentiable, Individuals
 from paretoik.front.front import Front
-from paretoik.inputs import check_call, check_seed, check_size
+from paretoik.inputs import check_seed, check_size
 from paretoik.nlp.program import Solver
 from paretoik.pareto.certificates import Discretisation
 from paretoik.pareto.scalarisation import Observe
@@ -123,7 +123,6 @@ def positions_on_path(task: MotionTask, motions: Motion) -> JointPaths:
 # Tracking of a path as a pymoo problem.
 
 
-@check_call
 class Tracking(Formulation, Differentiable):
     """Follow ``path`` with ``arm``, trading ``objectives`` against each other: a vectorised pymoo problem.
 

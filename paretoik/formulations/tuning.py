@@ -21,7 +21,6 @@ from paretoik.errors import InvalidInput
 from paretoik.formulations.formulation import Formulation, of_genes
 from paretoik.inputs import (
     ArrayLike,
-    check_call,
     check_choice,
     check_seed,
     check_size,
@@ -57,7 +56,6 @@ class TuningOptions:
 OPTIONS = TuningOptions()
 
 
-@check_call
 class Tuning(Formulation):
     """Find the numbers of a method along ``path``: a vectorised pymoo problem.
 

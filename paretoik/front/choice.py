@@ -17,7 +17,7 @@ from paretoik.errors import InvalidInput
 from paretoik.front.certificates import WEIGHT_TOLERANCE
 from paretoik.front.geometry import PREFERENCE_OPTIONS as OPTIONS
 from paretoik.front.points import NAVIGATIONS, FrontData, merge_named
-from paretoik.inputs import check_call, check_text, finite_number, shown
+from paretoik.inputs import check_text, finite_number, shown
 from paretoik.tables import field_representation, fit_screen, html_representation
 
 if TYPE_CHECKING:
@@ -125,7 +125,6 @@ class ExchangeRate:
     _repr_html_ = html_representation
 
 
-@check_call
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Choice:
     """One point of a front, and the reason of the choice.

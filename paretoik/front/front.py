@@ -30,7 +30,6 @@ from paretoik.front.points import (
 from paretoik.front.preferences.requests import as_preference, ask
 from paretoik.handed_down import HANDED_DOWN
 from paretoik.inputs import (
-    check_call,
     check_flag,
     check_function,
     check_mapping,
@@ -128,7 +127,6 @@ def undo(front: Front) -> Choice | None:
     return chosen(front)
 
 
-@check_call
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Front(FrontData):
     """Mutually non-dominated points, sorted by the first objective.

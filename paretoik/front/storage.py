@@ -53,7 +53,7 @@ def save(front: FrontData, folder: Path, *, overwrite: bool = False) -> None:
     has values that JSON cannot hold or names that the format needs.
     """
     files = front_files(front)
-    with only_writer(folder) as opened:
+    with only_writer(folder):
         if is_run(folder / RUN) and not _keeps_run(front, folder):
             if not overwrite:
                 raise InvalidInput(
@@ -62,7 +62,7 @@ def save(front: FrontData, folder: Path, *, overwrite: bool = False) -> None:
                 )
             if (folder / CHOICES).exists():
                 files[CHOICES] = run_bytes({"entries": [], "current": None})
-        replace_files(opened, files)
+        replace_files(folder, files)
     attach(front, folder)
 
 

@@ -13,7 +13,6 @@ from jaxtyping import Float
 from paretoik.arrays import read_only
 from paretoik.errors import InvalidInput
 from paretoik.inputs import (
-    check_call,
     check_flag,
     check_instance,
     check_text,
@@ -66,7 +65,6 @@ OPTIONS = JointTrajectoryOptions()
 JOINT_LIMITS = ("velocity", "acceleration", "jerk", "torque", "torque_rate")
 
 
-@check_call
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Braking:
     """How a velocity limit shrinks towards the ends of a joint's range, so that it can always brake.
@@ -98,7 +96,6 @@ class Braking:
         return speed * np.array([-1.0, 1.0])[:, None, None]
 
 
-@check_call
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Controller:
     """Properties of a robot's controller: joints by name, one command every 1/``rate`` [Hz], and its limits.
@@ -325,7 +322,6 @@ FAMILIES = MappingProxyType({"franka": (PANDA, FR3), "ur": (UR3E, UR5E, UR10E, U
 CONTROLLERS = MappingProxyType({each.name: each for family in FAMILIES.values() for each in family})
 
 
-@check_call
 def find_controller(controller: str | Controller, arm: Arm) -> Controller:
     """Return a controller for an arm: itself, one by its name, or the one of a family that has the arm's joints.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from paretoik.errors import InvalidInput
-from paretoik.inputs import check_call, shown
+from paretoik.inputs import shown
 from paretoik.resolution.protocol import ResolvedMotion
 from paretoik.task.limits import position_ranges
 from paretoik.task.motion import Motion
@@ -65,7 +65,6 @@ def duration(motion: Motion) -> np.ndarray:
     return motion.duration
 
 
-@check_call
 def distance_to(reference: Motion) -> Objective:
     """Return the objective ``distance``: the joint distance from a motion, RMS over time, angles modulo 2π.
 

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.errors import InvalidInput
-from paretoik.inputs import ArrayLike, check_call, check_choice, finite_array, read_list, shown
+from paretoik.inputs import ArrayLike, check_choice, finite_array, read_list, shown
 from paretoik.resolution.predictive import PredictiveKineticEnergy as PredictiveKineticEnergy
 from paretoik.resolution.protocol import Criterion as Criterion
 from paretoik.resolution.protocol import Method as Method
@@ -50,7 +50,6 @@ Gradient = TypeVar("Gradient", bound="GradientProjection")
 Weighted = TypeVar("Weighted", bound="WeightedGradientProjection")
 
 
-@check_call
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class VelocityMethod(Method):
     """Base of methods with feedback of the tracking error.
@@ -79,7 +78,6 @@ class VelocityMethod(Method):
         return (Parameter("feedback", 0.02 * highest, highest), *super().parameters(times))
 
 
-@check_call
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class PseudoInverse(VelocityMethod):
     """The least joint velocities that satisfy the task: q̇ = J⁺v.
@@ -88,7 +86,6 @@ class PseudoInverse(VelocityMethod):
     """
 
 
-@check_call
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class LeastSquaresVelocity(PseudoInverse):
     """The pseudoinverse without feedback, by Euler steps: the error of a step remains.
@@ -99,7 +96,6 @@ class LeastSquaresVelocity(PseudoInverse):
     feedback: Number | None = 0.0
 
 
-@check_call
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class DampedLeastSquares(VelocityMethod):
     """Damped velocities near singular postures: ρ² = ρ_max²(1 − (σ_min/ε)²) if σ_min < ε.
@@ -114,7 +110,6 @@ class DampedLeastSquares(VelocityMethod):
     damping: Number = field(default=0.02, metadata=number(search=(1e-3, 1e-1), scale="log"))
 
 
-@check_call
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class WeightedLeastNorm(DampedLeastSquares):
     """Joints are slow when they approach their position limits, and free when they leave.
@@ -124,7 +119,6 @@ class WeightedLeastNorm(DampedLeastSquares):
     """
 
 
-@check_call
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class GradientProjection(DampedLeastSquares):
     """The gradients of criteria, times their gains, projected onto the null space of the task.
@@ -165,7 +159,6 @@ class GradientProjection(DampedLeastSquares):
         )
 
 
-@check_call
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class WeightedGradientProjection(GradientProjection):
     """Joints near position limits are clamped and repelled; criteria count only if they are bad.
@@ -213,7 +206,6 @@ class WeightedGradientProjection(GradientProjection):
         return replace(method, priorities=np.stack(columns, axis=-1))
 
 
-@check_call
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class ConstrainedQP(GradientProjection):
     """The nearest step to gradient projection within limits: a quadratic program of joint rates.
@@ -240,7 +232,6 @@ class ConstrainedQP(GradientProjection):
                 raise InvalidInput(f"ConstrainedQP: joint_weights must be positive, got {weights.min():g}")
 
 
-@check_call
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Nedungadi(Method):
     """The motion from a start along which the integral of kinetic energy is stationary.

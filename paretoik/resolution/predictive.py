@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from paretoik.errors import InvalidInput
-from paretoik.inputs import check_call, finite_array, shown
+from paretoik.inputs import finite_array, shown
 from paretoik.resolution.horizon import DEGREE, HorizonSolution, horizon_program, quartic_spline, spline_position
 from paretoik.resolution.protocol import (
     Method,
@@ -42,7 +42,6 @@ from paretoik.task.retraction import retract_nearest
 Predictive = TypeVar("Predictive", bound="PredictiveKineticEnergy")
 
 
-@check_call
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class PredictiveKineticEnergy(Method):
     """The kinetic energy over a few samples ahead is minimised in the null space of the task.

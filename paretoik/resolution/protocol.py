@@ -14,7 +14,7 @@ from paretoik.autodiff.differentiation import dependencies, gradient
 from paretoik.autodiff.evaluator import Evaluator, compile_evaluator
 from paretoik.autodiff.tape import Expression, as_entry
 from paretoik.errors import InvalidInput
-from paretoik.inputs import check_call, check_choice, check_text, finite_array, likely_spelling, read_list, shown
+from paretoik.inputs import check_choice, check_text, finite_array, likely_spelling, read_list, shown
 from paretoik.robot.kinematics import link_frames
 from paretoik.tables import field_representation, html_representation
 from paretoik.task.motion import Motion
@@ -127,7 +127,6 @@ class Traces:
         return type(self)(**{each.name: np.asarray(getattr(self, each.name)[index]) for each in fields(self)})
 
 
-@check_call
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ResolvedMotion(Motion):
     """A motion (*batch, time, dof) that a method resolved, and its ``traces``."""
@@ -185,7 +184,6 @@ Scale = Literal["linear", "log", "integer"]
 Tuned = TypeVar("Tuned", bound="Method")
 
 
-@check_call
 @dataclass(frozen=True)
 class Parameter:
     """A number that is searched between bounds.
@@ -234,7 +232,6 @@ class Parameter:
         return np.floor(genes).astype(int) if self.scale == "integer" else genes
 
 
-@check_call
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Criterion:
     """A secondary criterion of a projection.
@@ -282,7 +279,6 @@ def number(
     return {"below": below, "search": search, "scale": scale}
 
 
-@check_call
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Method:
     """A way to resolve one motion, or a batch if its numbers are arrays; ``resolve`` takes any method."""

@@ -12,7 +12,6 @@ import numpy as np
 from paretoik.arrays import Jacobians
 from paretoik.inputs import (
     ArrayLike,
-    check_call,
     check_choice,
     check_instance,
     check_mapping,
@@ -44,7 +43,6 @@ from paretoik.robot.urdf import read_chain
 from paretoik.tables import fit_screen, html_representation
 
 
-@check_call
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Arm(SerialChain):
     """A serial arm, frozen; make one with ``planar``, ``from_dh`` or ``from_urdf``.

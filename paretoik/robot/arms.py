@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from paretoik.inputs import check_call, check_choice
+from paretoik.inputs import check_choice
 from paretoik.robot.arm import Arm
 
 __all__ = ["TRINGALI_MASSES", "kim_3r", "marcos_nr", "tringali_3r", "wan_7r"]
@@ -20,7 +20,6 @@ def __dir__() -> list[str]:
 TRINGALI_MASSES = {"printed": (0.615, 0.615, 0.307), "fitted": (0.619, 0.821, 0.503)}
 
 
-@check_call
 def tringali_3r(masses: Literal["printed", "fitted"] = "printed") -> Arm:
     """Return the planar prototype with three revolute joints of Tringali & Cocuzza 2020 (Table 1) and 2021.
 
@@ -43,7 +42,6 @@ def tringali_3r(masses: Literal["printed", "fitted"] = "printed") -> Arm:
     )
 
 
-@check_call
 def marcos_nr(links: Literal[3, 4] = 3) -> Arm:
     """Return the planar arm with unit links of Marcos et al. 2012, section 5.1.
 
@@ -59,7 +57,6 @@ def marcos_nr(links: Literal[3, 4] = 3) -> Arm:
     return Arm.planar(lengths=[1.0] * links, name=f"Marcos {links}R")
 
 
-@check_call
 def wan_7r() -> Arm:
     """Return the arm with seven revolute joints of Wan et al. 2018, Table 1: modified DH, position and velocity limits.
 
@@ -82,7 +79,6 @@ def wan_7r() -> Arm:
     )
 
 
-@check_call
 def kim_3r(masses: Sequence[float] = (0.5, 0.5, 0.5)) -> Arm:
     """Return the planar arm with three revolute joints of Kim, Choi & Jang 2021, Table 2, under gravity (0, −9.81).
 

@@ -13,13 +13,12 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.errors import InvalidInput
-from paretoik.inputs import ArrayLike, check_angles, check_call, check_magnitude, finite_array, finite_number, shown
+from paretoik.inputs import ArrayLike, check_angles, check_magnitude, finite_array, finite_number, shown
 from paretoik.tables import field_representation, html_representation
 
 UNIT_TOLERANCE = 1e-6  # largest error of a quaternion's length or a matrix's orthogonality that is corrected
 
 
-@check_call
 @dataclass(frozen=True, init=False, eq=False)
 class Pose:
     """Position and orientation of one frame.

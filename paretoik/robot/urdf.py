@@ -16,7 +16,6 @@ import numpy as np
 from paretoik.arrays import Matrix3, Vector3
 from paretoik.errors import InvalidInput, InvalidRobot
 from paretoik.inputs import (
-    check_call,
     check_choice,
     check_flag,
     check_mapping,
@@ -262,7 +261,6 @@ def report_text(report: RobotReport) -> str:
     return "\n".join(lines)
 
 
-@check_call
 def check_robot(
     file: str | Path,
     base: str | None = None,

@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache, partial
 from types import ModuleType
-from typing import Any, Protocol, TypeAlias, runtime_checkable
+from typing import Any, NamedTuple, Protocol, TypeAlias, runtime_checkable
 
 import cloudpickle
 
@@ -33,30 +33,18 @@ def pickled(what: str, value: Any) -> bytes:
 
     Raises InvalidInput, with the name ``what``, if it cannot be pickled.
     """
-    try:
-        with _users_modules_by_value():
-            return bytes(cloudpickle.dumps(value))
-    except Exception as error:  # code of users may raise anything
-        text = f"workers: {what} must be picklable, got {cause_of(error)}"
-        raise InvalidInput(text) from error
-
-
-@contextmanager
-def _users_modules_by_value() -> Iterator[None]:
-    before = cloudpickle.list_registry_pickle_by_value()
-    added = [module for module in _users_modules() if module.__name__ not in before]
+    by_value = cloudpickle.list_registry_pickle_by_value()
+    modules = [module for name, module in sys.modules.copy().items() if _is_users_module(name)]
+    added = [module for module in modules if module.__name__ not in by_value]
     for module in added:
         cloudpickle.register_pickle_by_value(module)
     try:
-        yield
+        return bytes(cloudpickle.dumps(value))
+    except Exception as error:  # code of users may raise anything
+        raise InvalidInput(f"workers: {what} must be picklable, got {cause_of(error)}") from error
     finally:
         for module in added:
             cloudpickle.unregister_pickle_by_value(module)
-
-
-def _users_modules() -> list[ModuleType]:
-    """Return the modules that are not a library's."""
-    return [module for name, module in sys.modules.copy().items() if _is_users_module(name)]
 
 
 @cache
@@ -70,33 +58,23 @@ def _is_users_module(name: str) -> bool:
 # Computation in this process, or by an executor.
 
 
-@dataclass(frozen=True, kw_only=True)
-class DistributionOptions:
-    """Seconds of waiting for workers (``trial``) after which it is known whether they pay."""
-
-    trial: float = 5.0
+TRIAL = 5.0  # s: time of waiting for workers after which it is known whether they pay
 
 
-OPTIONS = DistributionOptions()
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Done:
+class Done(NamedTuple):
     """The value that a function returned, and how long it took [s]."""
 
     value: Any
     seconds: float
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Raised:
+class Raised(NamedTuple):
     """The error that a function raised."""
 
     error: Exception
 
 
-@dataclass(frozen=True, kw_only=True)
-class Lost:
+class Lost(NamedTuple):
     """An item without a result: every worker that tried it ended, or it took too long; ``cause`` says which."""
 
     cause: str
@@ -136,7 +114,7 @@ class _Account:
     computed: float = 0.0
     items: int = 0
     starting: bool = True  # workers start until the first reply, which takes longer than others
-    warned: bool = False
+    told: bool = False  # whether they pay
 
 
 _ACTIVE: list[_Account] = []  # at most one, like the journal
@@ -198,7 +176,12 @@ def distribute(
             account.items += begin is not None
             yield place, reply.value
         account.starting, begin = False, time.monotonic()
-    _tell_whether_workers_pay(account)
+    if account.waited >= TRIAL and not account.told:
+        account.told = True
+        if account.computed < account.waited:
+            computed, waited = (1000 * each / max(account.items, 1) for each in (account.computed, account.waited))
+            text = f"workers: they do not pay here, a task takes {computed:.2g} ms to compute and {waited:.2g} ms with"
+            warn_user(f"{text} them; the run is faster without")
     if errors:
         raise errors[min(errors)]
 
@@ -216,7 +199,7 @@ def distribute_remembered(
             yield place, stored
     for i, values in distribute(function, shared, [items[place] for place in remaining]):
         place = remaining[i]
-        yield place, values if isinstance(values, Lost) else remembered(keys[place], partial(_itself, values))
+        yield place, values if isinstance(values, Lost) else remembered(keys[place], partial(dict, values))
 
 
 def compute_each(
@@ -233,20 +216,3 @@ def compute_each(
     for place, (item, key) in enumerate(zip(items, keys, strict=True)):
         check_interruption()
         yield place, remembered(key, partial(function, shared, item))
-
-
-def _itself(values: Values) -> Values:
-    return values
-
-
-def _tell_whether_workers_pay(account: _Account) -> None:
-    if account.warned or account.waited < OPTIONS.trial:
-        return
-    account.warned = True
-    if account.computed < account.waited:
-        each = account.computed / max(account.items, 1)
-        text = (
-            f"workers: they do not pay here, a task takes {1000 * each:.2g} ms to compute and "
-            f"{1000 * account.waited / max(account.items, 1):.2g} ms with them; the run is faster without"
-        )
-        warn_user(text)

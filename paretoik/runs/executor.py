@@ -50,28 +50,24 @@ REPRODUCIBLE = {
 
 
 def _entries(computed_by: object) -> list[dict[str, Any]]:
-    """Return the entries of those who computed; none if they are not as this module writes them."""
-    listed = computed_by.get("by") if isinstance(computed_by, Mapping) else None
-    entries = list(listed) if isinstance(listed, list | tuple) else []
-    sound = all(isinstance(each, Mapping) and isinstance(each.get("machines", []), list | tuple) for each in entries)
-    makes = [make for each in entries for make in each.get("machines", ())] if sound else [None]
-    return [dict(each) for each in entries] if all(isinstance(make, Mapping) for make in makes) else []
+    """Return the entries of those who computed; none for a run that does not say."""
+    return [dict(each) for each in computed_by["by"]] if isinstance(computed_by, Mapping) else []
 
 
 def _reproducible(entries: Sequence[Mapping[str, Any]]) -> str:
     if any(each.get("machines") == [] for each in entries):
         return UNKNOWN
-    makes = {str(make.get("processor")) for each in entries for make in (each, *each.get("machines", ()))}
+    makes = {make["processor"] for each in entries for make in (each, *each.get("machines", ()))}
     return SAME if len(makes) == 1 else TOLERANCE
 
 
 def _words(entry: Mapping[str, Any]) -> str:
-    text = str(entry.get("by"))
+    text = str(entry["by"])
     if "workers" in entry:
         text += f" ({entry['workers']})"
     if "machines" in entry:
         parts = [
-            f"{make.get('workers')} workers on {make.get('machines')} machines, {make.get('processor')}"
+            f"{make['workers']} workers on {make['machines']} machines, {make['processor']}"
             for make in entry["machines"]
         ]
         text += f" ({'; '.join(parts) or 'no worker yet'})"

@@ -6,16 +6,11 @@ altered file is refused.
 
 from __future__ import annotations
 
-import errno
 import hashlib
 import io
 import json
 import math
-import os
-import stat
-import zipfile
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path, PurePath
 from typing import Any
 
@@ -25,34 +20,14 @@ from paretoik.errors import InvalidInput, InvalidRun
 from paretoik.paths import missing_file, shell_command
 from paretoik.runs.file_replacement import only_writer, replace_file, replace_files
 
-# Arrays and tables in files of unknown origin: the size that a file declares is checked before it is read.
-#
-# A file of a megabyte can declare gigabytes: a compressed archive, an array whose header declares more than its bytes,
-# a table with one value repeated a milliard times. Our own files contain none of these.
+# Arrays and tables in files of unknown origin: nothing in them is executed.
 
 
-@dataclass(frozen=True, kw_only=True)
-class StoredArrayOptions:
-    """Limits of a table: its rows (``most_rows``), and its bytes after unpacking (``most_bytes``)."""
-
-    most_rows: int = 10_000_000
-    most_bytes: int = 2**29
-
-
-ARRAY_OPTIONS = StoredArrayOptions()
 FORMER_NAMES = {"kkt_residual": "criticality"}  # of columns
 
 
 def read_arrays(content: bytes) -> dict[str, np.ndarray]:
-    """Return the arrays of an NPZ without pickle; raises ValueError, or what NumPy raises, for other content."""
-    with zipfile.ZipFile(io.BytesIO(content)) as archive:
-        for entry in archive.infolist():
-            if entry.compress_type != zipfile.ZIP_STORED or entry.file_size > len(content):
-                raise ValueError(f"{entry.filename} that declares {entry.file_size} bytes in a file of {len(content)}")
-            with archive.open(entry) as stream:
-                declared = _declared_bytes(stream) + stream.tell()
-            if declared > entry.file_size:
-                raise ValueError(f"{entry.filename} that declares {declared} bytes and has {entry.file_size}")
+    """Return the arrays of an NPZ without pickle; raises what NumPy raises for other content."""
     with np.load(io.BytesIO(content), allow_pickle=False) as stored:
         return {name: stored[name] for name in stored.files}
 
@@ -60,27 +35,14 @@ def read_arrays(content: bytes) -> dict[str, np.ndarray]:
 def read_table(content: bytes) -> Any:
     """Return the Arrow table of a Parquet file; columns of earlier runs get today's names.
 
-    Raises ValueError, or what Arrow raises, for other content.
+    Raises what Arrow raises for other content.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    file = pq.ParquetFile(pa.BufferReader(content))
-    metadata = file.metadata
-    size = sum(metadata.row_group(group).total_byte_size for group in range(metadata.num_row_groups))
-    if metadata.num_rows > ARRAY_OPTIONS.most_rows or size > ARRAY_OPTIONS.most_bytes:
-        raise ValueError(f"a table that declares {metadata.num_rows} rows and {size} bytes in a file of {len(content)}")
     # Without threads: those of read_table may abort the interpreter as it ends (apache/arrow#34314).
-    table = file.read(use_threads=False)
+    table = pq.ParquetFile(pa.BufferReader(content)).read(use_threads=False)
     return table.rename_columns([FORMER_NAMES.get(name, name) for name in table.column_names])
-
-
-def _declared_bytes(stream: Any) -> int:
-    """Return how many bytes the header of an array declares."""
-    version = np.lib.format.read_magic(stream)
-    read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-    shape, _, kind = read(stream)
-    return math.prod(shape) * kind.itemsize
 
 
 # Names of a run's files, and its `run.json`.
@@ -108,40 +70,13 @@ CHOICES = "choices.json"
 REPORT = "report.html"
 FORMER = ".former-run"  # a folder in it: the run that a new one replaces, until the new one has a result
 CONTENTS = (
-    RUN,
-    TABLE,
-    MOTIONS,
-    NEAREST,
-    RECORDING,
-    PICTURE,
-    CERTIFICATES,
-    STEPS,
-    SEARCHES,
-    OPTIMA,
-    TRACES,
-    POLYGON,
-    TOOL_PATH,
-    DRAWING,
-    CHECKPOINT,
-    CHOICES,
-    REPORT,
+    *(RUN, TABLE, MOTIONS, NEAREST, RECORDING, PICTURE, CERTIFICATES, STEPS, SEARCHES, OPTIMA, TRACES, POLYGON),
+    *(TOOL_PATH, DRAWING, CHECKPOINT, CHOICES, REPORT),
 )
-
-
 STOPPED = ("time limit", "SIGINT", "SIGTERM", "interrupted")  # statuses of runs that could resume
 PAGES = (REPORT, PICTURE, CERTIFICATES, DRAWING)  # to look at; a run is complete without them
 PAGE_MARK = b'<meta name="generator" content="paretoik">'
 PICTURE_MARK = b"Software\0paretoik"  # a text chunk of PNG
-
-
-@dataclass(frozen=True, kw_only=True)
-class MarkOptions:
-    """Range in which the mark of our pages and pictures is searched: metadata come first in HTML and PNG."""
-
-    beginning: int = 4096  # bytes
-
-
-OPTIONS = MarkOptions()
 
 
 def check_target(
@@ -165,15 +100,11 @@ def check_target(
         raise InvalidInput(f"{file} must be writable, got {fault.strerror}") from fault
     if file.is_dir() and not folder:
         raise InvalidInput(f"{name} must be {kind} to write into, got the folder {file}")
-    if not (overwrite or (mark is not None and _has_mark(file, mark))):
+    is_ours = (
+        mark is not None and file.is_file() and mark in file.read_bytes()[:4096]
+    )  # first in HTML and PNG: metadata
+    if not (overwrite or is_ours):
         raise InvalidInput(f"{file} must be a new file, got one that exists; use --overwrite to replace it")
-
-
-def _has_mark(file: Path, mark: bytes) -> bool:
-    if file.is_symlink() or not file.is_file():
-        return False
-    with file.open("rb") as content:
-        return mark in content.read(OPTIONS.beginning)
 
 
 def run_bytes(entries: Mapping[str, Any]) -> bytes:
@@ -197,8 +128,8 @@ def result_files(entries: Mapping[str, Any], contents: Mapping[str, bytes]) -> d
 def write_result(folder: Path, entries: Mapping[str, Any], contents: Mapping[str, bytes]) -> None:
     """Write the files of a result into a folder, all or none; entries as in ``write_run``."""
     files = result_files(to_json(entries), contents)
-    with only_writer(folder) as opened:
-        replace_files(opened, files)
+    with only_writer(folder):
+        replace_files(folder, files)
 
 
 def write_run(folder: Path, entries: Mapping[str, Any]) -> None:
@@ -314,17 +245,10 @@ def to_json(value: Any, *, name: str = "run") -> Any:
 def read_plain_file(file: Path) -> bytes:
     """Return the content of a plain file; raises InvalidRun for others: a link may lead anywhere, a pipe never end."""
     try:
-        descriptor = os.open(file, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
-        try:
-            if not stat.S_ISREG(os.fstat(descriptor).st_mode):
-                raise InvalidRun(f"{file} must be a plain file, got {missing_file(file)}")
-            with open(descriptor, "rb", closefd=False) as content:
-                return content.read()
-        finally:
-            os.close(descriptor)
+        if file.is_symlink() or not file.is_file():
+            raise InvalidRun(f"{file} must be a plain file, got {missing_file(file)}")
+        return file.read_bytes()
     except OSError as fault:
-        if fault.errno in (errno.ENOENT, errno.ENOTDIR, errno.ELOOP, errno.ENXIO):
-            raise InvalidRun(f"{file} must be a plain file, got {missing_file(file)}") from fault
         raise InvalidRun(f"{file} must be readable, got {fault.strerror}") from fault
 
 

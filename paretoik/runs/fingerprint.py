@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+import ast
 import copyreg
 import random
 from collections.abc import Iterable, Iterator, Mapping, Set
-from contextlib import contextmanager
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass
 from enum import Enum
 from functools import cached_property
 from hashlib import blake2b
 from pathlib import PurePath
-from types import BuiltinFunctionType, FunctionType, GetSetDescriptorType, MemberDescriptorType, MethodType, ModuleType
+from types import BuiltinFunctionType, GetSetDescriptorType, MemberDescriptorType, MethodType, ModuleType
 from typing import Any
 
 import numpy as np
@@ -20,14 +20,11 @@ from paretoik.errors import InvalidInput
 from paretoik.runs.user_code import (
     OURS,
     Function,
-    first_argument,
     function_parts,
     is_library,
-    is_library_class,
     library_name,
     syntax_of,
     underlying,
-    used_methods,
     written_places,
 )
 
@@ -48,20 +45,19 @@ EVALUATION = frozenset(  # attributes for how a pymoo problem is evaluated, whic
 
 def class_parts(kind: type) -> dict[str, object]:
     """Return the parts of a class: the name of a library's; fields, bases, methods and attributes of a user's."""
-    if is_library_class(kind):
+    if is_library(kind.__module__):
         return {"name": library_name(kind)}
     parts: dict[str, object] = {"name": kind.__name__, "bases": [base for base in kind.__bases__ if base is not object]}
     if is_dataclass(kind):
         for each in fields(kind):
             default = each.default_factory if each.default is MISSING else each.default
             parts[f"field {each.name}"] = None if default is MISSING else default
-    state = _state_names(kind)
     if issubclass(kind, Enum):
-        parts["members"] = {name: member.value for name, member in kind.__members__.items()}
-        state |= {name for name in vars(kind) if name in kind.__members__ or name[0] == name[-1] == "_"}
+        return parts | {"members": {name: member.value for name, member in kind.__members__.items()}}
+    hidden = _state_names(kind) | {"_abc_impl"}
     for name, value in vars(kind).items():
         slot = isinstance(value, MemberDescriptorType | GetSetDescriptorType)
-        if not slot and name not in state and (_is_written(value) if name.startswith("__") else name != "_abc_impl"):
+        if not slot and name not in hidden and (not name.startswith("__") or _is_written(value)):
             parts[f"attribute {name}"] = value
     return parts
 
@@ -69,11 +65,8 @@ def class_parts(kind: type) -> dict[str, object]:
 def _is_written(value: object) -> bool:
     """Return whether a special name belongs to a function that a user wrote, not to a generated one."""
     function = underlying(value)
-    return (
-        function is not None
-        and not is_library(function.__module__, function.__code__.co_filename)
-        and (not function.__code__.co_filename.startswith("<string>"))
-    )
+    file = "" if function is None else function.__code__.co_filename
+    return function is not None and not is_library(function.__module__, file) and not file.startswith("<string>")
 
 
 def object_state(value: Any) -> Mapping[str, object]:
@@ -86,7 +79,7 @@ def object_state(value: Any) -> Mapping[str, object]:
     if is_dataclass(kind):
         return {each.name: getattr(value, each.name) for each in fields(kind) if hasattr(value, each.name)}
     is_problem = any(base.__module__ == PYMOO for base in kind.__mro__)
-    if is_library_class(kind) and kind.__module__.partition(".")[0] != OURS and not is_problem:
+    if is_library(kind.__module__) and kind.__module__.partition(".")[0] != OURS and not is_problem:
         return _reduced(value)
     hidden = {name for base in kind.__mro__ for name, item in vars(base).items() if isinstance(item, cached_property)}
     hidden |= _state_names(kind) | set(getattr(kind, "search_attributes", ()))
@@ -115,178 +108,138 @@ def _state_names(kind: type) -> set[str]:
     """
     nodes = dict[str, Function]()
     for base in reversed(kind.__mro__):
-        if not is_library_class(base):
-            nodes |= _methods(base)
-    evaluates = any(name in nodes for name in ("_evaluate", "__call__"))
+        for name, value in vars(base).items() if not is_library(base.__module__) else ():
+            function = underlying(value.fget if isinstance(value, property) else getattr(value, "func", value))
+            node = None if function is None else syntax_of(function)
+            if node is not None:
+                nodes[name] = node
+    evaluates = "_evaluate" in nodes or "__call__" in nodes
     late = _reachable(nodes, EVALUATING) if evaluates else set(nodes)  # a setter is called by users, so it defines
-    names = {base.__name__ for base in kind.__mro__}
+    classes = {base.__name__ for base in kind.__mro__}
     return {
         attribute
         for name in late - _reachable(nodes, CONSTRUCTION)
         for owner, attribute in written_places(nodes[name])
-        if attribute is not None and owner in {first_argument(nodes[name]), *names}
+        if attribute is not None and owner in {_first_argument(nodes[name]), *classes}
     }
 
 
 def _reachable(nodes: Mapping[str, Function], names: Iterable[str]) -> set[str]:
-    """Return which methods these methods lead to, with themselves."""
+    """Return which methods these methods lead to by their own object or ``super()``, with themselves."""
     reached, pending = set[str](), [name for name in names if name in nodes]
     while pending:
         name = pending.pop()
         reached.add(name)
-        pending += used_methods(nodes[name]) & nodes.keys() - reached
+        owners = _first_argument(nodes[name]), "super()"
+        used = [each for each in ast.walk(nodes[name]) if isinstance(each, ast.Attribute)]
+        pending += {each.attr for each in used if ast.unparse(each.value) in owners} & nodes.keys() - reached
     return reached
 
 
-def _methods(kind: type) -> dict[str, Function]:
-    """Return the syntax of a class's own methods by name."""
-    nodes = dict[str, Function]()
-    for name, value in vars(kind).items():
-        accessor = value.fget if isinstance(value, property) else getattr(value, "func", value)
-        function = underlying(accessor)
-        if isinstance(function, FunctionType):
-            node = syntax_of(function.__code__, function.__globals__)
-            if node is not None:
-                nodes[name] = node
-    return nodes
+def _first_argument(node: Function) -> str:
+    arguments = [*node.args.posonlyargs, *node.args.args]
+    return arguments[0].arg if arguments else ""
 
 
-# Digests of values: equal for equal values, in all processes and versions of Python.
+# Digests of values: equal for equal values, in all processes.
 
 
-@dataclass(frozen=True, kw_only=True)
-class DigestOptions:
-    """How deep values are read, and how numbers are compared."""
-
-    depth: int = 100  # of nested values; deeper ones count by their type only, as Python's stack is limited
-    decimals: int = 6  # of computed values [rad, m, shares]: processors differ in their last bits
-
-
-OPTIONS = DigestOptions()
+DECIMALS = 6  # of computed values [rad, m, shares]: processors differ in their last bits
+DEPTH = 100  # of nested values; deeper ones count by their type only, as Python's stack is limited
 EXACT = 2**53  # floats represent all integers up to this one
-GENERATORS = (np.random.Generator, np.random.RandomState, np.random.BitGenerator, random.Random)
 
 
 @dataclass(kw_only=True, eq=False)
 class Digester:
-    """Digests of values that may refer to each other, each made once; ``rounded`` while values are computed ones."""
+    """Digests of values that may refer to each other, each made once; ``rounded`` if they are computed ones."""
 
-    done: dict[tuple[int, bool], tuple[object, bytes]] = field(default_factory=dict)  # with values, to keep them alive
-    open: dict[int, int] = field(default_factory=dict)
     rounded: bool = False
+    done: dict[int, tuple[object, bytes]] = field(default_factory=dict)  # with values, to keep them alive
+    open: dict[int, int] = field(default_factory=dict)
 
     def digest(self, value: object) -> bytes:
         """Return the digest of a value."""
+        if isinstance(value, Enum):
+            return joined("enum", self.digest(type(value)), value.name.encode())
         if value is None or isinstance(value, bool | int | float | complex | str | bytes | np.generic):
             return self._plain(value)
-        key = id(value), self.rounded
-        if key in self.done:
-            return self.done[key][1]
+        if id(value) in self.done:
+            return self.done[id(value)][1]
         if id(value) in self.open:
             return joined("cycle", str(len(self.open) - self.open[id(value)]).encode())
-        if len(self.open) > OPTIONS.depth:
+        if len(self.open) > DEPTH:
             return joined("deep", library_name(type(value)).encode())
         self.open[id(value)] = len(self.open)
         try:
             result = self._compound(value)
         finally:
             del self.open[id(value)]
-        self.done[key] = value, result
+        self.done[id(value)] = value, result
         return result
 
-    @contextmanager
-    def computed(self) -> Iterator[None]:
-        """Round the numbers that are digested in the body."""
-        before, self.rounded = self.rounded, True
-        try:
-            yield
-        finally:
-            self.rounded = before
-
     def _plain(self, value: Any) -> bytes:
-        if isinstance(value, Enum):
-            return joined("enum", self.digest(type(value)), value.name.encode())
-        if isinstance(value, str):
-            return joined("text", value.encode(errors="surrogatepass"))
-        if isinstance(value, bytes):
-            return joined("bytes", value)
-        if isinstance(value, np.generic):
-            return self._plain(value.item()) if not isinstance(value.item(), np.generic) else self._array(value)
-        if isinstance(value, int) and abs(value) > EXACT:
-            return joined("integer", str(int(value)).encode())
-        if isinstance(value, bool | int | float):
-            return joined("number", self._numbers(np.array(float(value))))
-        return joined("other", repr(value).encode())
+        value = value.item() if isinstance(value, np.generic) else value
+        match value:
+            case str():
+                return joined("text", value.encode(errors="surrogatepass"))
+            case bytes():
+                return joined("bytes", value)
+            case int() if abs(value) > EXACT:
+                return joined("integer", str(int(value)).encode())
+            case int() | float():
+                return joined("number", self._numbers(np.array(float(value))))
+            case _:
+                return joined("other", repr(value).encode())
 
     def _compound(self, value: Any) -> bytes:
+        own = [] if is_library(type(value).__module__) else [self.digest(type(value))]  # a collection class of a user
         match value:
             case np.ndarray():
                 return self._array(value)
             case Mapping():
                 items = sorted(joined("item", *map(self.digest, item)) for item in value.items())
-                return joined("mapping", *self._own_class(value), *items)
+                return joined("mapping", *own, *items)
             case Set():
-                return joined("set", *self._own_class(value), *sorted(map(self.digest, value)))
+                return joined("set", *own, *sorted(map(self.digest, value)))
             case list() | tuple():
-                return joined("sequence", *self._own_class(value), *map(self.digest, value))
+                return joined("sequence", *own, *map(self.digest, value))
             case PurePath():
                 return joined("path", value.name.encode(errors="surrogatepass"))  # its folder does not count
-            case Enum():
-                return joined("enum", self.digest(type(value)), value.name.encode())
             case ModuleType():
                 return joined("module", value.__name__.encode())
-            case MethodType():
-                return joined("method", self.digest(value.__func__), self.digest(value.__self__))
             case type():
                 return joined("class", *self._named(class_parts(value)))
-            case property():
-                return joined("property", *map(self.digest, (value.fget, value.fset, value.fdel)))
-            case staticmethod() | classmethod():
-                return joined(type(value).__name__, self.digest(value.__func__))
-            case cached_property():
-                return joined("property", self.digest(value.func))
-        if isinstance(value, GENERATORS):
+            case MethodType() | property() | staticmethod() | classmethod() | cached_property():
+                names = "__func__", "__self__", "fget", "fset", "fdel", "func"
+                return joined(type(value).__name__, *(self.digest(getattr(value, name, None)) for name in names))
+        if isinstance(value, np.random.Generator | np.random.RandomState | np.random.BitGenerator | random.Random):
             return joined("chance", library_name(type(value)).encode())
-        function = underlying(value) if is_library_class(type(value)) else None  # a user's object may contain more
+        function = None if own else underlying(value)  # a user's object may contain more
         if function is not None:
-            return self._function(function)
+            code, values = function_parts(function)
+            return joined("function", code.encode(errors="surrogatepass"), *self._named(values))
         if isinstance(value, BuiltinFunctionType | np.ufunc):
             return joined("function", library_name(value).encode())
-        return self._object(value)
-
-    def _own_class(self, value: object) -> list[bytes]:
-        """Return the digest of a collection's class if a user wrote it."""
-        return [] if is_library_class(type(value)) else [self.digest(type(value))]
+        state, computed = object_state(value), getattr(type(value), "computed_attributes", ())
+        exact = self._named({name: each for name, each in state.items() if name not in computed})
+        rounded = Digester(rounded=True)._named({name: each for name, each in state.items() if name in computed})
+        return joined("object", self.digest(type(value)), *exact, *rounded)
 
     def _array(self, value: Any) -> bytes:
-        array = np.asarray(value)
-        if array.dtype.kind in "biuf" and not (
-            array.dtype.kind in "iu" and np.any(np.abs(array.astype(float)) > EXACT)
-        ):
-            return joined("array", str(array.shape).encode(), self._numbers(array))
+        array, shape = np.asarray(value), str(value.shape).encode()
+        large = array.dtype.kind in "iu" and np.any(np.abs(array.astype(float)) > EXACT)
+        if array.dtype.kind in "biuf" and not large:
+            return joined("array", shape, self._numbers(array))
         if array.dtype.kind == "c":
-            return joined("complex", str(array.shape).encode(), *map(self._numbers, (array.real, array.imag)))
+            return joined("complex", shape, self._numbers(array.real), self._numbers(array.imag))
         content = self.digest(array.tolist()) if array.dtype.kind == "O" else array.tobytes()
-        return joined("items", str(array.shape).encode(), str(array.dtype).encode(), content)
+        return joined("items", shape, str(array.dtype).encode(), content)
 
     def _numbers(self, array: np.ndarray) -> bytes:
         """Return the bytes of numbers: the same for all number types, for both zeros and for all NaNs."""
         numbers = np.array(array.astype("<f8") + 0.0)
         numbers[np.isnan(numbers)] = np.nan
-        return np.ascontiguousarray(numbers.round(OPTIONS.decimals) + 0.0 if self.rounded else numbers).tobytes()
-
-    def _function(self, function: FunctionType) -> bytes:
-        parts = function_parts(function)
-        return joined("function", parts.code.encode(errors="surrogatepass"), *self._named(parts.values))
-
-    def _object(self, value: Any) -> bytes:
-        state = object_state(value)
-        computed = getattr(type(value), "computed_attributes", ())
-        exact = {name: each for name, each in state.items() if name not in computed}
-        parts = [self.digest(type(value)), *self._named(exact)]
-        with self.computed():
-            parts += self._named({name: each for name, each in state.items() if name in computed})
-        return joined("object", *parts)
+        return np.ascontiguousarray(numbers.round(DECIMALS) + 0.0 if self.rounded else numbers).tobytes()
 
     def _named(self, values: Mapping[str, object]) -> Iterator[bytes]:
         """Yield digests of values with their names, in the order of names."""
@@ -305,17 +258,17 @@ def joined(label: str, *parts: bytes) -> bytes:
 # The fingerprint of a problem.
 
 
-SCHEME = "2"  # of digests; it changes when digests are made in another way
+SCHEME = "3"  # of digests; it changes when digests are made in another way
 
 
 def fingerprint(problem: object) -> str:
     """Return a digest of everything that gives a problem's genes their objectives, "SCHEME:DIGEST".
 
-    All attributes of the problem count, field by field: arm, paths, limits, obstacles, functions with their code, their
-    defaults, and the values of their closures and globals; for a user's own problem its class too. Code counts by its
-    syntax, without comments, layout, annotations and documentation; if its source is not at hand, or not what runs,
-    by its bytecode and Python's version. Code of installed libraries counts by name. Values that problem and functions
-    change themselves during an evaluation, such as counts and caches, do not count, nor does the place of a file.
+    All attributes of the problem count, field by field: arm, paths, limits, obstacles, functions with their source,
+    their defaults, and the values of their closures and globals; for a user's own problem its class too. Source counts
+    without comments, layout, annotations and documentation; if it is not at hand, or not what runs, the bytecode and
+    Python's version count. Code of installed libraries counts by name. Values that problem and functions change
+    themselves during an evaluation, such as counts and caches, do not count, nor does the place of a file.
 
     Two attributes of a class say more: ``computed_attributes`` follow from the others and are compared to 6 decimals,
     as processors differ in the last bits; ``search_attributes`` say how solutions are searched for, and do not count.

@@ -5,92 +5,69 @@ from __future__ import annotations
 import errno
 import fcntl
 import os
+import shutil
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
-from dataclasses import dataclass
-from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import BinaryIO
 
 from paretoik.errors import InvalidInput, warn_user
-from paretoik.runs.file_replacement import (
-    SAVED,
-    OpenFolder,
-    is_plain_folder,
-    move_files,
-    only_writer,
-    plain_folder,
-    refusal,
-    remove,
-)
+from paretoik.runs.file_replacement import SAVED, move_files, only_writer, refusal, remove
 from paretoik.runs.files import CONTENTS, FORMER, RUN, can_resume, has_result, is_run, was_cut_off
 
 # The run that a new one replaces: set aside, and put back unless the new one has a result.
 #
 # Its files move into `.former-run`, a folder within the run's own. While they move, in or out, it is called
 # `.former-run.part`, and its files belong back. So if the process is killed at any moment, the next one knows which of
-# the two runs is whole. The caller of these functions holds the folder's lock. All work goes by descriptors of
-# folders: a link that takes the place of one meanwhile is not followed.
+# the two runs is whole. The caller of these functions holds the folder's lock.
 
 
 PART = f"{FORMER}.part"
 
 
-def set_aside(folder: OpenFolder) -> None:
+def set_aside(folder: Path) -> None:
     """Move the run in a folder into `.former-run` within it; remove one without a result that cannot resume."""
-    if has_result(folder.path) or can_resume(folder.path):
-        place = folder.descriptor
-        os.mkdir(PART, dir_fd=place)
-        with plain_folder(PART, within=place) as part:
-            move_files(reversed(CONTENTS), place, part)  # run.json last: a folder without it is no run
-        os.rename(PART, FORMER, src_dir_fd=place, dst_dir_fd=place)
+    if has_result(folder) or can_resume(folder):
+        part = folder / PART
+        part.mkdir()
+        move_files(reversed(CONTENTS), folder, part)  # run.json last: a folder without it is no run
+        part.rename(folder / FORMER)
     remove_run(folder)  # files that a killed writer left incomplete
 
 
-def settle(folder: OpenFolder) -> bool:
+def settle(folder: Path) -> bool:
     """Remove the run that was set aside if the new one has a result, else put it back; return whether it is back."""
-    place = folder.descriptor
-    if is_plain_folder(FORMER, place):
-        if has_result(folder.path):
-            remove(FORMER, place)
+    former, part = folder / FORMER, folder / PART
+    if former.is_dir():
+        if has_result(folder):
+            remove(former)
             return False
         remove_run(folder)
-        os.rename(FORMER, PART, src_dir_fd=place, dst_dir_fd=place)
-    if not is_plain_folder(PART, place):
+        former.rename(part)
+    if not part.is_dir():
         return False
-    with plain_folder(PART, within=place) as part:
-        move_files(CONTENTS, part, place)
-    os.rmdir(PART, dir_fd=place)
+    move_files(CONTENTS, part, folder)
+    part.rmdir()
     return True
 
 
-def remove_run(folder: OpenFolder) -> None:
+def remove_run(folder: Path) -> None:
     """Remove the files of a run from its folder, and nothing else."""
-    with os.scandir(folder.descriptor) as listing:
-        entries = [each.name for each in listing]
     for name in (*reversed(CONTENTS), SAVED):
-        for entry in (name, *(each for each in entries if fnmatchcase(each, f".{name.lstrip('.')}.*"))):
-            remove(entry, folder.descriptor)
+        for place in (folder / name, *folder.glob(f".{name.lstrip('.')}.*")):
+            remove(place)
 
 
 # Disk space for a run's result, held by a file until the result is written: nothing else can fill it.
 
 
-@dataclass(frozen=True, kw_only=True)
-class SpaceOptions:
-    """How many ``bytes`` are held: 200 motions of 7 joints at 501 samples take 6 MB."""
-
-    bytes: int = 8 * 2**20
-
-
-OPTIONS = SpaceOptions()
+SPACE = 8 * 2**20  # bytes that are held: 200 motions of 7 joints at 501 samples take 6 MB
 
 
 class ReservedSpace:
     """Disk space that a ``file`` holds, from the start.
 
-    Raises InvalidInput if the disk has less. If a file system or a limit on the size of files does not allow such a
-    file, nothing is held.
+    Raises InvalidInput if the disk has less. If a limit on the size of files does not allow such a file, nothing is
+    held.
     """
 
     def __init__(self, file: Path) -> None:
@@ -100,31 +77,21 @@ class ReservedSpace:
         except OSError as fault:
             self.release()
             if fault.errno in (errno.ENOSPC, errno.EDQUOT):
-                with suppress(OSError):  # the file of a resumed run has more in it
+                with suppress(OSError):  # the folder of a resumed run has more in it
                     file.parent.rmdir()
-                wish = f"must have {OPTIONS.bytes / 2**20:g} MB of free disk for the result"
-                raise InvalidInput(f"{file.parent.parent} {wish}, got {_free(file.parent.parent)}") from None
+                run = file.parent.parent
+                wish = f"must have {SPACE / 2**20:g} MB of free disk for the result"
+                raise InvalidInput(f"{run} {wish}, got {shutil.disk_usage(run).free / 2**20:.2g} MB") from None
 
     def take(self) -> None:
         """Hold the disk space; raises OSError if there is too little."""
         self._file.parent.mkdir(exist_ok=True)
-        with plain_folder(self._file.parent) as folder:
-            flags = os.O_CREAT | os.O_RDWR | os.O_NOFOLLOW
-            descriptor = os.open(self._file.name, flags, 0o600, dir_fd=folder)
-        try:
-            os.posix_fallocate(descriptor, 0, OPTIONS.bytes)
-        finally:
-            os.close(descriptor)
+        self._file.write_bytes(bytes(SPACE))
 
     def release(self) -> None:
         """Free the disk space for the result."""
-        with suppress(OSError), plain_folder(self._file.parent) as folder:
-            os.unlink(self._file.name, dir_fd=folder)
-
-
-def _free(folder: Path) -> str:
-    disk = os.statvfs(folder)
-    return f"{disk.f_bavail * disk.f_frsize / 2**20:.2g} MB"
+        with suppress(OSError):
+            self._file.unlink()
 
 
 # The folder of a run: its lock and its files.
@@ -137,16 +104,10 @@ LOCK = ".lock"
 def claim_folder(folder: Path | str, *, overwrite: bool = False) -> Iterator[Path]:
     """Make `folder` if need be and lock it against every other writer while the body runs.
 
-    A folder that has a run with a result, or one to resume, is accepted with `overwrite` only. Once the body ends, in
-    whatever way, with the result of a new run there, the files of the former run are removed, and nothing else; without
-    a result they are as they were. If the process is killed meanwhile, the next one that claims or locks the folder
-    puts them back. The lock is the kernel's: it ends with the process (and those forked from it), however that ends.
-
-    Raises
-    ------
-    InvalidInput
-        The folder cannot be made, contains something that is no run, contains a run with a result or one to resume
-        while `overwrite` is false, or another process is writing into it.
+    Once the body ends with the result of a new run there, the files of the former run are removed, and nothing else;
+    without a result they are as they were. If the process is killed, the next one that locks the folder puts them back.
+    Raises InvalidInput if the folder cannot be made, has something that is no run, has a run with a result or one to
+    resume without `overwrite`, or if another process is writing into it.
     """
     place = Path(folder)
     with _refusal(place):
@@ -156,12 +117,12 @@ def claim_folder(folder: Path | str, *, overwrite: bool = False) -> Iterator[Pat
     with lock_folder(place):
         _check_replaceable(place, overwrite=overwrite)
         try:
-            with _refusal(place), only_writer(place) as opened:
-                set_aside(opened)
+            with _refusal(place), only_writer(place):
+                set_aside(place)
             yield place
         finally:
-            with _refusal(place), only_writer(place) as opened:
-                settle(opened)
+            with _refusal(place), only_writer(place):
+                settle(place)
 
 
 def _check_replaceable(place: Path, *, overwrite: bool) -> None:
@@ -178,11 +139,10 @@ def lock_folder(place: Path) -> Iterator[Path]:
     locked, or another process is writing into it.
     """
     with _locked(place):
-        with _refusal(place), only_writer(place) as opened:
-            restored = settle(opened)
+        with _refusal(place), only_writer(place):
+            restored = settle(place)
         if restored:
-            text = f"{place}: the process that was to replace its run ended without a result; that run is back"
-            warn_user(text)
+            warn_user(f"{place}: the process that was to replace its run ended without a result; that run is back")
         yield place
 
 
@@ -197,21 +157,40 @@ def reclaim_folder(place: Path) -> Iterator[Path]:
         try:
             yield place
         finally:
-            with _refusal(place), only_writer(place) as opened:
+            with _refusal(place), only_writer(place):
                 if has_result(place):
-                    settle(opened)
+                    settle(place)
 
 
 @contextmanager
 def _locked(place: Path) -> Iterator[None]:
-    """Hold the lock of an empty folder or a run's, which ends with the process; raises InvalidInput for others."""
+    """Lock the folder of a run, or an empty one; raises InvalidInput for others."""
     with _refusal(place):
-        foreign = _foreign_entry(place)
-        if foreign is not None:
-            raise InvalidInput(f"{place} must be a new folder, an empty one or a run, got one that holds {foreign}")
-        lock = _open_lock(place)
-    with lock:
-        _lock(lock, place)
+        names = sorted(entry.name for entry in place.iterdir())
+    others = [name for name in names if not name.startswith((LOCK, f".{RUN}.", FORMER, SAVED))]
+    if others and not any(is_run(folder / RUN) for folder in (place, place / FORMER, place / PART)):
+        raise InvalidInput(f"{place} must be a new folder, an empty one or a run, got one that holds {others[0]}")
+    with _lock(place):
+        yield
+
+
+@contextmanager
+def _lock(place: Path) -> Iterator[None]:
+    """Hold the lock of a run's folder, which ends with the process; the file that is locked names the process."""
+    with _refusal(place):
+        file = (place / LOCK).open("a+b")
+    with file as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as fault:
+            lock.seek(0)
+            writer = lock.read(20).decode(errors="replace").strip() or "unknown"
+            raise InvalidInput(f"{place} must have no other writer, got process {writer} at work there") from fault
+        except OSError as fault:  # some file systems have no locks
+            raise InvalidInput(f"{place} must allow a lock against a second writer, got {fault.strerror}") from fault
+        lock.truncate(0)
+        lock.write(str(os.getpid()).encode())
+        lock.flush()
         yield
 
 
@@ -221,41 +200,12 @@ def _refusal(place: Path) -> AbstractContextManager[None]:
 
 def check_no_run(folder: Path) -> None:
     """Raise InvalidInput if a process runs in a folder, with its lock."""
-    if os.path.lexists(folder / LOCK):
-        with _refusal(folder):
-            lock = _open_lock(folder)
-        with lock:
-            _lock(lock, folder)
+    if (folder / LOCK).exists():
+        with _lock(folder):
+            pass
 
 
 def check_other_folder(name: str, folder: Path, *sources: Path | None) -> None:
     """Raise InvalidInput, by ``name``, if a folder is that of a run that its new content comes from."""
     if any(source is not None and source.resolve() == folder.resolve() for source in sources):
         raise InvalidInput(f"{name} must be another folder than that of the run that it comes from, got {folder}")
-
-
-def _foreign_entry(place: Path) -> str | None:
-    """Return the name of an entry that no run writes into `place`; None if it is empty or a run."""
-    names = sorted(entry.name for entry in place.iterdir())
-    others = [name for name in names if not name.startswith((LOCK, f".{RUN}.", FORMER, SAVED))]
-    ours = any(is_run(folder / RUN) for folder in (place, place / FORMER, place / PART))
-    return None if not others or ours else others[0]
-
-
-def _open_lock(place: Path) -> BinaryIO:
-    """Open the file that is locked; a link in its place is not followed: its target would be emptied."""
-    return os.fdopen(os.open(place / LOCK, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666), "r+b")
-
-
-def _lock(lock: BinaryIO, place: Path) -> None:
-    try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError as fault:
-        lock.seek(0)
-        writer = lock.read(20).decode(errors="replace").strip() or "unknown"
-        raise InvalidInput(f"{place} must have no other writer, got process {writer} at work there") from fault
-    except OSError as fault:
-        raise InvalidInput(f"{place} must allow a lock against a second writer, got {fault.strerror}") from fault
-    lock.truncate(0)
-    lock.write(str(os.getpid()).encode())
-    lock.flush()

@@ -7,11 +7,11 @@ import signal
 import socket
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import count
 from math import inf
-from signal import SIGALRM
+from signal import SIGALRM, Signals
 from types import FrameType
 
 from paretoik import stop_flag
@@ -25,11 +25,7 @@ from paretoik.stop_flag import STOP, Interrupted
 
 @dataclass(frozen=True, kw_only=True)
 class TimeLeftOptions:
-    """Settings of estimates of the time left.
-
-    share: share of a stage that is done before an estimate
-    seconds: seconds of a stage before an estimate
-    """
+    """The ``share`` of a stage, and its ``seconds``, that are over before an estimate."""
 
     share: float = 0.1
     seconds: float = 0.5
@@ -88,10 +84,7 @@ _TIME_LIMIT: list[TimeLimit] = []  # the limits under way, each within the one b
 
 
 def check_time_limit(seconds: float | None) -> None:
-    """Raise InvalidInput unless the limit is a positive number, or None; a number needs the main thread.
-
-    The reason is that the flag that asks a verb to stop belongs to the process.
-    """
+    """Raise InvalidInput unless the limit is a positive number, or None; a number needs the main thread."""
     if seconds is None:
         return
     positive_number("time_limit", seconds, "s")
@@ -167,10 +160,9 @@ def limited_evaluations(seconds: float | None, *, allowed: float = inf) -> Itera
 
 @contextmanager
 def reserve_time(share: float, longest: float) -> Iterator[None]:
-    """Ask the body to stop before the time limit under way, so that some time is left for what follows.
+    """Ask the body to stop before the time limit under way, to leave a ``share`` of it, at most ``longest`` [s].
 
-    The time left is a ``share`` of the limit, at most ``longest`` [s]. The limit then counts as reached. Without a
-    limit the body runs freely.
+    The limit then counts as reached. Without a limit the body runs freely.
     """
     if not _TIME_LIMIT or _TIME_LIMIT[-1].remaining <= 0:
         yield
@@ -192,19 +184,11 @@ def reserve_time(share: float, longest: float) -> Iterator[None]:
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
+@dataclass
 class Interruption:
-    """The signal that asked a run to stop, if any; true after a signal."""
+    """The signal that asked a run to stop, if any."""
 
-    def __init__(self) -> None:
-        self.signal: signal.Signals | None = None
-
-    def __bool__(self) -> bool:
-        return self.signal is not None
-
-    @property
-    def exit_code(self) -> int:
-        """130 after Ctrl-C, 143 after a termination, 0 without a signal."""
-        return 0 if self.signal is None else 128 + self.signal
+    signal: Signals | None = None
 
 
 _ACTIVE: list[Interruption] = []  # at most one: signals belong to the process
@@ -216,11 +200,17 @@ def _watching() -> Iterator[None]:
 
     Python calls handlers only between its own instructions, but writes the number of a signal into a socket at once.
     """
+
+    def watch() -> None:
+        while number := receiver.recv(1)[0]:
+            if number in SIGNALS and not STOP[0]:
+                STOP[0] = number
+
     receiver, sender = socket.socketpair()
     with receiver, sender:
         sender.setblocking(False)
         former = signal.set_wakeup_fd(sender.fileno(), warn_on_full_buffer=False)
-        watcher = threading.Thread(target=_watch, args=(receiver, former), daemon=True)
+        watcher = threading.Thread(target=watch, daemon=True)
         watcher.start()
         stop_flag.watched = True
         try:
@@ -231,16 +221,6 @@ def _watching() -> Iterator[None]:
             sender.setblocking(True)
             sender.send(b"\0")
             watcher.join()
-
-
-def _watch(receiver: socket.socket, former: int) -> None:
-    """Set the stop flag to the first signal that a socket brings, until it brings 0; pass all to the former socket."""
-    while number := receiver.recv(1)[0]:
-        if number in SIGNALS and not STOP[0]:
-            STOP[0] = number
-        if former >= 0:
-            with suppress(OSError):
-                os.write(former, bytes([number]))
 
 
 def _leave_to_parent() -> None:
@@ -267,10 +247,10 @@ def interruptible() -> Iterator[Interruption]:
     if _ACTIVE:
         yield _ACTIVE[-1]
         return
-    interruption = Interruption()
+    interruption, former = Interruption(), {which: signal.getsignal(which) for which in SIGNALS}
 
     def record(number: int, frame: FrameType | None) -> None:
-        interruption.signal = signal.Signals(number)
+        interruption.signal = Signals(number)
         STOP[0] = number
         restore()
 
@@ -279,7 +259,6 @@ def interruptible() -> Iterator[Interruption]:
             # None means a handler that was not set from Python and cannot be set back from it.
             signal.signal(which, signal.SIG_DFL if handler is None else handler)
 
-    former = {which: signal.getsignal(which) for which in SIGNALS}
     _ACTIVE.append(interruption)
     try:
         for which in SIGNALS:

@@ -53,12 +53,9 @@ def child_command(module: str, *arguments: str) -> list[str]:
 # Versions of packages, and features of the processor.
 
 
-PACKAGES = ("paretoik", "pymoo", "numpy", "scipy", "numba", "cvxpy", "clarabel")  # a result depends on their versions
-
-
 def versions() -> dict[str, str]:
     """Return the versions of the packages that a result depends on, by name."""
-    return {name: version(name) for name in PACKAGES}
+    return {name: version(name) for name in ("paretoik", "pymoo", "numpy", "scipy", "numba", "cvxpy", "clarabel")}
 
 
 @cache
@@ -72,11 +69,3 @@ def processor() -> tuple[str, ...]:
 def software() -> Mapping[str, str]:
     """Return the versions that a worker must have, by name: only the same Python can read what is sent to it."""
     return {"Python": ".".join(platform.python_version_tuple()[:2]), **versions()}
-
-
-def difference(wanted: Mapping[str, str], got: Mapping[str, str]) -> str:
-    """Return the first version that differs, in words, "" if none does."""
-    for name, number in wanted.items():
-        if got.get(name) != number:
-            return f"{name} must be {number}, got {got.get(name, 'none')}"
-    return ""

@@ -15,7 +15,7 @@ from typing import Any
 
 import cloudpickle
 
-from paretoik.errors import SolverFailed, warn_user
+from paretoik.errors import SolverFailed
 from paretoik.inputs import check_size, end_late_verb
 from paretoik.runs.distribution import Function, Lost, Reply, pickled
 from paretoik.runs.machine import child_command
@@ -33,7 +33,6 @@ class WorkerOptions:
     portion, shares: seconds of items that a worker gets, at most one share of the items left, ``shares`` per worker
     allowed_failures: an item is lost after more workers than this ended on it
     loading: more seconds for the first item of a worker, as code is read from the disk
-    frozen: seconds after which a stopped worker is replaced
     interval: seconds between two looks for a signal
     """
 
@@ -41,7 +40,6 @@ class WorkerOptions:
     shares: int = 2
     allowed_failures: int = 3
     loading: float = 5.0
-    frozen: float = 5.0
     interval: float = 0.1
 
 
@@ -50,33 +48,26 @@ OPTIONS = WorkerOptions()
 
 @dataclass(kw_only=True, eq=False)
 class _Worker:
-    """A process, its unanswered items, and the time since when it computes the first of them or is stopped."""
+    """A process, its unanswered items, and the time since when it computes the first of them."""
 
     process: subprocess.Popen[bytes]
     connection: Connection
-    life: int
     has: object = None  # the shared object
     places: deque[int] = field(default_factory=deque)
     since: float | None = None
-    stopped_since: float | None = None
     replies: int = 0
 
-    def is_frozen(self, seconds: float) -> bool:
-        """Return whether the process was stopped, as by SIGSTOP, for this long, as far as the system says."""
-        is_stopped = False
-        with suppress(ChildProcessError, AttributeError):  # it has ended, or the system does not say
-            what = os.WSTOPPED | os.WNOHANG | os.WNOWAIT
-            is_stopped = os.waitid(os.P_PID, self.process.pid, what) is not None
-        now = time.monotonic()
-        self.stopped_since = (self.stopped_since or now) if is_stopped else None
-        return self.stopped_since is not None and now - self.stopped_since >= seconds
+    @property
+    def seconds(self) -> float:
+        """Time for which it computes its present item [s], without the loading of code."""
+        loading = 0.0 if self.replies else OPTIONS.loading
+        return 0.0 if self.since is None or not self.places else time.monotonic() - self.since - loading
 
     def end(self) -> int:
         """End it at once and return its exit status."""
         self.process.kill()
         with suppress(OSError):
             self.connection.close()
-        os.close(self.life)
         return self.process.wait()
 
 
@@ -86,9 +77,9 @@ class WorkerProcesses:
     Raises InvalidInput if ``workers`` is no valid number of workers.
     """
 
-    def __init__(self, workers: int, options: WorkerOptions = OPTIONS) -> None:
+    def __init__(self, workers: int) -> None:
         check_size("workers", workers, 1)
-        self.workers, self._options = int(workers), options
+        self.workers = int(workers)
         self._processes: list[_Worker] = []
         self._shared: tuple[Any, bytes] = (None, b"")
 
@@ -126,12 +117,10 @@ class _Round:
     def __init__(
         self, pool: WorkerProcesses, function: bytes, shared: bytes, items: Sequence[Any], seconds: float | None
     ) -> None:
-        self.processes, self.options = pool._processes, pool._options
-        self.workers = min(pool.workers, len(items))
+        self.processes, self.workers = pool._processes, min(pool.workers, len(items))
         self.function, self.shared, self.items, self.seconds = function, shared, items, seconds
         self.pending = deque(range(len(items)))
-        self.failures: Counter[int] = Counter()
-        self.unborn = 0  # workers in a row that ended before they computed
+        self.failures: Counter[int] = Counter()  # workers that ended, by the item that each had first
         self.answered = 0
         self.computed = 0.0
 
@@ -139,29 +128,30 @@ class _Round:
         while self.answered < len(self.items):
             if STOP[0]:
                 raise Interrupted
-            self._deal()
-            busy = {worker.connection: worker for worker in self.processes if worker.places}
-            for connection in wait(list(busy), timeout=self._patience()):
-                yield from self._received(busy[connection])  # type: ignore[index]
-            self._end_late_verb()
-            for worker in [each for each in self.processes if self._overdue(each)]:
-                yield self._give_up(worker)
-            for worker in [each for each in self.processes if each.places and each.is_frozen(self.options.frozen)]:
-                self._replace_frozen(worker)
-
-    def _deal(self) -> None:
-        """Give work to idle workers, and start workers that are missing."""
-        while len(self.processes) < self.workers:
-            self.processes.append(_start())
-        for worker in self.processes:
-            if self.pending and not worker.places:
-                self._give(worker)
+            # Start workers that are missing, and give work to idle ones.
+            while len(self.processes) < self.workers:
+                self.processes.append(_start())
+            for worker in self.processes:
+                if self.pending and not worker.places:
+                    self._give(worker)
+            # Wait for replies, until the first item takes too long.
+            busy: dict[Any, _Worker] = {worker.connection: worker for worker in self.processes if worker.places}
+            lasted = max(worker.seconds for worker in busy.values())
+            patience = OPTIONS.interval if self.seconds is None else min(OPTIONS.interval, self.seconds - lasted)
+            for connection in wait(list(busy), timeout=max(patience, 0.0)):
+                yield from self._received(busy[connection])
+            # End what takes too long.
+            end_late_verb("an evaluation in a worker", max(worker.seconds for worker in busy.values()))
+            for worker in [each for each in self.processes if each.places and not each.connection.poll()]:
+                if self.seconds is not None and worker.since is not None and worker.seconds >= self.seconds:
+                    self._remove(worker)
+                    yield self._lost(worker, f"it took more than {self.seconds:g} s")
 
     def _give(self, worker: _Worker) -> None:
         portion = 1
         if self.computed and self.seconds is None:
-            portion = int(self.options.portion * self.answered / self.computed)
-        share = len(self.pending) // (self.options.shares * self.workers)
+            portion = int(OPTIONS.portion * self.answered / self.computed)
+        share = len(self.pending) // (OPTIONS.shares * self.workers)
         places = [self.pending.popleft() for _ in range(max(1, min(portion, share)))]
         shared = None if worker.has is self.shared else self.shared
         work = Work(self.function, shared, [(place, self.items[place]) for place in places])
@@ -170,36 +160,23 @@ class _Round:
         with suppress(OSError):  # it has ended, which is noticed when its reply is awaited
             worker.connection.send_bytes(pickled("an item", tuple(work)))
 
-    def _patience(self) -> float:
-        """Return how long to wait for a reply."""
-        limits = [limit - time.monotonic() for each in self.processes if (limit := self._limit(each)) is not None]
-        return max(0.0, min([self.options.interval, *limits]))
-
-    def _limit(self, worker: _Worker) -> float | None:
-        """Return when a worker will have taken too long, None for never."""
-        if self.seconds is None or worker.since is None or not worker.places:
-            return None
-        return worker.since + self.seconds + (0.0 if worker.replies else self.options.loading)
-
-    def _overdue(self, worker: _Worker) -> bool:
-        limit = self._limit(worker)
-        return limit is not None and time.monotonic() >= limit and not worker.connection.poll()
-
-    def _end_late_verb(self) -> None:
-        """Raise Interrupted if the time limit of the verb is over and an item takes longer than it may then."""
-        for worker in self.processes:
-            if worker.places and worker.since is not None:
-                loading = 0.0 if worker.replies else self.options.loading
-                end_late_verb("an evaluation in a worker", time.monotonic() - worker.since - loading)
-
     def _received(self, worker: _Worker) -> Iterator[tuple[int, Reply]]:
-        """Yield what a worker has sent; replace a worker that has ended."""
+        """Yield what a worker has sent; if it has ended, others compute its items, unless many ended on the first."""
         try:
             place, reply = cloudpickle.loads(worker.connection.recv_bytes())
         except (EOFError, OSError):
-            yield from self._ended(worker)
+            status, first = self._remove(worker), worker.places[0]
+            self.failures[first] += 1
+            if self.failures[first] <= OPTIONS.allowed_failures:
+                self.pending.extendleft(reversed(worker.places))
+                return
+            end = f"by signal {-status}" if status < 0 else f"with status {status}"
+            if worker.since is None:
+                text = f"workers must start, got {self.failures[first]} that ended: {end}"
+                raise SolverFailed(text) from None
+            yield self._lost(worker, f"{self.failures[first]} workers ended on it, the last {end}")
             return
-        worker.since, self.unborn = time.monotonic(), 0
+        worker.since = time.monotonic()
         if place == STARTED:
             return
         worker.replies += 1
@@ -208,58 +185,26 @@ class _Round:
         self.computed += getattr(reply, "seconds", 0.0)
         yield place, reply
 
-    def _ended(self, worker: _Worker) -> Iterator[tuple[int, Reply]]:
-        """Give an ended worker's items to others; yield the item that it ended on if too many workers did."""
+    def _remove(self, worker: _Worker) -> int:
+        """End a worker and return its exit status."""
         self.processes.remove(worker)
-        status, began = worker.end(), worker.since is not None
-        first = worker.places[0]
-        if not began:
-            self.unborn += 1
-            if self.unborn > self.options.allowed_failures:
-                raise SolverFailed(f"workers must start, got {self.unborn} that ended: {_end(status)}")
-        self.failures[first] += began
-        if self.failures[first] <= self.options.allowed_failures:
-            self.pending.extendleft(reversed(worker.places))
-            return
-        worker.places.popleft()
-        self.pending.extendleft(reversed(worker.places))
-        self.answered += 1
-        yield first, Lost(cause=f"{self.failures[first]} workers ended on it, the last {_end(status)}")
+        return worker.end()
 
-    def _replace_frozen(self, worker: _Worker) -> None:
-        """End a stopped worker; others compute its items, which did not cause the stop."""
-        self.processes.remove(worker)
-        worker.end()
-        self.pending.extendleft(reversed(worker.places))
-        text = f"workers: process {worker.process.pid} was stopped for {self.options.frozen:g} s and is replaced"
-        warn_user(text)
-
-    def _give_up(self, worker: _Worker) -> tuple[int, Reply]:
-        """End a worker that takes too long, and return its present item as lost."""
-        self.processes.remove(worker)
-        worker.end()
+    def _lost(self, worker: _Worker, cause: str) -> tuple[int, Reply]:
+        """Return the present item of an ended worker as lost; others compute the rest."""
         place = worker.places.popleft()
         self.pending.extendleft(reversed(worker.places))
         self.answered += 1
-        return place, Lost(cause=f"it took more than {self.seconds:g} s")
-
-
-def _end(status: int) -> str:
-    return f"by signal {-status}" if status < 0 else f"with status {status}"
+        return place, Lost(cause=cause)
 
 
 def _start() -> _Worker:
     ours, theirs = socket.socketpair()
-    life, end = os.pipe()
     with theirs:
-        command = child_command("paretoik.runs.worker", str(theirs.fileno()), str(life))
-        try:
-            process = subprocess.Popen(
-                command,
-                stdin=subprocess.DEVNULL,
-                pass_fds=(theirs.fileno(), life),
-                env={**os.environ, **ONE_THREAD},
-            )
-        finally:
-            os.close(life)
-    return _Worker(process=process, connection=Connection(ours.detach()), life=end)
+        process = subprocess.Popen(
+            child_command("paretoik.runs.worker", str(theirs.fileno())),
+            stdin=subprocess.DEVNULL,
+            pass_fds=(theirs.fileno(),),
+            env={**os.environ, **ONE_THREAD},
+        )
+    return _Worker(process=process, connection=Connection(ours.detach()))

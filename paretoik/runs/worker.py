@@ -1,11 +1,10 @@
 """A worker: a process that computes functions of items for the process that started it, and ends with it.
 
-Its arguments, CONNECTION and LIFE, are two file descriptors. Messages come and go as pickles.
+Its argument is the file descriptor of a connection. Messages come and go as pickles.
 """
 
 from __future__ import annotations
 
-import fcntl
 import os
 import signal
 import sys
@@ -41,13 +40,15 @@ def compute(function: Function, shared: Any, item: Any) -> Done | Raised:
         return Raised(error=error)
 
 
-def _serve(connection: Connection) -> None:
-    """Compute messages until no more come."""
-    received: SimpleQueue[bytes | None] = SimpleQueue()
+def main() -> None:
+    """Serve the process that started this one."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process that started it ends it
+    become_worker()
+    connection, received = Connection(int(sys.argv[1])), SimpleQueue[bytes]()
     Thread(target=_receive, args=(connection, received), daemon=True).start()
     shared: Any = None
-    while (message := received.get()) is not None:
-        work: Work = Work(*cloudpickle.loads(message))
+    while True:
+        work: Work = Work(*cloudpickle.loads(received.get()))
         try:
             shared = shared if work.shared is None else cloudpickle.loads(work.shared)
             function = cloudpickle.loads(work.function)
@@ -60,13 +61,13 @@ def _serve(connection: Connection) -> None:
             _send(connection, place, compute(function, shared, item))
 
 
-def _receive(connection: Connection, received: SimpleQueue[bytes | None]) -> None:
-    """Read messages as they come, so that the sender never waits for a computation."""
+def _receive(connection: Connection, received: SimpleQueue[bytes]) -> None:
+    """Read messages as they come, so that the sender never waits; end this process when the sender has ended."""
     try:
         while True:
             received.put(connection.recv_bytes())
     except (EOFError, OSError):
-        received.put(None)
+        os._exit(0)
 
 
 def _send(connection: Connection, place: int, reply: Done | Raised | None) -> None:
@@ -76,27 +77,3 @@ def _send(connection: Connection, place: int, reply: Done | Raised | None) -> No
         refusal = InvalidInput(f"workers: a result must be picklable, got {cause_of(error)}")
         message = cloudpickle.dumps((place, Raised(error=refusal)))
     connection.send_bytes(message)
-
-
-def _die_with(life: int) -> None:
-    """Make the kernel end this process as soon as nobody holds the other end of a pipe, whatever it computes.
-
-    Nothing is ever written into the pipe: its end comes, and SIGIO with it, which by default ends the process.
-    """
-    signal.signal(signal.SIGIO, signal.SIG_DFL)
-    fcntl.fcntl(life, fcntl.F_SETOWN, os.getpid())
-    fcntl.fcntl(life, fcntl.F_SETFL, fcntl.fcntl(life, fcntl.F_GETFL) | os.O_ASYNC | os.O_NONBLOCK)
-    try:
-        os.read(life, 1)
-        os._exit(0)  # the starting process had ended before
-    except BlockingIOError:
-        pass
-
-
-def main() -> None:
-    """Serve the process that started this one."""
-    connection, life = map(int, sys.argv[1:])
-    _die_with(life)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process that started it ends it
-    become_worker()
-    _serve(Connection(connection))

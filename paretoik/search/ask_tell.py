@@ -13,7 +13,7 @@ from pymoo.core.termination import NoTermination
 
 from paretoik.arrays import Genes, Ids, Mask, Objectives
 from paretoik.errors import InvalidInput
-from paretoik.inputs import check_call, check_count, check_seed, check_size, integer_array, real_array, shown
+from paretoik.inputs import check_count, check_seed, check_size, integer_array, real_array, shown
 from paretoik.search.archive import Archive, Failures
 from paretoik.search.genes import SMALLEST_POPULATION, check_algorithm, check_problem, checked_genes
 from paretoik.search.maximin import column, survivors
@@ -90,7 +90,6 @@ def archive_front(search: Any, points: int | None) -> Front:
 # A search whose caller evaluates the problem.
 
 
-@check_call
 class Search:
     """An evolutionary search by generations: ``ask`` for genes, ``tell`` their objectives and constraints.
 

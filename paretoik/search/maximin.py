@@ -24,7 +24,7 @@ from pymoo.core.survival import Survival
 
 from paretoik.arrays import Ids, Mask, Values
 from paretoik.errors import InvalidInput
-from paretoik.inputs import check_call, finite_number, real_array, shown
+from paretoik.inputs import finite_number, real_array, shown
 from paretoik.search.objectives import EQUALITY_TOLERANCE, TOLERANCE, Floats, Integers, check_tolerance, violations
 from paretoik.tables import html_representation
 
@@ -314,7 +314,6 @@ def _with_species(
     return order, np.concatenate((distance[stays], np.zeros(len(added))))
 
 
-@check_call
 class MaxiMin(Survival):  # type: ignore[misc]  # pymoo has no types
     """MaxiMin as a pymoo survival, for any pymoo problem and genetic algorithm: ``NSGA2(survival=MaxiMin())``.
 

@@ -20,7 +20,7 @@ from pymoo.util.display.multi import MultiObjectiveOutput
 
 from paretoik.arrays import Genes, Ids, Mask, Objectives, Values
 from paretoik.errors import InvalidInput
-from paretoik.inputs import check_call, check_count, check_instance, check_size, shown
+from paretoik.inputs import check_count, check_instance, check_size, shown
 from paretoik.search.genes import (
     SMALLEST_POPULATION,
     check_bounds,
@@ -192,7 +192,6 @@ def _draw_from_species(species: Integers, individuals: Integers, rng: np.random.
 # NSGA-II with MaxiMin selection.
 
 
-@check_call
 class MaxiMinNSGA2(GeneticAlgorithm):  # type: ignore[misc]  # pymoo has no types
     """NSGA-II whose survival is MaxiMin; for ``pymoo.optimize.minimize``, pymoo's ask and tell, and ``Search``.
 

@@ -11,7 +11,6 @@ from jaxtyping import Float
 
 from paretoik.errors import InvalidInput, warn_user
 from paretoik.inputs import (
-    check_call,
     check_function,
     check_magnitude,
     check_size,
@@ -44,7 +43,6 @@ JOINT_UNITS = {  # of joints that turn, and of those that slide
 Bounds = Float[np.ndarray, "#time dof 2"]
 
 
-@check_call
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Limits:
     """Limits on joint position, velocity, acceleration, torque and power |τᵢ q̇ᵢ|.
@@ -142,7 +140,6 @@ class Constraint:
         return np.asarray(np.maximum(values - self.upper, self.lower - values) / self.scale)
 
 
-@check_call
 def constraint(
     *,
     unit: str,

@@ -13,7 +13,6 @@ from jaxtyping import Float
 from paretoik.arrays import JointPaths, Rotations, Series, read_only
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.inputs import (
-    check_call,
     check_choice,
     check_flag,
     check_instance,
@@ -95,7 +94,6 @@ def check_link_radius(radius: object) -> None:
 # The motion and its quantities.
 
 
-@check_call
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Motion:
     """Joint motions of one arm, a batch of them or one.

@@ -13,7 +13,6 @@ from paretoik.arrays import Values
 from paretoik.errors import InvalidInput
 from paretoik.inputs import (
     cause_of,
-    check_call,
     check_choice,
     check_flag,
     check_function,
@@ -84,7 +83,6 @@ class Objective:
         return -1.0 if self.maximise else 1.0
 
 
-@check_call
 def objective(
     *, unit: str, form: Form, maximise: bool = False, name: str | None = None
 ) -> Callable[[Function], Objective]:

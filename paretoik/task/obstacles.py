@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from paretoik.arrays import Vector3
 from paretoik.errors import InvalidInput
-from paretoik.inputs import ArrayLike, check_call, check_magnitude, finite_array, positive_number
+from paretoik.inputs import ArrayLike, check_magnitude, finite_array, positive_number
 from paretoik.robot.pose import Pose, check_pose
 from paretoik.tables import field_representation, html_representation
 
@@ -23,7 +23,6 @@ def __dir__() -> list[str]:
     return __all__
 
 
-@check_call
 @dataclass(frozen=True, init=False, eq=False)
 class Circle:
     """A disc in the xy-plane; in space an infinite cylinder along z.
@@ -46,7 +45,6 @@ class Circle:
         )
 
 
-@check_call
 @dataclass(frozen=True, init=False, eq=False)
 class Sphere:
     """A ball.
@@ -69,7 +67,6 @@ class Sphere:
         )
 
 
-@check_call
 @dataclass(frozen=True, init=False, eq=False)
 class Capsule:
     """The points within a radius of a segment.
@@ -91,7 +88,6 @@ class Capsule:
         _freeze(self, start=first, end=last, radius=positive_number("capsule radius", radius, "m"))
 
 
-@check_call
 @dataclass(frozen=True, init=False, eq=False)
 class Box:
     """A box, or a rectangle in its own xy-plane.

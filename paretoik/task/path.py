@@ -14,7 +14,6 @@ from paretoik.arrays import Times, read_only
 from paretoik.errors import InvalidInput, warn_user
 from paretoik.inputs import (
     ArrayLike,
-    check_call,
     check_magnitude,
     check_size,
     finite_array,
@@ -33,7 +32,6 @@ Points: TypeAlias = Float[np.ndarray, "time axes"]
 Quaternions: TypeAlias = Float[np.ndarray, "time 4"]
 
 
-@check_call
 @dataclass(frozen=True, eq=False, repr=False)
 class Path:
     """The tool's desired place over time; made by ``line``, ``circle``, ``waypoints`` or ``poses``.
@@ -240,7 +238,6 @@ class PathOptions:
 OPTIONS = PathOptions()
 
 
-@check_call
 def line(
     start: Pose | ArrayLike,
     end: Pose | ArrayLike,
@@ -285,7 +282,6 @@ def line(
     return sample_curve(TimedCurve(shape, times[-1], timing), times)
 
 
-@check_call
 def circle(
     center: Pose | ArrayLike,
     radius: float,
@@ -339,7 +335,6 @@ def circle(
     return sample_curve(TimedCurve(shape, times[-1], timing), times)
 
 
-@check_call
 def waypoints(
     points: Sequence[Pose] | Pose | ArrayLike,
     *,
@@ -381,7 +376,6 @@ def waypoints(
     return sample_curve(TimedCurve(curve, times[-1], timing), times)
 
 
-@check_call
 def poses(times: ArrayLike, poses: Sequence[Pose] | Pose | ArrayLike) -> Path:
     """Return a path through poses or points at given times.
 

@@ -13,7 +13,7 @@ from jaxtyping import Float
 from paretoik.arrays import Times
 from paretoik.autodiff.tape import where
 from paretoik.errors import InvalidInput
-from paretoik.inputs import check_call, check_choice, check_instance, check_text, shown
+from paretoik.inputs import check_choice, check_instance, check_text, shown
 from paretoik.robot.arm import Arm
 from paretoik.robot.body import TOOL_FRAME
 from paretoik.robot.components import (
@@ -120,7 +120,6 @@ class TaskOptions:
 OPTIONS = TaskOptions()
 
 
-@check_call
 @dataclass(frozen=True, eq=False)
 class Task:
     """A frame of the arm that follows a path.

@@ -17,7 +17,6 @@ from paretoik.arrays import JointPaths
 from paretoik.errors import EvaluationFailed, Infeasible, SolverFailed
 from paretoik.front.indicators import OPTIONS as INDICATORS
 from paretoik.front.points import ADDED_SAMPLES, confirmation
-from paretoik.inputs import check_call
 from paretoik.nlp.minimise import check_solver, chosen_solver
 from paretoik.nlp.program import (
     CONVERGED,
@@ -93,7 +92,6 @@ class Optimum:
     _repr_html_ = html_representation
 
 
-@check_call
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Plan:
     """Distinct local optima, best first.

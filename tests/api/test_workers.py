@@ -18,7 +18,7 @@ import pytest
 import paretoik as pk
 from paretoik.errors import InvalidInput
 from paretoik.runs.cluster import Cluster
-from paretoik.runs.distribution import DistributionOptions, distributing
+from paretoik.runs.distribution import distributing
 from paretoik.runs.executor import open_executor
 from paretoik.runs.files import CHECKPOINT, JOURNAL, RUN
 from paretoik.runs.machine import processor
@@ -210,7 +210,7 @@ def test_a_closed_loop_is_followed_without_workers_and_islands(name):
 
 
 def test_a_warning_says_that_workers_do_not_pay_for_quick_evaluations(monkeypatch, tmp_path):
-    monkeypatch.setattr("paretoik.runs.distribution.OPTIONS", DistributionOptions(trial=0.2))
+    monkeypatch.setattr("paretoik.runs.distribution.TRIAL", 0.2)
     with pytest.warns(RuntimeWarning, match="workers: they do not pay here, a task takes"):
         pk.solve(Slow(tmp_path / "rows", seconds=0.0), population=12, generations=90, stagnation=False, workers=2)
 

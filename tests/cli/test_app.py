@@ -97,7 +97,7 @@ def test_bad_input_is_one_line_on_stderr_and_exit_code_2(paretoik, mine, finishe
         (["solve", "x.py:y", "--populaton", "9"], "of solve, got '--populaton'; did you mean '--population'?"),
         (["--bogus"], "option must be an option of paretoik, got '--bogus'"),
         (["show", "a", "b (c)"], "arguments must be fewer, got 'b (c)'; 'paretoik show --help' says"),
-        (["slove"], "show, export, report, compare, verify, check-robot, got 'slove'; did you mean 'solve'?"),
+        (["slove"], "show, export, report, compare, verify, warmup, check-robot, got 'slove'; did you mean 'solve'?"),
         ([""], "check-robot, got ''"),
     ],
 )

@@ -22,15 +22,12 @@ from paretoik.stop_flag import STOP, Interrupted, check_interruption
 from tests.api.problems import tracking
 
 
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-def test_the_first_signal_is_noted_and_the_run_goes_on(number, code):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_the_first_signal_is_noted_and_the_run_goes_on(number):
     with interruptible() as interruption:
-        assert not interruption
-        assert interruption.exit_code == 0
+        assert interruption.signal is None
         os.kill(os.getpid(), number)
-        assert interruption
         assert interruption.signal == number
-        assert interruption.exit_code == code
 
 
 def test_a_second_ctrl_c_raises():
@@ -39,7 +36,7 @@ def test_a_second_ctrl_c_raises():
     try:
         with interruptible() as interruption:
             os.kill(os.getpid(), signal.SIGINT)
-            assert interruption
+            assert interruption.signal
             with pytest.raises(KeyboardInterrupt):
                 os.kill(os.getpid(), signal.SIGINT)
     finally:
@@ -76,13 +73,13 @@ def test_another_thread_catches_nothing():
 
     def work():
         with interruptible() as interruption:
-            handlers.append((signal.getsignal(signal.SIGINT), bool(interruption)))
+            handlers.append((signal.getsignal(signal.SIGINT), interruption.signal))
 
     before = signal.getsignal(signal.SIGINT)
     thread = threading.Thread(target=work)
     thread.start()
     thread.join()
-    assert handlers == [(before, False)]
+    assert handlers == [(before, None)]
 
 
 def test_a_signal_sets_the_flag_while_the_main_thread_runs_no_python():
@@ -105,14 +102,13 @@ def wait_for(stop, count):
     return i
 
 
-def test_a_former_wakeup_descriptor_learns_of_signals_too_and_is_put_back():
+def test_a_former_wakeup_descriptor_is_put_back():
     reader, writer = os.pipe()
     os.set_blocking(writer, False)
     before = signal.set_wakeup_fd(writer)
     try:
         with interruptible():
             os.kill(os.getpid(), signal.SIGINT)
-        assert os.read(reader, 10) == bytes([signal.SIGINT])
     finally:
         assert signal.set_wakeup_fd(before) == writer
         os.close(reader)
@@ -128,7 +124,7 @@ def test_a_forked_process_leaves_its_parents_flag_alone():
         os.waitpid(child, 0)
         threading.Event().wait(0.05)
         assert not STOP[0]
-        assert not interruption
+        assert interruption.signal is None
 
 
 @dataclass

@@ -9,14 +9,13 @@ import sys
 import threading
 import time
 from contextlib import closing
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from paretoik.errors import InvalidInput
 from paretoik.runs.distribution import Done, Lost, Raised
-from paretoik.runs.processes import OPTIONS, WorkerProcesses
+from paretoik.runs.processes import WorkerProcesses
 from paretoik.stop_flag import STOP, Interrupted
 from tests.runs import work
 
@@ -139,7 +138,7 @@ def test_workers_end_when_they_are_closed():
     assert not any(map(is_alive, processes))
 
 
-def test_workers_end_with_a_process_that_is_killed_even_in_code_that_holds_the_lock(tmp_path):
+def test_workers_end_with_a_process_that_is_killed(tmp_path):
     client = subprocess.Popen([sys.executable, "-m", "tests.runs.work", str(tmp_path)], cwd=ROOT)
     try:
         assert wait_until(lambda: len(list(tmp_path.iterdir())) == 2, 60.0)
@@ -149,34 +148,6 @@ def test_workers_end_with_a_process_that_is_killed_even_in_code_that_holds_the_l
         os.kill(client.pid, signal.SIGKILL)
         client.wait()
     assert wait_until(lambda: not any(map(is_alive, processes)), 1.0)
-
-
-def test_a_worker_that_freezes_is_replaced_and_what_it_had_is_computed():
-    with closing(WorkerProcesses(2, replace(OPTIONS, frozen=1.0))) as opened:
-        processes = sorted({*values(opened.replies(work.process, None, range(20))).values()})
-        replies = opened.replies(work.slow_process, None, range(12))
-        next(replies)
-        os.kill(processes[0], signal.SIGSTOP)
-        with pytest.warns(
-            RuntimeWarning, match=rf"workers: process {processes[0]} was stopped for 1 s and is replaced"
-        ):
-            rest = values(replies)
-        assert len(rest) == 11
-        assert not is_alive(processes[0])
-        assert is_alive(processes[1])
-
-
-def test_a_worker_that_is_stopped_for_a_moment_goes_on():
-    with closing(WorkerProcesses(2, replace(OPTIONS, frozen=5.0))) as opened:
-        processes = {*values(opened.replies(work.process, None, range(20))).values()}
-        replies = opened.replies(work.slow_process, None, range(12))
-        next(replies)
-        for process in processes:
-            os.kill(process, signal.SIGSTOP)
-        timer = threading.Timer(0.5, lambda: [os.kill(process, signal.SIGCONT) for process in processes])
-        timer.start()
-        assert {*values(replies).values()} <= processes
-        timer.join()
 
 
 def test_workers_have_one_thread_each_and_ignore_an_interruption_from_the_keyboard(workers):

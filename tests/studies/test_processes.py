@@ -29,9 +29,9 @@ def square(seed):
         (float, ["x"], "raised ValueError: could not convert string to float: 'x'"),
     ],
 )
-def test_a_run_that_hangs_or_crashes_is_counted_as_empty(capsys, work, words, reason):
-    options = WorkerOptions(allowed_failures=0, loading=0.0)
-    with closing(WorkerProcesses(1, options)) as executor:
+def test_a_run_that_hangs_or_crashes_is_counted_as_empty(monkeypatch, capsys, work, words, reason):
+    monkeypatch.setattr("paretoik.runs.processes.OPTIONS", WorkerOptions(allowed_failures=0, loading=0.0))
+    with closing(WorkerProcesses(1)) as executor:
         results = processes.run_seeds(
             executor, work, lambda seed: {("a peer",): words}, 1, limit=1.0, empty=lambda key: [key]
         )

@@ -24,13 +24,12 @@ from paretoik.front.choice import (
 )
 from paretoik.front.geometry import PREFERENCE_OPTIONS as OPTIONS
 from paretoik.front.points import Front, FrontData, check_front, check_known, row_of, shares_of
-from paretoik.inputs import check_call, is_integer, read_list, shown
+from paretoik.inputs import is_integer, read_list, shown
 from paretoik.tables import html_representation
 
 CLASSES = ("improve", "improve_to", "keep", "relax_to", "free")
 
 
-@check_call
 @dataclass(frozen=True, init=False, eq=False)
 class Classify:
     """Every objective in one class, seen from a current point: the classes of NIMBUS.
@@ -163,7 +162,6 @@ class Classify:
         return list_words(words)
 
 
-@check_call
 @dataclass(frozen=True, init=False, eq=False)
 class Aspiration:
     """Values of the objectives to aspire to, by name, in their own units and sign; other objectives are free.

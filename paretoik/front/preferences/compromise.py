@@ -11,7 +11,7 @@ from paretoik.errors import InvalidInput
 from paretoik.front.choice import Choice, explain, first_row, percent, subject
 from paretoik.front.geometry import PREFERENCE_OPTIONS as OPTIONS
 from paretoik.front.points import Front, FrontData, check_front, check_has_points, row_of
-from paretoik.inputs import check_call
+from paretoik.inputs import
 from paretoik.tables import html_representation
 
 
@@ -29,7 +29,6 @@ class Point:
         return explain(front, row, f"Point {front.ids[row]} of {len(front)} was picked by its id.", preference=self)
 
 
-@check_call
 @dataclass(frozen=True, kw_only=True)
 class Knee:
     """The knee: the point from which any step costs the most compared with its gain.
@@ -114,7 +113,6 @@ def _trade_offs(front: FrontData, row: int) -> Values:
 COMPROMISE_IN_WORDS = "the point whose hardest-hit objective gives up the least, as a share of its range on the front"
 
 
-@check_call
 @dataclass(frozen=True, kw_only=True)
 class Compromise:
     """The compromise: the point whose hardest-hit objective gives up the least, as a share of its range.

@@ -34,11 +34,10 @@ from paretoik.front.points import (
 )
 from paretoik.front.preferences.compromise import Compromise, Knee, Point
 from paretoik.front.preferences.weights import Weights
-from paretoik.inputs import check_call, is_integer, likely_spelling, shown, user_function
+from paretoik.inputs import is_integer, likely_spelling, shown, user_function
 from paretoik.tables import html_representation
 
 
-@check_call
 @dataclass(frozen=True, init=False, eq=False)
 class Bounds:
     """Bounds of objectives, and a preference that chooses among the points within them.

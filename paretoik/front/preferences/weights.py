@@ -22,11 +22,10 @@ from paretoik.front.choice import (
 )
 from paretoik.front.geometry import PREFERENCE_OPTIONS as OPTIONS
 from paretoik.front.points import Front, FrontData, check_front, check_known
-from paretoik.inputs import check_call, finite_number, shown
+from paretoik.inputs import finite_number, shown
 from paretoik.tables import html_representation
 
 
-@check_call
 @dataclass(frozen=True, init=False, eq=False)
 class Lexicographic:
     """Objectives in the order of their importance, each with a tolerance around its best value.
@@ -104,7 +103,6 @@ class Lexicographic:
         return explain(front, row, verdict, preference=self, details={"remaining": remaining})
 
 
-@check_call
 @dataclass(frozen=True, init=False, eq=False)
 class Weights:
     """Weights of the objectives, by name; an objective that is not named has weight 0.
@@ -175,7 +173,6 @@ def weights_in_words(front: FrontData, weights: Values) -> str:
     return ", ".join(f"{name} {weight:.3g}%" for name, weight in zip(front.names, 100 * weights, strict=True) if weight)
 
 
-@check_call
 @dataclass(frozen=True, init=False, eq=False)
 class Robust:
     """Weights that may each be wrong by a share ``uncertainty``; the largest regret is minimised.

@@ -14,7 +14,7 @@ from typing import Literal
 
 import numpy as np
 
-from paretoik.runs.folder import OPTIONS as RESERVED
+from paretoik.runs.folder import SPACE
 from studies.benchmarks.checkouts import ROOT
 from studies.benchmarks.reliability.kills import COMMANDS, result_of
 
@@ -48,8 +48,8 @@ class SmallDisk:
 def disk_sizes(count: int) -> Iterator[int]:
     """Yield sizes [bytes]; half of them have room for a result and fill up during the run."""
     small = count // 2
-    yield from np.geomspace(OPTIONS.smallest, RESERVED.bytes, small, endpoint=False).astype(int).tolist()
-    yield from np.linspace(RESERVED.bytes, RESERVED.bytes + OPTIONS.bytes, count - small).astype(int).tolist()
+    yield from np.geomspace(OPTIONS.smallest, SPACE, small, endpoint=False).astype(int).tolist()
+    yield from np.linspace(SPACE, SPACE + OPTIONS.bytes, count - small).astype(int).tolist()
 
 
 def namespaces_can_mount() -> bool:

@@ -11,16 +11,16 @@ import numpy as np
 
 from paretoik.errors import InvalidRun
 from paretoik.runs.files import CHECKPOINT, JOURNAL
-from paretoik.runs.journal import HEAD, LENGTH, MARK, Journal
+from paretoik.runs.journal import HEAD, MARK, Journal
 
-LENGTH_SIZE = 8  # bytes of the length of a payload
+FIELDS = len(MARK), 32, 8, 32  # bytes of a frame's mark, key, length and digest
 
 
 def frame_ends(content: bytes) -> list[int]:
     """Return the ends of a journal's frames, first 0."""
     ends = [0]
     while ends[-1] < len(content):
-        ends.append(ends[-1] + HEAD.size + HEAD.unpack_from(content, ends[-1])[1])
+        ends.append(ends[-1] + HEAD.size + HEAD.unpack_from(content, ends[-1])[2])
     return ends
 
 
@@ -38,7 +38,7 @@ def count_flips(content: bytes, part: Path, *, seed: int = 0) -> dict[str, int]:
     ends, keys, rng = frame_ends(content), _keys(content, part), np.random.default_rng(seed)
     counts = {"its own frame": 0, "refused": 0, "wrong": 0}
     for frame, begin in enumerate(ends[:-1]):
-        for first, last in fields(content, begin, ends[frame + 1]):
+        for first, last in fields(begin, ends[frame + 1]):
             damaged = bytearray(content)
             damaged[rng.integers(first, last)] ^= 1 << int(rng.integers(8))
             try:
@@ -50,13 +50,9 @@ def count_flips(content: bytes, part: Path, *, seed: int = 0) -> dict[str, int]:
     return counts
 
 
-def fields(content: bytes, begin: int, end: int) -> Iterator[tuple[int, int]]:
-    """Yield the places of a frame's fields: mark, length, digest, and its payload's length, head and arrays."""
-    payload = begin + HEAD.size
-    (head,) = LENGTH.unpack_from(content, payload)
-    sizes = len(MARK), LENGTH_SIZE, HEAD.size - len(MARK) - LENGTH_SIZE, LENGTH.size, head
-    places = [*accumulate(sizes, initial=begin), end]
-    yield from ((first, last) for first, last in pairwise(places) if first < last)
+def fields(begin: int, end: int) -> Iterator[tuple[int, int]]:
+    """Yield the places of a frame's fields: mark, key, length, digest, payload."""
+    yield from pairwise([*accumulate(FIELDS, initial=begin), end])
 
 
 def damage(folder: Path, *, seed: int) -> None:

@@ -13,7 +13,7 @@ import paretoik as pk
 from paretoik.front.choice_tree import read_choices
 from paretoik.front.points import StoredJoints, StoredMotions
 from paretoik.runs.files import CHECKPOINT, CHOICES, JOURNAL, MOTIONS, RUN, TABLE, run_bytes
-from paretoik.runs.journal import Journal
+from paretoik.runs.journal import Journal, key_of
 from studies.benchmarks.reliability.fuzzing.defect import refusals
 
 STORED_JOURNAL = f"{CHECKPOINT}/{JOURNAL}"
@@ -71,7 +71,7 @@ def whole_run(folder: Path) -> dict[str, bytes]:
     front.save(folder)
     front.select("compromise")
     journal = Journal(folder / STORED_JOURNAL)
-    journal.append(b"key", {"F": np.ones((2, 2)), "names": np.array(["x"])})
+    journal.append(key_of("key"), {"F": np.ones((2, 2)), "names": np.array(["x"])})
     journal.close()
     return {file: (folder / file).read_bytes() for file in FILES}
 
