@@ -267,9 +267,9 @@ def axis_ranges(low: Values, high: Values) -> Values:
     return np.asarray(np.where(size > precision.tiny / precision.eps, ranges, 1.0))
 
 
-def equal_window(points: np.ndarray, *, width: float, height: float) -> tuple[Values, Values]:
+def equal_window(points: np.ndarray, *, width: float, height: float, margin: float = 0.08) -> tuple[Values, Values]:
     """Return corners around `points` (points, 2) that show both axes at one scale on `width` by `height`."""
-    low, high = window(points, margin=0.08)
+    low, high = window(points, margin=margin)
     sides = np.array([width, height])
     half = ((high - low) / sides).max() * sides / 2
     return (low + high) / 2 - half, (low + high) / 2 + half

@@ -6,12 +6,13 @@ The curves are visible on every timeline; a cursor moves along them on their own
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
+from jaxtyping import Float
 
 from paretoik.arrays import Series, Times, Values
 from paretoik.review.drawing.axes import TEXT, Canvas, labels, screen_text, text_width, tick_text, window
@@ -34,9 +35,10 @@ class LimitLine:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Chart:
-    """Named curves over instants, drawn at ``entity`` on axes that contain all of ``shown`` and the nearby limits.
+    """Named curves (curves, instants) at ``entity``, on axes that contain all of ``shown`` and the nearby limits.
 
-    ``shown``: all points (points, 2) that will ever be drawn; non-finite values are left out. Values that are
+    ``curves`` are drawn for all times; those of a chart without them are drawn by ``draw``. ``shown``: all points
+    (points, 2) that will ever be drawn, by default the curves; non-finite values are left out. Values that are
     negligible compared with limits and the ``usual`` ones count as 0: axes then contain all limits, and the usual
     values if all limits are 0. With ``dots`` instants have no order, and no lines join them. A curve of one point is
     also a dot.
@@ -45,9 +47,11 @@ class Chart:
     entity: str
     title: str
     labels: tuple[str, str]
-    shown: np.ndarray
     names: Sequence[str]
     colours: Sequence[Colour]
+    instants: Times = field(default_factory=lambda: np.zeros(0))
+    curves: Series = field(default_factory=lambda: np.zeros((0, 0)))
+    shown: np.ndarray | None = None
     limits: Sequence[LimitLine] = ()
     usual: float = 0.0
     total: tuple[float, float] = VIEWS.chart
@@ -60,7 +64,7 @@ class Chart:
         return rrb.Spatial2DView(origin=self.entity, name=name, visual_bounds=bounds, background=SCREEN.background)
 
     def log(self, recording: rr.RecordingStream) -> None:
-        """Draw axes and limits, for all times."""
+        """Draw axes, limits and the curves, for all times."""
         self.canvas.log(recording, self.entity, static=True)
         near = [limit for limit in self.limits if self._is_near(limit)]
         if near:
@@ -77,6 +81,8 @@ class Chart:
             words = self._fitting(f"limits beyond: {_far_limits(far)}", "other limits lie beyond")
             place = np.array([[self.canvas.width - 0.5 * text_width(words), -0.7 * TEXT.line]])
             recording.log(f"{self.entity}/limits_beyond", labels([words], place, SCREEN.limit), static=True)
+        if len(self.curves):
+            self.draw(recording, self.instants, self.curves, static=True)
 
     def draw(self, recording: rr.RecordingStream, instants: Times, curves: Series, *, static: bool = False) -> None:
         """Draw curves (curves, instants) and their names, at the current time or for all times."""
@@ -126,7 +132,8 @@ class Chart:
     @cached_property
     def canvas(self) -> Canvas:
         """The canvas of the chart."""
-        points = self.shown[np.isfinite(self.shown).all(axis=-1)]
+        shown = curve_points(self.instants, self.curves) if self.shown is None else self.shown
+        points = shown[np.isfinite(shown).all(axis=-1)]
         low, high = window(self._with_limits(points) if len(points) else np.array([[0.0, 0.0], [1.0, 1.0]]))
         if len(points) and np.ptp(points[:, 0]) > 0:
             low[0], high[0] = points[:, 0].min(), points[:, 0].max()
@@ -211,6 +218,11 @@ def fit_below_tabs(charts: Sequence[Chart], names_before: Sequence[str] = ()) ->
     nested = nested_tabs(names, VIEWS.panels[0])[len(names_before) :]
     lower = (VIEWS.chart[0], VIEWS.chart[1] - VIEWS.title)
     return [replace(chart, total=lower) if inner else chart for chart, inner in zip(charts, nested, strict=True)]
+
+
+def curve_points(instants: Times, curves: Series) -> Float[np.ndarray, "points 2"]:
+    """Return all points of curves (curves, instants), curve after curve."""
+    return np.stack([np.tile(instants, len(curves)), np.ravel(curves)], axis=1)
 
 
 def _far_limits(limits: Sequence[LimitLine]) -> str:

@@ -136,12 +136,6 @@ class Panels:
         bottom = max(canvas.origin[1] + canvas.height for canvas in canvases) + TEXT.bottom + self._stagger
         return rrb.VisualBounds2D(x_range=[-TEXT.left, right], y_range=[-TEXT.top, bottom])
 
-    def view(self, origin: str, contents: Sequence[str], name: str) -> rrb.View:
-        """Return the view of all panels."""
-        return rrb.Spatial2DView(
-            origin=origin, contents=contents, name=name, visual_bounds=self.bounds(), background=SCREEN.background
-        )
-
     def _canvas(self, number: int, low: Values, high: Values) -> Canvas:
         first, second = self.pairs[number]
         matrix = len(self.labels) <= DRAWING.matrix

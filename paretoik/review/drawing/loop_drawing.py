@@ -27,7 +27,7 @@ from paretoik.review.drawing.point_text import (
     text_of,
 )
 from paretoik.review.drawing.scatter import SearchScene
-from paretoik.review.drawing.search_charts import FrontViews, RecordedSearch, search_entries
+from paretoik.review.drawing.search_charts import FrontViews, RecordedSearch, log_styles, search_entries
 from paretoik.review.palette import SCREEN, VIEWS
 from paretoik.review.recording.messages import RecordedPoint, Workcell, chosen_point
 from paretoik.review.recording.recorder import Generation, SearchedStep
@@ -108,7 +108,7 @@ class StepScene:
         scene.log_points(recording, "population", objectives[alive], canvases, reference=within)
         scene.log_points(recording, "front", objectives[front], canvases, ids=front, named=True, reference=within)
         named = {"labels": [f"point {individual}" for individual in front], "show_labels": False}
-        ghosts = drawing.strips(list(self._links(number, front)), SCREEN.ghost, 1.0, 0.0, **named)
+        ghosts = drawing.stage.strips(list(self._links(number, front)), SCREEN.ghost, 1.0, 0.0, **named)
         recording.log(f"{drawing.entity}/front", ghosts)
         recording.log(f"{drawing.entity}/place", target_mark(drawing, self.step.target))
         if len(front):
@@ -226,14 +226,18 @@ class StepScene:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class FinishedLoop:
+class LoopDrawing:
     """A closed loop: its steps as the generations of a ``search``, followed by its motion."""
 
     search: RecordedSearch
 
     def log(self, stream: rr.RecordingStream) -> None:
         """Draw everything."""
-        self._log_still(stream)
+        log_styles(self.search.scene, stream)
+        self._views.log(stream)
+        self._layout.legend.log(stream)
+        if self._motions is not None:
+            self._motions.log(stream)
         self._log_beginning(stream)
         for generation in self._steps:
             self._set_time(stream, generation.number)
@@ -250,12 +254,6 @@ class FinishedLoop:
             each.log(stream, self._times_of(each.step.sample))
         stream.reset_time()
         stream.send_blueprint(self._layout.blueprint())
-
-    def _log_still(self, stream: rr.RecordingStream) -> None:
-        self._views.log(stream)
-        self._layout.legend.log(stream)
-        if self._motions is not None:
-            self._motions.log(stream)
 
     def _log_beginning(self, stream: rr.RecordingStream) -> None:
         """Explain at step 0 why it has no front, next to its picture and in it; cursors start at the first front."""

@@ -14,7 +14,7 @@ from jaxtyping import Float
 from paretoik.arrays import Times, Values
 from paretoik.review.drawing.arm import ArmDrawing
 from paretoik.review.drawing.axes import entity_names, screen_text
-from paretoik.review.drawing.charts import Chart, LimitLine, fit_below_tabs
+from paretoik.review.drawing.charts import Chart, LimitLine, curve_points, fit_below_tabs
 from paretoik.review.palette import DRAWING, SCREEN, even_rows, has_masses, is_sliding, joint_units
 from paretoik.review.recording.messages import RecordedMotion, RecordedPoint, Workcell, joint_curves
 from paretoik.robot.kinematics import joint_scales, link_nodes
@@ -47,7 +47,7 @@ def joint_charts(root: str, cell: Workcell, motions: Sequence[CurvedMotion]) -> 
             entity=f"{root}/{kind}",
             title=title,
             labels=("time [s]", f"{title} [{joint_units(cell.arm, units)}]"),
-            shown=np.concatenate([_points(time, curves[kind]) for time, curves in motions]),
+            shown=np.concatenate([curve_points(time, curves[kind].T) for time, curves in motions]),
             names=cell.arm.joint_names,
             colours=[SCREEN.joint(number) for number in range(cell.arm.dof)],
             limits=limit_lines(cell, kind, end),
@@ -56,25 +56,23 @@ def joint_charts(root: str, cell: Workcell, motions: Sequence[CurvedMotion]) -> 
     return dict(zip(charts, fit_below_tabs(list(charts.values())), strict=True))
 
 
-def posture_chart(
-    cell: Workcell, values: Values, postures: Float[np.ndarray, "points dof"], label: str
-) -> tuple[Chart, np.ndarray, np.ndarray]:
-    """Return the chart of joint positions (points, dof) over values of an objective, and its curves."""
-    chart = Chart(
+def posture_chart(cell: Workcell, values: Values, postures: Float[np.ndarray, "points dof"], label: str) -> Chart:
+    """Return the chart of joint positions (points, dof) over values of an objective."""
+    return Chart(
         entity="postures",
         dots=True,
-        title="joint position over the front",
+        title="joint position over the final front",
         labels=(label, f"joint position [{joint_units(cell.arm, JOINT_UNITS['position'])}]"),
-        shown=np.stack([np.repeat(values, postures.shape[1]), postures.ravel()], axis=1),
         names=cell.arm.joint_names,
         colours=[SCREEN.joint(number) for number in range(cell.arm.dof)],
+        instants=values,
+        curves=postures.T,
         limits=[
             replace(limit, instants=np.array([values.min(), values.max()]))
             for limit in limit_lines(cell, "position", 1.0)
         ],
         usual=float(joint_scales(cell.arm).max()),
     )
-    return chart, values, postures.T
 
 
 def limit_lines(cell: Workcell, kind: str, end: float) -> list[LimitLine]:
@@ -106,10 +104,6 @@ def _shared(limits: Float[np.ndarray, "time dof"]) -> list[tuple[Times, list[int
         if np.isfinite(values).any():
             joints.setdefault((values + 0.0).tobytes(), []).append(number)
     return [(limits[:, numbers[0]].copy(), numbers) for numbers in joints.values()]
-
-
-def _points(time: Times, values: Float[np.ndarray, "time dof"]) -> np.ndarray:
-    return np.stack([np.repeat(time, values.shape[1]), values.ravel()], axis=1)
 
 
 # The timeline ``replay``: one generation after another; the arm moves in generations with motions.
@@ -223,9 +217,9 @@ class MotionScene:
             chosen = point.axis is None
             if not point.motion.is_standing and (chosen or not self.workcell.paths):  # on a path all share it
                 colour, width = (SCREEN.path, 1.4) if chosen else (SCREEN.end(point.axis or 0), 1.0)
-                recording.log(f"{layer}/path", drawing.strips([links[:, -1]], colour, width, 1.0))
+                recording.log(f"{layer}/path", drawing.stage.strips([links[:, -1]], colour, width, 1.0))
             if chosen:
-                ghosts = drawing.strips(list(links[even_rows(len(links), SCREEN.ghosts)]), SCREEN.ghost, 1.0, 0.0)
+                ghosts = drawing.stage.strips(list(links[even_rows(len(links), SCREEN.ghosts)]), SCREEN.ghost, 1.0, 0.0)
                 recording.log(f"{layer}/ghosts", ghosts)
                 curves = self._curves(point.motion)
                 for kind, chart in self.charts.items():
@@ -241,13 +235,13 @@ class MotionScene:
         ghosts = list(links[even_rows(len(links), SCREEN.ghosts)]) if len(links) else []
         path = [links[:, -1]] if len(links) > 1 and not self.workcell.paths else []
         entity, drawing = f"{self.drawing.entity}/predicted", self.drawing
-        recording.log(f"{entity}/ghosts", drawing.strips(ghosts, SCREEN.predicted, 1.4, 1.5), static=True)
-        recording.log(f"{entity}/path", drawing.strips(path, SCREEN.predicted, 1.8, 1.6), static=True)
+        recording.log(f"{entity}/ghosts", drawing.stage.strips(ghosts, SCREEN.predicted, 1.4, 1.5), static=True)
+        recording.log(f"{entity}/path", drawing.stage.strips(path, SCREEN.predicted, 1.8, 1.6), static=True)
 
     def log_postures(self, recording: rr.RecordingStream, postures: Float[np.ndarray, "postures dof"]) -> None:
         """Draw postures as ghosts, for all times."""
         rows = even_rows(len(postures), SCREEN.ghosts)
-        ghosts = self.drawing.strips(list(self._links(postures[rows])), SCREEN.ghost, 1.0, 0.0)
+        ghosts = self.drawing.stage.strips(list(self._links(postures[rows])), SCREEN.ghost, 1.0, 0.0)
         recording.log(f"{self.drawing.entity}/postures", ghosts, static=True)
 
     def send(

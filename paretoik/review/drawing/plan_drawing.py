@@ -12,13 +12,13 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from paretoik.review.drawing.axes import screen_text
-from paretoik.review.drawing.charts import Chart
+from paretoik.review.drawing.charts import Chart, curve_points
 from paretoik.review.drawing.layout import TEXT_ENTITY as TEXT
 from paretoik.review.drawing.layout import Layout, Legend, note_view, text_view
 from paretoik.review.drawing.motion import MotionScene, ReplayClock, replay_times
 from paretoik.review.drawing.plan_panel import PlanPanel
 from paretoik.review.drawing.point_text import broken_lines, infeasible_text
-from paretoik.review.drawing.search_charts import DrawnChart, plan_entries
+from paretoik.review.drawing.search_charts import plan_entries
 from paretoik.review.palette import DRAWING, SCREEN, even_rows, screen_label
 from paretoik.review.recording.messages import (
     PlanEnd,
@@ -164,7 +164,7 @@ DISTINCT = "distinct optima of the level so far"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class FinishedPlan:
+class PlanDrawing:
     """The levels of a plan and its ``end``, None if it has none yet.
 
     Timelines: ``level``, whose last instants are the optima; ``start``, one start after another with its result;
@@ -183,9 +183,8 @@ class FinishedPlan:
         self._panel.log(stream)
         if self._motions is not None:
             self._motions.log(stream)
-        for chart, instants, curves in self._charts:
+        for chart in self._charts:
             chart.log(stream)
-            chart.draw(stream, instants, curves, static=True)
         if self._note:
             stream.log("notes/left_out", rr.TextDocument(self._note), static=True)
         for place, level in enumerate(self.messages):
@@ -214,7 +213,7 @@ class FinishedPlan:
             "samples": level.samples,
         }
         stream.log("search/level", rr.AnyValues(**numbers))
-        for chart, _, _ in self._charts:
+        for chart in self._charts:
             chart.log_cursor(stream, float(place))
         if self._motions is not None:
             self._motions.log_whole(stream, self._bests[place])
@@ -231,7 +230,7 @@ class FinishedPlan:
             stream.log(
                 "search/optima", rr.AnyValues(objective=[float(each.point.objectives[0]) for each in end.optima])
             )
-        for chart, _, _ in self._charts:
+        for chart in self._charts:
             chart.log_cursor(stream, float(len(self.messages) - 1))
         if self._motions is not None:
             self._motions.log_whole(stream, self._best)
@@ -269,7 +268,7 @@ class FinishedPlan:
             self._panel.log_until(stream, number, looked_at=number)
             self._panel.log_start(stream, number)
             self._log_text(stream, start_text(self.scene, level, row))
-            for chart, _, _ in self._charts:
+            for chart in self._charts:
                 chart.log_cursor(stream, float(self._instants[number - 1]))
             motions.log_whole(stream, points)
 
@@ -351,7 +350,7 @@ class FinishedPlan:
         return MotionScene(workcell=self.scene.workcell, names=(START,), points=[*points, *others], prefix="")
 
     @cached_property
-    def _charts(self) -> list[DrawnChart]:
+    def _charts(self) -> list[Chart]:
         """The best and the number of distinct optima so far, over the starts of each level."""
         if not np.isfinite(self._panel.ends).any():
             return []
@@ -375,19 +374,20 @@ class FinishedPlan:
         """Places of starts in charts: around the number of their level."""
         return self._panel.across - 0.5
 
-    def _chart(self, name: str, title: str, label: str, curves: Sequence[np.ndarray]) -> DrawnChart:
-        instants = self._instants
-        shown = np.stack([np.tile(instants, len(curves)), np.concatenate(curves)], axis=1)
+    def _chart(self, name: str, title: str, label: str, curves: Sequence[np.ndarray]) -> Chart:
+        instants, values = self._instants, np.stack(curves)
+        shown = curve_points(instants, values)
         edges = np.array([[-0.5, np.nanmin(shown[:, 1])], [len(self.messages) - 0.5, np.nanmin(shown[:, 1])]])
-        chart = Chart(
+        return Chart(
             entity=f"charts/{name}",
             title=title,
             labels=("level", label),
+            instants=instants,
+            curves=values,
             shown=np.concatenate([shown, edges]),
             names=[f"{level.samples} samples" for level in self.messages],
             colours=[SCREEN.joint(level.number) for level in self.messages],
         )
-        return chart, instants, np.stack(curves)
 
     @cached_property
     def _layout(self) -> Layout:
@@ -397,7 +397,7 @@ class FinishedPlan:
         return Layout(
             legend=Legend(entity="legend", entries=entries),
             front=self._panel.view(),
-            charts=[chart.view() for chart, _, _ in self._charts],
+            charts=[chart.view() for chart in self._charts],
             arm=None if motions is None else motions.view(),
             joints=[] if motions is None else [chart.view() for chart in motions.charts.values()],
             texts=[text_view("level, start, optimum"), *notes],

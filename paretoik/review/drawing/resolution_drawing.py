@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -13,12 +13,12 @@ import rerun.blueprint as rrb
 
 from paretoik.arrays import Times
 from paretoik.review.drawing.axes import screen_text
-from paretoik.review.drawing.charts import Chart, LimitLine
+from paretoik.review.drawing.charts import Chart, LimitLine, curve_points
 from paretoik.review.drawing.layout import TEXT_ENTITY as TEXT
 from paretoik.review.drawing.layout import Layout, Legend, note_view, text_view
 from paretoik.review.drawing.motion import MotionScene
 from paretoik.review.drawing.point_text import broken_limits
-from paretoik.review.drawing.search_charts import DrawnChart, resolution_entries
+from paretoik.review.drawing.search_charts import resolution_entries
 from paretoik.review.palette import DRAWING, SCREEN, VIEWS, Colour, even_rows, is_sliding, joint_units
 from paretoik.review.recording.messages import RecordedPoint, RecordedTraces, ResolutionEnd, ResolvedScene
 from paretoik.review.words import run_text
@@ -125,7 +125,7 @@ def _value(value: object) -> str:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class FinishedResolution:
+class ResolutionDrawing:
     """Resolved motions: the first one is solid, with some of the others next to it.
 
     Timelines: ``motion``, along which all of them move, and ``solution``, if there are several, which shows one after
@@ -141,9 +141,8 @@ class FinishedResolution:
         """Draw everything."""
         self._layout.legend.log(stream)
         self._motions.log(stream)
-        for chart, instants, curves in self._charts:
+        for chart in self._charts:
             chart.log(stream)
-            chart.draw(stream, instants, curves, static=True)
         if self._note:
             stream.log("notes/left_out", rr.TextDocument(self._note), static=True)
         stream.set_time("motion", duration=0.0)
@@ -164,16 +163,16 @@ class FinishedResolution:
         """Draw a motion as the chosen one at the current time, with its own text and criteria."""
         self._motions.log_whole(stream, points)
         self._log_text(stream, motion_text(self.scene, traces, self.end))
-        for chart, instants, curves in self._charts_of_criteria(traces):
+        if (chart := self._criteria_chart) is not None:
             chart.log(stream)
-            chart.draw(stream, instants, curves)
+            chart.draw(stream, traces.time, np.stack([_steps(curve) for curve in traces.criteria.T]))
         self._log_marks(stream, traces)
         for chart in self._all_charts:
             chart.log_cursor(stream, float(traces.time[len(traces.time) // 2]))
 
     def _log_marks(self, stream: rr.RecordingStream, traces: RecordedTraces) -> None:
         """Mark on the error curve the samples whose step has another status than done."""
-        chart, _, _ = self._charts[0]
+        chart = self._charts[0]
         rows = np.flatnonzero(traces.status != "done") + 1
         places = np.stack([traces.time[rows], _logarithm(traces.error)[rows]], axis=1)
         marks = rr.Points2D(
@@ -218,7 +217,7 @@ class FinishedResolution:
         return MotionScene(workcell=self.scene.workcell, names=names, points=points, prefix="")
 
     @cached_property
-    def _charts(self) -> list[DrawnChart]:
+    def _charts(self) -> list[Chart]:
         """Charts with one curve per drawn motion; the task error is first."""
         shown, unit = [self.end.motions[0], *self._thin_motions], self.scene.error_unit
         exponent = np.log10(max(self.scene.tolerance, DRAWING.least_error))
@@ -226,7 +225,7 @@ class FinishedResolution:
         errors = [_logarithm(each.error) for each in shown]
         moving = [np.append(curve[1:2], curve[1:]) for curve in errors]  # at its start an arm often has no error
         error = self._chart("error", f"log10 of the task error [{unit}]", errors, [tolerance], moving)
-        error = replace(error[0], total=VIEWS.panels), error[1], error[2]
+        error = replace(error, total=VIEWS.panels)
         speeds, damping = speed_unit(self.scene.workcell.arm), damping_unit(self.scene)
         speed = self._chart(
             "speed", f"commanded joint speed, all joints [{speeds}]", [_steps(each.speed) for each in shown]
@@ -245,14 +244,9 @@ class FinishedResolution:
             charts.append(self._chart("clearance", "clearance [m]", distances, [least]))
         return charts
 
-    def _charts_of_criteria(self, traces: RecordedTraces) -> Iterator[DrawnChart]:
-        """Yield the chart of a motion's speeds due to each criterion."""
-        if self._criteria_chart is not None:
-            curves = np.stack([_steps(curve) for curve in traces.criteria.T])
-            yield self._criteria_chart, traces.time, curves
-
     @cached_property
     def _criteria_chart(self) -> Chart | None:
+        """The chart of speeds due to each criterion, whose curves are those of one motion."""
         names = self.scene.criteria
         if not names:
             return None
@@ -271,7 +265,7 @@ class FinishedResolution:
     @property
     def _all_charts(self) -> list[Chart]:
         criteria = [] if self._criteria_chart is None else [self._criteria_chart]
-        return [*(chart for chart, _, _ in self._charts), *criteria]
+        return [*self._charts, *criteria]
 
     def _chart(
         self,
@@ -280,19 +274,20 @@ class FinishedResolution:
         curves: Sequence[np.ndarray],
         limits: Sequence[LimitLine] = (),
         seen: Sequence[np.ndarray] | None = None,
-    ) -> DrawnChart:
+    ) -> Chart:
         """Return a chart with one curve per motion, on axes that contain those, or only ``seen``."""
         time = self.end.motions[0].time
-        chart = Chart(
+        return Chart(
             entity=f"charts/{name}",
             title=label,
             labels=("time [s]", label),
-            shown=np.concatenate([np.stack([time, curve], axis=1) for curve in (curves if seen is None else seen)]),
+            instants=time,
+            curves=np.stack(curves),
+            shown=None if seen is None else curve_points(time, np.stack(seen)),
             names=[each.name for each in (self.end.motions[0], *self._thin_motions)],
             colours=[SCREEN.arm, *(SCREEN.end(axis) for axis in range(len(self._thin_motions)))],
             limits=limits,
         )
-        return chart, time, np.stack(curves)
 
     def _limit(self, value: float, name: str, colour: Colour) -> LimitLine:
         time: Times = self.end.motions[0].time

@@ -29,7 +29,7 @@ from paretoik.review.drawing.front_panels import (
 from paretoik.review.drawing.labels import Labelled, log_name, named_area
 from paretoik.review.palette import DRAWING, SCREEN, screen_label
 from paretoik.review.recording.messages import RecordedPoint
-from paretoik.review.recording.recorder import Generation, Population
+from paretoik.review.recording.recorder import Generation, Population, SearchedFront
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,13 +69,14 @@ class SearchScene:
             return bool(canvases)
         return bool(canvases) and all(canvas.fits(shown[:, list(pair)]) for pair, canvas in self._panels(canvases))
 
-    def view(self, *, without: Sequence[str] = ()) -> rrb.View:
-        """Return the view of all pairs without the layers of the entities in ``without``."""
-        left_out = [
-            f"- {'/'.join(map(_escape, [*self._panel(pair), name]))}" for pair in self.panels.pairs for name in without
-        ]
-        name = "front" if self.timeline != "step" else "front, as shares of its ranges"
-        return self.panels.view(rr.new_entity_path([*self.root, "front"]), ["+ $origin/**", *left_out], name)
+    def view(self) -> rrb.View:
+        """Return the view of all pairs."""
+        return rrb.Spatial2DView(
+            origin=rr.new_entity_path([*self.root, "front"]),
+            name="front" if self.timeline != "step" else "front, as shares of its ranges",
+            visual_bounds=self.panels.bounds(),
+            background=SCREEN.background,
+        )
 
     def parallel_axes(self, shown: Objectives) -> ParallelAxes | None:
         """Return axes for parallel coordinates, for three or more objectives."""
@@ -298,5 +299,6 @@ class SearchScene:
         return f"{self.names[axis]}, share of its range" if self.timeline == "step" else self.label(axis)
 
 
-def _escape(part: str) -> str:
-    return rr.escape_entity_path_part(part)
+def search_scene(scene: SearchedFront) -> SearchScene:
+    """Return how the fronts of a search are drawn."""
+    return SearchScene(names=scene.names, units=scene.units, maximised=scene.maximised, timeline=scene.timeline)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -142,11 +142,7 @@ def choice_entries(names: Sequence[str], motions: MotionScene | None, *, predict
 # Charts and time series of a search.
 
 
-BEST_WORST: tuple[Colour, Colour] = (SCREEN.population, SCREEN.frame)
-DrawnChart = tuple[Chart, np.ndarray, np.ndarray]  # with its instants and curves (curves, instants)
-
-
-def search_charts(scene: SearchScene, generations: Sequence[Generation]) -> list[DrawnChart]:
+def search_charts(scene: SearchScene, generations: Sequence[Generation]) -> list[Chart]:
     """Return the charts over the generations: hypervolume, best values and sizes; a single objective's best is first.
 
     For steps: each objective of the chosen points, between the best and the worst of the step's front.
@@ -157,39 +153,18 @@ def search_charts(scene: SearchScene, generations: Sequence[Generation]) -> list
     numbers = np.array([generation.number for generation in with_front], dtype=float)
     if scene.timeline == "step":
         return [_step_chart(scene, axis, numbers, with_front) for axis in range(len(scene.names))]
-    volumes = np.array([_number(generation.hypervolume) for generation in with_front])
-    volume = _chart(
-        scene,
-        "hypervolume",
-        f"hypervolume [{scene.volume_unit}]",
-        numbers,
-        volumes[None],
-        ["hypervolume"],
-        [SCREEN.front],
-    )
+    volumes = np.array([[np.nan if each.hypervolume is None else each.hypervolume for each in with_front]])
+    label = f"hypervolume [{scene.volume_unit}]"
+    volume = _chart(scene, "hypervolume", label, numbers, volumes, {"hypervolume": SCREEN.front})
     best = np.array([scene.best(generation.front) for generation in with_front]).T
     bests = [
-        _chart(
-            scene,
-            f"best_{axis}",
-            f"best {scene.label(axis)}",
-            numbers,
-            best[axis : axis + 1],
-            ["best"],
-            [SCREEN.end(axis)],
-        )
-        for axis in range(len(scene.names))
+        _chart(scene, f"best_{axis}", f"best {scene.label(axis)}", numbers, values[None], {"best": SCREEN.end(axis)})
+        for axis, values in enumerate(best)
     ]
     counts = np.array([[front_size(generation), generation.failed] for generation in with_front], dtype=float).T
-    colours = [SCREEN.front, SCREEN.failed]
-    sizes = _chart(scene, "counts", "front points, failures", numbers, counts, ["front", "failed"], colours)
+    colours = {"front": SCREEN.front, "failed": SCREEN.failed}
+    sizes = _chart(scene, "counts", "front points, failures", numbers, counts, colours)
     return [*bests, volume, sizes] if len(scene.names) == 1 else [volume, *bests, sizes]
-
-
-def fit_drawn_charts(drawn: Sequence[DrawnChart], names_before: Sequence[str] = ()) -> list[DrawnChart]:
-    """Return charts as ``fit_below_tabs`` does, with their instants and curves."""
-    charts = fit_below_tabs([chart for chart, _, _ in drawn], names_before)
-    return [(chart, instants, curves) for chart, (_, instants, curves) in zip(charts, drawn, strict=True)]
 
 
 def series_views(scene: SearchScene) -> list[rrb.View]:
@@ -239,43 +214,34 @@ def front_size(generation: Generation) -> int:
     return len(generation.front) if generation.size is None else generation.size
 
 
-def _step_chart(scene: SearchScene, axis: int, numbers: Times, steps: Sequence[Generation]) -> DrawnChart:
+def _step_chart(scene: SearchScene, axis: int, numbers: Times, steps: Sequence[Generation]) -> Chart:
     ranges = np.array([np.sort([each.front[:, axis].min(), each.front[:, axis].max()]) for each in steps])
     if scene.maximised[axis]:
         ranges = ranges[:, ::-1]
     chosen = np.array([np.nan if each.chosen is None else each.chosen[axis] for each in steps])
     curves = np.stack([ranges[:, 0], ranges[:, 1], chosen])
-    names, colours = ["best", "worst", "chosen"], [*BEST_WORST, SCREEN.chosen]
+    chosen_colour, colours = {"chosen": SCREEN.chosen}, {"best": SCREEN.population, "worst": SCREEN.frame}
     apart, whole = np.nanmax(np.ptp(ranges, axis=1), initial=0.0), np.nanmax(curves) - np.nanmin(curves)
     if apart < MARKS.line * whole / VIEWS.chart[1]:  # the curves would overlap
         words = f"chosen {scene.label(axis)}; best and worst of a step at most {apart:.2g} apart"
-        chart, *_ = _chart(scene, f"chosen_{axis}", words, numbers, curves[2:], names[2:], colours[2:])
-        return replace(chart, title=scene.label(axis)), numbers, curves[2:]
-    return _chart(scene, f"chosen_{axis}", scene.label(axis), numbers, curves, names, colours)
+        chart = _chart(scene, f"chosen_{axis}", words, numbers, curves[2:], chosen_colour)
+        return replace(chart, title=scene.label(axis))
+    return _chart(scene, f"chosen_{axis}", scene.label(axis), numbers, curves, colours | chosen_colour)
 
 
 def _chart(
-    scene: SearchScene,
-    name: str,
-    label: str,
-    numbers: Times,
-    curves: Series,
-    names: Sequence[str],
-    colours: Sequence[Colour],
-) -> DrawnChart:
-    chart = Chart(
+    scene: SearchScene, name: str, label: str, numbers: Times, curves: Series, colours: Mapping[str, Colour]
+) -> Chart:
+    """Return a chart of curves, whose names have ``colours``."""
+    return Chart(
         entity=f"charts/{name}",
         title=label,
         labels=({"refinement": "refinement: 0 before, 1 after"}.get(scene.timeline, scene.timeline), label),
-        shown=np.stack([np.tile(numbers, len(curves)), curves.ravel()], axis=1),
-        names=names,
-        colours=colours,
+        names=list(colours),
+        colours=list(colours.values()),
+        instants=numbers,
+        curves=curves,
     )
-    return chart, numbers, curves
-
-
-def _number(value: float | None) -> float:
-    return float("nan") if value is None else value
 
 
 # Shared parts of recordings of finished searches and closed loops: views of fronts and their charts.
@@ -300,14 +266,13 @@ class FrontViews:
     shown: Objectives
     note: str
 
-    def log(self, stream: rr.RecordingStream) -> None:
-        """Draw axes, charts and the note, for all times."""
-        self.search.scene.log_axes(stream, self.canvases, static=True)
+    def log(self, stream: rr.RecordingStream, *, static: bool = True) -> None:
+        """Draw axes, for all times (static) or from the current one on, and charts and the note, for all times."""
+        self.search.scene.log_axes(stream, self.canvases, static=static)
         if self.parallel is not None:
-            self.parallel.log(stream, static=True)
-        for chart, instants, curves in self._charts:
+            self.parallel.log(stream, static=static)
+        for chart in self._charts:
             chart.log(stream)
-            chart.draw(stream, instants, curves, static=True)
         if self.note:
             stream.log("notes/left_out", rr.TextDocument(self.note), static=True)
 
@@ -326,7 +291,7 @@ class FrontViews:
 
     def log_cursors(self, stream: rr.RecordingStream, number: int) -> None:
         """Draw the cursors of charts at a generation or step, at the current time."""
-        for chart, _, _ in self._charts:
+        for chart in self._charts:
             chart.log_cursor(stream, float(number))
 
     def outside(self, generation: Generation) -> int:
@@ -342,7 +307,7 @@ class FrontViews:
     def charts(self) -> list[rrb.View]:
         """The views below the front."""
         parallel = [] if self.parallel is None else [self.parallel.view()]
-        return [*parallel, *(chart.view() for chart, _, _ in self._charts)]
+        return [*parallel, *(chart.view() for chart in self._charts)]
 
     @property
     def notes(self) -> list[rrb.View]:
@@ -360,6 +325,6 @@ class FrontViews:
         return self.search.scene.parallel_axes(self.shown)
 
     @cached_property
-    def _charts(self) -> list[DrawnChart]:
+    def _charts(self) -> list[Chart]:
         names_before = [] if self.parallel is None else [str(self.parallel.view().name)]
-        return fit_drawn_charts(search_charts(self.search.scene, self.search.generations), names_before)
+        return fit_below_tabs(search_charts(self.search.scene, self.search.generations), names_before)

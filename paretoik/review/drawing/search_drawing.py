@@ -14,12 +14,11 @@ from jaxtyping import Float, Int
 from paretoik.arrays import Objectives
 from paretoik.front.front import Front
 from paretoik.front.indicators import HypervolumeCurve, HypervolumeOptions
-from paretoik.review.drawing.axes import Canvas, ParallelAxes
 from paretoik.review.drawing.charts import Chart
 from paretoik.review.drawing.front_panels import replay_window
 from paretoik.review.drawing.layout import TEXT_ENTITY as TEXT
 from paretoik.review.drawing.layout import WHY, Layout, Legend, text_view
-from paretoik.review.drawing.loop_drawing import FinishedLoop
+from paretoik.review.drawing.loop_drawing import LoopDrawing
 from paretoik.review.drawing.motion import (
     CHOSEN,
     MotionScene,
@@ -37,12 +36,10 @@ from paretoik.review.drawing.point_text import (
     reason_text,
     text_of,
 )
-from paretoik.review.drawing.scatter import SearchScene
+from paretoik.review.drawing.scatter import search_scene
 from paretoik.review.drawing.search_charts import (
-    DrawnChart,
     FrontViews,
     RecordedSearch,
-    log_series,
     log_styles,
     search_entries,
     series_views,
@@ -56,7 +53,7 @@ from paretoik.search.maximin import greedy_order, scaled, starting_points
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class FinishedSearch:
+class SearchDrawing:
     """A finished ``search``.
 
     Four timelines: that of its generations or levels; ``motion``, along which the last motions move, if they do;
@@ -89,6 +86,7 @@ class FinishedSearch:
 
     def _log_still(self, stream: rr.RecordingStream) -> None:
         """Draw what does not change: axes, charts, the workcell, and the last front behind all others."""
+        log_styles(self.search.scene, stream)
         self._views.log(stream)
         self._layout.legend.log(stream)
         if self._end.front is not None:
@@ -102,11 +100,9 @@ class FinishedSearch:
         if self._motions is not None:
             self._motions.log(stream)
         if self._postures is not None:
-            chart, instants, curves = self._postures
-            chart.log(stream)
-            chart.draw(stream, instants, curves, static=True)
-        if self._postures is not None and self._motions is not None:
-            self._motions.log_postures(stream, self._postures[2].T)
+            self._postures.log(stream)
+            if self._motions is not None:
+                self._motions.log_postures(stream, self._postures.curves.T)
 
     def _log_generation(self, stream: rr.RecordingStream, generation: Generation, moved: int | None) -> None:
         end = "the final front" if self._nearest is None else "the last population"
@@ -149,7 +145,7 @@ class FinishedSearch:
         if self._motions is not None:
             self._motions.log_whole(stream, points)
         if self._postures is not None and self._end.choice is not None:
-            self._postures[0].log_cursor(stream, float(self._end.choice.objectives[0]))
+            self._postures.log_cursor(stream, float(self._end.choice.objectives[0]))
 
     def _log_words(self, stream: rr.RecordingStream, front: Front, words: str) -> None:
         """Show the text of a point, and the number of individuals behind the front that look better."""
@@ -201,7 +197,7 @@ class FinishedSearch:
             if self._motions is not None:
                 self._motions.log_whole(stream, [point])
             if self._postures is not None:
-                self._postures[0].log_cursor(stream, float(point.objectives[0]))
+                self._postures.log_cursor(stream, float(point.objectives[0]))
 
     @cached_property
     def _walk(self) -> list[RecordedPoint]:
@@ -289,22 +285,21 @@ class FinishedSearch:
         return MotionScene(workcell=cell, names=self.search.scene.names, points=points)
 
     @cached_property
-    def _postures(self) -> DrawnChart | None:
+    def _postures(self) -> Chart | None:
         """The joints along the front if arms stand still, since curves over time would be straight lines."""
         cell, front = self.search.recorded.workcell, self._end.front
         standing = all(point.motion is not None and point.motion.is_standing for point in self._end_points)
         if cell is None or front is None or not self._end_points or not standing or front.motions is None:
             return None
         postures = np.asarray(front.motions.q)[:, 0]
-        chart, values, curves = posture_chart(cell, front.objectives[:, 0], postures, self.search.scene.label(0))
-        return replace(chart, title="joint position over the final front"), values, curves
+        return posture_chart(cell, front.objectives[:, 0], postures, self.search.scene.label(0))
 
     @cached_property
     def _layout(self) -> Layout:
         motions = self._motions
         joints: list[Chart] = [] if motions is None else list(motions.charts.values())
         if self._postures is not None:
-            joints = [self._postures[0]]
+            joints = [self._postures]
         scene, choice = self.search.scene, self._end.choice
         chosen = "compromise" if self._nearest is None else self._chosen_words
         why = [] if choice is None else [rrb.TextDocumentView(origin=WHY, name="why")]
@@ -372,84 +367,62 @@ def spread_rows(F: Objectives, count: int) -> Int[np.ndarray, " rows"]:
 # The recording of a search while it runs, and afterwards.
 
 
-class Recording:
-    """Draws a search into a stream; errors of Rerun are raised.
+def search_drawing(
+    scene: SearchedFront, messages: Sequence[Generation], end: SearchEnd | None, note: str
+) -> SearchDrawing | LoopDrawing:
+    """Return the drawing of a search, or of a closed loop; without an end the last generation is the end."""
+    search = RecordedSearch(
+        scene=search_scene(scene),
+        recorded=scene,
+        generations=messages,
+        end=SearchEnd(front=None) if end is None else end,
+        note=" ".join(filter(None, (note, reduction_note(messages)))),
+    )
+    return LoopDrawing(search=search) if scene.timeline == "step" else SearchDrawing(search=search)
 
-    While the search runs, each generation is drawn on its own axes. The common axes of all are known only at its end,
-    so `finish` draws all of them again, into another stream.
-    """
+
+class LiveSearch:
+    """Draws a search or a closed loop while it runs; a generation that does not fit the axes gets new ones."""
 
     def __init__(self, scene: SearchedFront, stream: rr.RecordingStream, options: RecorderOptions) -> None:
-        self._recorded = scene
-        self._scene = SearchScene(
-            names=scene.names, units=scene.units, maximised=scene.maximised, timeline=scene.timeline
+        self._search = RecordedSearch(
+            scene=search_scene(scene), recorded=scene, generations=(), end=SearchEnd(front=None)
         )
         self._stream = stream
         self._reduction = FrontReduction(maximised=scene.maximised, points=options.points)
-        self._canvases: list[Canvas] = []
-        self._parallel: ParallelAxes | None = None
+        self._views: FrontViews | None = None
         self._motions: MotionScene | None = None
-        self._layout: Layout | None = None
-        log_styles(self._scene, stream)
+        log_styles(self._search.scene, stream)
 
     def reduce(self, generation: Generation) -> Generation:
         """Return a generation with at most as many points as are drawn, and its hypervolume."""
         return self._reduction.reduce(generation)
 
     def record(self, generation: Generation) -> None:
-        """Draw a generation while the search runs."""
-        stream, scene = self._stream, self._scene
+        """Draw a generation."""
+        stream, scene, points = self._stream, self._search.scene, generation.points
         stream.set_time(scene.timeline, sequence=generation.number)
         shown = generation.front if len(generation.front) else generation.population
-        changed = self._layout is None
-        if not scene.fits(self._canvases, shown):
-            changed |= not self._canvases
-            self._canvases, self._parallel = scene.canvases(shown), scene.parallel_axes(shown)
-            scene.log_axes(stream, self._canvases, static=False)
-            if self._parallel is not None:
-                self._parallel.log(stream, static=False)
-        changed |= self._begin_motions(generation)
-        if changed:
-            self._send_layout()
-        scene.log_generation(stream, generation, self._canvases, self._parallel)
-        log_series(scene, stream, generation)
-        stream.log(TEXT, rr.TextDocument(text_of(scene, generation), media_type="text/markdown"))
-        if self._motions is not None:
-            self._motions.log_whole(stream, generation.points)
-
-    def finish(self, generations: Sequence[Generation], end: SearchEnd | None, note: str) -> None:
-        """Draw everything on common axes, finally the front and the motion of the choice, and a note if any.
-
-        Without a front each generation is at its own sample of the motion, and some searches are shown next to them.
-        Without an end the last generation is the end.
-        """
-        end = SearchEnd(front=None) if end is None else end
-        note = " ".join(filter(None, (note, reduction_note(generations))))
-        kind = FinishedLoop if self._scene.timeline == "step" else FinishedSearch
-        search = RecordedSearch(scene=self._scene, recorded=self._recorded, generations=generations, end=end, note=note)
-        kind(search=search).log(self._stream)
-
-    def _begin_motions(self, generation: Generation) -> bool:
-        """Draw the workcell when motions first appear; return whether that was now."""
-        cell, points = self._recorded.workcell, generation.points
-        if self._motions is not None or cell is None or not has_motions(points):
-            return False
-        self._motions = MotionScene(workcell=cell, names=self._scene.names, points=points)
-        self._motions.log(self._stream)
-        return True
-
-    def _send_layout(self) -> None:
-        scene, motions = self._scene, self._motions
-        legend = Legend(entity="legend", entries=search_entries(scene, motions))
-        legend.log(self._stream)
-        parallel = [] if self._parallel is None else [self._parallel.view()]
-        self._layout = Layout(
-            legend=legend,
-            front=scene.view() if self._canvases else None,
-            charts=[*parallel, *series_views(scene)],
-            arm=None if motions is None else motions.view(),
-            joints=[] if motions is None else [chart.view() for chart in motions.charts.values()],
-            texts=[text_view(scene.timeline)],
-            timeline=scene.timeline,
-        )
-        self._stream.send_blueprint(self._layout.blueprint())
+        views, motions = self._views, self._motions
+        if views is None or not scene.fits(views.canvases, shown):
+            views = FrontViews(search=self._search, shown=shown, note="")
+            views.log(stream, static=False)
+        if motions is None and (cell := self._search.recorded.workcell) is not None and has_motions(points):
+            motions = MotionScene(workcell=cell, names=scene.names, points=points)
+            motions.log(stream)
+        if self._views is None or not self._views.canvases or motions is not self._motions:  # there is more to see
+            layout = Layout(
+                legend=Legend(entity="legend", entries=search_entries(scene, motions)),
+                front=views.front,
+                charts=[*views.charts, *series_views(scene)],
+                arm=None if motions is None else motions.view(),
+                joints=[] if motions is None else [chart.view() for chart in motions.charts.values()],
+                texts=[text_view(scene.timeline)],
+                timeline=scene.timeline,
+            )
+            layout.legend.log(stream)
+            stream.send_blueprint(layout.blueprint())
+        self._views, self._motions = views, motions
+        views.log_generation(stream, generation, text_of(scene, generation))
+        if motions is not None:
+            motions.log_whole(stream, points)

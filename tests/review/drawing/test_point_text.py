@@ -73,7 +73,7 @@ def test_numbers_of_a_generation_have_their_units():
     assert "hypervolume 0.5\u00a0J\u00a0s." in words  # no line ends within a unit
     assert "best 1\u00a0J\u00a0s, compromise 1.5\u00a0J\u00a0s" in words
     assert "**reach [1]**: best 3, compromise 2" in words  # a quantity without a unit is marked once
-    titles = [chart.labels[1] for chart, _, _ in search_charts(scene(), [both])]
+    titles = [chart.labels[1] for chart in search_charts(scene(), [both])]
     assert titles[0] == "hypervolume [J s]"
     assert titles[2] == "best reach [1] ↑"
 
