@@ -28,14 +28,13 @@ from paretoik.formulations.protocol import Timeline, is_loop
 from paretoik.front.choice import Choice, Prediction
 from paretoik.front.choice_tree import chosen
 from paretoik.front.front import Front
-from paretoik.review.drawing.axes import Canvas, ParallelAxes
-from paretoik.review.drawing.layout import Legend, choice_blueprint
+from paretoik.review.drawing.front_panels import LAYERS
+from paretoik.review.drawing.layout import Entry, Legend, choice_blueprint, log_text
 from paretoik.review.drawing.motion import NO_TIMES, MotionScene, is_moving
 from paretoik.review.drawing.point_text import choice_text
-from paretoik.review.drawing.scatter import SearchScene
-from paretoik.review.drawing.search_charts import choice_entries
+from paretoik.review.drawing.scatter import Scatter, SearchScene
 from paretoik.review.palette import SCREEN, VIEWS
-from paretoik.review.recording.messages import RecordedPoint, Workcell, chosen_point, record_motion, workcell_of_front
+from paretoik.review.recording.messages import RecordedPoint, chosen_point, record_motion, workcell_of_front
 from paretoik.runs.file_replacement import only_writer, replace_file
 from paretoik.runs.files import RECORDING, read_plain_file
 from paretoik.runs.folder import check_no_run
@@ -193,49 +192,38 @@ class ChoiceLayer:
     def log_front(self, stream: rr.RecordingStream) -> None:
         """Draw the front on its axes, for all times."""
         self._legend.log(stream)
-        self.scene.log_axes(stream, self._canvases, static=True)
-        front = self.front
-        self.scene.log_points(stream, "front", front.objectives, self._canvases, ids=front.ids, named=True, static=True)
-        if self._parallel is not None:
-            self._parallel.log(stream, static=True)
-            stream.log(
-                f"{self._parallel.entity}/front",
-                self._parallel.lines(front.objectives, SCREEN.front, 0.6, 1.0),
-                static=True,
-            )
+        self._scatter.log_axes(stream)
+        front, parallel = self.front, self._scatter.parallel
+        names = [f"point {number}" for number in front.ids]
+        self._scatter.log_points(stream, "front", front.objectives, ids=front.ids, names=names, static=True)
+        if parallel is not None:
+            lines = parallel.lines(front.objectives, SCREEN.front, 0.6, 1.0)
+            stream.log(f"{parallel.entity}/front", lines, static=True)
 
     def log_choices(self, stream: rr.RecordingStream, times: Times = NO_TIMES) -> None:
         """Draw the choices, for all times, and their arms along their motions, also at ``times``.
 
         A later call for other choices of the layer replaces what an earlier call drew.
         """
+        scatter, front = self._scatter, self.front
         for root, choice, point, motions in zip(ROOTS, self.choices, self._points, self._motions, strict=False):
-            self.scene.log_points(
-                stream,
-                root,
-                choice.objectives[None],
-                self._canvases,
-                ids=np.array([choice.id]),
-                named=True,
-                static=True,
-                avoided=self.front.objectives,
-            )
-            if self._parallel is not None:
-                colour = SCREEN.chosen if root == ROOTS[0] else SCREEN.compared
-                lines = self._parallel.lines(choice.objectives[None], colour, 2.2, 4.0)
-                stream.log(f"{self._parallel.entity}/{root}", lines, static=True)
-            words = choice_text(self.front, choice, title="chosen" if root == ROOTS[0] else "compared")
-            stream.log(f"{root}/text", rr.TextDocument(words, media_type="text/markdown"), static=True)
+            F, name = choice.objectives[None], f"point {choice.id}"
+            scatter.log_points(stream, root, F, ids=np.array([choice.id]), names=[name], static=True)
+            scatter.log_label(stream, root, F, name, avoided=front.objectives, static=True)
+            if scatter.parallel is not None:
+                lines = scatter.parallel.lines(F, LAYERS[root][0], 2.2, 4.0)
+                stream.log(f"{scatter.parallel.entity}/{root}", lines, static=True)
+            words = choice_text(front, choice, title="chosen" if root == ROOTS[0] else "compared")
+            log_text(stream, words, f"{root}/text", static=True)
             if motions is not None and point.motion is not None:
                 self._log_motion(stream, motions, point, times)
 
     def log_prediction(self, stream: rr.RecordingStream, prediction: Prediction | None) -> None:
         """Draw the expected result of a move, for all times, in grey; None removes it."""
         F = np.zeros((0, len(self.front.names))) if prediction is None else prediction.objectives[None]
-        self.scene.log_points(stream, "predicted", F, self._canvases, static=True)
-        if self._parallel is not None:
-            lines = self._parallel.lines(F, SCREEN.predicted, 2.0, 3.0)
-            stream.log(f"{self._parallel.entity}/predicted", lines, static=True)
+        self._scatter.log_points(stream, "predicted", F, static=True)
+        if (parallel := self._scatter.parallel) is not None:
+            stream.log(f"{parallel.entity}/predicted", parallel.lines(F, SCREEN.predicted, 2.0, 3.0), static=True)
         if self._motions[0] is not None:
             motion = None if prediction is None else record_motion(prediction.motion, curves=False)
             self._motions[0].log_predicted(stream, motion)
@@ -262,44 +250,28 @@ class ChoiceLayer:
             rrb.TextDocumentView(origin=f"{root}/text", name=name)
             for root, name in zip(ROOTS, self._names, strict=False)
         ]
-        below: list[rrb.View] = [] if self._parallel is None else [self._parallel.view()]
-        front = self.scene.view() if self._canvases else None
-        name = " and ".join(self._names)
-        tab = None if self.recorded is None else self.recorded.tab()
-        narrow = self.width < VIEWS.width
         return choice_blueprint(
             self._legend,
-            front,
-            below,
+            self._scatter.view(),
+            self._scatter.parallel_views(),
             arms,
             texts,
-            name=name,
-            recorded=tab,
-            narrow=narrow,
+            name=" and ".join(self._names),
+            recorded=None if self.recorded is None else self.recorded.tab(),
+            narrow=self.width < VIEWS.width,
             timeline=self._timeline,
         )
 
     @property
     def _timeline(self) -> str:
         """The timeline that plays: the motion's, or the recorded run's if arms stand still."""
-        stands = self.recorded is not None and not is_moving(self._points)
-        return self.recorded.timeline if stands and self.recorded is not None else "motion"
-
-    @property
-    def scene(self) -> SearchScene:
-        """The style of the front."""
-        front = self.front
-        return SearchScene(
-            names=tuple(front.names), units=tuple(front.units), maximised=tuple(front.maximised), root=(ROOTS[0],)
-        )
+        return "motion" if self.recorded is None or is_moving(self._points) else self.recorded.timeline
 
     @cached_property
-    def _canvases(self) -> list[Canvas]:
-        return self.scene.canvases(self.front.objectives)
-
-    @cached_property
-    def _parallel(self) -> ParallelAxes | None:
-        return self.scene.parallel_axes(self.front.objectives)
+    def _scatter(self) -> Scatter:
+        names, units, maximised = self.front.names, self.front.units, self.front.maximised
+        scene = SearchScene(names=tuple(names), units=tuple(units), maximised=tuple(maximised), root=(ROOTS[0],))
+        return Scatter(scene=scene, shown=self.front.objectives)
 
     @cached_property
     def _points(self) -> list[RecordedPoint]:
@@ -311,25 +283,24 @@ class ChoiceLayer:
         cell = workcell_of_front(self.front)
         if cell is None or any(point.motion is None for point in self._points):
             return [None] * len(self.choices)
-        return [self._scene_of(cell, number) for number in range(len(self.choices))]
-
-    def _scene_of(self, cell: Workcell, number: int) -> MotionScene:
-        return MotionScene(
-            workcell=cell,
-            names=tuple(self.front.names),
-            points=[*self._points, *self.around],
-            title=self._names[number],
-            root=f"{ROOTS[number]}/",
-        )
+        return [
+            MotionScene(
+                workcell=cell,
+                names=tuple(self.front.names),
+                points=[*self._points, *self.around],
+                title=name,
+                root=f"{root}/",
+            )
+            for root, name, _ in zip(ROOTS, self._names, self.choices, strict=False)
+        ]
 
     @property
     def _legend(self) -> Legend:
-        motions = next((each for each in self._motions if each is not None), None)
-        return Legend(
-            entity=f"{ROOTS[0]}/legend",
-            entries=choice_entries(self._names, motions, predicts=self.predicts),
-            width=self.width,
-        )
+        colours = [LAYERS[root][0] for root in ROOTS]
+        entries: list[Entry] = [("front", SCREEN.front), *zip(self._names, colours, strict=False)]
+        entries += [("predicted, not certified", SCREEN.predicted)] if self.predicts else []
+        entries += next((motions.entries() for motions in self._motions if motions is not None), [])
+        return Legend(entity=f"{ROOTS[0]}/legend", entries=entries, width=self.width)
 
     @property
     def _names(self) -> tuple[str, ...]:

@@ -201,14 +201,14 @@ def log_name(
     recording: rr.RecordingStream,
     entity: Sequence[str],
     canvas: Canvas,
-    words: Sequence[str] | None,
+    words: str,
     places: Float[np.ndarray, "points 2"],
     colour: Colour,
     static: bool = False,
     taken: Float[np.ndarray, "area 2"] | None = None,
     lines: Lines = NO_LINES,
 ) -> None:
-    """Label the first of some places with the first of ``words`` and avoid all places; without words, remove the label.
+    """Label the first of some places and avoid all of them; without words, remove the label.
 
     There is no label if the `canvas` does not show the place. ``taken`` [pixels] belongs to other labels or lines; if
     possible, the label's line crosses none of ``lines``.
@@ -216,7 +216,7 @@ def log_name(
     at, label = canvas.place(places), no_label()
     if words and canvas.shows(places[:1])[0]:
         others = at if taken is None else np.concatenate([at, taken])
-        label = joined_label(canvas, at[0], words[0], others, colour, lines)
+        label = joined_label(canvas, at[0], words, others, colour, lines)
     recording.log(list(entity), *label, static=static)
 
 

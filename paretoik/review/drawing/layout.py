@@ -94,14 +94,15 @@ def _grouped(groups: Sequence[Group], names: Sequence[str], word: str) -> list[G
 
 
 BULLET = "● "
+Entry: TypeAlias = tuple[str, Colour]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Legend:
     """Words and the colours of what they name, at ``entity``, in rows of a width [pixels]."""
 
-    entity: str
-    entries: Sequence[tuple[str, Colour]]
+    entries: Sequence[Entry]
+    entity: str = "legend"
     width: float = VIEWS.width
 
     def view(self) -> rrb.View:
@@ -146,13 +147,14 @@ class Legend:
 
 
 TEXT_ENTITY = "text"  # entity of the text about the point shown
-WHY = "notes/why"  # entity of the reason of the choice
+LEFT_OUT = "notes/left_out"  # entity of the note about what was left out
 
 
 @dataclass(frozen=True, kw_only=True)
 class Layout:
     """The views of a recording: the ``front`` above its ``charts``, the ``arm`` above its ``joints``, then ``texts``.
 
+    ``note``: what was left out, which is the last of the texts.
     ``timeline`` is the one that plays, from ``start`` or from its beginning; ``frames`` is its speed per second if it
     counts. ``further`` views are tabs next to all of these.
     """
@@ -164,11 +166,19 @@ class Layout:
     joints: Sequence[rrb.View]
     texts: Sequence[rrb.View]
     timeline: str
+    note: str = ""
     start: int | None = None
     end: int = 0
     name: str = "search"
     frames: float = DRAWING.frames
     further: Sequence[rrb.Container] = field(default_factory=tuple)
+
+    def log(self, stream: rr.RecordingStream) -> None:
+        """Draw the legend and the note, for all times, and send the layout."""
+        self.legend.log(stream)
+        if self.note:
+            stream.log(LEFT_OUT, rr.TextDocument(self.note), static=True)
+        stream.send_blueprint(self.blueprint())
 
     def blueprint(self) -> rrb.Blueprint:
         """Return the layout as the viewer takes it."""
@@ -189,7 +199,9 @@ class Layout:
         if front is None and charts:
             front, charts = charts[0], charts[1:]
         columns = [(_column(front, charts), VIEWS.columns[0]), (_column(self.arm, self.joints), VIEWS.columns[1])]
-        columns.append((fitting_tabs(self.texts, VIEWS.columns[2]) if self.texts else None, VIEWS.columns[2]))
+        notes = [rrb.TextDocumentView(origin=LEFT_OUT, name="left out")] if self.note else []
+        texts = [*self.texts, *notes]
+        columns.append((fitting_tabs(texts, VIEWS.columns[2]) if texts else None, VIEWS.columns[2]))
         present = [(column, width) for column, width in columns if column is not None]
         views = rrb.Horizontal(*(column for column, _ in present), column_shares=[width for _, width in present])
         shares = [self.legend.height, VIEWS.body - self.legend.height]
@@ -250,9 +262,9 @@ def text_view(name: str) -> rrb.View:
     return rrb.TextDocumentView(origin=TEXT_ENTITY, name=name)
 
 
-def note_view() -> rrb.View:
-    """Return the view of the note about what was left out."""
-    return rrb.TextDocumentView(origin="notes/left_out", name="left out")
+def log_text(stream: rr.RecordingStream, words: str, entity: str = TEXT_ENTITY, *, static: bool = False) -> None:
+    """Show a text in Markdown, by default that about the point shown, at the current time or for all times."""
+    stream.log(entity, rr.TextDocument(words, media_type="text/markdown"), static=static)
 
 
 def _column(above: rrb.View | None, below: Sequence[rrb.View]) -> rrb.Container | None:

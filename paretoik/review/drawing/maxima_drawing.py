@@ -9,16 +9,13 @@ from typing import Any
 
 import numpy as np
 import rerun as rr
-import rerun.blueprint as rrb
 
 from paretoik.review.drawing.arm import ArmDrawing
 from paretoik.review.drawing.axes import screen_text
 from paretoik.review.drawing.charts import Chart, LimitLine, fit_below_tabs
 from paretoik.review.drawing.labels import joined_label, no_label
-from paretoik.review.drawing.layout import TEXT_ENTITY as TEXT
-from paretoik.review.drawing.layout import Layout, Legend, note_view, text_view
+from paretoik.review.drawing.layout import Entry, Layout, Legend, log_text, text_view
 from paretoik.review.drawing.motion import CHOSEN, limit_lines
-from paretoik.review.drawing.search_charts import maxima_entries
 from paretoik.review.drawing.space import Stage
 from paretoik.review.palette import DRAWING, SCENES, SCREEN, Colour, joint_units
 from paretoik.review.recording.messages import MaximaEnd, MaximaScene, in_space
@@ -91,13 +88,10 @@ class MaximaDrawing:
 
     def log(self, stream: rr.RecordingStream) -> None:
         """Draw everything."""
-        self._layout.legend.log(stream)
         self._log_axes(stream)
         self._drawing.log_workcell(stream)
         for chart in self._charts:
             chart.log(stream)
-        if self.note:
-            stream.log("notes/left_out", rr.TextDocument(self.note), static=True)
         stream.log(
             "search/maxima",
             rr.AnyValues(values=self.end.values, directions=self.end.directions.ravel(), q=self.end.q.ravel()),
@@ -108,11 +102,11 @@ class MaximaDrawing:
             self._log_maxima(stream, number)
             self._log_posture(stream, number)
             words = maximum_text(self.scene, self.end, number)
-            stream.log(TEXT, rr.TextDocument(words, media_type="text/markdown"))
+            log_text(stream, words)
             for chart in self._charts:
                 chart.log_cursor(stream, float(number))
         stream.reset_time()
-        stream.send_blueprint(self._layout.blueprint())
+        self._layout.log(stream)
 
     def _log_axes(self, stream: rr.RecordingStream) -> None:
         """Draw axes and, behind everything else, all maxima, for all times."""
@@ -266,20 +260,31 @@ class MaximaDrawing:
             limits=limits,
         )
 
-    @cached_property
+    @property
     def _layout(self) -> Layout:
-        charts = [chart.view() for chart in self._charts]
-        notes: list[rrb.View] = [note_view()] if self.note else []
+        charts, cell = [chart.view() for chart in self._charts], self.scene.workcell
+        entries: list[Entry] = [
+            (f"highest {self.scene.word}s so far", SCREEN.front),
+            ("this direction", SCREEN.chosen),
+            ("all directions", SCREEN.final),
+            ("arm in the posture of this direction", SCREEN.arm),
+            ("postures of those before", SCREEN.ghost),
+            ("position of the tool", SCREEN.target),
+            ("what motors allow: dashed", SCREEN.text),
+        ]
+        entries += [("limits: dashed", SCREEN.text)] if "position" in cell.bounds else []
+        entries += [("obstacle", SCREEN.obstacle)] if cell.obstacles else []
         return Layout(
-            legend=Legend(entity="legend", entries=maxima_entries(self.scene.workcell, self.scene.word)),
+            legend=Legend(entries=entries),
             front=self._stage.view(f"highest {self.scene.word} in each direction"),
             charts=charts[:1],
             arm=self._drawing.view("arm in the posture of the maximum"),
             joints=charts[1:],
-            texts=[text_view("direction"), *notes],
+            texts=[text_view("direction")],
             timeline="direction",
             name="directional maxima",
             frames=DRAWING.slow_frames,
+            note=self.note,
         )
 
 

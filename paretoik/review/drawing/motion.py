@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import rerun as rr
@@ -15,6 +16,7 @@ from paretoik.arrays import Times, Values
 from paretoik.review.drawing.arm import ArmDrawing
 from paretoik.review.drawing.axes import entity_names, screen_text
 from paretoik.review.drawing.charts import Chart, LimitLine, curve_points, fit_below_tabs
+from paretoik.review.drawing.layout import Entry
 from paretoik.review.palette import DRAWING, SCREEN, even_rows, has_masses, is_sliding, joint_units
 from paretoik.review.recording.messages import RecordedMotion, RecordedPoint, Workcell, joint_curves
 from paretoik.robot.kinematics import joint_scales, link_nodes
@@ -186,6 +188,31 @@ class MotionScene:
         """Return the view of the arm."""
         return self.drawing.view(self.title)
 
+    def entries(self, arm: str = "arm", *, postures: str = "") -> list[Entry]:
+        """Return the names and colours in the drawing; ``arm``: name of the solid arm.
+
+        ``postures``: name of those drawn behind arms that stand still, "" for none.
+        """
+        cell = self.workcell
+        entries: list[Entry] = [(arm, SCREEN.arm)]
+        if cell.link_radius:
+            entries.append(("its links", SCREEN.body if cell.arm.is_planar else (*SCREEN.hull[:3], 255)))
+        if is_moving(self.points):
+            entries += [("its postures over time", SCREEN.ghost), ("path of its tool", SCREEN.path)]
+        elif postures:
+            entries.append((postures, SCREEN.ghost))
+        if cell.paths:
+            entries.append(("path to follow", SCREEN.target))
+        if cell.places:
+            entries.append(("places that count" if len(cell.places) > 1 else next(iter(cell.places)), SCREEN.target))
+        if len(cell.directions):
+            entries.append(("directions", SCREEN.target))
+        if cell.obstacles:
+            entries.append(("obstacle", SCREEN.obstacle))
+        if any(chart.limits for chart in self.charts.values()):
+            entries.append(("limits: dashed", SCREEN.text))
+        return entries
+
     @cached_property
     def charts(self) -> dict[str, Chart]:
         """The charts of joints by kind of quantity."""
@@ -260,6 +287,16 @@ class MotionScene:
         if point.axis is None:
             for chart in self.charts.values():
                 chart.send_cursor(recording, columns, motion.time[rows])
+
+    def send_replay(
+        self, recording: rr.RecordingStream, slots: Sequence[tuple[float, Sequence[RecordedPoint]]]
+    ) -> None:
+        """Move the arms of points on the timeline ``replay``, from the time [s] of each of ``slots`` on."""
+        for begin, points in slots:
+            for point in points:
+                if point.motion is not None:
+                    rows, times = replay_times(point, points, begin)
+                    self.send(recording, point, [rr.TimeColumn("replay", duration=times)], rows)
 
     def send_motion(
         self,
@@ -348,6 +385,13 @@ class MotionScene:
 
     def _links(self, q: Float[np.ndarray, "rows dof"]) -> Float[np.ndarray, "rows nodes 3"]:
         return np.asarray(link_nodes(self.workcell.arm, q))
+
+
+def motion_views(motions: MotionScene | None) -> dict[str, Any]:
+    """Return the views of motions, if there are any, as a layout takes them."""
+    if motions is None:
+        return {"arm": None, "joints": []}
+    return {"arm": motions.view(), "joints": [chart.view() for chart in motions.charts.values()]}
 
 
 def motion_frames(samples: Times) -> Float[np.ndarray, " frames"]:

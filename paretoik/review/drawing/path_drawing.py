@@ -12,8 +12,7 @@ import rerun.blueprint as rrb
 
 from paretoik.review.drawing.axes import screen_text
 from paretoik.review.drawing.charts import Chart, fit_below_tabs
-from paretoik.review.drawing.layout import TEXT_ENTITY as TEXT
-from paretoik.review.drawing.layout import Layout, Legend, text_view
+from paretoik.review.drawing.layout import Layout, Legend, log_text, text_view
 from paretoik.review.drawing.space import Stage, fitting_eye
 from paretoik.review.palette import DRAWING, SCREEN, even_rows
 from paretoik.review.recording.messages import PathEnd, PathScene, in_space
@@ -33,7 +32,6 @@ class PathDrawing:
 
     def log(self, stream: rr.RecordingStream) -> None:
         """Draw everything."""
-        self._layout.legend.log(stream)
         stage, tool = self._stage, in_space(self.end.tool)
         if stage.planar:
             stage.canvas.log(stream, ENTITY, static=True)
@@ -45,14 +43,14 @@ class PathDrawing:
         stream.log(f"{ENTITY}/ends", stage.points(ends, SCREEN.text, 4.5, 3.0), static=True)
         for chart in self._charts:
             chart.log(stream)
-        stream.log(TEXT, rr.TextDocument(self._words, media_type="text/markdown"), static=True)
+        log_text(stream, self._words, static=True)
         for row in even_rows(len(self.end.times), DRAWING.walk):
             stream.set_time("motion", duration=float(self.end.times[row]))
             stream.log(f"{ENTITY}/tool", stage.points(tool[row, None], SCREEN.tool, 4.5, 3.0))
             for chart in self._charts:
                 chart.log_cursor(stream, float(self.end.times[row]))
         stream.reset_time()
-        stream.send_blueprint(self._layout.blueprint())
+        self._layout.log(stream)
 
     @cached_property
     def _stage(self) -> Stage:
@@ -88,13 +86,13 @@ class PathDrawing:
         lines.append(f"- ends {end.distance[-1]:.3g} m from the target")
         return screen_text("\n".join([*lines, "", run_text(end.provenance)]))
 
-    @cached_property
+    @property
     def _layout(self) -> Layout:
         entries = [("path of the tool", SCREEN.path), ("tool", SCREEN.tool), ("start and target", SCREEN.text)]
         if self.end.reference is not None:
             entries.append(("reference", SCREEN.target))
         return Layout(
-            legend=Legend(entity="legend", entries=entries),
+            legend=Legend(entries=entries),
             front=self._view(),
             charts=[chart.view() for chart in self._charts],
             arm=None,

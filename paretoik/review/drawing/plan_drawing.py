@@ -9,16 +9,13 @@ from typing import Any
 
 import numpy as np
 import rerun as rr
-import rerun.blueprint as rrb
 
 from paretoik.review.drawing.axes import screen_text
 from paretoik.review.drawing.charts import Chart, curve_points
-from paretoik.review.drawing.layout import TEXT_ENTITY as TEXT
-from paretoik.review.drawing.layout import Layout, Legend, note_view, text_view
-from paretoik.review.drawing.motion import MotionScene, ReplayClock, replay_times
+from paretoik.review.drawing.layout import Entry, Layout, Legend, log_text, text_view
+from paretoik.review.drawing.motion import MotionScene, ReplayClock, motion_views
 from paretoik.review.drawing.plan_panel import PlanPanel
 from paretoik.review.drawing.point_text import broken_lines, infeasible_text
-from paretoik.review.drawing.search_charts import plan_entries
 from paretoik.review.palette import DRAWING, SCREEN, even_rows, screen_label
 from paretoik.review.recording.messages import (
     PlanEnd,
@@ -179,14 +176,11 @@ class PlanDrawing:
 
     def log(self, stream: rr.RecordingStream) -> None:
         """Draw everything."""
-        self._layout.legend.log(stream)
         self._panel.log(stream)
         if self._motions is not None:
             self._motions.log(stream)
         for chart in self._charts:
             chart.log(stream)
-        if self._note:
-            stream.log("notes/left_out", rr.TextDocument(self._note), static=True)
         for place, level in enumerate(self.messages):
             stream.reset_time()
             stream.set_time("level", sequence=level.number)
@@ -201,11 +195,11 @@ class PlanDrawing:
             self._log_starts(stream, self._motions)
             self._log_optima(stream, self._motions)
         stream.reset_time()
-        stream.send_blueprint(self._layout.blueprint())
+        self._layout.log(stream)
 
     def _log_level(self, stream: rr.RecordingStream, place: int, level: PlannedLevel) -> None:
         self._panel.log_until(stream, self._lasts[place])
-        self._log_text(stream, level_text(self._panel, level))
+        log_text(stream, level_text(self._panel, level))
         numbers: dict[str, Any] = {
             "starts": level.starts,
             "ends": level.ends,
@@ -225,7 +219,7 @@ class PlanDrawing:
         self._at_the_end(stream)
         count = len(self._panel.starts)
         self._panel.log_until(stream, count, ended=True)
-        self._log_text(stream, self._end_text(end, count))
+        log_text(stream, self._end_text(end, count))
         if end.optima:
             stream.log(
                 "search/optima", rr.AnyValues(objective=[float(each.point.objectives[0]) for each in end.optima])
@@ -255,10 +249,7 @@ class PlanDrawing:
         for point in self._best:
             motions.send_motion(stream, point)
         slots = [(float(self._clock.begins[place]), points) for place, points in enumerate(self._bests)]
-        for begin, points in [*slots, (self._clock.end, self._best)]:
-            for point in points:
-                rows, times = replay_times(point, points, begin)
-                motions.send(stream, point, [rr.TimeColumn("replay", duration=times)], rows)
+        motions.send_replay(stream, [*slots, (self._clock.end, self._best)])
 
     def _log_starts(self, stream: rr.RecordingStream, motions: MotionScene) -> None:
         """Show one start after another: its motion, and next to it its result."""
@@ -267,7 +258,7 @@ class PlanDrawing:
             stream.set_time("start", sequence=number)
             self._panel.log_until(stream, number, looked_at=number)
             self._panel.log_start(stream, number)
-            self._log_text(stream, start_text(self.scene, level, row))
+            log_text(stream, start_text(self.scene, level, row))
             for chart in self._charts:
                 chart.log_cursor(stream, float(self._instants[number - 1]))
             motions.log_whole(stream, points)
@@ -280,11 +271,8 @@ class PlanDrawing:
             stream.set_time("optimum", sequence=place)
             self._panel.log_optimum(stream, place)
             if place:  # the first one shows the text of all
-                self._log_text(stream, optimum_text(self.scene, optima, place, self._count))
+                log_text(stream, optimum_text(self.scene, optima, place, self._count))
             motions.log_whole(stream, [optimum.point])
-
-    def _log_text(self, stream: rr.RecordingStream, words: str) -> None:
-        stream.log(TEXT, rr.TextDocument(words, media_type="text/markdown"))
 
     @cached_property
     def _panel(self) -> PlanPanel:
@@ -389,21 +377,33 @@ class PlanDrawing:
             colours=[SCREEN.joint(level.number) for level in self.messages],
         )
 
-    @cached_property
+    @property
     def _layout(self) -> Layout:
         motions, feasible = self._motions, self.end is None or self.end.least_violating is None
-        entries = plan_entries(motions, optima=self._count, feasible=feasible)
-        notes: list[rrb.View] = [note_view()] if self._note else []
+        starts: list[Entry] = [
+            ("start", SCREEN.population),
+            ("start beyond the axes: a dash at their edge", SCREEN.population),
+        ]
+        failed: Entry = ("start that led to no optimum", SCREEN.failed)
+        entries = [*starts, failed]
+        if feasible:
+            entries = [*starts, ("what it led to", SCREEN.front), failed]
+            entries.append(("best, of a level or in the end", SCREEN.chosen))
+            entries += [("optimum looked at", SCREEN.arm)] if self._count > 1 else []  # a single one is the best
+            entries.append(("values of the optima", SCREEN.final))
+        if motions is not None:
+            entries += motions.entries("arm" if feasible else "arm of the least-violating motion")
+            entries.append(("arm of the start looked at", SCREEN.end(0)))
         return Layout(
-            legend=Legend(entity="legend", entries=entries),
+            legend=Legend(entries=entries),
             front=self._panel.view(),
             charts=[chart.view() for chart in self._charts],
-            arm=None if motions is None else motions.view(),
-            joints=[] if motions is None else [chart.view() for chart in motions.charts.values()],
-            texts=[text_view("level, start, optimum"), *notes],
+            texts=[text_view("level, start, optimum")],
             timeline="level",
             name="plan",
             frames=DRAWING.slow_frames,
+            note=self._note,
+            **motion_views(motions),
         )
 
 

@@ -9,16 +9,13 @@ from functools import cached_property
 
 import numpy as np
 import rerun as rr
-import rerun.blueprint as rrb
 
 from paretoik.arrays import Times
 from paretoik.review.drawing.axes import screen_text
 from paretoik.review.drawing.charts import Chart, LimitLine, curve_points
-from paretoik.review.drawing.layout import TEXT_ENTITY as TEXT
-from paretoik.review.drawing.layout import Layout, Legend, note_view, text_view
-from paretoik.review.drawing.motion import MotionScene
+from paretoik.review.drawing.layout import Entry, Layout, Legend, log_text, text_view
+from paretoik.review.drawing.motion import MotionScene, motion_views
 from paretoik.review.drawing.point_text import broken_limits
-from paretoik.review.drawing.search_charts import resolution_entries
 from paretoik.review.palette import DRAWING, SCREEN, VIEWS, Colour, even_rows, is_sliding, joint_units
 from paretoik.review.recording.messages import RecordedPoint, RecordedTraces, ResolutionEnd, ResolvedScene
 from paretoik.review.words import run_text
@@ -139,12 +136,9 @@ class ResolutionDrawing:
 
     def log(self, stream: rr.RecordingStream) -> None:
         """Draw everything."""
-        self._layout.legend.log(stream)
         self._motions.log(stream)
         for chart in self._charts:
             chart.log(stream)
-        if self._note:
-            stream.log("notes/left_out", rr.TextDocument(self._note), static=True)
         stream.set_time("motion", duration=0.0)
         if len(self.end.motions) > 1:
             stream.set_time("solution", sequence=0)
@@ -157,12 +151,12 @@ class ResolutionDrawing:
             stream.set_time("solution", sequence=number)
             self._log_whole(stream, traces, [traces.point])
         stream.reset_time()
-        stream.send_blueprint(self._layout.blueprint())
+        self._layout.log(stream)
 
     def _log_whole(self, stream: rr.RecordingStream, traces: RecordedTraces, points: Sequence[RecordedPoint]) -> None:
         """Draw a motion as the chosen one at the current time, with its own text and criteria."""
         self._motions.log_whole(stream, points)
-        self._log_text(stream, motion_text(self.scene, traces, self.end))
+        log_text(stream, motion_text(self.scene, traces, self.end))
         if (chart := self._criteria_chart) is not None:
             chart.log(stream)
             chart.draw(stream, traces.time, np.stack([_steps(curve) for curve in traces.criteria.T]))
@@ -193,10 +187,7 @@ class ResolutionDrawing:
         for step in [*first, *changes[: DRAWING.walk]]:
             stream.reset_time()
             stream.set_time("motion", duration=float(traces.time[step + 1] - traces.time[0]))
-            self._log_text(stream, f"{step_text(traces, int(step))}\n\n{words}")
-
-    def _log_text(self, stream: rr.RecordingStream, words: str) -> None:
-        stream.log(TEXT, rr.TextDocument(words, media_type="text/markdown"))
+            log_text(stream, f"{step_text(traces, int(step))}\n\n{words}")
 
     @cached_property
     def _thin_motions(self) -> list[RecordedTraces]:
@@ -299,21 +290,27 @@ class ResolutionDrawing:
         words = f"{recorded} of {self.end.count} motions are shown." if recorded < self.end.count else ""
         return " ".join(filter(None, (self.note, words)))
 
-    @cached_property
+    @property
     def _layout(self) -> Layout:
-        motions = self._motions
-        notes: list[rrb.View] = [note_view()] if self._note else []
-        names = [each.name for each in self._thin_motions]
+        motions, first = self._motions, self.end.motions[0].name
+        named: list[Entry] = [(each.name, SCREEN.end(axis)) for axis, each in enumerate(self._thin_motions)]
+        arm = f"arm of {first}, or of the motion looked at" if named else "arm"
+        entries: list[Entry] = [
+            *([(first, SCREEN.arm), *named] if named else []),
+            ("step damped, shortened, held, limited or missed", SCREEN.event),
+            ("error from which the path counts as lost: dashed", SCREEN.limit),
+            *motions.entries(arm),
+        ]
         return Layout(
-            legend=Legend(entity="legend", entries=resolution_entries(motions, self.end.motions[0].name, names)),
+            legend=Legend(entries=entries),
             front=self._all_charts[0].view(),
             charts=[chart.view() for chart in self._all_charts[1:]],
-            arm=motions.view(),
-            joints=[chart.view() for chart in motions.charts.values()],
-            texts=[text_view("method"), *notes],
+            texts=[text_view("method")],
             timeline="motion",
             name=self.scene.method,
             frames=DRAWING.slow_frames,
+            note=self._note,
+            **motion_views(motions),
         )
 
 

@@ -11,25 +11,15 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from paretoik.arrays import Objectives, Series, Times
-from paretoik.review.drawing.axes import Canvas, ParallelAxes, screen_text
+from paretoik.review.drawing.axes import screen_text
 from paretoik.review.drawing.charts import Chart, fit_below_tabs
-from paretoik.review.drawing.front_panels import outside_panels
-from paretoik.review.drawing.layout import TEXT_ENTITY as TEXT
-from paretoik.review.drawing.layout import note_view
+from paretoik.review.drawing.layout import Entry, log_text
 from paretoik.review.drawing.motion import MotionScene
-from paretoik.review.drawing.scatter import SearchScene
+from paretoik.review.drawing.scatter import Scatter, SearchScene
 from paretoik.review.palette import MARKS, SCREEN, VIEWS, Colour
-from paretoik.review.recording.messages import Workcell
-from paretoik.review.recording.recorder import Generation, SearchedFront, SearchEnd
+from paretoik.review.recording.recorder import Generation
 
-# The legend of a recording.
-
-
-Entry = tuple[str, Colour]
-RESOLUTION_ENTRIES: tuple[Entry, ...] = (
-    ("step damped, shortened, held, limited or missed", SCREEN.event),
-    ("error from which the path counts as lost: dashed", SCREEN.limit),
-)
+# The legend of a search.
 
 
 def search_entries(
@@ -58,85 +48,7 @@ def search_entries(
         return entries
     arm = f"arm of the {chosen}" if chosen == "compromise" else "arm"
     arm = f"{arm}, or of the point looked at" if walked else arm
-    return entries + motion_entries(motions, arm, postures=postures)
-
-
-def plan_entries(motions: MotionScene | None, *, optima: int = 2, feasible: bool = True) -> list[Entry]:
-    """Return the names and colours in a plan's drawing, with or without a feasible motion.
-
-    If there are several ``optima``, one is looked at; a single one is the best.
-    """
-    entries: list[Entry] = [
-        ("start", SCREEN.population),
-        ("start beyond the axes: a dash at their edge", SCREEN.population),
-        ("what it led to", SCREEN.front),
-        ("start that led to no optimum", SCREEN.failed),
-        ("best, of a level or in the end", SCREEN.chosen),
-        *([("optimum looked at", SCREEN.arm)] if optima > 1 else []),
-        ("values of the optima", SCREEN.final),
-    ]
-    if not feasible:
-        entries = [entries[0], entries[1], entries[3]]  # nothing led anywhere
-    arm = "arm" if feasible else "arm of the least-violating motion"
-    arms = [] if motions is None else [*motion_entries(motions, arm), ("arm of the start looked at", SCREEN.end(0))]
-    return entries + arms
-
-
-def resolution_entries(motions: MotionScene, first: str, others: Sequence[str]) -> list[Entry]:
-    """Return the names and colours in a drawing of resolved motions; the ``first`` one is solid."""
-    named: list[Entry] = [(first, SCREEN.arm)] if others else []
-    named += [(name, SCREEN.end(axis)) for axis, name in enumerate(others)]
-    arm = f"arm of {first}, or of the motion looked at" if others else "arm"
-    return [*named, *RESOLUTION_ENTRIES, *motion_entries(motions, arm)]
-
-
-def maxima_entries(cell: Workcell, word: str) -> list[Entry]:
-    """Return the names and colours in a drawing of directional maxima."""
-    entries: list[Entry] = [
-        (f"highest {word}s so far", SCREEN.front),
-        ("this direction", SCREEN.chosen),
-        ("all directions", SCREEN.final),
-        ("arm in the posture of this direction", SCREEN.arm),
-        ("postures of those before", SCREEN.ghost),
-        ("position of the tool", SCREEN.target),
-        ("what motors allow: dashed", SCREEN.text),
-    ]
-    entries += [("limits: dashed", SCREEN.text)] if "position" in cell.bounds else []
-    return entries + ([("obstacle", SCREEN.obstacle)] if cell.obstacles else [])
-
-
-def motion_entries(motions: MotionScene, arm: str = "arm", *, postures: str = "") -> list[Entry]:
-    """Return the names and colours in a drawing of motions; ``arm``: name of the solid arm.
-
-    ``postures``: name of those drawn behind arms that stand still, "" for none.
-    """
-    cell = motions.workcell
-    entries: list[Entry] = [(arm, SCREEN.arm)]
-    if cell.link_radius:
-        entries.append(("its links", SCREEN.body if cell.arm.is_planar else (*SCREEN.hull[:3], 255)))
-    if any(point.motion is not None and not point.motion.is_standing for point in motions.points):
-        entries += [("its postures over time", SCREEN.ghost), ("path of its tool", SCREEN.path)]
-    elif postures:
-        entries.append((postures, SCREEN.ghost))
-    if cell.paths:
-        entries.append(("path to follow", SCREEN.target))
-    if cell.places:
-        entries.append(("places that count" if len(cell.places) > 1 else next(iter(cell.places)), SCREEN.target))
-    if len(cell.directions):
-        entries.append(("directions", SCREEN.target))
-    if cell.obstacles:
-        entries.append(("obstacle", SCREEN.obstacle))
-    if any(chart.limits for chart in motions.charts.values()):
-        entries.append(("limits: dashed", SCREEN.text))
-    return entries
-
-
-def choice_entries(names: Sequence[str], motions: MotionScene | None, *, predicts: bool = False) -> list[Entry]:
-    """Return the names and colours in a drawing of one or two choices, and of predictions if there are any."""
-    colours = (SCREEN.chosen, SCREEN.compared)
-    marked: list[Entry] = [(name, colour) for name, colour in zip(names, colours, strict=False)]
-    marked += [("predicted, not certified", SCREEN.predicted)] if predicts else []
-    return [("front", SCREEN.front), *marked, *([] if motions is None else motion_entries(motions))]
+    return entries + motions.entries(arm, postures=postures)
 
 
 # Charts and time series of a search.
@@ -248,83 +160,40 @@ def _chart(
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class RecordedSearch:
-    """All ``generations`` of a search, or steps of a closed loop, and its ``end``; ``note``: what was left out."""
-
-    scene: SearchScene
-    recorded: SearchedFront
-    generations: Sequence[Generation]
-    end: SearchEnd
-    note: str = ""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class FrontViews:
-    """The views of a search's fronts, on axes that contain all of ``shown``, its charts, and its ``note``."""
+    """The views of a search's fronts on the axes of a ``scatter``, and its charts over ``generations``.
 
-    search: RecordedSearch
-    shown: Objectives
-    note: str
+    ``final``: the last front, if there is one.
+    """
+
+    scatter: Scatter
+    generations: Sequence[Generation] = ()
+    final: Objectives | None = None
 
     def log(self, stream: rr.RecordingStream, *, static: bool = True) -> None:
-        """Draw axes, for all times (static) or from the current one on, and charts and the note, for all times."""
-        self.search.scene.log_axes(stream, self.canvases, static=static)
-        if self.parallel is not None:
-            self.parallel.log(stream, static=static)
+        """Draw axes, for all times (static) or from the current one on, and charts, for all times."""
+        self.scatter.log_axes(stream, static=static)
         for chart in self._charts:
             chart.log(stream)
-        if self.note:
-            stream.log("notes/left_out", rr.TextDocument(self.note), static=True)
 
     def log_generation(self, stream: rr.RecordingStream, generation: Generation, words: str) -> None:
         """Draw a generation or step at the current time, with its text."""
-        final = None if self.search.end.front is None else self.search.end.front.objectives
-        behind = None if self.search.scene.timeline == "step" else final
-        self.search.scene.log_generation(stream, generation, self.canvases, self.parallel, behind=behind)
-        log_series(self.search.scene, stream, generation)
-        stream.log(TEXT, rr.TextDocument(words, media_type="text/markdown"))
+        self.scatter.log_generation(stream, generation, behind=self.final)
+        log_series(self.scatter.scene, stream, generation)
+        log_text(stream, words)
         self.log_cursors(stream, generation.number)
-
-    def log_note(self, stream: rr.RecordingStream, words: str) -> None:
-        """Explain in the panels why they have no points, at the current time; without words, stop."""
-        self.search.scene.log_note(stream, self.canvases, words)
 
     def log_cursors(self, stream: rr.RecordingStream, number: int) -> None:
         """Draw the cursors of charts at a generation or step, at the current time."""
         for chart in self._charts:
             chart.log_cursor(stream, float(number))
 
-    def outside(self, generation: Generation) -> int:
-        """Return how many individuals of a generation are outside the axes of at least one panel."""
-        return outside_panels(self.search.scene.panels.pairs, self.canvases, generation.population)
-
-    @property
-    def front(self) -> rrb.View | None:
-        """The view of all pairs of objectives; None if nothing finite is shown."""
-        return self.search.scene.view() if self.canvases else None
-
     @property
     def charts(self) -> list[rrb.View]:
         """The views below the front."""
-        parallel = [] if self.parallel is None else [self.parallel.view()]
-        return [*parallel, *(chart.view() for chart in self._charts)]
-
-    @property
-    def notes(self) -> list[rrb.View]:
-        """The view of the note, if there is one."""
-        return [note_view()] if self.note else []
-
-    @cached_property
-    def canvases(self) -> list[Canvas]:
-        """The axes of every pair of objectives."""
-        return self.search.scene.canvases(self.shown)
-
-    @cached_property
-    def parallel(self) -> ParallelAxes | None:
-        """The axes of parallel coordinates, for three or more objectives."""
-        return self.search.scene.parallel_axes(self.shown)
+        return [*self.scatter.parallel_views(), *(chart.view() for chart in self._charts)]
 
     @cached_property
     def _charts(self) -> list[Chart]:
-        names_before = [] if self.parallel is None else [str(self.parallel.view().name)]
-        return fit_below_tabs(search_charts(self.search.scene, self.search.generations), names_before)
+        names_before = [str(view.name) for view in self.scatter.parallel_views()]
+        return fit_below_tabs(search_charts(self.scatter.scene, self.generations), names_before)

@@ -8,7 +8,7 @@ import pytest
 import rerun as rr
 
 from paretoik.front.preferences import Weights
-from paretoik.review.drawing.scatter import SearchScene
+from paretoik.review.drawing.scatter import Scatter
 from paretoik.review.recording.messages import Workcell
 from paretoik.review.recording.recorder import Opening, RecorderOptions, SearchedFront, SearchEnd
 from paretoik.review.recording.recording_file import RecordingFile
@@ -189,7 +189,7 @@ def test_a_failed_ending_keeps_the_recording_of_the_run(tmp_path, monkeypatch, m
     def fail(*_, **__):
         raise OSError("No space left on device")
 
-    monkeypatch.setattr(SearchScene, "log_generation", fail)
+    monkeypatch.setattr(Scatter, "log_generation", fail)
     with pytest.raises(OSError, match="No space left on device"):
         started.complete(SearchEnd(front=front))
     assert [file.name for file in tmp_path.iterdir()] == ["review.rrd"]
