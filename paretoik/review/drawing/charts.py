@@ -78,7 +78,9 @@ class Chart:
             lines = rr.LineStrips2D(strips, colors=colours, radii=rr.Radius.ui_points(0.9), draw_order=0.5)
             recording.log(f"{self.entity}/limits", lines, static=True)
         if far := [limit for limit in self.limits if not self._is_near(limit)]:
-            words = self._fitting(f"limits beyond: {_far_limits(far)}", "other limits lie beyond")
+            words = f"limits beyond: {_far_limits(far)}"
+            if len(words) > int((self.canvas.width - text_width(self.labels[1]) + 30.0) / TEXT.character):
+                words = "other limits lie beyond"
             place = np.array([[self.canvas.width - 0.5 * text_width(words), -0.7 * TEXT.line]])
             recording.log(f"{self.entity}/limits_beyond", labels([words], place, SCREEN.limit), static=True)
         if len(self.curves):
@@ -87,20 +89,19 @@ class Chart:
     def draw(self, recording: rr.RecordingStream, instants: Times, curves: Series, *, static: bool = False) -> None:
         """Draw curves (curves, instants) and their names, at the current time or for all times."""
         low, high = self.canvas.low, self.canvas.high  # what leaves the picture follows its edge
-        strips = [self.canvas.place(np.clip(_finite_points(instants, curve), low, high)) for curve in curves]
-        recording.log(f"{self.entity}/curves", *self._lines(strips), self._dots(strips), static=static)
+        points = [np.stack([instants, curve], axis=-1) for curve in curves]
+        finite = [each[np.isfinite(each).all(axis=-1)] for each in points]
+        strips = [self.canvas.place(np.clip(each, low, high)) for each in finite]
+        lines = []
+        if not self.dots:
+            radii = rr.Radius.ui_points(MARKS.line / 2)
+            lines = [rr.LineStrips2D(strips, colors=list(self.colours), radii=radii, draw_order=1.0)]
+        recording.log(f"{self.entity}/curves", *lines, self._dots(strips), static=static)
         if len(curves) > 1:
             ends = [strip[-1, 1] if len(strip) else 0.5 * self.canvas.height for strip in strips]
             recording.log(
                 f"{self.entity}/names", labels(self.names, self._name_places(ends), self.colours), static=static
             )
-
-    def _lines(self, strips: Sequence[np.ndarray]) -> list[rr.LineStrips2D]:
-        """Return curves as lines; none if instants have no order."""
-        if self.dots:
-            return []
-        radii = rr.Radius.ui_points(MARKS.line / 2)
-        return [rr.LineStrips2D(strips, colors=list(self.colours), radii=radii, draw_order=1.0)]
 
     def _dots(self, strips: Sequence[np.ndarray]) -> rr.Points2D:
         """Return the points of curves as dots if no line shows them."""
@@ -150,7 +151,8 @@ class Chart:
         If all values are 0, return all limits, and the usual values if all limits are 0.
         """
         low, high = points[:, 1].min(), points[:, 1].max()
-        size, limits = max(abs(low), abs(high)), self._limit_values
+        limits = np.concatenate([np.zeros(0), *(limit.values for limit in self.limits)])
+        size, limits = max(abs(low), abs(high)), limits[np.isfinite(limits)]
         if size > DRAWING.rounding * np.abs(limits).max(initial=self.usual):
             reach = DRAWING.limit_distance * max(high - low, 0.2 * size)
             limits = limits[(limits >= low - reach) & (limits <= high + reach)]
@@ -158,12 +160,6 @@ class Chart:
             limits = np.append(limits, np.array([-1.0, 1.0]) * (self.usual or 1.0))
         values = np.concatenate([points[:, 1], limits])
         return np.stack([np.resize(points[:, 0], len(values)), values], axis=1)
-
-    @property
-    def _limit_values(self) -> Values:
-        values = np.concatenate([np.zeros(0), *(limit.values for limit in self.limits)])
-        finite: Values = values[np.isfinite(values)]
-        return finite
 
     def _is_near(self, limit: LimitLine) -> bool:
         inside = (limit.values >= self.canvas.low[1]) & (limit.values <= self.canvas.high[1])
@@ -203,11 +199,6 @@ class Chart:
             return TEXT.right
         return min(0.5 * self.total[0], 16.0 + (text_width(max(self.names, key=len)) + 8.0) * self._name_columns)
 
-    def _fitting(self, words: str, shorter: str) -> str:
-        """Return words, or shorter ones if they do not fit."""
-        room = int((self.canvas.width - text_width(self.labels[1]) + 30.0) / TEXT.character)
-        return words if len(words) <= room else shorter
-
 
 def fit_below_tabs(charts: Sequence[Chart], names_before: Sequence[str] = ()) -> list[Chart]:
     """Return charts that are tabs below a view; nested tabs are lower by their row of names.
@@ -233,12 +224,6 @@ def _far_limits(limits: Sequence[LimitLine]) -> str:
         if len(finite):
             by_name.setdefault(limit.name, []).append(tick_text(float(finite[np.abs(finite).argmin()])))
     return ", ".join(f"{name} {' and '.join(values)}".strip() for name, values in by_name.items())
-
-
-def _finite_points(instants: Times, curve: Times) -> np.ndarray:
-    points = np.stack([instants, curve], axis=-1)
-    finite: np.ndarray = points[np.isfinite(points).all(axis=-1)]
-    return finite
 
 
 def _spread_labels(

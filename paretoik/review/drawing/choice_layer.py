@@ -17,7 +17,6 @@ from typing import Any, Literal, get_args
 from uuid import UUID
 
 import numpy as np
-import pyarrow
 import rerun as rr
 import rerun.blueprint as rrb
 from rerun.error_utils import RerunWarning
@@ -48,19 +47,6 @@ ORIGIN, VIEWPORT_ROOT = "ViewBlueprint:space_origin", "ViewportBlueprint:root_co
 VIEWS_OF_LAYOUTS = ("/container/**", "/view/**")  # entities of layouts, without panels
 
 
-@dataclass(frozen=True, kw_only=True)
-class RecordedTimeline:
-    """A timeline that counts or measures time, from ``begin`` on (a number or nanoseconds)."""
-
-    kind: Literal["sequence", "duration"]
-    begin: int
-
-    @property
-    def first(self) -> dict[str, Any]:
-        """The first instant, as ``set_time`` takes it."""
-        return {self.kind: self.begin if self.kind == "sequence" else np.timedelta64(self.begin, "ns")}
-
-
 class RecordedTab(rrb.Container):
     """The views of a recording's layout as drawn, with all names and sizes, below their ``root``."""
 
@@ -75,16 +61,16 @@ class RecordedTab(rrb.Container):
 
 @dataclass(frozen=True, kw_only=True)
 class RecordedRun:
-    """A recording: application, identity, entities, timelines by name, and its layout.
+    """A recording: application, identity, entities, the first instant of each timeline, and its layout.
 
-    The layout is the one before any choice: a ``root`` container, None if there was no layout, and the ``chunks`` of
-    its containers and views.
+    Instants are as ``set_time`` takes them. The layout is the one before any choice: a ``root`` container, None if
+    there was no layout, and the ``chunks`` of its containers and views.
     """
 
     application: str
     identity: str
     entities: frozenset[str]
-    timelines: dict[str, RecordedTimeline]
+    timelines: dict[str, dict[str, Any]]
     root: UUID | None
     chunks: tuple[rr.chunk.Chunk, ...] = field(compare=False, repr=False)
 
@@ -102,14 +88,21 @@ class RecordedRun:
 def read_recorded(file: Path) -> RecordedRun:
     """Return a recording without later choices; raises InvalidInput if it cannot be read."""
     entities: set[str] = set()
-    timelines: dict[str, RecordedTimeline] = {}
+    begins: dict[str, Any] = {}  # numbers, or durations
+    roots, layout = list[Any](), list[rr.chunk.Chunk]()
     try:
         reader = rr.chunk.RrdReader(file)
         (store,) = reader.recordings()
         for chunk in reader.stream(store=store).drop(content=[f"/{root}/**" for root in ROOTS]):
             entities.add(str(chunk.entity_path))
-            timelines |= _timelines(chunk, timelines)
-        root, chunks = _layout(reader)
+            if not chunk.is_empty:
+                batch = chunk.to_record_batch()
+                for name in (name for name in chunk.timeline_names if name not in OF_RERUN):
+                    begin = batch.column(name).to_numpy(zero_copy_only=False).min()
+                    begins[name] = min(begin, begins.get(name, begin))
+        for store_of_layout in layouts_without_choice(reader)[:1]:
+            roots = _values(reader.stream(store=store_of_layout), VIEWPORT_ROOT)
+            layout = reader.stream(store=store_of_layout).filter(content=VIEWS_OF_LAYOUTS).to_chunks()
     except (OSError, RuntimeError, ValueError) as fault:
         cause = (str(fault).splitlines() or [type(fault).__name__])[0]
         raise InvalidInput(f"{file}: must be a recording of a run, got {cause}") from fault
@@ -117,44 +110,23 @@ def read_recorded(file: Path) -> RecordedRun:
         application=store.application_id,
         identity=store.recording_id,
         entities=frozenset(entities),
-        timelines=timelines,
-        root=root,
-        chunks=chunks,
+        timelines={
+            name: {"duration" if isinstance(begin, np.timedelta64) else "sequence": begin}
+            for name, begin in begins.items()
+        },
+        root=UUID(bytes=bytes(roots[-1])) if roots else None,
+        chunks=tuple(layout),
     )
 
 
 def layouts_without_choice(reader: rr.chunk.RrdReader) -> list[rr.chunk.StoreEntry]:
     """Return the layouts of a recording that have no view of a choice."""
-    return [layout for layout in reader.blueprints() if not _shows_choice(reader, layout)]
 
+    def roots(layout: rr.chunk.StoreEntry) -> set[str]:
+        """Return the first parts of the entities that a layout shows."""
+        return {origin.strip("/").split("/")[0] for origin in _values(reader.stream(store=layout), ORIGIN)}
 
-def _timelines(chunk: rr.chunk.Chunk, former: dict[str, RecordedTimeline]) -> dict[str, RecordedTimeline]:
-    """Return the timelines of a chunk with their earliest beginning."""
-    names = [name for name in chunk.timeline_names if name not in OF_RERUN]
-    if not names or chunk.is_empty:
-        return {}
-    batch, timelines = chunk.to_record_batch(), dict[str, RecordedTimeline]()
-    for name in names:
-        column = batch.column(name)
-        begin = int(column.cast("int64").to_numpy().min())
-        begin = min(begin, former[name].begin) if name in former else begin
-        kind: Literal["sequence", "duration"] = "sequence" if pyarrow.types.is_integer(column.type) else "duration"
-        timelines[name] = RecordedTimeline(kind=kind, begin=begin)
-    return timelines
-
-
-def _layout(reader: rr.chunk.RrdReader) -> tuple[UUID | None, tuple[rr.chunk.Chunk, ...]]:
-    """Return the root container of the layout before any choice, and the chunks of its parts."""
-    for layout in layouts_without_choice(reader)[:1]:
-        roots = _values(reader.stream(store=layout), VIEWPORT_ROOT)
-        chunks = tuple(reader.stream(store=layout).filter(content=VIEWS_OF_LAYOUTS).to_chunks())
-        return (UUID(bytes=bytes(roots[-1])) if roots else None), chunks
-    return None, ()
-
-
-def _shows_choice(reader: rr.chunk.RrdReader, layout: rr.chunk.StoreEntry) -> bool:
-    """Return whether a layout has a view of a choice."""
-    return any(origin.strip("/").split("/")[0] in ROOTS for origin in _values(reader.stream(store=layout), ORIGIN))
+    return [layout for layout in reader.blueprints() if roots(layout).isdisjoint(ROOTS)]
 
 
 def _values(chunks: Iterable[rr.chunk.Chunk], component: str) -> list[Any]:
@@ -232,7 +204,7 @@ class ChoiceLayer:
         """Draw the moving arm of a point; it stands still on the recording's timelines."""
         assert point.motion is not None
         motions.log(stream)
-        begins = {} if self.recorded is None else {name: each.first for name, each in self.recorded.timelines.items()}
+        begins = {} if self.recorded is None else self.recorded.timelines
         for timeline, first in ({self._timeline: {"duration": 0.0}} | begins).items():
             stream.set_time(timeline, **first)
         motions.log_whole(stream, [point])

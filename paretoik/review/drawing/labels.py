@@ -49,13 +49,14 @@ class LabelOptions:
 
 
 LABEL = LabelOptions()
+SHARES = {letter: share for share, letters in LABEL.letters for letter in letters}
 
 
 def plate_half(words: str) -> Float[np.ndarray, " 2"]:
     """Return half the width and height of a label's plate [pixels]."""
     lines = words.split("\n")
-    size = max(map(_width, lines)), LABEL.line * len(lines)
-    return 0.5 * (np.array(size) + LABEL.padding)
+    widths = [LABEL.height * sum(SHARES.get(letter, LABEL.usual) for letter in line) for line in lines]
+    return 0.5 * (np.array([max(widths), LABEL.line * len(lines)]) + LABEL.padding)
 
 
 def half_size(words: str) -> Float[np.ndarray, " 2"]:
@@ -66,12 +67,6 @@ def half_size(words: str) -> Float[np.ndarray, " 2"]:
 def below_first(words: str) -> float:
     """Return how far the middle of words is below the middle of their first line [pixels]."""
     return 0.5 * LABEL.line * words.count("\n")
-
-
-def _width(line: str) -> float:
-    """Return the width of a line of words [pixels]."""
-    shares = (next((share for share, group in LABEL.letters if letter in group), LABEL.usual) for letter in line)
-    return LABEL.height * sum(shares)
 
 
 # The place of a label, and the line to its mark.

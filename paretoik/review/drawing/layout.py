@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import rerun as rr
@@ -208,18 +208,11 @@ class Layout:
         return rrb.Vertical(self.legend.view(), views, row_shares=shares, name=self.name)
 
     def _time_panel(self) -> rrb.TimePanel:
-        if self.start is None:
-            return rrb.TimePanel(timeline=self.timeline, state="collapsed", fps=self.frames)
-        # A viewer begins at the start of what it loops over.
-        selection = rrb.components.AbsoluteTimeRange(min=self.start, max=max(self.end, self.start + 1))
-        return rrb.TimePanel(
-            timeline=self.timeline,
-            state="collapsed",
-            fps=self.frames,
-            play_state="playing",
-            loop_mode="selection",
-            time_selection=selection,
-        )
+        looped: dict[str, Any] = {}
+        if self.start is not None:  # a viewer begins at the start of what it loops over
+            selection = rrb.components.AbsoluteTimeRange(min=self.start, max=max(self.end, self.start + 1))
+            looped = {"play_state": "playing", "loop_mode": "selection", "time_selection": selection}
+        return rrb.TimePanel(timeline=self.timeline, state="collapsed", fps=self.frames, **looped)
 
 
 def choice_blueprint(

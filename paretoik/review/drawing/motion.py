@@ -236,11 +236,8 @@ class MotionScene:
         for point in points:
             if point.motion is None:
                 continue
-            links, drawing, layer = (
-                self._links(point.motion.q),
-                self.drawing,
-                f"{self.drawing.entity}/{self.layer(point)}",
-            )
+            links, drawing = self._links(point.motion.q), self.drawing
+            layer = f"{drawing.entity}/{self.layer(point)}"
             chosen = point.axis is None
             if not point.motion.is_standing and (chosen or not self.workcell.paths):  # on a path all share it
                 colour, width = (SCREEN.path, 1.4) if chosen else (SCREEN.end(point.axis or 0), 1.0)

@@ -33,8 +33,13 @@ from paretoik.task.limits import JOINT_UNITS
 
 def level_text(panel: PlanPanel, level: PlannedLevel) -> str:
     """Return the text of a level."""
-    scene, motions = panel.scene, level.motions
-    lines = [f"# Level {level.number}: {level.samples} samples", _level_counts(level)]
+    starts, failed = counted(len(level.starts), "start"), int((~np.isfinite(level.ends)).sum())
+    if level.least_violating is not None:
+        counts = f"{starts}; none led to a motion that keeps all limits. The arm shows the least-violating one."
+    else:
+        counts = f"{starts}, {counted(len(level.optima), 'distinct optimum', 'distinct optima')}"
+        counts += f"; {failed} of the starts led to none." if failed else "."
+    lines = [f"# Level {level.number}: {level.samples} samples", counts]
     if beyond := panel.beyond(level):
         lines.append(f"{counted(beyond, 'start')} too far off for the picture: dashes at its edge.")
     if len(panel.levels) > 1:
@@ -44,19 +49,10 @@ def level_text(panel: PlanPanel, level: PlannedLevel) -> str:
         return screen_text("\n".join(lines))
     lines += ["", "## Optima of the level", ""]
     for place, value in enumerate(level.optima[: DRAWING.optima]):
-        hits = int((motions.optimum == place).sum())
-        lines.append(f"- {place}: {_value(scene, value)}, from {counted(hits, 'start')}")
+        hits = int((level.motions.optimum == place).sum())
+        lines.append(f"- {place}: {_value(panel.scene, value)}, from {counted(hits, 'start')}")
     lines += _further(len(level.optima))
     return screen_text("\n".join(lines))
-
-
-def _level_counts(level: PlannedLevel) -> str:
-    """Return the results of the starts of a level in numbers."""
-    starts, failed = counted(len(level.starts), "start"), int((~np.isfinite(level.ends)).sum())
-    if level.least_violating is not None:
-        return f"{starts}; none led to a motion that keeps all limits. The arm shows the least-violating one."
-    words = f"{starts}, {counted(len(level.optima), 'distinct optimum', 'distinct optima')}"
-    return f"{words}; {failed} of the starts led to none." if failed else f"{words}."
 
 
 def start_text(scene: PlannedScene, level: PlannedLevel, row: int) -> str:
@@ -100,20 +96,13 @@ def optimum_text(scene: PlannedScene, optima: Sequence[PlannedOptimum], place: i
 def plan_end_text(scene: PlannedScene, end: PlanEnd, first: int, starts: int) -> str:
     """Return the text of a plan whose ``first`` level had ``first`` starts; all levels had ``starts``."""
     lines = [optimum_text(scene, end.optima, 0, len(end.optima)), "", "## Optima", ""]
-    lines += [
-        ", ".join(
-            filter(
-                None,
-                (
-                    f"- {place}: {_value(scene, each.point.objectives[0])}",
-                    _branch(each) if each.branch else "",
-                    _twin_words(scene, end.optima, place),
-                ),
-            )
-        )
-        for place, each in enumerate(end.optima[: DRAWING.optima])
-    ]
-    lines += [*_further(len(end.optima)), "", _start_counts(first, starts)]
+    for place, each in enumerate(end.optima[: DRAWING.optima]):
+        branch, twin = _branch(each) if each.branch else "", _twin_words(scene, end.optima, place)
+        words = (f"- {place}: {_value(scene, each.point.objectives[0])}", branch, twin)
+        lines.append(", ".join(filter(None, words)))
+    counts = f"The first level had {counted(first, 'start')}"
+    counts += f"; those after it begin from its optima, {starts - first} in all." if starts > first else "."
+    lines += [*_further(len(end.optima)), "", counts]
     return screen_text("\n".join([*lines, "", run_text(end.provenance)]))
 
 
@@ -134,11 +123,6 @@ def _twin_words(scene: PlannedScene, optima: Sequence[PlannedOptimum], place: in
     return (
         f"{arm.joint_names[joint]} {difference[row, joint]:+.3g} {unit} from optimum {twin} at {motion.time[row]:.3g} s"
     )
-
-
-def _start_counts(first: int, starts: int) -> str:
-    words = f"The first level had {counted(first, 'start')}"
-    return f"{words}; those after it begin from its optima, {starts - first} in all." if starts > first else f"{words}."
 
 
 def _branch(optimum: PlannedOptimum) -> str:
@@ -200,41 +184,35 @@ class PlanDrawing:
     def _log_level(self, stream: rr.RecordingStream, place: int, level: PlannedLevel) -> None:
         self._panel.log_until(stream, self._lasts[place])
         log_text(stream, level_text(self._panel, level))
-        numbers: dict[str, Any] = {
-            "starts": level.starts,
-            "ends": level.ends,
-            "optima": level.optima,
-            "samples": level.samples,
-        }
+        numbers: dict[str, Any] = {name: getattr(level, name) for name in ("starts", "ends", "optima", "samples")}
         stream.log("search/level", rr.AnyValues(**numbers))
-        for chart in self._charts:
-            chart.log_cursor(stream, float(place))
+        self._log_cursors(stream, float(place))
         if self._motions is not None:
             self._motions.log_whole(stream, self._bests[place])
+
+    def _log_cursors(self, stream: rr.RecordingStream, instant: float) -> None:
+        for chart in self._charts:
+            chart.log_cursor(stream, instant)
 
     def _log_end(self, stream: rr.RecordingStream, end: PlanEnd) -> None:
         """Draw the optima, which are shown at the end of all timelines."""
         stream.reset_time()
-        stream.set_time("level", sequence=self._last_number)
+        stream.set_time("level", sequence=self.messages[-1].number + 1 if self.messages else 0)
         self._at_the_end(stream)
-        count = len(self._panel.starts)
+        count, scene, nearest = len(self._panel.starts), self.scene, end.least_violating
         self._panel.log_until(stream, count, ended=True)
-        log_text(stream, self._end_text(end, count))
+        if nearest is None:
+            words = plan_end_text(scene, end, self._lasts[0] if self._lasts else 0, count)
+        else:
+            words = infeasible_text((scene.name,), (scene.unit,), nearest, scene.workcell, "No feasible motion")
+        log_text(stream, words)
         if end.optima:
             stream.log(
                 "search/optima", rr.AnyValues(objective=[float(each.point.objectives[0]) for each in end.optima])
             )
-        for chart in self._charts:
-            chart.log_cursor(stream, float(len(self.messages) - 1))
+        self._log_cursors(stream, float(len(self.messages) - 1))
         if self._motions is not None:
             self._motions.log_whole(stream, self._best)
-
-    def _end_text(self, end: PlanEnd, starts: int) -> str:
-        """Return the text of the end: its optima, or why there is none."""
-        nearest, scene = end.least_violating, self.scene
-        if nearest is None:
-            return plan_end_text(scene, end, self._lasts[0] if self._lasts else 0, starts)
-        return infeasible_text((scene.name,), (scene.unit,), nearest, scene.workcell, "No feasible motion")
 
     def _at_the_end(self, stream: rr.RecordingStream) -> None:
         """Set the time to the end of ``replay``, and to ``motion`` and ``optimum``."""
@@ -259,8 +237,7 @@ class PlanDrawing:
             self._panel.log_until(stream, number, looked_at=number)
             self._panel.log_start(stream, number)
             log_text(stream, start_text(self.scene, level, row))
-            for chart in self._charts:
-                chart.log_cursor(stream, float(self._instants[number - 1]))
+            self._log_cursors(stream, float(self._instants[number - 1]))
             motions.log_whole(stream, points)
 
     def _log_optima(self, stream: rr.RecordingStream, motions: MotionScene) -> None:
@@ -284,10 +261,6 @@ class PlanDrawing:
         """The number of each level's last start."""
         return [int(last) for last in np.cumsum([len(level.starts) for level in self.messages])]
 
-    @property
-    def _last_number(self) -> int:
-        return self.messages[-1].number + 1 if self.messages else 0
-
     @cached_property
     def _bests(self) -> list[tuple[RecordedPoint, ...]]:
         """The best optimum of each level as a point; none if it has none."""
@@ -310,18 +283,18 @@ class PlanDrawing:
     def _walk(self) -> list[tuple[int, PlannedLevel, int, tuple[RecordedPoint, RecordedPoint]]]:
         """Number, level and row of the starts that are shown one by one, each with its result, as points."""
         rows = [(level, row) for level in self.messages for row in range(len(level.starts))]
-        picked = even_rows(len(rows), DRAWING.starts).tolist()
-        return [(place + 1, *rows[place], _start_and_end(*rows[place])) for place in picked]
+        walk = []
+        for place in even_rows(len(rows), DRAWING.starts).tolist():
+            level, row = rows[place]
+            motions = level.motions
+            start = _point(row, level.starts[row], motions.time, motions.starts[row], axis=0)
+            end = _point(row, level.ends[row], motions.time, motions.ends[row])  # as the chosen one
+            walk.append((place + 1, level, row, (start, end)))
+        return walk
 
     @property
     def _count(self) -> int:
         return 0 if self.end is None else len(self.end.optima)
-
-    @property
-    def _note(self) -> str:
-        left_out = len(self._panel.starts) - len(self._walk)
-        words = f"{len(self._walk)} of {len(self._panel.starts)} starts are shown one by one." if left_out else ""
-        return " ".join(filter(None, (self.note, words)))
 
     @cached_property
     def _clock(self) -> ReplayClock:
@@ -394,6 +367,8 @@ class PlanDrawing:
         if motions is not None:
             entries += motions.entries("arm" if feasible else "arm of the least-violating motion")
             entries.append(("arm of the start looked at", SCREEN.end(0)))
+        walked, starts = len(self._walk), len(self._panel.starts)
+        words = f"{walked} of {starts} starts are shown one by one." if walked < starts else ""
         return Layout(
             legend=Legend(entries=entries),
             front=self._panel.view(),
@@ -402,7 +377,7 @@ class PlanDrawing:
             timeline="level",
             name="plan",
             frames=DRAWING.slow_frames,
-            note=self._note,
+            note=" ".join(filter(None, (self.note, words))),
             **motion_views(motions),
         )
 
@@ -410,13 +385,6 @@ class PlanDrawing:
 def _point(place: int, value: float, time: np.ndarray, q: np.ndarray, axis: int | None = None) -> RecordedPoint:
     motion = RecordedMotion(time=time, q=q)
     return RecordedPoint(id=place, objectives=np.array([value]), axis=axis, motion=motion)
-
-
-def _start_and_end(level: PlannedLevel, row: int) -> tuple[RecordedPoint, RecordedPoint]:
-    """Return a start as a point to compare, and its result as the chosen one."""
-    motions = level.motions
-    start = _point(row, level.starts[row], motions.time, motions.starts[row], axis=0)
-    return start, _point(row, level.ends[row], motions.time, motions.ends[row])
 
 
 def _best_so_far(level: PlannedLevel, maximised: bool) -> np.ndarray:

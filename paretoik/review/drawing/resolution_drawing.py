@@ -50,21 +50,14 @@ def motion_text(scene: ResolvedScene, traces: RecordedTraces, end: ResolutionEnd
         lines.append(f"- least clearance {traces.clearance[nearest]:.3g} m at {traces.time[nearest]:.3g} s")
     if reason := end.provenance.get("reason"):
         lines += ["", "## Why it ended", "", str(reason)]
-    lines += _limits(scene, traces)
+    if scene.workcell.bounds and traces.point.motion is not None:
+        broken = broken_limits(scene.workcell, traces.point.motion)
+        lines += ["", "## Limits broken", "", *broken] if broken else ["", "Limits of joints are kept at all samples."]
     lines += ["", "## Steps", ""]
     steps = Counter(traces.status.tolist())
     lines += [f"- {count} {STATUSES.get(status, status)}" for status, count in steps.most_common()]
     lines += _method(scene, traces, end)
     return screen_text("\n".join([*lines, "", run_text(end.provenance)]))
-
-
-def _limits(scene: ResolvedScene, traces: RecordedTraces) -> list[str]:
-    """Return which joint limits a motion breaks, or that it keeps them; nothing without limits."""
-    assert traces.point.motion is not None
-    if not scene.workcell.bounds:
-        return []
-    broken = broken_limits(scene.workcell, traces.point.motion)
-    return ["", "## Limits broken", "", *broken] if broken else ["", "Limits of joints are kept at all samples."]
 
 
 def speed_unit(arm: Arm) -> str:
@@ -144,7 +137,8 @@ class ResolutionDrawing:
             stream.set_time("solution", sequence=0)
         self._log_whole(stream, self.end.motions[0], self._points)
         stream.reset_time()
-        self._send_motions(stream)
+        for point in self._points:
+            self._motions.send_motion(stream, point, charts=self._all_charts)
         self._log_events(stream, self.end.motions[0])
         for number, traces in enumerate(self.end.motions[1:], start=1):
             stream.reset_time()
@@ -160,24 +154,13 @@ class ResolutionDrawing:
         if (chart := self._criteria_chart) is not None:
             chart.log(stream)
             chart.draw(stream, traces.time, np.stack([_steps(curve) for curve in traces.criteria.T]))
-        self._log_marks(stream, traces)
+        chart, rows = self._charts[0], np.flatnonzero(traces.status != "done") + 1  # mark where other steps end
+        places = np.stack([traces.time[rows], _logarithm(traces.error)[rows]], axis=1)
+        radii = rr.Radius.ui_points(3.0)
+        marks = rr.Points2D(chart.canvas.place(places), colors=SCREEN.event, radii=radii, draw_order=3.0)
+        stream.log(f"{chart.entity}/marks", marks)
         for chart in self._all_charts:
             chart.log_cursor(stream, float(traces.time[len(traces.time) // 2]))
-
-    def _log_marks(self, stream: rr.RecordingStream, traces: RecordedTraces) -> None:
-        """Mark on the error curve the samples whose step has another status than done."""
-        chart = self._charts[0]
-        rows = np.flatnonzero(traces.status != "done") + 1
-        places = np.stack([traces.time[rows], _logarithm(traces.error)[rows]], axis=1)
-        marks = rr.Points2D(
-            chart.canvas.place(places), colors=SCREEN.event, radii=rr.Radius.ui_points(3.0), draw_order=3.0
-        )
-        stream.log(f"{chart.entity}/marks", marks)
-
-    def _send_motions(self, stream: rr.RecordingStream) -> None:
-        """Move the arms and the cursors."""
-        for point in self._points:
-            self._motions.send_motion(stream, point, charts=self._all_charts)
 
     def _log_events(self, stream: rr.RecordingStream, traces: RecordedTraces) -> None:
         """Show, while the arm moves, each step whose status differs from that of the previous step."""
@@ -285,12 +268,6 @@ class ResolutionDrawing:
         return LimitLine(instants=time[[0, -1]], values=np.array([value, value]), name=name, colours=[colour])
 
     @property
-    def _note(self) -> str:
-        recorded = len(self.end.motions)
-        words = f"{recorded} of {self.end.count} motions are shown." if recorded < self.end.count else ""
-        return " ".join(filter(None, (self.note, words)))
-
-    @property
     def _layout(self) -> Layout:
         motions, first = self._motions, self.end.motions[0].name
         named: list[Entry] = [(each.name, SCREEN.end(axis)) for axis, each in enumerate(self._thin_motions)]
@@ -301,6 +278,8 @@ class ResolutionDrawing:
             ("error from which the path counts as lost: dashed", SCREEN.limit),
             *motions.entries(arm),
         ]
+        recorded, count = len(self.end.motions), self.end.count
+        words = f"{recorded} of {count} motions are shown." if recorded < count else ""
         return Layout(
             legend=Legend(entries=entries),
             front=self._all_charts[0].view(),
@@ -309,7 +288,7 @@ class ResolutionDrawing:
             timeline="motion",
             name=self.scene.method,
             frames=DRAWING.slow_frames,
-            note=self._note,
+            note=" ".join(filter(None, (self.note, words))),
             **motion_views(motions),
         )
 
