@@ -24,7 +24,7 @@ from paretoik.front.comparison import Comparison
 from paretoik.front.front import Front
 from paretoik.front.points import StoredMotions
 from paretoik.front.preferences.compromise import best_rows, compromise
-from paretoik.review.outlines import count_covered, freest_place, outline, places_beside, places_between, wires
+from paretoik.review.outlines import count_covered, freest_place, obstacle_lines, places_beside, places_between
 from paretoik.review.palette import PAPER, even_rows, objective_label
 from paretoik.review.words import describe_limits_between
 from paretoik.runs.file_replacement import replace_file
@@ -109,14 +109,12 @@ def _leader(mark: np.ndarray, middle: np.ndarray, half: np.ndarray, colour: str)
 def draw_obstacles(axes: Axes, motion: Any) -> None:
     """Draw the obstacles of a single `motion`; in space, unbounded ones have the arm's height."""
     if motion.arm.is_planar:
-        for line in map(outline, motion.obstacles):
-            if line is not None:
-                axes.fill(*line.T, facecolor=PAPER.quiet, alpha=0.5, linewidth=0.0)
+        for line in obstacle_lines(motion.obstacles, None):
+            axes.fill(*line.T, facecolor=PAPER.quiet, alpha=0.5, linewidth=0.0)
         return
     height = (min(0.0, float(motion.links[..., 2].min())), float(motion.links[..., 2].max()))
-    for obstacle in motion.obstacles:
-        for wire in wires(obstacle, height):
-            axes.plot(*wire.T, color=PAPER.quiet, linewidth=0.6, alpha=0.8)
+    for wire in obstacle_lines(motion.obstacles, height):
+        axes.plot(*wire.T, color=PAPER.quiet, linewidth=0.6, alpha=0.8)
 
 
 # Pictures of a front and its motions.
@@ -157,7 +155,10 @@ def front_picture(front: Front, file: Path | str, choice: Choice | None = None) 
                 _draw_joints(motions, front, highlights)
                 warn_below(figure, WITHOUT_ARM)
             else:
-                _draw_motions(motions, front, highlights)
+                titles = [
+                    (f"point {front.ids[point.index]}, {_text(point.reason)}", point.colour) for point in highlights
+                ]
+                draw_motions(motions, [front.motions[point.index] for point in highlights], titles)
                 warn_below(figure, describe_limits_between(front, [point.index for point in highlights]))
 
 
@@ -218,6 +219,11 @@ def stroboscopic(axes: Axes, motion: Any, *, colour: str = PAPER.accents[1]) -> 
     axes.plot(*last.T, color=PAPER.ink, linestyle="none", marker="o", markersize=3.2, markerfacecolor="white")
     axes.plot(*tool.T, color=colour, linewidth=1.8)
     axes.plot(*tool[-1:].T, color=colour, marker="o", markersize=4.5)
+
+
+def arm_axes(*, planar: bool) -> Any:
+    """Return the kind of axes on which an arm is drawn."""
+    return {"aspect": "equal"} if planar else {"projection": "3d"}
 
 
 def label_arm(axes: Any, *, planar: bool) -> None:
@@ -314,21 +320,21 @@ def _draw_parallel(axes: Axes, front: Front, highlights: Sequence[Highlight]) ->
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
 
 
-def _draw_motions(figure: Figure | SubFigure, front: Front, highlights: Sequence[Highlight]) -> None:
-    assert front.motions is not None
-    motions = [front.motions[point.index] for point in highlights]
+def draw_motions(figure: Figure | SubFigure, motions: Sequence[Any], titles: Sequence[tuple[str, str]]) -> None:
+    """Draw motions of one arm side by side, each with its title and colour."""
     planar = motions[0].arm.is_planar
-    kind: Any = {"aspect": "equal"} if planar else {"projection": "3d"}
-    panels = figure.subplots(1, len(highlights), sharex=planar, sharey=planar, subplot_kw=kind)
-    for axes, point, motion in zip(np.atleast_1d(panels), highlights, motions, strict=True):
-        stroboscopic(axes, motion, colour=point.colour)
-        axes.set_title(f"point {front.ids[point.index]}, {_text(point.reason)}", color=point.colour)
+    panels = np.atleast_1d(
+        figure.subplots(1, len(motions), sharex=planar, sharey=planar, subplot_kw=arm_axes(planar=planar))
+    )
+    for axes, motion, (title, colour) in zip(panels, motions, titles, strict=True):
+        stroboscopic(axes, motion, colour=colour)
+        axes.set_title(title, color=colour)
         axes.locator_params(nbins=4)
         axes.set_xlabel("x [m]")
         if not planar:
             label_arm(axes, planar=False)
     if planar:
-        np.atleast_1d(panels)[0].set_ylabel("y [m]")
+        panels[0].set_ylabel("y [m]")
 
 
 def _draw_joints(figure: Figure | SubFigure, front: Front, highlights: Sequence[Highlight]) -> None:
