@@ -105,38 +105,7 @@ def turn_of_z(axis: Vector3) -> np.ndarray:
     return quaternion / np.linalg.norm(quaternion)
 
 
-# The surfaces of links in space: translucent, so that what runs inside a link stays visible.
-
-
-@dataclass(frozen=True, kw_only=True)
-class LinkHulls:
-    """Capsules of a ``radius`` [m] around links; they never hide the lines of links."""
-
-    radius: float
-
-    def send(
-        self,
-        recording: rr.RecordingStream,
-        entity: str,
-        columns: Sequence[rr.TimeColumn],
-        links: Float[np.ndarray, "rows nodes 3"],
-    ) -> None:
-        """Draw the links of each posture; one row of ``columns`` per posture."""
-        self._log_style(recording, entity)
-        capsules = _capsules(links)
-        per_row = [len(capsules["lengths"]) // len(links)] * len(links)
-        recording.send_columns(entity, columns, rr.Capsules3D.columns(**capsules).partition(per_row))
-
-    def log_posture(self, recording: rr.RecordingStream, entity: str, links: Float[np.ndarray, "nodes 3"]) -> None:
-        """Draw the links of a posture at the current time."""
-        self._log_style(recording, entity)
-        recording.log(entity, rr.Capsules3D.from_fields(**_capsules(links[None])))
-
-    def _log_style(self, recording: rr.RecordingStream, entity: str) -> None:
-        style = rr.Capsules3D.from_fields(
-            radii=[self.radius], colors=[SCREEN.hull], fill_mode=rr.components.FillMode.Solid
-        )
-        recording.log(entity, style, static=True)
+# The surfaces of links in space: translucent capsules, so that what runs inside a link stays visible.
 
 
 def _capsules(links: Float[np.ndarray, "rows nodes 3"]) -> dict[str, Any]:
@@ -195,8 +164,12 @@ class ArmDrawing:
         kind, dots = self.stage.line_kind, self.stage.point_kind
         for part in self._log_style(recording, layer, nodes, axis):
             recording.send_columns(f"{self.entity}/{layer}/{part}", columns, kind.columns(strips=list(placed)))
-        if axis is None and self._hulls is not None:
-            self._hulls.send(recording, f"{self.entity}/{layer}/body", columns, links)
+        if axis is None and self._has_hulls:
+            capsules = _capsules(links)
+            per_row = [len(capsules["lengths"]) // rows] * rows
+            recording.send_columns(
+                f"{self.entity}/{layer}/body", columns, rr.Capsules3D.columns(**capsules).partition(per_row)
+            )
         positions = dots.columns(positions=placed.reshape(rows * nodes, -1)).partition([nodes] * rows)
         recording.send_columns(f"{self.entity}/{layer}/joints", columns, positions)
 
@@ -212,8 +185,8 @@ class ArmDrawing:
         kind, dots = self.stage.line_kind, self.stage.point_kind
         for part in self._log_style(recording, layer, len(links), axis):
             recording.log(f"{self.entity}/{layer}/{part}", kind.from_fields(strips=[placed]))
-        if axis is None and self._hulls is not None:
-            self._hulls.log_posture(recording, f"{self.entity}/{layer}/body", links)
+        if axis is None and self._has_hulls:
+            recording.log(f"{self.entity}/{layer}/body", rr.Capsules3D.from_fields(**_capsules(links[None])))
         recording.log(f"{self.entity}/{layer}/joints", dots.from_fields(positions=placed))
 
     def _log_style(self, recording: rr.RecordingStream, layer: str, nodes: int, axis: int | None) -> list[str]:
@@ -224,15 +197,21 @@ class ArmDrawing:
         colour, width = (SCREEN.arm if axis is None else SCREEN.end(axis)), widths[0 if solid else 1]
         order = 7.0 if solid else 5.0 + 0.1 * place
         parts: dict[str, tuple[Any, Colour, float]] = {"links": (rr.Radius.ui_points(width), colour, order)}
-        if solid and self._width and self.planar:
-            parts["body"] = (self._width, SCREEN.body, 2.0)
-        for part, (radius, tint, above) in parts.items():
-            style = stage.line_kind.from_fields(colors=tint, radii=radius, **stage.order(above))
+        if solid and self.workcell.link_radius and self.planar:
+            canvas = stage.canvas
+            radius = canvas.width / float(canvas.high[0] - canvas.low[0]) * self.workcell.link_radius
+            parts["body"] = (radius, SCREEN.body, 2.0)
+        for part, (radii, tint, above) in parts.items():
+            style = stage.line_kind.from_fields(colors=tint, radii=radii, **stage.order(above))
             recording.log(f"{entity}/{part}", style, static=True)
         sizes = rr.Radius.ui_points([1.5 * width] * (nodes - 1) + [1.875 * width])
         tints = [colour] * (nodes - 1) + [SCREEN.tool if solid else colour]
         style = stage.point_kind.from_fields(colors=tints, radii=sizes, **stage.order(order + 0.05))
         recording.log(f"{entity}/joints", style, static=True)
+        if solid and self._has_hulls:
+            fill = rr.components.FillMode.Solid
+            hull = rr.Capsules3D.from_fields(radii=[self.workcell.link_radius], colors=[SCREEN.hull], fill_mode=fill)
+            recording.log(f"{entity}/body", hull, static=True)
         return list(parts)
 
     @property
@@ -247,17 +226,9 @@ class ArmDrawing:
         return None if self.planar else find_meshes(self.workcell.arm, root)
 
     @property
-    def _hulls(self) -> LinkHulls | None:
-        """The surfaces of links in space, if links have a width; in the plane a wide line is enough."""
-        return LinkHulls(radius=self.workcell.link_radius) if self._width and not self.planar else None
-
-    @property
-    def _width(self) -> float:
-        """Half the drawn width of links; 0 if links have no width."""
-        if not self.planar:
-            return self.workcell.link_radius
-        canvas = self.stage.canvas
-        return canvas.width / float(canvas.high[0] - canvas.low[0]) * self.workcell.link_radius
+    def _has_hulls(self) -> bool:
+        """Whether links have surfaces: in space, if they have a width; in the plane a wide line is enough."""
+        return bool(self.workcell.link_radius) and not self.planar
 
     def _log_obstacles(self, recording: rr.RecordingStream) -> None:
         obstacles, entity = self.workcell.obstacles, f"{self.entity}/obstacles"

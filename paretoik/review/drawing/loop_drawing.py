@@ -162,23 +162,17 @@ class StepScene:
     def _root(self) -> str:
         return f"step_{self.step.sample}"
 
-    @property
+    @cached_property
     def _legend(self) -> Legend:
         obstacles = [("obstacle", SCREEN.obstacle)] if self.workcell is not None and self.workcell.obstacles else []
         has_path = bool(self._drawing.workcell.paths)
-        shows = {POPULATION: self._shows_population, ARMS: self._shows_arms, PATH: has_path}
+        within = [
+            normalised(np.delete(objectives, front, axis=0), objectives[front]) if len(front) else objectives
+            for objectives, front in zip(self.step.objectives, self.step.fronts, strict=True)
+        ]  # individuals outside the front of their generation
+        shows = {POPULATION: any(map(self._scatter.shows_any, within)), ARMS: self._shows_arms, PATH: has_path}
         entries = [(words, colour) for words, colour in ENTRIES if shows.get(words, True)]
         return Legend(entity=f"{self._root}/legend", entries=[*entries, *obstacles])
-
-    @cached_property
-    def _shows_population(self) -> bool:
-        """Whether any individual outside the front of its generation is inside the axes."""
-        for objectives, front in zip(self.step.objectives, self.step.fronts, strict=True):
-            others = np.delete(objectives, front, axis=0)
-            shown = normalised(others, objectives[front]) if len(front) else others
-            if self._scatter.shows_any(shown):
-                return True
-        return False
 
     @cached_property
     def _shows_arms(self) -> bool:
