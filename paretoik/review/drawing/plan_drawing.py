@@ -367,8 +367,8 @@ class PlanDrawing:
         if motions is not None:
             entries += motions.entries("arm" if feasible else "arm of the least-violating motion")
             entries.append(("arm of the start looked at", SCREEN.end(0)))
-        walked, starts = len(self._walk), len(self._panel.starts)
-        words = f"{walked} of {starts} starts are shown one by one." if walked < starts else ""
+        walked, count = len(self._walk), len(self._panel.starts)
+        words = f"{walked} of {count} starts are shown one by one." if walked < count else ""
         return Layout(
             legend=Legend(entries=entries),
             front=self._panel.view(),

@@ -210,7 +210,7 @@ class Scatter:
                 canvas.place(drawn[seen][:, list(pair)]),
                 colors=colour,
                 radii=rr.Radius.ui_points(radius),
-                labels=None if names is None else [names[row] for row in np.flatnonzero(seen)],
+                labels=None if names is None else [names[row] for row in np.flatnonzero(seen).tolist()],
                 show_labels=False,
                 draw_order=order,
             )

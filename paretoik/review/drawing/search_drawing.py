@@ -348,14 +348,10 @@ class LiveSearch:
 
     def __init__(self, scene: SearchedFront, stream: rr.RecordingStream, options: RecorderOptions) -> None:
         self._scene, self._cell, self._stream = search_scene(scene), scene.workcell, stream
-        self._reduction = FrontReduction(maximised=scene.maximised, points=options.points)
+        self.reduce = FrontReduction(maximised=scene.maximised, points=options.points).reduce
         self._views: FrontViews | None = None
         self._motions: MotionScene | None = None
         log_styles(self._scene, stream)
-
-    def reduce(self, generation: Generation) -> Generation:
-        """Return a generation with at most as many points as are drawn, and its hypervolume."""
-        return self._reduction.reduce(generation)
 
     def record(self, generation: Generation) -> None:
         """Draw a generation."""

@@ -142,24 +142,23 @@ def front_picture(front: Front, file: Path | str, choice: Choice | None = None) 
     writing fails.
     """
     highlights = _highlights(front, choice)
-    many, moving = len(front.names) > 2, front.motions is not None
-    size = ((9.6, 6.0) if moving else (9.6, 3.2)) if many else ((11.0, 3.3) if moving else (4.2, 3.4))
+    many, stored = len(front.names) > 2, front.motions
+    size = ((9.6, 3.2) if many else (4.2, 3.4)) if stored is None else ((9.6, 6.0) if many else (11.0, 3.3))
     with picture(file, size) as figure:
-        if not moving or not highlights:
+        if stored is None or not highlights:
             _draw_front(figure, front, highlights)
+            return
+        grid: Any = {"nrows": 2} if many else {"ncols": 2, "width_ratios": [1.0, 2.0]}
+        trade_off, motions = np.ravel(figure.subfigures(**grid))
+        _draw_front(trade_off, front, highlights)
+        titles = [(f"point {front.ids[point.index]}, {_text(point.reason)}", point.colour) for point in highlights]
+        rows = [point.index for point in highlights]
+        if isinstance(stored, StoredMotions):
+            _draw_joints(motions, [stored[row] for row in rows], titles)
+            warn_below(figure, WITHOUT_ARM)
         else:
-            grid: Any = {"nrows": 2} if many else {"ncols": 2, "width_ratios": [1.0, 2.0]}
-            trade_off, motions = np.ravel(figure.subfigures(**grid))
-            _draw_front(trade_off, front, highlights)
-            if isinstance(front.motions, StoredMotions):
-                _draw_joints(motions, front, highlights)
-                warn_below(figure, WITHOUT_ARM)
-            else:
-                titles = [
-                    (f"point {front.ids[point.index]}, {_text(point.reason)}", point.colour) for point in highlights
-                ]
-                draw_motions(motions, [front.motions[point.index] for point in highlights], titles)
-                warn_below(figure, describe_limits_between(front, [point.index for point in highlights]))
+            draw_motions(motions, [stored[row] for row in rows], titles)
+            warn_below(figure, describe_limits_between(front, rows))
 
 
 @contextmanager
@@ -337,15 +336,13 @@ def draw_motions(figure: Figure | SubFigure, motions: Sequence[Any], titles: Seq
         panels[0].set_ylabel("y [m]")
 
 
-def _draw_joints(figure: Figure | SubFigure, front: Front, highlights: Sequence[Highlight]) -> None:
-    """Draw the joint positions of motions whose arm is not known."""
-    assert front.motions is not None
-    panels = np.atleast_1d(figure.subplots(1, len(highlights), sharex=True, sharey=True))
-    for axes, point in zip(panels, highlights, strict=True):
-        motion = front.motions[point.index]
+def _draw_joints(figure: Figure | SubFigure, motions: Sequence[Any], titles: Sequence[tuple[str, str]]) -> None:
+    """Draw the joint positions of motions whose arm is not known, each with its title and colour."""
+    panels = np.atleast_1d(figure.subplots(1, len(motions), sharex=True, sharey=True))
+    for axes, motion, (title, colour) in zip(panels, motions, titles, strict=True):
         for joint, positions in zip(motion.arm.joint_names, np.transpose(motion.q), strict=True):
             axes.plot(motion.time, positions, label=_text(joint))
-        axes.set_title(f"point {front.ids[point.index]}, {_text(point.reason)}", color=point.colour)
+        axes.set_title(title, color=colour)
         axes.set_xlabel("time [s]")
     panels[0].set_ylabel("joint position [rad or m]")
     panels[-1].legend(frameon=False, fontsize="small")

@@ -431,24 +431,23 @@ class ResolutionEnd:
 
 def record_traces(motion: ResolvedMotion) -> tuple[list[RecordedTraces], int]:
     """Return the motions of a batch, evenly spread ones if many, and how many there are."""
-    batch = list(np.ndindex(motion.q.shape[:-2]))
-    places = even_rows(len(batch), DRAWING.walk).tolist()
-    return [_recorded(motion[batch[place]] if batch[place] else motion, place, batch[place]) for place in places], len(
-        batch
-    )
-
-
-def _recorded(motion: ResolvedMotion, place: int, index: tuple[int, ...]) -> RecordedTraces:
-    traces, obstacles = motion.traces, motion.obstacles
-    distance = clearance(obstacles, link_nodes(motion.arm, motion.q), motion.link_radius) if obstacles else None
-    return RecordedTraces(
-        name=f"motion {', '.join(map(str, index))}" if index else "the motion",
-        point=RecordedPoint(id=place, objectives=NO_OBJECTIVES, motion=record_motion(motion, curves=True)),
-        error=np.abs(traces.errors).max(axis=-1),
-        clearance=None if distance is None else np.asarray(distance),
-        speed=np.linalg.norm(traces.velocities, axis=-1),
-        damping=traces.damping,
-        repulsion=np.linalg.norm(traces.repulsion, axis=-1),
-        criteria=np.linalg.norm(traces.projected, axis=-1),
-        status=traces.status,
-    )
+    batch, recorded = list(np.ndindex(motion.q.shape[:-2])), list[RecordedTraces]()
+    for place in even_rows(len(batch), DRAWING.walk).tolist():
+        index = batch[place]
+        one = motion[index] if index else motion
+        traces, obstacles = one.traces, one.obstacles
+        distance = clearance(obstacles, link_nodes(one.arm, one.q), one.link_radius) if obstacles else None
+        recorded.append(
+            RecordedTraces(
+                name=f"motion {', '.join(map(str, index))}" if index else "the motion",
+                point=RecordedPoint(id=place, objectives=NO_OBJECTIVES, motion=record_motion(one, curves=True)),
+                error=np.abs(traces.errors).max(axis=-1),
+                clearance=None if distance is None else np.asarray(distance),
+                speed=np.linalg.norm(traces.velocities, axis=-1),
+                damping=traces.damping,
+                repulsion=np.linalg.norm(traces.repulsion, axis=-1),
+                criteria=np.linalg.norm(traces.projected, axis=-1),
+                status=traces.status,
+            )
+        )
+    return recorded, len(batch)

@@ -163,8 +163,9 @@ class RecordingFile:
         return stream, None if live is None else live(self._opening.scene, stream, self._options)
 
     def _draw_again(self) -> None:
-        for message in self._messages if self._drawing is not None else ():
-            self._drawing.record(message)
+        if self._drawing is not None:
+            for message in self._messages:
+                self._drawing.record(message)
 
     def _draw_whole(self, end: Any) -> None:
         if self._messages or end is not None:
