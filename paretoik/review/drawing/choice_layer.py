@@ -29,7 +29,7 @@ from paretoik.front.choice_tree import chosen
 from paretoik.front.front import Front
 from paretoik.review.drawing.front_panels import LAYERS
 from paretoik.review.drawing.layout import Entry, Legend, choice_blueprint, log_text
-from paretoik.review.drawing.motion import NO_TIMES, MotionScene, is_moving
+from paretoik.review.drawing.motion import NO_TIMES, MotionScene, is_moving, motion_views
 from paretoik.review.drawing.point_text import choice_text
 from paretoik.review.drawing.scatter import Scatter, SearchScene
 from paretoik.review.palette import SCREEN, VIEWS
@@ -213,11 +213,7 @@ class ChoiceLayer:
 
     def blueprint(self) -> rrb.Blueprint:
         """Return the layout; the views of the recorded run, if any, are a second tab."""
-        arms = [
-            (motions.view(), [chart.view() for chart in motions.charts.values()])
-            for motions in self._motions
-            if motions is not None
-        ]
+        arms = [motion_views(motions) for motions in self._motions if motions is not None]
         texts = [
             rrb.TextDocumentView(origin=f"{root}/text", name=name)
             for root, name in zip(ROOTS, self._names, strict=False)

@@ -65,8 +65,7 @@ class StepScene:
         text = rrb.TextDocumentView(origin=f"{self._root}/text", name="generation, individual")
         shown = [view for view in (self._scatter.view(), arm, text) if view is not None]
         views = rrb.Horizontal(*shown, column_shares=VIEWS.columns[-len(shown) :])
-        shares = [self._legend.height, VIEWS.body - self._legend.height]
-        return rrb.Vertical(self._legend.view(), views, row_shares=shares, name=f"search of step {self.step.sample}")
+        return self._legend.above(views, f"search of step {self.step.sample}")
 
     def log(self, recording: rr.RecordingStream, end: Mapping[str, float]) -> None:
         """Log the search; its last generation is also shown at the ``end`` of the step on other timelines, by name."""

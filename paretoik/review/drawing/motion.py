@@ -387,7 +387,7 @@ class MotionScene:
 def motion_views(motions: MotionScene | None) -> dict[str, Any]:
     """Return the views of motions, if there are any, as a layout takes them."""
     if motions is None:
-        return {"arm": None, "joints": []}
+        return {}
     return {"arm": motions.view(), "joints": [chart.view() for chart in motions.charts.values()]}
 
 

@@ -95,8 +95,6 @@ class PathDrawing:
             legend=Legend(entries=entries),
             front=self._view(),
             charts=[chart.view() for chart in self._charts],
-            arm=None,
-            joints=[],
             texts=[text_view("run")],
             timeline="motion",
             name=self.scene.title,
