@@ -48,7 +48,7 @@ class PlanPanel:
         words = [f"{level.samples} samples" for level in self.levels] + ["optima"] * bool(self.optima)
         middles = canvas.place(np.array([(band + 0.5, canvas.low[1]) for band in range(len(words))]).reshape(-1, 2))
         title = np.array([[canvas.width / 2, canvas.height + 1.75 * TEXT.line]])
-        places = np.concatenate([middles + (0.0, 0.7 * TEXT.line), title])
+        places = np.concatenate([middles + np.array([0.0, 0.7 * TEXT.line]), title])
         names = labels([*words, "level by level, its starts in the order of the search"], places)
         recording.log(f"{ENTITY}/levels/names", names, static=True)
         lines = rr.LineStrips2D(self._value_lines, colors=SCREEN.final, radii=rr.Radius.ui_points(0.7), draw_order=0.5)

@@ -351,7 +351,6 @@ class LiveSearch:
         self.reduce = FrontReduction(maximised=scene.maximised, points=options.points).reduce
         self._views: FrontViews | None = None
         self._motions: MotionScene | None = None
-        log_styles(self._scene, stream)
 
     def record(self, generation: Generation) -> None:
         """Draw a generation."""
@@ -359,6 +358,8 @@ class LiveSearch:
         stream.set_time(scene.timeline, sequence=generation.number)
         shown = generation.front if len(generation.front) else generation.population
         views, motions = self._views, self._motions
+        if views is None:
+            log_styles(scene, stream)
         if views is None or not views.scatter.fits(shown):
             views = FrontViews(scatter=Scatter(scene=scene, shown=shown))
             views.log(stream, static=False)
