@@ -233,22 +233,27 @@ class MotionScene:
 
         Their arms are at a ``row`` of their samples, by default at half the time.
         """
+        drawing = self.drawing
         for point in points:
-            if point.motion is None:
+            motion, is_chosen = point.motion, point.axis is None
+            if motion is None:
                 continue
-            links, drawing = self._links(point.motion.q), self.drawing
-            layer = f"{drawing.entity}/{self.layer(point)}"
-            chosen = point.axis is None
-            if not point.motion.is_standing and (chosen or not self.workcell.paths):  # on a path all share it
-                colour, width = (SCREEN.path, 1.4) if chosen else (SCREEN.end(point.axis or 0), 1.0)
+            links, layer = self._links(motion.q), f"{drawing.entity}/{self.layer(point)}"
+            place = len(links) // 2 if row is None else row
+            if not motion.is_standing and (is_chosen or not self.workcell.paths):  # on a path all share it
+                colour, width = (SCREEN.path, 1.4) if is_chosen else (SCREEN.end(point.axis or 0), 1.0)
                 recording.log(f"{layer}/path", drawing.stage.strips([links[:, -1]], colour, width, 1.0))
-            if chosen:
-                ghosts = drawing.stage.strips(list(links[even_rows(len(links), SCREEN.ghosts)]), SCREEN.ghost, 1.0, 0.0)
-                recording.log(f"{layer}/ghosts", ghosts)
-                curves = self._curves(point.motion)
-                for kind, chart in self.charts.items():
-                    chart.draw(recording, point.motion.time, curves[kind].T)
-            self._log_posture(recording, point, len(links) // 2 if row is None else row)
+            drawing.log_arm(recording, self.layer(point), links[place], point.axis)
+            if not is_chosen:
+                continue
+            ghosts = drawing.stage.strips(list(links[even_rows(len(links), SCREEN.ghosts)]), SCREEN.ghost, 1.0, 0.0)
+            recording.log(f"{layer}/ghosts", ghosts)
+            curves = self._curves(motion)
+            for kind, chart in self.charts.items():
+                chart.draw(recording, motion.time, curves[kind].T)
+                chart.log_cursor(recording, float(motion.time[place]))
+            if drawing.meshes is not None:
+                drawing.meshes.log_posture(recording, motion.q[place])
 
     def log_predicted(self, recording: rr.RecordingStream, motion: RecordedMotion | None) -> None:
         """Draw postures of a predicted motion, for all times, and its tool path if none is to be followed.
@@ -357,17 +362,6 @@ class MotionScene:
         picked = [motion.q[even_rows(len(motion.q), SCREEN.ghosts)] for motion in motions]
         nodes = self._links(np.concatenate(picked)).reshape(-1, 3)
         return ArmDrawing(entity=f"{self.root}arm", workcell=self.workcell, nodes=nodes)
-
-    def _log_posture(self, recording: rr.RecordingStream, point: RecordedPoint, row: int) -> None:
-        """Draw the arm of a point at a sample of its motion, at the current time."""
-        motion = point.motion
-        assert motion is not None
-        self.drawing.log_arm(recording, self.layer(point), self._links(motion.q[row : row + 1])[0], point.axis)
-        if point.axis is None:
-            for chart in self.charts.values():
-                chart.log_cursor(recording, float(motion.time[row]))
-            if self.drawing.meshes is not None:
-                self.drawing.meshes.log_posture(recording, motion.q[row])
 
     def _curves(self, motion: RecordedMotion) -> Mapping[str, np.ndarray]:
         """Return the joint quantities of a motion."""
