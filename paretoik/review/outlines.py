@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import product
 
 import numpy as np
@@ -100,16 +101,24 @@ RING = np.stack([np.cos(ANGLES), np.sin(ANGLES), np.zeros_like(ANGLES)], axis=1)
 EDGES = [(i, j) for i in range(8) for j in range(i) if (i ^ j).bit_count() == 1]  # of a box, by its corners' signs
 
 
+def obstacle_lines(obstacles: Sequence[Obstacle], height: tuple[float, float] | None) -> list[Polyline]:
+    """Return obstacles as outlines in the plane, or as wires in space if there is a range of ``height`` [m]."""
+    if height is None:
+        return [line for line in map(outline, obstacles) if line is not None]
+    return [line for obstacle in obstacles for line in wires(obstacle, height)]
+
+
 def outline(obstacle: Obstacle) -> Polyline | None:
     """Return the closed outline (points, 2) [m] of an obstacle in the plane z = 0; None if it does not reach it."""
     match obstacle:
         case Circle():
             return np.asarray(obstacle.center + obstacle.radius * RING[:, :2])
         case Sphere():
-            inside = obstacle.radius**2 - obstacle.center[2] ** 2
-            return None if inside <= 0 else np.asarray(obstacle.center[:2] + np.sqrt(inside) * RING[:, :2])
+            ring = _slice_of_ball(obstacle.center, obstacle.radius)
+            return ring if len(ring) else None
         case Capsule():
-            return _hull(np.concatenate([_slice_of_ball(end, obstacle.radius) for end in _centers(obstacle)]))
+            centers = np.linspace(obstacle.start, obstacle.end, 33)
+            return _hull(np.concatenate([_slice_of_ball(center, obstacle.radius) for center in centers]))
         case Box():
             return _hull(_slice_of_box(obstacle))
 
@@ -166,10 +175,6 @@ def _slice_of_box(box: Box) -> Polyline:
         elif low[2] == high[2] == 0:
             crossings += [low[:2], high[:2]]
     return np.array(crossings).reshape(-1, 2)
-
-
-def _centers(capsule: Capsule) -> Float[np.ndarray, "centers 3"]:
-    return np.linspace(capsule.start, capsule.end, 33)
 
 
 def _slice_of_ball(center: np.ndarray, radius: float) -> Polyline:

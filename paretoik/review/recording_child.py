@@ -17,10 +17,31 @@ from collections.abc import Iterator
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
-from paretoik.review.recording.recorder import HEADER, OPTIONS, cause_of
+from paretoik.review.recording.messages import MaximaScene, PathScene, PlannedScene, ResolvedScene
+from paretoik.review.recording.recorder import HEADER, OPTIONS, Scene, SearchedFront, cause_of
 
 if TYPE_CHECKING:
-    from paretoik.review.recording.recording_file import RecordingFile
+    from paretoik.review.recording.recording_file import RecordingFile, SceneDrawing
+
+
+def drawing_of(scene: Scene) -> SceneDrawing:
+    """Return what draws a scene."""
+    # here: Rerun and drawings load slowly
+    from paretoik.review.drawing.maxima_drawing import MaximaDrawing
+    from paretoik.review.drawing.path_drawing import PathDrawing
+    from paretoik.review.drawing.plan_drawing import PlanDrawing
+    from paretoik.review.drawing.resolution_drawing import ResolutionDrawing
+    from paretoik.review.drawing.search_drawing import LiveSearch, search_drawing
+    from paretoik.review.recording.recording_file import SceneDrawing
+
+    drawings: dict[type, SceneDrawing] = {
+        SearchedFront: SceneDrawing(whole=search_drawing, live=LiveSearch),
+        PlannedScene: SceneDrawing(whole=PlanDrawing),
+        ResolvedScene: SceneDrawing(whole=ResolutionDrawing),
+        MaximaScene: SceneDrawing(whole=MaximaDrawing),
+        PathScene: SceneDrawing(whole=PathDrawing),
+    }
+    return drawings[type(scene)]
 
 
 class Parent:
@@ -93,7 +114,7 @@ def _record(parent: Parent) -> None:
             if kind == "open":
                 from paretoik.review.recording.recording_file import RecordingFile
 
-                recording = RecordingFile(message, parent)
+                recording = RecordingFile(message, parent, drawing_of(message.scene))
             elif recording is not None and kind == "record":
                 recording.record(message, stride)
             elif recording is not None:

@@ -24,7 +24,7 @@ from paretoik.front.comparison import flatten
 from paretoik.front.front import Front
 from paretoik.front.points import take
 from paretoik.front.preferences.compromise import best_rows, compromise
-from paretoik.review.outlines import outline, wires
+from paretoik.review.outlines import obstacle_lines
 from paretoik.review.palette import PAPER, objective_label
 from paretoik.runs.executor import computed_text
 from paretoik.runs.file_replacement import replace_file
@@ -119,37 +119,26 @@ class ReportMotions:
             described["quantities"] = [
                 {"name": kind, "units": [JOINT_UNITS[kind][slides] for slides in sliding]} for kind in self.kinds
             ]
-            described["limits"] = self._limits()
+            task = task_of(self.front.problem)
+            described["limits"] = {} if task is None else {
+                kind: {
+                    "times": _digits(task.times) if len(each) > 1 else None,
+                    "lower": [_digits(joint) for joint in each[..., 0].T],
+                    "upper": [_digits(joint) for joint in each[..., 1].T],
+                }
+                for kind, each in task.bounds.items()
+            }  # fmt: skip
             described["arm"] = self._arm()
         return described
 
-    def _limits(self) -> dict[str, Any]:
-        """Return the limits of each kind: their times, and each joint's lower and upper limits there."""
-        task = task_of(self.front.problem)
-        if task is None:
-            return {}
-        return {
-            kind: {
-                "times": _digits(task.times) if len(each) > 1 else None,
-                "lower": [_digits(joint) for joint in each[..., 0].T],
-                "upper": [_digits(joint) for joint in each[..., 1].T],
-            }
-            for kind, each in task.bounds.items()
-        }
-
     def _arm(self) -> dict[str, Any]:
-        """Return the window, the paths and the obstacles of the arm's picture."""
+        """Return the window, the paths and the obstacles of the arm's picture, and the directions of its objectives."""
         motions, nodes = self.motions, self._nodes
         planar, flat = motions.arm.is_planar, nodes.reshape(-1, nodes.shape[-1])
-        height = (float(flat[:, -1].min()), float(flat[:, -1].max()))
-        lines = [
-            line
-            for obstacle in motions.obstacles
-            for line in ([outline(obstacle)] if planar else wires(obstacle, height))
-            if line is not None
-        ]
+        height = None if planar else (float(flat[:, -1].min()), float(flat[:, -1].max()))
+        lines = obstacle_lines(motions.obstacles, height)
         paths = [np.asarray(task.path.positions)[:, : nodes.shape[-1]] for task in motions.tasks]
-        shown = np.concatenate([flat, *lines, *paths])
+        shown, directions = np.concatenate([flat, *lines, *paths]), getattr(self.front.problem, "directions", None)
         return {
             "planar": planar,
             "nodes": nodes.shape[2],
@@ -158,15 +147,10 @@ class ReportMotions:
             "high": _digits(shown.max(axis=0)),
             "paths": [_lines(path) for path in paths if np.ptp(path, axis=0).any()],
             "obstacles": [_lines(line) for line in lines],
-            "arrows": self._arrows(),
+            "arrows": []
+            if directions is None
+            else [{"axis": axis, "along": _digits(vector)} for axis, vector in enumerate(directions)],
         }
-
-    def _arrows(self) -> list[dict[str, Any]]:
-        """Return the directions in which objectives measure the speed or force of a posture."""
-        directions = getattr(self.front.problem, "directions", None)
-        if directions is None:
-            return []
-        return [{"axis": axis, "along": _digits(vector)} for axis, vector in enumerate(directions)]
 
 
 def _lines(points: np.ndarray) -> list[Any]:
@@ -198,17 +182,13 @@ class ReportPage:
 
     def render(self, room: int) -> str:
         """Return the page with as many motions as fit into ``room`` bytes."""
-        return self._render({} if self._motions is None else self._motions.blocks(self._order.tolist(), room))
+        order = np.searchsorted(np.sort(self.rows), self.rows)  # in the page's front
+        return self._render({} if self._motions is None else self._motions.blocks(order.tolist(), room))
 
     @cached_property
     def front(self) -> Front:
         """The points of the page in the order of the front."""
         return take(self.report.front, np.sort(self.rows))
-
-    @property
-    def _order(self) -> Int[np.ndarray, " points"]:
-        """The rows in the page's front."""
-        return np.searchsorted(np.sort(self.rows), self.rows)
 
     @cached_property
     def _marks(self) -> dict[int, str]:
@@ -264,14 +244,18 @@ class ReportPage:
     def _render(self, blocks: Mapping[int, str]) -> str:
         """Return the page with the motions of some points, by their id."""
         front, whole = self.front, self.report.front
-        script = "\n".join(_page_file(name) for name in SCRIPTS)
+        script, provenance = "\n".join(_page_file(name) for name in SCRIPTS), dict(whole.provenance)
+        if "computed" in provenance:
+            provenance["computed"] = computed_text(provenance["computed"])
+        checks = [(name, meaning) for name, (meaning, _) in self._checks.items()]
+        checks += [("certificate", "local type of the point")] * (front.certificates is not None)
         return str(
             _template().render(
                 title=self.report.title,
                 front=whole,
                 nearest=self.report.nearest,
                 rows=[self._table_row(row) for row in range(len(front))],
-                checks=self._check_heads(),
+                checks=checks,
                 columns=[
                     objective_label(*each) for each in zip(front.names, front.units, front.maximised, strict=True)
                 ],
@@ -282,7 +266,7 @@ class ReportPage:
                 without_motion=[]
                 if self._motions is None
                 else [number for number in front.ids.tolist() if number not in blocks],
-                provenance=list(flatten({**whole.provenance, **_computed_by(whole.provenance)}).items()),
+                provenance=list(flatten(provenance).items()),
                 has_rates=front.certificates is not None and len(front.names) > 1,
                 style=_page_file("page.css"),
                 script=script,
@@ -311,11 +295,6 @@ class ReportPage:
             if np.isfinite(errors).any()
         }
 
-    def _check_heads(self) -> list[tuple[str, str]]:
-        heads = [(name, meaning) for name, (meaning, _) in self._checks.items()]
-        certified = self.front.certificates is not None
-        return [*heads, *[("certificate", "local type of the point")] * certified]
-
     def _table_row(self, row: int) -> dict[str, Any]:
         front = self.front
         cells = [f"{value:.6g}" for value in front.objectives[row]]
@@ -325,11 +304,6 @@ class ReportPage:
             status, reason = str(front.certificates.status[row]), str(front.certificates.reason[row])
         number = int(front.ids[row])
         return {"id": number, "cells": cells, "status": status, "reason": reason, "mark": self._marks.get(number, "")}
-
-
-def _computed_by(provenance: Mapping[str, Any]) -> dict[str, str]:
-    """Return the text on who computed a run, by the name of that entry; nothing if it has none."""
-    return {"computed": computed_text(provenance["computed"])} if "computed" in provenance else {}
 
 
 @cache

@@ -13,12 +13,12 @@ import rerun.blueprint as rrb
 from jaxtyping import Float
 
 from paretoik.arrays import Vector3
-from paretoik.review.drawing.axes import Canvas, equal_window, labels, screen_text
+from paretoik.review.drawing.axes import labels
 from paretoik.review.drawing.labels import separate_label_places
-from paretoik.review.drawing.space import ArmMeshes, Ground, find_meshes
+from paretoik.review.drawing.space import ArmMeshes, Stage, find_meshes
 from paretoik.review.outlines import Polyline, outline
 from paretoik.review.palette import MARKS, SCENES, SCREEN, VIEWS, Colour
-from paretoik.review.recording.messages import Workcell
+from paretoik.review.recording.messages import Workcell, in_space
 from paretoik.task.obstacles import Capsule, Circle, Obstacle, Sphere
 
 # Obstacles: hatched outlines in the plane, bodies in space.
@@ -105,38 +105,7 @@ def turn_of_z(axis: Vector3) -> np.ndarray:
     return quaternion / np.linalg.norm(quaternion)
 
 
-# The surfaces of links in space: translucent, so that what runs inside a link stays visible.
-
-
-@dataclass(frozen=True, kw_only=True)
-class LinkHulls:
-    """Capsules of a ``radius`` [m] around links; they never hide the lines of links."""
-
-    radius: float
-
-    def send(
-        self,
-        recording: rr.RecordingStream,
-        entity: str,
-        columns: Sequence[rr.TimeColumn],
-        links: Float[np.ndarray, "rows nodes 3"],
-    ) -> None:
-        """Draw the links of each posture; one row of ``columns`` per posture."""
-        self._log_style(recording, entity)
-        capsules = _capsules(links)
-        per_row = [len(capsules["lengths"]) // len(links)] * len(links)
-        recording.send_columns(entity, columns, rr.Capsules3D.columns(**capsules).partition(per_row))
-
-    def log_posture(self, recording: rr.RecordingStream, entity: str, links: Float[np.ndarray, "nodes 3"]) -> None:
-        """Draw the links of a posture at the current time."""
-        self._log_style(recording, entity)
-        recording.log(entity, rr.Capsules3D.from_fields(**_capsules(links[None])))
-
-    def _log_style(self, recording: rr.RecordingStream, entity: str) -> None:
-        style = rr.Capsules3D.from_fields(
-            radii=[self.radius], colors=[SCREEN.hull], fill_mode=rr.components.FillMode.Solid
-        )
-        recording.log(entity, style, static=True)
+# The surfaces of links in space: translucent capsules, so that what runs inside a link stays visible.
 
 
 def _capsules(links: Float[np.ndarray, "rows nodes 3"]) -> dict[str, Any]:
@@ -167,42 +136,16 @@ class ArmDrawing:
 
     def view(self, name: str) -> rrb.View:
         """Return the view."""
-        name = screen_text(name)
-        if self.planar:
-            bounds = self._canvas.bounds()
-            return rrb.Spatial2DView(origin=self.entity, name=name, visual_bounds=bounds, background=SCREEN.background)
-        meshes = [f"+ {self._mesh_root}/**"] if self.meshes is not None else []
-        return rrb.Spatial3DView(
-            origin=self.entity,
-            contents=["+ $origin/**", *meshes],
-            name=name,
-            background=SCREEN.background,
-            line_grid=False,
-            eye_controls=self._ground.eye(),
-        )
+        return self.stage.view(name, [] if self.meshes is None else [f"+ {self.meshes.root}/**"])
 
     def log_workcell(self, recording: rr.RecordingStream) -> None:
         """Draw axes, base, obstacles, paths and places, for all times."""
-        if self.planar:
-            self._canvas.log(recording, f"{self.entity}/axes", static=True)
-        else:
-            recording.log(self.entity, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-            self._ground.log(recording, f"{self.entity}/axes")
+        self.stage.log_axes(recording)
         self._log_obstacles(recording)
         self._log_base(recording)
         self._log_places(recording)
         if self.meshes is not None:
             self.meshes.log(recording, self.entity)
-
-    def strips(self, lines: Sequence[np.ndarray], colour: Any, radius: float, order: float, **more: Any) -> Any:
-        """Return lines (points, 3) [m] as drawn: ``radius`` in pixels, above everything of a lower ``order``."""
-        placed = [self.place(line) for line in lines]
-        return self._kinds[0](placed, colors=colour, radii=rr.Radius.ui_points(radius), **self._order(order), **more)
-
-    def points(self, places: np.ndarray, colour: Any, radius: float, order: float, **more: Any) -> Any:
-        """Return points (points, 3) [m] as drawn: ``radius`` in pixels."""
-        radii = rr.Radius.ui_points(radius)
-        return self._kinds[1](self.place(places), colors=colour, radii=radii, **self._order(order), **more)
 
     def send_arms(
         self,
@@ -217,12 +160,16 @@ class ArmDrawing:
         The chosen arm has no ``axis``. It also has the width of its links and is drawn above the arms that have an
         axis; among these, a later one is drawn above an earlier one.
         """
-        placed, (rows, nodes, _) = self.place(links), links.shape
-        kind, dots = self._kinds
+        placed, (rows, nodes, _) = self.stage.place(links), links.shape
+        kind, dots = self.stage.line_kind, self.stage.point_kind
         for part in self._log_style(recording, layer, nodes, axis):
             recording.send_columns(f"{self.entity}/{layer}/{part}", columns, kind.columns(strips=list(placed)))
-        if axis is None and self._hulls is not None:
-            self._hulls.send(recording, f"{self.entity}/{layer}/body", columns, links)
+        if axis is None and self._has_hulls:
+            capsules = _capsules(links)
+            per_row = [len(capsules["lengths"]) // rows] * rows
+            recording.send_columns(
+                f"{self.entity}/{layer}/body", columns, rr.Capsules3D.columns(**capsules).partition(per_row)
+            )
         positions = dots.columns(positions=placed.reshape(rows * nodes, -1)).partition([nodes] * rows)
         recording.send_columns(f"{self.entity}/{layer}/joints", columns, positions)
 
@@ -234,41 +181,38 @@ class ArmDrawing:
         axis: int | None,
     ) -> None:
         """Draw an arm in one posture at the current time, as ``send_arms`` does."""
-        placed = self.place(links)
-        kind, dots = self._kinds
+        placed = self.stage.place(links)
+        kind, dots = self.stage.line_kind, self.stage.point_kind
         for part in self._log_style(recording, layer, len(links), axis):
             recording.log(f"{self.entity}/{layer}/{part}", kind.from_fields(strips=[placed]))
-        if axis is None and self._hulls is not None:
-            self._hulls.log_posture(recording, f"{self.entity}/{layer}/body", links)
+        if axis is None and self._has_hulls:
+            recording.log(f"{self.entity}/{layer}/body", rr.Capsules3D.from_fields(**_capsules(links[None])))
         recording.log(f"{self.entity}/{layer}/joints", dots.from_fields(positions=placed))
 
     def _log_style(self, recording: rr.RecordingStream, layer: str, nodes: int, axis: int | None) -> list[str]:
         """Log the colours and widths of an arm, for all times; return the entities of its lines."""
-        entity, (kind, dots) = f"{self.entity}/{layer}", self._kinds
+        entity, stage = f"{self.entity}/{layer}", self.stage
         solid, place = axis is None, 0 if axis is None else axis % len(MARKS.arms)
         widths = (MARKS.solid_arm, MARKS.arms[place]) if self.planar else MARKS.spatial_arms
         colour, width = (SCREEN.arm if axis is None else SCREEN.end(axis)), widths[0 if solid else 1]
         order = 7.0 if solid else 5.0 + 0.1 * place
         parts: dict[str, tuple[Any, Colour, float]] = {"links": (rr.Radius.ui_points(width), colour, order)}
-        if solid and self._width and self.planar:
-            parts["body"] = (self._width, SCREEN.body, 2.0)
-        for part, (radius, tint, above) in parts.items():
-            style = kind.from_fields(colors=tint, radii=radius, **self._order(above))
+        if solid and self.workcell.link_radius and self.planar:
+            canvas = stage.canvas
+            radius = canvas.width / float(canvas.high[0] - canvas.low[0]) * self.workcell.link_radius
+            parts["body"] = (radius, SCREEN.body, 2.0)
+        for part, (radii, tint, above) in parts.items():
+            style = stage.line_kind.from_fields(colors=tint, radii=radii, **stage.order(above))
             recording.log(f"{entity}/{part}", style, static=True)
         sizes = rr.Radius.ui_points([1.5 * width] * (nodes - 1) + [1.875 * width])
         tints = [colour] * (nodes - 1) + [SCREEN.tool if solid else colour]
-        style = dots.from_fields(colors=tints, radii=sizes, **self._order(order + 0.05))
+        style = stage.point_kind.from_fields(colors=tints, radii=sizes, **stage.order(order + 0.05))
         recording.log(f"{entity}/joints", style, static=True)
+        if solid and self._has_hulls:
+            fill = rr.components.FillMode.Solid
+            hull = rr.Capsules3D.from_fields(radii=[self.workcell.link_radius], colors=[SCREEN.hull], fill_mode=fill)
+            recording.log(f"{entity}/body", hull, static=True)
         return list(parts)
-
-    @property
-    def _kinds(self) -> tuple[Any, Any]:
-        """The archetypes of strips and points, in the plane or in space."""
-        return (rr.LineStrips2D, rr.Points2D) if self.planar else (rr.LineStrips3D, rr.Points3D)
-
-    def place(self, points: np.ndarray) -> np.ndarray:
-        """Return the positions on the view of points (..., 3) [m]."""
-        return self._canvas.place(points[..., :2]) if self.planar else points
 
     @property
     def planar(self) -> bool:
@@ -278,43 +222,31 @@ class ArmDrawing:
     @cached_property
     def meshes(self) -> ArmMeshes | None:
         """The arm's meshes; None if it has none."""
-        return None if self.planar else find_meshes(self.workcell.arm, self._mesh_root)
+        root = self.entity.replace("/", "_") + "_meshes"
+        return None if self.planar else find_meshes(self.workcell.arm, root)
 
     @property
-    def _mesh_root(self) -> str:
-        return self.entity.replace("/", "_") + "_meshes"
-
-    @property
-    def _hulls(self) -> LinkHulls | None:
-        """The surfaces of links in space, if links have a width; in the plane a wide line is enough."""
-        return LinkHulls(radius=self.workcell.link_radius) if self._width and not self.planar else None
-
-    @property
-    def _width(self) -> float:
-        """Half the drawn width of links; 0 if links have no width."""
-        scale = self._canvas.width / float(self._canvas.high[0] - self._canvas.low[0]) if self.planar else 1.0
-        return scale * self.workcell.link_radius
-
-    def _order(self, order: float) -> dict[str, float]:
-        """Return the drawing order, which only exists in the plane."""
-        return {"draw_order": order} if self.planar else {}
+    def _has_hulls(self) -> bool:
+        """Whether links have surfaces: in space, if they have a width; in the plane a wide line is enough."""
+        return bool(self.workcell.link_radius) and not self.planar
 
     def _log_obstacles(self, recording: rr.RecordingStream) -> None:
         obstacles, entity = self.workcell.obstacles, f"{self.entity}/obstacles"
         if not self.planar:
-            for name, body in bodies(obstacles, self._ground.low, self._ground.high):
+            for name, body in bodies(obstacles, self.stage.ground.low, self.stage.ground.high):
                 recording.log(f"{entity}/{name}", body, static=True)
             return
         borders = [each for each in map(outline, obstacles) if each is not None]
         if borders:
-            gap = 9.0 * float(self._canvas.high[0] - self._canvas.low[0]) / self._canvas.width
+            canvas = self.stage.canvas
+            gap = 9.0 * float(canvas.high[0] - canvas.low[0]) / canvas.width
             lines = [line for each in borders for line in hatch(each, gap=gap)]
             for part, strips, colour, radius in (
                 ("hatch", lines, SCREEN.obstacle_body, 0.7),
                 ("outlines", borders, SCREEN.obstacle, 1.3),
             ):
-                in_space = [np.pad(strip, ((0, 0), (0, 1))) for strip in strips]
-                recording.log(f"{entity}/{part}", self.strips(in_space, colour, radius, -2.0), static=True)
+                drawn = self.stage.strips([in_space(strip) for strip in strips], colour, radius, -2.0)
+                recording.log(f"{entity}/{part}", drawn, static=True)
 
     def _log_base(self, recording: rr.RecordingStream) -> None:
         """Mark the base of the arm: the ground sign of mechanics in the plane, a foot in space."""
@@ -322,13 +254,12 @@ class ArmDrawing:
         if self.planar:
             foot = [[(0, 0), (-9, 14), (9, 14), (0, 0)], [(-15, 14), (15, 14)]]
             ground = [[(d, 14), (d - 5, 20)] for d in (-8, 0, 8, 15)]
-            strips = [
-                self._canvas.place(base.position[:2]) + np.array(strip) @ self._foot_turn for strip in [*foot, *ground]
-            ]
+            place, turn = self.stage.place(base.position), self._foot_turn
+            strips = [place + np.array(strip) @ turn for strip in [*foot, *ground]]
             sign = rr.LineStrips2D(strips, colors=SCREEN.base, radii=rr.Radius.ui_points(1.1), draw_order=0.5)
             recording.log(f"{self.entity}/base", sign, static=True)
             return
-        size = 0.05 * float(np.linalg.norm(self._ground.high - self._ground.low))
+        size = 0.05 * float(np.linalg.norm(self.stage.ground.high - self.stage.ground.low))
         pedestal = rr.Cylinders3D(
             centers=[base.position - base.rotation[:, 2] * 0.1 * size],
             lengths=[0.2 * size],
@@ -355,27 +286,30 @@ class ArmDrawing:
             recording.log(f"{self.entity}/target", self._targets(), static=True)
         if cell.places:
             places = np.array(list(cell.places.values()))
-            recording.log(f"{self.entity}/places", self.points(places, SCREEN.target, 4.0, 1.0), static=True)
+            recording.log(f"{self.entity}/places", self.stage.points(places, SCREEN.target, 4.0, 1.0), static=True)
             recording.log(f"{self.entity}/places/names", self._names(list(cell.places), places), static=True)
         if len(cell.directions):
             start, ends = next(iter(cell.places.values())), self._arrow_ends
-            arrows = self.strips([np.array([start, end]) for end in ends], SCREEN.target, 1.6, 1.0)
+            arrows = self.stage.strips([np.array([start, end]) for end in ends], SCREEN.target, 1.6, 1.0)
             recording.log(f"{self.entity}/directions/lines", arrows, static=True)
-            heads = self.points(ends, SCREEN.target, 3.0, 1.0)
+            heads = self.stage.points(ends, SCREEN.target, 3.0, 1.0)
             recording.log(f"{self.entity}/directions/heads", heads, static=True)
             recording.log(f"{self.entity}/directions/heads/names", self._names(self._arrow_names, ends), static=True)
 
     def _names(self, names: Sequence[str], places: Float[np.ndarray, "names 3"]) -> Any:
         """Return the names of places [m]; in the plane they avoid arms, arrows and all earlier names."""
         if not self.planar:
-            return self.points(places, SCREEN.target, 0.0, 1.0, labels=names, show_labels=True)
+            return self.stage.points(places, SCREEN.target, 0.0, 1.0, labels=names, show_labels=True)
         start, *_ = named = list(self.workcell.places.values())
         shares = np.linspace(0.0, 1.0, 12)[:, None, None]
         arrows = (start + shares * (self._arrow_ends - start)).reshape(-1, 3)
         links = self.nodes[:-1] + shares * np.diff(self.nodes, axis=0)  # posture after posture
-        others = self.place(np.concatenate([links.reshape(-1, 3), arrows]))
-        words, marks = [*self.workcell.places, *self._arrow_names], self.place(np.array([*named, *self._arrow_ends]))
-        middles = separate_label_places(self._canvas, marks, words, others)
+        others = self.stage.place(np.concatenate([links.reshape(-1, 3), arrows]))
+        words, marks = (
+            [*self.workcell.places, *self._arrow_names],
+            self.stage.place(np.array([*named, *self._arrow_ends])),
+        )
+        middles = separate_label_places(self.stage.canvas, marks, words, others)
         return labels(names, middles[[words.index(name) for name in names]], SCREEN.target)
 
     def _targets(self) -> Any:
@@ -385,9 +319,9 @@ class ArmDrawing:
         """
         paths = self.workcell.paths
         if self.planar:
-            return self.strips(paths, SCREEN.target, 4.0, 0.0)
+            return self.stage.strips(paths, SCREEN.target, 4.0, 0.0)
         gap = SCENES.bead_gap * float(np.ptp(self._extent, axis=0).max())
-        return self.points(np.concatenate([beads(path, gap=gap) for path in paths]), SCREEN.target, 2.6, 0.0)
+        return self.stage.points(np.concatenate([beads(path, gap=gap) for path in paths]), SCREEN.target, 2.6, 0.0)
 
     @property
     def _arrow_ends(self) -> np.ndarray:
@@ -409,14 +343,9 @@ class ArmDrawing:
         return np.concatenate([*seen, *around, self._arrow_ends])
 
     @cached_property
-    def _canvas(self) -> Canvas:
-        flat = Canvas(low=np.zeros(2), high=np.ones(2), labels=("x [m]", "y [m]"))
-        low, high = equal_window(self._extent[:, :2], width=flat.width, height=flat.height)
-        return Canvas(low=low, high=high, labels=flat.labels)
-
-    @cached_property
-    def _ground(self) -> Ground:
-        return Ground.around(self._extent)
+    def stage(self) -> Stage:
+        """The plane or space of the arms."""
+        return Stage(entity=self.entity, planar=self.planar, seen=self._extent)
 
 
 def beads(path: Float[np.ndarray, "samples 3"], *, gap: float) -> Float[np.ndarray, "beads 3"]:
@@ -437,16 +366,16 @@ def target_mark(drawing: ArmDrawing, place: Float[np.ndarray, " 3"]) -> Any:
     """Return the mark of a target [m] that the tool does not cover: a ring in the plane, a cross in space."""
     if drawing.planar:
         turn = np.linspace(0.0, 2 * np.pi, 49)
-        ring = drawing.place(place) + MARKS.target_ring * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+        ring = drawing.stage.place(place) + MARKS.target_ring * np.stack([np.cos(turn), np.sin(turn)], axis=1)
         return rr.LineStrips2D([ring], colors=SCREEN.path, radii=rr.Radius.ui_points(1.2), draw_order=9.0)
     reach = SCENES.cross * np.ptp(drawing.nodes, axis=0).max() * np.eye(3)
-    return drawing.strips([np.stack([place - each, place + each]) for each in reach], SCREEN.path, 1.2, 9.0)
+    return drawing.stage.strips([np.stack([place - each, place + each]) for each in reach], SCREEN.path, 1.2, 9.0)
 
 
 def is_seen_beside(drawing: ArmDrawing, distance: float) -> bool:
     """Return whether a thin arm at a ``distance`` [m] from a solid one is visible; in space at an average depth."""
     if drawing.planar:
-        origin, unit = drawing.place(np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]))
+        origin, unit = drawing.stage.place(np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]))
         return bool(distance * np.linalg.norm(unit - origin) > MARKS.solid_arm)
     scale = VIEWS.panels[0] / np.ptp(drawing.nodes, axis=0).max()
     return bool(distance * scale > MARKS.spatial_arms[0])

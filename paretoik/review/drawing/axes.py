@@ -21,9 +21,8 @@ from paretoik.review.palette import DRAWING, SCREEN, VIEWS, Colour, even_rows
 # Text as the viewer can show it: it stops at a character that its only font (Inter) does not have.
 
 
-SYMBOLS = frozenset("•…–—“”‰€−×·≤≥≈≠→←↑↓∂∞√∫∑●■▲○◆″°")
+SYMBOLS = frozenset("•…–—“”‰€−×·≤≥≈≠→←↑↓∂∞√∫∑●■▲○◆″°⁰ⁱ\n")
 BLOCKS = ((0x20, 0x7E), (0xA0, 0x24F), (0x391, 0x3CE), (0x410, 0x44F), (0x2080, 0x2089), (0x2074, 0x207B))
-SUPERSCRIPTS = frozenset("⁰ⁱ")
 
 
 def screen_text(words: str) -> str:
@@ -32,7 +31,10 @@ def screen_text(words: str) -> str:
     >>> screen_text("energy [N²m²s], 能")
     'energy [N²m²s], ?'
     """
-    return "".join(character if _is_drawable(character) else "?" for character in words)
+    drawable = SYMBOLS | {
+        character for character in words if any(low <= ord(character) <= high for low, high in BLOCKS)
+    }
+    return "".join(character if character in drawable else "?" for character in words)
 
 
 def unbroken_units(words: str, units: Sequence[str]) -> str:
@@ -55,16 +57,6 @@ def entity_names(names: Sequence[str]) -> list[str]:
     drawable = [screen_text(name) for name in names]
     before = [drawable[:place].count(name) for place, name in enumerate(drawable)]
     return [f"{name} ({count + 1})" if count else name for name, count in zip(drawable, before, strict=True)]
-
-
-def _is_drawable(character: str) -> bool:
-    code = ord(character)
-    return (
-        character in SYMBOLS
-        or character in SUPERSCRIPTS
-        or character == "\n"
-        or any(low <= code <= high for low, high in BLOCKS)
-    )
 
 
 # Axes with ticks and labels.
@@ -134,11 +126,6 @@ class Canvas:
         return rrb.VisualBounds2D(x_range=x_range, y_range=[y - size.top, y + self.height + size.bottom])
 
     @property
-    def upper_label_end(self) -> float:
-        """The end of the vertical axis label, above the frame."""
-        return float(self.upper_label_middle[0] + 0.5 * text_width(self.labels[1]))
-
-    @property
     def upper_label_middle(self) -> Values:
         """The middle of the vertical axis label."""
         across = 0.5 * text_width(self.labels[1]) - 0.8 * TEXT.left
@@ -158,7 +145,9 @@ class Canvas:
         recording.log(f"{entity}/labels", labels(words, places), static=static)
 
     def _ticks(self) -> tuple[Ticks, Ticks]:
-        upright = fitting_ticks(self.low[0], self.high[0], room=self.width, size=_width_of)
+        upright = fitting_ticks(
+            self.low[0], self.high[0], room=self.width, size=lambda tick: text_width(tick_text(tick))
+        )
         level = fitting_ticks(self.low[1], self.high[1], room=self.height, size=lambda _: 0.4 * TEXT.line)
         upright = _countable(upright, self.labels[0])
         places = self.place(np.stack([upright, np.full(len(upright), self.low[1])], axis=-1))[:, 0] - self.origin[0]
@@ -243,10 +232,6 @@ def _countable(ticks: Ticks, label: str) -> Ticks:
     return ticks[np.abs(ticks - ticks.round()) < 1e-9] if label.startswith(COUNTED) else ticks
 
 
-def _width_of(tick: float) -> float:
-    return text_width(tick_text(tick))
-
-
 def window(points: np.ndarray, *, margin: float = 0.06) -> tuple[Values, Values]:
     """Return the corners of a window around `points` (points, 2), wider by a `margin` of their range."""
     low, high = points.min(axis=0), points.max(axis=0)
@@ -267,9 +252,9 @@ def axis_ranges(low: Values, high: Values) -> Values:
     return np.asarray(np.where(size > precision.tiny / precision.eps, ranges, 1.0))
 
 
-def equal_window(points: np.ndarray, *, width: float, height: float) -> tuple[Values, Values]:
+def equal_window(points: np.ndarray, *, width: float, height: float, margin: float = 0.08) -> tuple[Values, Values]:
     """Return corners around `points` (points, 2) that show both axes at one scale on `width` by `height`."""
-    low, high = window(points, margin=0.08)
+    low, high = window(points, margin=margin)
     sides = np.array([width, height])
     half = ((high - low) / sides).max() * sides / 2
     return (low + high) / 2 - half, (low + high) / 2 + half

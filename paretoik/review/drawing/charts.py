@@ -6,12 +6,13 @@ The curves are visible on every timeline; a cursor moves along them on their own
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
+from jaxtyping import Float
 
 from paretoik.arrays import Series, Times, Values
 from paretoik.review.drawing.axes import TEXT, Canvas, labels, screen_text, text_width, tick_text, window
@@ -34,9 +35,10 @@ class LimitLine:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Chart:
-    """Named curves over instants, drawn at ``entity`` on axes that contain all of ``shown`` and the nearby limits.
+    """Named curves (curves, instants) at ``entity``, on axes that contain all of ``shown`` and the nearby limits.
 
-    ``shown``: all points (points, 2) that will ever be drawn; non-finite values are left out. Values that are
+    ``curves`` are drawn for all times; those of a chart without them are drawn by ``draw``. ``shown``: all points
+    (points, 2) that will ever be drawn, by default the curves; non-finite values are left out. Values that are
     negligible compared with limits and the ``usual`` ones count as 0: axes then contain all limits, and the usual
     values if all limits are 0. With ``dots`` instants have no order, and no lines join them. A curve of one point is
     also a dot.
@@ -45,9 +47,11 @@ class Chart:
     entity: str
     title: str
     labels: tuple[str, str]
-    shown: np.ndarray
     names: Sequence[str]
     colours: Sequence[Colour]
+    instants: Times = field(default_factory=lambda: np.zeros(0))
+    curves: Series = field(default_factory=lambda: np.zeros((0, 0)))
+    shown: np.ndarray | None = None
     limits: Sequence[LimitLine] = ()
     usual: float = 0.0
     total: tuple[float, float] = VIEWS.chart
@@ -60,7 +64,7 @@ class Chart:
         return rrb.Spatial2DView(origin=self.entity, name=name, visual_bounds=bounds, background=SCREEN.background)
 
     def log(self, recording: rr.RecordingStream) -> None:
-        """Draw axes and limits, for all times."""
+        """Draw axes, limits and the curves, for all times."""
         self.canvas.log(recording, self.entity, static=True)
         near = [limit for limit in self.limits if self._is_near(limit)]
         if near:
@@ -74,27 +78,30 @@ class Chart:
             lines = rr.LineStrips2D(strips, colors=colours, radii=rr.Radius.ui_points(0.9), draw_order=0.5)
             recording.log(f"{self.entity}/limits", lines, static=True)
         if far := [limit for limit in self.limits if not self._is_near(limit)]:
-            words = self._fitting(f"limits beyond: {_far_limits(far)}", "other limits lie beyond")
+            words = f"limits beyond: {_far_limits(far)}"
+            if len(words) > int((self.canvas.width - text_width(self.labels[1]) + 30.0) / TEXT.character):
+                words = "other limits lie beyond"
             place = np.array([[self.canvas.width - 0.5 * text_width(words), -0.7 * TEXT.line]])
             recording.log(f"{self.entity}/limits_beyond", labels([words], place, SCREEN.limit), static=True)
+        if len(self.curves):
+            self.draw(recording, self.instants, self.curves, static=True)
 
     def draw(self, recording: rr.RecordingStream, instants: Times, curves: Series, *, static: bool = False) -> None:
         """Draw curves (curves, instants) and their names, at the current time or for all times."""
         low, high = self.canvas.low, self.canvas.high  # what leaves the picture follows its edge
-        strips = [self.canvas.place(np.clip(_finite_points(instants, curve), low, high)) for curve in curves]
-        recording.log(f"{self.entity}/curves", *self._lines(strips), self._dots(strips), static=static)
+        points = [np.stack([instants, curve], axis=-1) for curve in curves]
+        finite = [each[np.isfinite(each).all(axis=-1)] for each in points]
+        strips = [self.canvas.place(np.clip(each, low, high)) for each in finite]
+        lines = []
+        if not self.dots:
+            radii = rr.Radius.ui_points(MARKS.line / 2)
+            lines = [rr.LineStrips2D(strips, colors=list(self.colours), radii=radii, draw_order=1.0)]
+        recording.log(f"{self.entity}/curves", *lines, self._dots(strips), static=static)
         if len(curves) > 1:
             ends = [strip[-1, 1] if len(strip) else 0.5 * self.canvas.height for strip in strips]
             recording.log(
                 f"{self.entity}/names", labels(self.names, self._name_places(ends), self.colours), static=static
             )
-
-    def _lines(self, strips: Sequence[np.ndarray]) -> list[rr.LineStrips2D]:
-        """Return curves as lines; none if instants have no order."""
-        if self.dots:
-            return []
-        radii = rr.Radius.ui_points(MARKS.line / 2)
-        return [rr.LineStrips2D(strips, colors=list(self.colours), radii=radii, draw_order=1.0)]
 
     def _dots(self, strips: Sequence[np.ndarray]) -> rr.Points2D:
         """Return the points of curves as dots if no line shows them."""
@@ -126,7 +133,8 @@ class Chart:
     @cached_property
     def canvas(self) -> Canvas:
         """The canvas of the chart."""
-        points = self.shown[np.isfinite(self.shown).all(axis=-1)]
+        shown = curve_points(self.instants, self.curves) if self.shown is None else self.shown
+        points = shown[np.isfinite(shown).all(axis=-1)]
         low, high = window(self._with_limits(points) if len(points) else np.array([[0.0, 0.0], [1.0, 1.0]]))
         if len(points) and np.ptp(points[:, 0]) > 0:
             low[0], high[0] = points[:, 0].min(), points[:, 0].max()
@@ -143,7 +151,8 @@ class Chart:
         If all values are 0, return all limits, and the usual values if all limits are 0.
         """
         low, high = points[:, 1].min(), points[:, 1].max()
-        size, limits = max(abs(low), abs(high)), self._limit_values
+        limits = np.concatenate([np.zeros(0), *(limit.values for limit in self.limits)])
+        size, limits = max(abs(low), abs(high)), limits[np.isfinite(limits)]
         if size > DRAWING.rounding * np.abs(limits).max(initial=self.usual):
             reach = DRAWING.limit_distance * max(high - low, 0.2 * size)
             limits = limits[(limits >= low - reach) & (limits <= high + reach)]
@@ -151,12 +160,6 @@ class Chart:
             limits = np.append(limits, np.array([-1.0, 1.0]) * (self.usual or 1.0))
         values = np.concatenate([points[:, 1], limits])
         return np.stack([np.resize(points[:, 0], len(values)), values], axis=1)
-
-    @property
-    def _limit_values(self) -> Values:
-        values = np.concatenate([np.zeros(0), *(limit.values for limit in self.limits)])
-        finite: Values = values[np.isfinite(values)]
-        return finite
 
     def _is_near(self, limit: LimitLine) -> bool:
         inside = (limit.values >= self.canvas.low[1]) & (limit.values <= self.canvas.high[1])
@@ -196,11 +199,6 @@ class Chart:
             return TEXT.right
         return min(0.5 * self.total[0], 16.0 + (text_width(max(self.names, key=len)) + 8.0) * self._name_columns)
 
-    def _fitting(self, words: str, shorter: str) -> str:
-        """Return words, or shorter ones if they do not fit."""
-        room = int((self.canvas.width - text_width(self.labels[1]) + 30.0) / TEXT.character)
-        return words if len(words) <= room else shorter
-
 
 def fit_below_tabs(charts: Sequence[Chart], names_before: Sequence[str] = ()) -> list[Chart]:
     """Return charts that are tabs below a view; nested tabs are lower by their row of names.
@@ -213,6 +211,11 @@ def fit_below_tabs(charts: Sequence[Chart], names_before: Sequence[str] = ()) ->
     return [replace(chart, total=lower) if inner else chart for chart, inner in zip(charts, nested, strict=True)]
 
 
+def curve_points(instants: Times, curves: Series) -> Float[np.ndarray, "points 2"]:
+    """Return all points of curves (curves, instants), curve after curve."""
+    return np.stack([np.tile(instants, len(curves)), np.ravel(curves)], axis=1)
+
+
 def _far_limits(limits: Sequence[LimitLine]) -> str:
     """Return limits in words, grouped by name."""
     by_name: dict[str, list[str]] = {}
@@ -221,12 +224,6 @@ def _far_limits(limits: Sequence[LimitLine]) -> str:
         if len(finite):
             by_name.setdefault(limit.name, []).append(tick_text(float(finite[np.abs(finite).argmin()])))
     return ", ".join(f"{name} {' and '.join(values)}".strip() for name, values in by_name.items())
-
-
-def _finite_points(instants: Times, curve: Times) -> np.ndarray:
-    points = np.stack([instants, curve], axis=-1)
-    finite: np.ndarray = points[np.isfinite(points).all(axis=-1)]
-    return finite
 
 
 def _spread_labels(

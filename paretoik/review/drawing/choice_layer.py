@@ -17,7 +17,6 @@ from typing import Any, Literal, get_args
 from uuid import UUID
 
 import numpy as np
-import pyarrow
 import rerun as rr
 import rerun.blueprint as rrb
 from rerun.error_utils import RerunWarning
@@ -28,14 +27,13 @@ from paretoik.formulations.protocol import Timeline, is_loop
 from paretoik.front.choice import Choice, Prediction
 from paretoik.front.choice_tree import chosen
 from paretoik.front.front import Front
-from paretoik.review.drawing.axes import Canvas, ParallelAxes
-from paretoik.review.drawing.layout import Legend, choice_blueprint
-from paretoik.review.drawing.motion import NO_TIMES, MotionScene, is_moving
+from paretoik.review.drawing.front_panels import LAYERS
+from paretoik.review.drawing.layout import Entry, Legend, choice_blueprint, log_text
+from paretoik.review.drawing.motion import NO_TIMES, MotionScene, is_moving, motion_views
 from paretoik.review.drawing.point_text import choice_text
-from paretoik.review.drawing.scatter import SearchScene
-from paretoik.review.drawing.search_charts import choice_entries
+from paretoik.review.drawing.scatter import Scatter, SearchScene
 from paretoik.review.palette import SCREEN, VIEWS
-from paretoik.review.recording.messages import RecordedPoint, Workcell, chosen_point, record_motion, workcell_of_front
+from paretoik.review.recording.messages import RecordedPoint, chosen_point, record_motion, workcell_of_front
 from paretoik.runs.file_replacement import only_writer, replace_file
 from paretoik.runs.files import RECORDING, read_plain_file
 from paretoik.runs.folder import check_no_run
@@ -47,19 +45,6 @@ ROOTS: tuple[Literal["choice", "compared"], ...] = ("choice", "compared")  # ent
 OF_RERUN = ("log_time", "log_tick")  # timelines that Rerun adds itself
 ORIGIN, VIEWPORT_ROOT = "ViewBlueprint:space_origin", "ViewportBlueprint:root_container"
 VIEWS_OF_LAYOUTS = ("/container/**", "/view/**")  # entities of layouts, without panels
-
-
-@dataclass(frozen=True, kw_only=True)
-class RecordedTimeline:
-    """A timeline that counts or measures time, from ``begin`` on (a number or nanoseconds)."""
-
-    kind: Literal["sequence", "duration"]
-    begin: int
-
-    @property
-    def first(self) -> dict[str, Any]:
-        """The first instant, as ``set_time`` takes it."""
-        return {self.kind: self.begin if self.kind == "sequence" else np.timedelta64(self.begin, "ns")}
 
 
 class RecordedTab(rrb.Container):
@@ -76,16 +61,16 @@ class RecordedTab(rrb.Container):
 
 @dataclass(frozen=True, kw_only=True)
 class RecordedRun:
-    """A recording: application, identity, entities, timelines by name, and its layout.
+    """A recording: application, identity, entities, the first instant of each timeline, and its layout.
 
-    The layout is the one before any choice: a ``root`` container, None if there was no layout, and the ``chunks`` of
-    its containers and views.
+    Instants are as ``set_time`` takes them. The layout is the one before any choice: a ``root`` container, None if
+    there was no layout, and the ``chunks`` of its containers and views.
     """
 
     application: str
     identity: str
     entities: frozenset[str]
-    timelines: dict[str, RecordedTimeline]
+    timelines: dict[str, dict[str, Any]]
     root: UUID | None
     chunks: tuple[rr.chunk.Chunk, ...] = field(compare=False, repr=False)
 
@@ -103,14 +88,21 @@ class RecordedRun:
 def read_recorded(file: Path) -> RecordedRun:
     """Return a recording without later choices; raises InvalidInput if it cannot be read."""
     entities: set[str] = set()
-    timelines: dict[str, RecordedTimeline] = {}
+    begins: dict[str, Any] = {}  # numbers, or durations
+    roots, layout = list[Any](), list[rr.chunk.Chunk]()
     try:
         reader = rr.chunk.RrdReader(file)
         (store,) = reader.recordings()
         for chunk in reader.stream(store=store).drop(content=[f"/{root}/**" for root in ROOTS]):
             entities.add(str(chunk.entity_path))
-            timelines |= _timelines(chunk, timelines)
-        root, chunks = _layout(reader)
+            if not chunk.is_empty:
+                batch = chunk.to_record_batch()
+                for name in (name for name in chunk.timeline_names if name not in OF_RERUN):
+                    begin = batch.column(name).to_numpy(zero_copy_only=False).min()
+                    begins[name] = min(begin, begins.get(name, begin))
+        for store_of_layout in layouts_without_choice(reader)[:1]:
+            roots = _values(reader.stream(store=store_of_layout), VIEWPORT_ROOT)
+            layout = reader.stream(store=store_of_layout).filter(content=VIEWS_OF_LAYOUTS).to_chunks()
     except (OSError, RuntimeError, ValueError) as fault:
         cause = (str(fault).splitlines() or [type(fault).__name__])[0]
         raise InvalidInput(f"{file}: must be a recording of a run, got {cause}") from fault
@@ -118,44 +110,23 @@ def read_recorded(file: Path) -> RecordedRun:
         application=store.application_id,
         identity=store.recording_id,
         entities=frozenset(entities),
-        timelines=timelines,
-        root=root,
-        chunks=chunks,
+        timelines={
+            name: {"duration" if isinstance(begin, np.timedelta64) else "sequence": begin}
+            for name, begin in begins.items()
+        },
+        root=UUID(bytes=bytes(roots[-1])) if roots else None,
+        chunks=tuple(layout),
     )
 
 
 def layouts_without_choice(reader: rr.chunk.RrdReader) -> list[rr.chunk.StoreEntry]:
     """Return the layouts of a recording that have no view of a choice."""
-    return [layout for layout in reader.blueprints() if not _shows_choice(reader, layout)]
 
+    def roots(layout: rr.chunk.StoreEntry) -> set[str]:
+        """Return the first parts of the entities that a layout shows."""
+        return {origin.strip("/").split("/")[0] for origin in _values(reader.stream(store=layout), ORIGIN)}
 
-def _timelines(chunk: rr.chunk.Chunk, former: dict[str, RecordedTimeline]) -> dict[str, RecordedTimeline]:
-    """Return the timelines of a chunk with their earliest beginning."""
-    names = [name for name in chunk.timeline_names if name not in OF_RERUN]
-    if not names or chunk.is_empty:
-        return {}
-    batch, timelines = chunk.to_record_batch(), dict[str, RecordedTimeline]()
-    for name in names:
-        column = batch.column(name)
-        begin = int(column.cast("int64").to_numpy().min())
-        begin = min(begin, former[name].begin) if name in former else begin
-        kind: Literal["sequence", "duration"] = "sequence" if pyarrow.types.is_integer(column.type) else "duration"
-        timelines[name] = RecordedTimeline(kind=kind, begin=begin)
-    return timelines
-
-
-def _layout(reader: rr.chunk.RrdReader) -> tuple[UUID | None, tuple[rr.chunk.Chunk, ...]]:
-    """Return the root container of the layout before any choice, and the chunks of its parts."""
-    for layout in layouts_without_choice(reader)[:1]:
-        roots = _values(reader.stream(store=layout), VIEWPORT_ROOT)
-        chunks = tuple(reader.stream(store=layout).filter(content=VIEWS_OF_LAYOUTS).to_chunks())
-        return (UUID(bytes=bytes(roots[-1])) if roots else None), chunks
-    return None, ()
-
-
-def _shows_choice(reader: rr.chunk.RrdReader, layout: rr.chunk.StoreEntry) -> bool:
-    """Return whether a layout has a view of a choice."""
-    return any(origin.strip("/").split("/")[0] in ROOTS for origin in _values(reader.stream(store=layout), ORIGIN))
+    return [layout for layout in reader.blueprints() if roots(layout).isdisjoint(ROOTS)]
 
 
 def _values(chunks: Iterable[rr.chunk.Chunk], component: str) -> list[Any]:
@@ -193,49 +164,38 @@ class ChoiceLayer:
     def log_front(self, stream: rr.RecordingStream) -> None:
         """Draw the front on its axes, for all times."""
         self._legend.log(stream)
-        self.scene.log_axes(stream, self._canvases, static=True)
-        front = self.front
-        self.scene.log_points(stream, "front", front.objectives, self._canvases, ids=front.ids, named=True, static=True)
-        if self._parallel is not None:
-            self._parallel.log(stream, static=True)
-            stream.log(
-                f"{self._parallel.entity}/front",
-                self._parallel.lines(front.objectives, SCREEN.front, 0.6, 1.0),
-                static=True,
-            )
+        self._scatter.log_axes(stream)
+        front, parallel = self.front, self._scatter.parallel
+        names = [f"point {number}" for number in front.ids]
+        self._scatter.log_points(stream, "front", front.objectives, ids=front.ids, names=names, static=True)
+        if parallel is not None:
+            lines = parallel.lines(front.objectives, SCREEN.front, 0.6, 1.0)
+            stream.log(f"{parallel.entity}/front", lines, static=True)
 
     def log_choices(self, stream: rr.RecordingStream, times: Times = NO_TIMES) -> None:
         """Draw the choices, for all times, and their arms along their motions, also at ``times``.
 
         A later call for other choices of the layer replaces what an earlier call drew.
         """
+        scatter, front = self._scatter, self.front
         for root, choice, point, motions in zip(ROOTS, self.choices, self._points, self._motions, strict=False):
-            self.scene.log_points(
-                stream,
-                root,
-                choice.objectives[None],
-                self._canvases,
-                ids=np.array([choice.id]),
-                named=True,
-                static=True,
-                avoided=self.front.objectives,
-            )
-            if self._parallel is not None:
-                colour = SCREEN.chosen if root == ROOTS[0] else SCREEN.compared
-                lines = self._parallel.lines(choice.objectives[None], colour, 2.2, 4.0)
-                stream.log(f"{self._parallel.entity}/{root}", lines, static=True)
-            words = choice_text(self.front, choice, title="chosen" if root == ROOTS[0] else "compared")
-            stream.log(f"{root}/text", rr.TextDocument(words, media_type="text/markdown"), static=True)
+            F, name = choice.objectives[None], f"point {choice.id}"
+            scatter.log_points(stream, root, F, ids=np.array([choice.id]), names=[name], static=True)
+            scatter.log_label(stream, root, F, name, avoided=front.objectives, static=True)
+            if scatter.parallel is not None:
+                lines = scatter.parallel.lines(F, LAYERS[root][0], 2.2, 4.0)
+                stream.log(f"{scatter.parallel.entity}/{root}", lines, static=True)
+            words = choice_text(front, choice, title="chosen" if root == ROOTS[0] else "compared")
+            log_text(stream, words, f"{root}/text", static=True)
             if motions is not None and point.motion is not None:
                 self._log_motion(stream, motions, point, times)
 
     def log_prediction(self, stream: rr.RecordingStream, prediction: Prediction | None) -> None:
         """Draw the expected result of a move, for all times, in grey; None removes it."""
         F = np.zeros((0, len(self.front.names))) if prediction is None else prediction.objectives[None]
-        self.scene.log_points(stream, "predicted", F, self._canvases, static=True)
-        if self._parallel is not None:
-            lines = self._parallel.lines(F, SCREEN.predicted, 2.0, 3.0)
-            stream.log(f"{self._parallel.entity}/predicted", lines, static=True)
+        self._scatter.log_points(stream, "predicted", F, static=True)
+        if (parallel := self._scatter.parallel) is not None:
+            stream.log(f"{parallel.entity}/predicted", parallel.lines(F, SCREEN.predicted, 2.0, 3.0), static=True)
         if self._motions[0] is not None:
             motion = None if prediction is None else record_motion(prediction.motion, curves=False)
             self._motions[0].log_predicted(stream, motion)
@@ -244,7 +204,7 @@ class ChoiceLayer:
         """Draw the moving arm of a point; it stands still on the recording's timelines."""
         assert point.motion is not None
         motions.log(stream)
-        begins = {} if self.recorded is None else {name: each.first for name, each in self.recorded.timelines.items()}
+        begins = {} if self.recorded is None else self.recorded.timelines
         for timeline, first in ({self._timeline: {"duration": 0.0}} | begins).items():
             stream.set_time(timeline, **first)
         motions.log_whole(stream, [point])
@@ -253,53 +213,33 @@ class ChoiceLayer:
 
     def blueprint(self) -> rrb.Blueprint:
         """Return the layout; the views of the recorded run, if any, are a second tab."""
-        arms = [
-            (motions.view(), [chart.view() for chart in motions.charts.values()])
-            for motions in self._motions
-            if motions is not None
-        ]
+        arms = [motion_views(motions) for motions in self._motions if motions is not None]
         texts = [
             rrb.TextDocumentView(origin=f"{root}/text", name=name)
             for root, name in zip(ROOTS, self._names, strict=False)
         ]
-        below: list[rrb.View] = [] if self._parallel is None else [self._parallel.view()]
-        front = self.scene.view() if self._canvases else None
-        name = " and ".join(self._names)
-        tab = None if self.recorded is None else self.recorded.tab()
-        narrow = self.width < VIEWS.width
         return choice_blueprint(
             self._legend,
-            front,
-            below,
+            self._scatter.view(),
+            self._scatter.parallel_views(),
             arms,
             texts,
-            name=name,
-            recorded=tab,
-            narrow=narrow,
+            name=" and ".join(self._names),
+            recorded=None if self.recorded is None else self.recorded.tab(),
+            narrow=self.width < VIEWS.width,
             timeline=self._timeline,
         )
 
     @property
     def _timeline(self) -> str:
         """The timeline that plays: the motion's, or the recorded run's if arms stand still."""
-        stands = self.recorded is not None and not is_moving(self._points)
-        return self.recorded.timeline if stands and self.recorded is not None else "motion"
-
-    @property
-    def scene(self) -> SearchScene:
-        """The style of the front."""
-        front = self.front
-        return SearchScene(
-            names=tuple(front.names), units=tuple(front.units), maximised=tuple(front.maximised), root=(ROOTS[0],)
-        )
+        return "motion" if self.recorded is None or is_moving(self._points) else self.recorded.timeline
 
     @cached_property
-    def _canvases(self) -> list[Canvas]:
-        return self.scene.canvases(self.front.objectives)
-
-    @cached_property
-    def _parallel(self) -> ParallelAxes | None:
-        return self.scene.parallel_axes(self.front.objectives)
+    def _scatter(self) -> Scatter:
+        names, units, maximised = self.front.names, self.front.units, self.front.maximised
+        scene = SearchScene(names=tuple(names), units=tuple(units), maximised=tuple(maximised), root=(ROOTS[0],))
+        return Scatter(scene=scene, shown=self.front.objectives)
 
     @cached_property
     def _points(self) -> list[RecordedPoint]:
@@ -311,25 +251,24 @@ class ChoiceLayer:
         cell = workcell_of_front(self.front)
         if cell is None or any(point.motion is None for point in self._points):
             return [None] * len(self.choices)
-        return [self._scene_of(cell, number) for number in range(len(self.choices))]
-
-    def _scene_of(self, cell: Workcell, number: int) -> MotionScene:
-        return MotionScene(
-            workcell=cell,
-            names=tuple(self.front.names),
-            points=[*self._points, *self.around],
-            title=self._names[number],
-            root=f"{ROOTS[number]}/",
-        )
+        return [
+            MotionScene(
+                workcell=cell,
+                names=tuple(self.front.names),
+                points=[*self._points, *self.around],
+                title=name,
+                root=f"{root}/",
+            )
+            for root, name, _ in zip(ROOTS, self._names, self.choices, strict=False)
+        ]
 
     @property
     def _legend(self) -> Legend:
-        motions = next((each for each in self._motions if each is not None), None)
-        return Legend(
-            entity=f"{ROOTS[0]}/legend",
-            entries=choice_entries(self._names, motions, predicts=self.predicts),
-            width=self.width,
-        )
+        colours = [LAYERS[root][0] for root in ROOTS]
+        entries: list[Entry] = [("front", SCREEN.front), *zip(self._names, colours, strict=False)]
+        entries += [("predicted, not certified", SCREEN.predicted)] if self.predicts else []
+        entries += next((motions.entries() for motions in self._motions if motions is not None), [])
+        return Legend(entity=f"{ROOTS[0]}/legend", entries=entries, width=self.width)
 
     @property
     def _names(self) -> tuple[str, ...]:

@@ -13,13 +13,12 @@ import rerun.blueprint as rrb
 from jaxtyping import Float
 
 from paretoik.arrays import Objectives, Values
-from paretoik.formulations.protocol import Timeline
 from paretoik.review.drawing.axes import TEXT, Canvas, axis_ranges, labels, screen_text, text_width, window
 from paretoik.review.drawing.labels import half_size, label_area, line_points, log_name
 from paretoik.review.outlines import count_covered
 from paretoik.review.palette import DRAWING, MARKS, SCREEN, VIEWS, Colour
 from paretoik.review.recording.messages import RecordedPoint
-from paretoik.review.recording.recorder import Generation, Population
+from paretoik.review.recording.recorder import Population
 
 # The layers of points that a panel of two objectives shows, each with its colour and size.
 
@@ -35,13 +34,6 @@ LAYERS: dict[Layer, tuple[Colour, float, float]] = {  # colour, radius, drawing 
     "compared": (SCREEN.compared, 6.5, 3.5),
     "predicted": (SCREEN.predicted, 5.5, 2.9),
 }
-
-
-def layer_points(layer: Layer, places: np.ndarray, hovered: Sequence[str] | None) -> rr.Points2D:
-    """Return the points of a layer at places (points, 2) [pixels], with their words under the mouse."""
-    colour, radius, order = LAYERS[layer]
-    radii = rr.Radius.ui_points(radius)
-    return rr.Points2D(places, colors=colour, radii=radii, labels=hovered, show_labels=False, draw_order=order)
 
 
 # The best points of the objectives in a panel of two of them.
@@ -83,9 +75,9 @@ def log_ends(
     if others is None:
         return
     for number in range(max(1, len(names) // 2)):  # the largest possible number of labels
-        shown, rows = list(shared)[number : number + 1], list(shared.values())[number : number + 1]
+        words, rows = next(iter(list(shared)[number:]), ""), list(shared.values())[number : number + 1]
         everything = np.concatenate([places[rows], others, places])
-        log_name(recording, [*entity, "ends", f"names_{number}"], canvas, shown, everything, SCREEN.text, taken=taken)
+        log_name(recording, [*entity, "ends", f"names_{number}"], canvas, words, everything, SCREEN.text, taken=taken)
 
 
 def ring_radii(
@@ -136,12 +128,6 @@ class Panels:
         bottom = max(canvas.origin[1] + canvas.height for canvas in canvases) + TEXT.bottom + self._stagger
         return rrb.VisualBounds2D(x_range=[-TEXT.left, right], y_range=[-TEXT.top, bottom])
 
-    def view(self, origin: str, contents: Sequence[str], name: str) -> rrb.View:
-        """Return the view of all panels."""
-        return rrb.Spatial2DView(
-            origin=origin, contents=contents, name=name, visual_bounds=self.bounds(), background=SCREEN.background
-        )
-
     def _canvas(self, number: int, low: Values, high: Values) -> Canvas:
         first, second = self.pairs[number]
         matrix = len(self.labels) <= DRAWING.matrix
@@ -177,12 +163,6 @@ class Panels:
         return TEXT.line if TEXT.character * max(map(len, self.labels)) > room - 10.0 else 0.0
 
 
-def outside_panels(pairs: Sequence[Pair], canvases: Sequence[Canvas], points: Objectives) -> int:
-    """Return how many points (points, n_obj) at least one panel does not show; 0 without panels."""
-    seen = [canvas.shows(points[:, list(pair)]) for pair, canvas in zip(pairs, canvases, strict=False)]
-    return int((~np.all(seen, axis=0)).sum()) if seen else 0
-
-
 def normalised(F: Objectives, reference: Population) -> Objectives:
     """Return points as shares of the ranges of a front.
 
@@ -206,44 +186,6 @@ def replay_window(fronts: Sequence[Float[np.ndarray, "_ n_obj"]]) -> Objectives:
 
 
 # The lines in a panel of two objectives: bounds ε of a sweep, and moves of refined points.
-
-
-@dataclass(frozen=True, kw_only=True)
-class PanelLines:
-    """The lines of generations of a ``timeline``: levels have bounds, refinements have moves, others none.
-
-    Names, units and ``maximised`` describe the objectives.
-    """
-
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    maximised: tuple[bool, ...]
-    timeline: Timeline
-
-    def log(
-        self, recording: rr.RecordingStream, entity: Sequence[str], canvas: Canvas, pair: Pair, generation: Generation
-    ) -> None:
-        """Draw the lines of a generation in the panel of a pair of objectives, at the current time."""
-        if self.timeline == "refinement":
-            log_moves(recording, [*entity, "moves"], self._moves(canvas, pair, generation))
-        elif self.timeline == "level":
-            log_bounds(recording, [*entity, "epsilon"], self._bounds(canvas, pair, generation))
-
-    def points(self, canvas: Canvas, pair: Pair, generation: Generation) -> Float[np.ndarray, "points 2"]:
-        """Return points [pixels] on those lines and their words, which labels must avoid."""
-        if self.timeline == "refinement":
-            return line_points(self._moves(canvas, pair, generation))
-        return bound_points(self._bounds(canvas, pair, generation)) if self.timeline == "level" else np.zeros((0, 2))
-
-    def _moves(self, canvas: Canvas, pair: Pair, generation: Generation) -> Float[np.ndarray, "moves 2 2"]:
-        columns = list(pair)
-        origins = None if generation.origins is None else generation.origins[:, columns]
-        return moves_in(canvas, origins, generation.front[:, columns])
-
-    def _bounds(self, canvas: Canvas, pair: Pair, generation: Generation) -> list[Bound]:
-        epsilon = None if generation.epsilon is None else generation.epsilon[list(pair)]
-        first, second = ((screen_text(self.names[axis]), self.units[axis]) for axis in pair)
-        return bounds_in(canvas, epsilon, (first, second), (self.maximised[pair[0]], self.maximised[pair[1]]))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -322,13 +264,6 @@ def _end_label_place(
     middles = np.concatenate([middles, np.minimum(np.maximum(middles, low), high)])
     outside = ((middles < low - 1e-6) | (middles > high + 1e-6)).any(axis=1)
     return np.asarray(middles[(count_covered(middles, half, others) + MARKS.outside * outside).argmin()])
-
-
-def moves_in(canvas: Canvas, origins: Objectives | None, front: Objectives) -> Float[np.ndarray, "moves 2 2"]:
-    """Return the move of each point (points, 2) from its origin as a line [pixels]; none without origins."""
-    origins = front[:0] if origins is None else origins
-    seen = canvas.shows(origins) & canvas.shows(front[: len(origins)])
-    return np.stack([canvas.place(origins[seen]), canvas.place(front[: len(origins)][seen])], axis=1)
 
 
 def log_moves(recording: rr.RecordingStream, entity: Sequence[str], moves: Float[np.ndarray, "moves 2 2"]) -> None:

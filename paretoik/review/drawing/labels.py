@@ -15,6 +15,7 @@ from paretoik.review.drawing.axes import TEXT, Canvas, labels
 from paretoik.review.outlines import (
     NO_LINES,
     Lines,
+    Point,
     count_covered,
     count_crossed,
     count_touched,
@@ -48,17 +49,19 @@ class LabelOptions:
     reserve: float = 1.06  # factor of a label's size: a smaller window draws the frame smaller, but not the label
 
 
+Points: TypeAlias = Float[np.ndarray, "_ 2"]  # any number of points [pixels]
 LABEL = LabelOptions()
+SHARES = {letter: share for share, letters in LABEL.letters for letter in letters}
 
 
-def plate_half(words: str) -> Float[np.ndarray, " 2"]:
+def plate_half(words: str) -> Point:
     """Return half the width and height of a label's plate [pixels]."""
     lines = words.split("\n")
-    size = max(map(_width, lines)), LABEL.line * len(lines)
-    return 0.5 * (np.array(size) + LABEL.padding)
+    widths = [LABEL.height * sum(SHARES.get(letter, LABEL.usual) for letter in line) for line in lines]
+    return 0.5 * (np.array([max(widths), LABEL.line * len(lines)]) + LABEL.padding)
 
 
-def half_size(words: str) -> Float[np.ndarray, " 2"]:
+def half_size(words: str) -> Point:
     """Return half the width and height that a label needs [pixels], also in a smaller window."""
     return LABEL.reserve * plate_half(words)
 
@@ -68,12 +71,6 @@ def below_first(words: str) -> float:
     return 0.5 * LABEL.line * words.count("\n")
 
 
-def _width(line: str) -> float:
-    """Return the width of a line of words [pixels]."""
-    shares = (next((share for share, group in LABEL.letters if letter in group), LABEL.usual) for letter in line)
-    return LABEL.height * sum(shares)
-
-
 # The place of a label, and the line to its mark.
 
 
@@ -81,9 +78,7 @@ Labelled = tuple[Values, str]  # the objectives of a point and what its label sa
 DrawnLabel: TypeAlias = tuple[rr.Points2D, rr.LineStrips2D]  # the words, and the line from them to their mark
 
 
-def label_place(
-    canvas: Canvas, mark: Float[np.ndarray, " 2"], words: str, others: Float[np.ndarray, "marks 2"]
-) -> Float[np.ndarray, " 2"]:
+def label_place(canvas: Canvas, mark: Point, words: str, others: Points) -> Point:
     """Return the nearest middle of a `mark`'s label that covers the fewest of ``others``, all [pixels].
 
     It is within the frame if there is space.
@@ -96,9 +91,7 @@ def label_place(
     return np.asarray(middles[(covered + MARKS.outside * ~_is_inside(canvas, middles, half)).argmin()])
 
 
-def separate_label_places(
-    canvas: Canvas, marks: Float[np.ndarray, "marks 2"], words: Sequence[str], others: Float[np.ndarray, "others 2"]
-) -> Float[np.ndarray, "marks 2"]:
+def separate_label_places(canvas: Canvas, marks: Points, words: Sequence[str], others: Points) -> Points:
     """Return the middles of the labels of ``marks`` [pixels], which avoid ``others`` and earlier labels."""
     middles = np.zeros((len(marks), 2))
     for row, mark in enumerate(marks):
@@ -107,13 +100,7 @@ def separate_label_places(
     return middles
 
 
-def joined_label_place(
-    canvas: Canvas,
-    mark: Float[np.ndarray, " 2"],
-    words: str,
-    others: Float[np.ndarray, "marks 2"],
-    lines: Lines = NO_LINES,
-) -> Float[np.ndarray, " 2"]:
+def joined_label_place(canvas: Canvas, mark: Point, words: str, others: Points, lines: Lines = NO_LINES) -> Point:
     """Return the middle of a `mark`'s label; if no place next to the mark is free, it is farther away, with a line.
 
     Farther places are first all those in the frame, then those of the margins, which only contain the vertical axis
@@ -133,21 +120,19 @@ def joined_label_place(
     return freest_place(middles, half, mark, others, MARKS.label_gap, lines, reach=MARKS.end)
 
 
-def label_points(
-    canvas: Canvas, mark: Float[np.ndarray, " 2"], words: str, others: Float[np.ndarray, "marks 2"]
-) -> Float[np.ndarray, "area 2"]:
+def label_points(canvas: Canvas, mark: Point, words: str, others: Points) -> Points:
     """Return points on the joined label of a `mark`, which others must avoid."""
     return label_area(joined_label_place(canvas, mark, words, others), words)
 
 
-def label_lines(mark: Float[np.ndarray, " 2"], middle: Float[np.ndarray, " 2"], words: str) -> Lines:
+def label_lines(mark: Point, middle: Point, words: str) -> Lines:
     """Return the line from a `mark` to its label, and the label's diagonals, which other lines must not cross."""
     half = half_size(words)
     across = half * [1.0, -1.0]
     return np.array([[mark, middle], [middle - half, middle + half], [middle - across, middle + across]])
 
 
-def label_area(middle: Float[np.ndarray, " 2"], words: str) -> Float[np.ndarray, "area 2"]:
+def label_area(middle: Point, words: str) -> Points:
     """Return points on a label around its `middle`."""
     grid = np.stack(np.meshgrid(np.linspace(-1.0, 1.0, 9), np.linspace(-1.0, 1.0, 3)), axis=-1).reshape(-1, 2)
     return np.asarray(middle + plate_half(words) * grid)
@@ -158,8 +143,8 @@ def named_area(
     labelled: Labelled | None,
     columns: list[int],
     avoided: Objectives | None,
-    taken: Float[np.ndarray, "taken 2"] | None = None,
-) -> tuple[Float[np.ndarray, "area 2"], Lines]:
+    taken: Points | None = None,
+) -> tuple[Points, Lines]:
     """Return ``taken`` [pixels] plus the label of a point, which avoids it and ``avoided``, and the label's lines.
 
     A point that is not shown, or None, has no label.
@@ -191,7 +176,7 @@ def no_label() -> DrawnLabel:
     return rr.Points2D([]), rr.LineStrips2D([])
 
 
-def line_points(ends: Float[np.ndarray, "lines 2 2"]) -> Float[np.ndarray, "points 2"]:
+def line_points(ends: Float[np.ndarray, "lines 2 2"]) -> Points:
     """Return points along lines [pixels], so close that no label fits between two of them."""
     shares = np.linspace(0.0, 1.0, MARKS.line_points)[:, None]
     return np.concatenate([np.zeros((0, 2)), *(start + shares * (end - start) for start, end in ends)])
@@ -201,14 +186,14 @@ def log_name(
     recording: rr.RecordingStream,
     entity: Sequence[str],
     canvas: Canvas,
-    words: Sequence[str] | None,
-    places: Float[np.ndarray, "points 2"],
+    words: str,
+    places: Points,
     colour: Colour,
     static: bool = False,
-    taken: Float[np.ndarray, "area 2"] | None = None,
+    taken: Points | None = None,
     lines: Lines = NO_LINES,
 ) -> None:
-    """Label the first of some places with the first of ``words`` and avoid all places; without words, remove the label.
+    """Label the first of some places and avoid all of them; without words, remove the label.
 
     There is no label if the `canvas` does not show the place. ``taken`` [pixels] belongs to other labels or lines; if
     possible, the label's line crosses none of ``lines``.
@@ -216,41 +201,39 @@ def log_name(
     at, label = canvas.place(places), no_label()
     if words and canvas.shows(places[:1])[0]:
         others = at if taken is None else np.concatenate([at, taken])
-        label = joined_label(canvas, at[0], words[0], others, colour, lines)
+        label = joined_label(canvas, at[0], words, others, colour, lines)
     recording.log(list(entity), *label, static=static)
 
 
-def _has_line(mark: Float[np.ndarray, " 2"], edge: Float[np.ndarray, " 2"]) -> bool:
+def _has_line(mark: Point, edge: Point) -> bool:
     """Return whether a line joins a mark to the nearest edge of its label."""
     return bool(np.linalg.norm(edge - mark) > MARKS.leader)
 
 
-def _frame_places(canvas: Canvas, half: Float[np.ndarray, " 2"]) -> Float[np.ndarray, "places 2"]:
+def _frame_places(canvas: Canvas, half: Point) -> Points:
     """Return places of a label of half a size within the frame."""
     low, high = _frame_corners(canvas, half)
     return places_between(low, high, MARKS.label_grid) if (low <= high).all() else np.zeros((0, 2))
 
 
-def _frame_corners(
-    canvas: Canvas, half: Float[np.ndarray, " 2"]
-) -> tuple[Float[np.ndarray, " 2"], Float[np.ndarray, " 2"]]:
+def _frame_corners(canvas: Canvas, half: Point) -> tuple[Point, Point]:
     """Return the corners of all places of a label of half a size, within the frame and outside it."""
     inset = half + MARKS.frame_gap
     return canvas.origin + inset, canvas.origin + np.array([canvas.width, canvas.height]) - inset
 
 
-def _is_inside(canvas: Canvas, middles: Float[np.ndarray, "places 2"], half: Float[np.ndarray, " 2"]) -> Mask:
+def _is_inside(canvas: Canvas, middles: Points, half: Point) -> Mask:
     """Return at which places a label of half a size is within the frame."""
     low, high = _frame_corners(canvas, half)
     return np.asarray(((middles >= low - 1e-9) & (middles <= high + 1e-9)).all(axis=1))
 
 
-def _title_area(canvas: Canvas) -> Float[np.ndarray, "area 2"]:
+def _title_area(canvas: Canvas) -> Points:
     """Return points on the vertical axis label."""
     return label_area(canvas.upper_label_middle, canvas.labels[1]) if canvas.ticked[1] else np.zeros((0, 2))
 
 
-def _margin_places(canvas: Canvas, half: Float[np.ndarray, " 2"]) -> Float[np.ndarray, "places 2"]:
+def _margin_places(canvas: Canvas, half: Point) -> Points:
     """Return places of a label above the frame, next to the vertical axis label, or right of the frame."""
     (x, y), right = canvas.origin, canvas.origin[0] + canvas.width
     title_end = canvas.upper_label_middle[0] + half_size(canvas.labels[1])[0]

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import TypeAlias
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, TypeAlias
 
 import numpy as np
 import rerun as rr
@@ -94,22 +94,24 @@ def _grouped(groups: Sequence[Group], names: Sequence[str], word: str) -> list[G
 
 
 BULLET = "● "
+Entry: TypeAlias = tuple[str, Colour]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Legend:
     """Words and the colours of what they name, at ``entity``, in rows of a width [pixels]."""
 
-    entity: str
-    entries: Sequence[tuple[str, Colour]]
+    entries: Sequence[Entry]
+    entity: str = "legend"
     width: float = VIEWS.width
 
-    def view(self) -> rrb.View:
-        """Return the strip."""
+    def above(self, views: rrb.Container, name: str) -> rrb.Container:
+        """Return views below the strip."""
         bounds = rrb.VisualBounds2D(x_range=[0.0, self.width], y_range=[0.0, self.height])
-        return rrb.Spatial2DView(
+        strip = rrb.Spatial2DView(
             origin=self.entity, name="legend", titlebar=False, visual_bounds=bounds, background=SCREEN.background
         )
+        return rrb.Vertical(strip, views, row_shares=[self.height, VIEWS.body - self.height], name=name)
 
     @property
     def height(self) -> float:
@@ -146,13 +148,14 @@ class Legend:
 
 
 TEXT_ENTITY = "text"  # entity of the text about the point shown
-WHY = "notes/why"  # entity of the reason of the choice
+LEFT_OUT = "notes/left_out"  # entity of the note about what was left out
 
 
 @dataclass(frozen=True, kw_only=True)
 class Layout:
     """The views of a recording: the ``front`` above its ``charts``, the ``arm`` above its ``joints``, then ``texts``.
 
+    ``note``: what was left out, which is the last of the texts.
     ``timeline`` is the one that plays, from ``start`` or from its beginning; ``frames`` is its speed per second if it
     counts. ``further`` views are tabs next to all of these.
     """
@@ -160,61 +163,47 @@ class Layout:
     legend: Legend
     front: rrb.View | None
     charts: Sequence[rrb.View]
-    arm: rrb.View | None
-    joints: Sequence[rrb.View]
     texts: Sequence[rrb.View]
     timeline: str
+    arm: rrb.View | None = None
+    joints: Sequence[rrb.View] = ()
+    note: str = ""
     start: int | None = None
     end: int = 0
     name: str = "search"
     frames: float = DRAWING.frames
-    further: Sequence[rrb.Container] = field(default_factory=tuple)
+    further: Sequence[rrb.Container] = ()
+
+    def log(self, stream: rr.RecordingStream) -> None:
+        """Draw the legend and the note, for all times, and send the layout."""
+        self.legend.log(stream)
+        if self.note:
+            stream.log(LEFT_OUT, rr.TextDocument(self.note), static=True)
+        stream.send_blueprint(self.blueprint())
 
     def blueprint(self) -> rrb.Blueprint:
         """Return the layout as the viewer takes it."""
-        body = self.body()
-        if self.further:
-            body = rrb.Tabs(body, *self.further)
-        return rrb.Blueprint(
-            body,
-            rrb.BlueprintPanel(state="hidden"),
-            rrb.SelectionPanel(state="hidden"),
-            self._time_panel(),
-            auto_views=False,
-        )
-
-    def body(self) -> rrb.Container:
-        """Return legend and views."""
         front, charts = self.front, list(self.charts)
         if front is None and charts:
             front, charts = charts[0], charts[1:]
-        columns = [(_column(front, charts), VIEWS.columns[0]), (_column(self.arm, self.joints), VIEWS.columns[1])]
-        columns.append((fitting_tabs(self.texts, VIEWS.columns[2]) if self.texts else None, VIEWS.columns[2]))
-        present = [(column, width) for column, width in columns if column is not None]
+        notes = [rrb.TextDocumentView(origin=LEFT_OUT, name="left out")] if self.note else []
+        texts, columns = [*self.texts, *notes], (_column(front, charts), _column(self.arm, self.joints))
+        words = fitting_tabs(texts, VIEWS.columns[2]) if texts else None
+        present = [each for each in zip((*columns, words), VIEWS.columns, strict=True) if each[0] is not None]
         views = rrb.Horizontal(*(column for column, _ in present), column_shares=[width for _, width in present])
-        shares = [self.legend.height, VIEWS.body - self.legend.height]
-        return rrb.Vertical(self.legend.view(), views, row_shares=shares, name=self.name)
-
-    def _time_panel(self) -> rrb.TimePanel:
-        if self.start is None:
-            return rrb.TimePanel(timeline=self.timeline, state="collapsed", fps=self.frames)
-        # A viewer begins at the start of what it loops over.
-        selection = rrb.components.AbsoluteTimeRange(min=self.start, max=max(self.end, self.start + 1))
-        return rrb.TimePanel(
-            timeline=self.timeline,
-            state="collapsed",
-            fps=self.frames,
-            play_state="playing",
-            loop_mode="selection",
-            time_selection=selection,
-        )
+        looped: dict[str, Any] = {}
+        if self.start is not None:  # a viewer begins at the start of what it loops over
+            selection = rrb.components.AbsoluteTimeRange(min=self.start, max=max(self.end, self.start + 1))
+            looped = {"play_state": "playing", "loop_mode": "selection", "time_selection": selection}
+        panel = rrb.TimePanel(timeline=self.timeline, state="collapsed", fps=self.frames, **looped)
+        return _blueprint([self.legend.above(views, self.name), *self.further], panel)
 
 
 def choice_blueprint(
     legend: Legend,
     front: rrb.View | None,
     below: Sequence[rrb.View],
-    arms: Sequence[tuple[rrb.View, Sequence[rrb.View]]],
+    arms: Sequence[Mapping[str, Any]],
     texts: Sequence[rrb.View],
     *,
     name: str,
@@ -224,25 +213,23 @@ def choice_blueprint(
 ) -> rrb.Blueprint:
     """Return the layout of one choice, or of two side by side, on a common time; ``recorded`` may be a second tab.
 
-    The words of one choice are next to the arm; those of two, or in a ``narrow`` viewer, below the front.
+    ``arms``: views of each choice's motion. The words of one choice are next to the arm; those of two, or in a
+    ``narrow`` viewer, below the front.
     """
+    further = [] if recorded is None else [recorded]
     if len(texts) == 1 and not narrow:
-        arm, joints = arms[0] if arms else (None, ())
-        body = Layout(
-            legend=legend, front=front, charts=below, arm=arm, joints=joints, texts=texts, timeline=timeline, name=name
-        ).body()
-    else:
-        left = _column(front, [*texts, *below])
-        columns = [each for each in (left, *(_column(arm, joints) for arm, joints in arms)) if each is not None]
-        shares = [legend.height, VIEWS.body - legend.height]
-        body = rrb.Vertical(legend.view(), rrb.Horizontal(*columns), row_shares=shares, name=name)
-    return rrb.Blueprint(
-        body if recorded is None else rrb.Tabs(body, recorded),
-        rrb.BlueprintPanel(state="hidden"),
-        rrb.SelectionPanel(state="hidden"),
-        rrb.TimePanel(timeline=timeline, state="collapsed", fps=DRAWING.frames),
-        auto_views=False,
-    )
+        layout = Layout(legend=legend, front=front, charts=below, texts=texts, timeline=timeline, name=name)
+        return replace(layout, further=further, **(arms[0] if arms else {})).blueprint()
+    columns = [_column(front, [*texts, *below]), *(_column(each["arm"], each["joints"]) for each in arms)]
+    body = legend.above(rrb.Horizontal(*(each for each in columns if each is not None)), name)
+    return _blueprint([body, *further], rrb.TimePanel(timeline=timeline, state="collapsed", fps=DRAWING.frames))
+
+
+def _blueprint(tabs: Sequence[rrb.Container], panel: rrb.TimePanel) -> rrb.Blueprint:
+    """Return a layout of one container, or of several as tabs, without panels other than that of the time."""
+    body = tabs[0] if len(tabs) == 1 else rrb.Tabs(*tabs)
+    hidden = rrb.BlueprintPanel(state="hidden"), rrb.SelectionPanel(state="hidden")
+    return rrb.Blueprint(body, *hidden, panel, auto_views=False)
 
 
 def text_view(name: str) -> rrb.View:
@@ -250,9 +237,9 @@ def text_view(name: str) -> rrb.View:
     return rrb.TextDocumentView(origin=TEXT_ENTITY, name=name)
 
 
-def note_view() -> rrb.View:
-    """Return the view of the note about what was left out."""
-    return rrb.TextDocumentView(origin="notes/left_out", name="left out")
+def log_text(stream: rr.RecordingStream, words: str, entity: str = TEXT_ENTITY, *, static: bool = False) -> None:
+    """Show a text in Markdown, by default that about the point shown, at the current time or for all times."""
+    stream.log(entity, rr.TextDocument(words, media_type="text/markdown"), static=static)
 
 
 def _column(above: rrb.View | None, below: Sequence[rrb.View]) -> rrb.Container | None:

@@ -12,11 +12,10 @@ import rerun.blueprint as rrb
 from jaxtyping import Float, Int
 
 from paretoik.review.drawing.arm import ArmDrawing, is_seen_beside, target_mark
-from paretoik.review.drawing.axes import Canvas, screen_text
-from paretoik.review.drawing.front_panels import normalised, outside_panels
-from paretoik.review.drawing.layout import TEXT_ENTITY as TEXT
-from paretoik.review.drawing.layout import Layout, Legend, text_view
-from paretoik.review.drawing.motion import MotionScene
+from paretoik.review.drawing.axes import screen_text
+from paretoik.review.drawing.front_panels import normalised
+from paretoik.review.drawing.layout import Layout, Legend, log_text, text_view
+from paretoik.review.drawing.motion import MotionScene, motion_views
 from paretoik.review.drawing.point_text import (
     NO_RANGE,
     beginning_text,
@@ -26,11 +25,11 @@ from paretoik.review.drawing.point_text import (
     search_hint,
     text_of,
 )
-from paretoik.review.drawing.scatter import SearchScene
-from paretoik.review.drawing.search_charts import FrontViews, RecordedSearch, search_entries
+from paretoik.review.drawing.scatter import Scatter, SearchScene
+from paretoik.review.drawing.search_charts import FrontViews, log_styles, search_entries
 from paretoik.review.palette import SCREEN, VIEWS
 from paretoik.review.recording.messages import RecordedPoint, Workcell, chosen_point
-from paretoik.review.recording.recorder import Generation, SearchedStep
+from paretoik.review.recording.recorder import Generation, SearchedStep, SearchEnd
 from paretoik.review.words import counted
 from paretoik.robot.kinematics import link_nodes
 
@@ -64,15 +63,14 @@ class StepScene:
         """Return the views: the fronts, with the arm next to them, below a legend."""
         arm = self._drawing.view(f"{ARMS if self._shows_arms else 'arm'}, step {self.step.sample}")
         text = rrb.TextDocumentView(origin=f"{self._root}/text", name="generation, individual")
-        shown = [*([self._scene.view()] if self._canvases else []), arm, text]
+        shown = [view for view in (self._scatter.view(), arm, text) if view is not None]
         views = rrb.Horizontal(*shown, column_shares=VIEWS.columns[-len(shown) :])
-        shares = [self._legend.height, VIEWS.body - self._legend.height]
-        return rrb.Vertical(self._legend.view(), views, row_shares=shares, name=f"search of step {self.step.sample}")
+        return self._legend.above(views, f"search of step {self.step.sample}")
 
     def log(self, recording: rr.RecordingStream, end: Mapping[str, float]) -> None:
         """Log the search; its last generation is also shown at the ``end`` of the step on other timelines, by name."""
         self._legend.log(recording)
-        self._scene.log_axes(recording, self._canvases, static=True)
+        self._scatter.log_axes(recording)
         self._drawing.log_workcell(recording)
         last = len(self.step.objectives) - 1
         for number in range(last + 1):
@@ -103,12 +101,12 @@ class StepScene:
         objectives, front = self.step.objectives[number], self.step.fronts[number]
         alive = np.isfinite(objectives).all(axis=1)
         self._log_text(recording, self._generation_text(number))
-        scene, canvases, drawing = self._scene, self._canvases, self._drawing
+        drawing, names = self._drawing, [f"point {individual}" for individual in front]
         within = objectives[front] if len(front) else None
-        scene.log_points(recording, "population", objectives[alive], canvases, reference=within)
-        scene.log_points(recording, "front", objectives[front], canvases, ids=front, named=True, reference=within)
-        named = {"labels": [f"point {individual}" for individual in front], "show_labels": False}
-        ghosts = drawing.strips(list(self._links(number, front)), SCREEN.ghost, 1.0, 0.0, **named)
+        self._scatter.log_points(recording, "population", objectives[alive], reference=within)
+        self._scatter.log_points(recording, "front", objectives[front], ids=front, names=names, reference=within)
+        links = list(self._links(number, front))
+        ghosts = drawing.stage.strips(links, SCREEN.ghost, 1.0, 0.0, labels=names, show_labels=False)
         recording.log(f"{drawing.entity}/front", ghosts)
         recording.log(f"{drawing.entity}/place", target_mark(drawing, self.step.target))
         if len(front):
@@ -116,19 +114,12 @@ class StepScene:
 
     def _log_individual(self, recording: rr.RecordingStream, number: int, individual: int) -> None:
         """Draw one individual of a generation: its objectives and its arm."""
-        row = np.array([individual])
+        row, name = np.array([individual]), f"point {individual}"
         objectives = self.step.objectives[number, row]
         front = self.step.objectives[number, self.step.fronts[number]]
-        self._scene.log_points(
-            recording,
-            "chosen",
-            objectives,
-            self._canvases,
-            ids=row,
-            named=True,
-            avoided=normalised(front, front),
-            reference=front,
-        )
+        self._scatter.log_points(recording, "chosen", objectives, ids=row, names=[name], reference=front)
+        place, avoided = normalised(objectives, front), normalised(front, front)
+        self._scatter.log_label(recording, "chosen", place, name, avoided=avoided)
         links = self._links(number, row)[0]
         self._drawing.log_arm(recording, "chosen", links, None)
 
@@ -137,12 +128,11 @@ class StepScene:
         objectives, front = self.step.objectives[number], self.step.fronts[number]
         alive = np.isfinite(objectives).all(axis=1)
         shown = normalised(objectives[alive], objectives[front]) if len(front) else objectives[alive]
-        outside = outside_panels(self._scene.panels.pairs, self._canvases, shown)
         lines = [
             f"# Step {self.step.sample}, generation {number}",
             f"{counted(len(front), 'point')} on its front; of {counted(len(alive), 'individual')} "
             f"{(~alive).sum()} failed.",
-            *outside_text(outside, int(alive.sum()), "the front"),
+            *outside_text(self._scatter.outside(shown), int(alive.sum()), "the front"),
         ]
         if len(front) == 1:
             lines += ["", NO_RANGE]
@@ -162,8 +152,7 @@ class StepScene:
         return "\n".join(f"- **{name}**: {value:.6g} {unit}".rstrip() for name, value, unit in named)
 
     def _log_text(self, recording: rr.RecordingStream, words: str) -> None:
-        document = rr.TextDocument(screen_text(words), media_type="text/markdown")
-        recording.log(f"{self._root}/text", document)
+        log_text(recording, screen_text(words), f"{self._root}/text")
 
     def _links(self, number: int, rows: Int[np.ndarray, " rows"]) -> Float[np.ndarray, "rows nodes 3"]:
         return np.asarray(link_nodes(self.step.arm, self.step.q[number, rows]))
@@ -172,24 +161,17 @@ class StepScene:
     def _root(self) -> str:
         return f"step_{self.step.sample}"
 
-    @property
+    @cached_property
     def _legend(self) -> Legend:
         obstacles = [("obstacle", SCREEN.obstacle)] if self.workcell is not None and self.workcell.obstacles else []
         has_path = bool(self._drawing.workcell.paths)
-        shows = {POPULATION: self._shows_population, ARMS: self._shows_arms, PATH: has_path}
+        within = [
+            normalised(np.delete(objectives, front, axis=0), objectives[front]) if len(front) else objectives
+            for objectives, front in zip(self.step.objectives, self.step.fronts, strict=True)
+        ]  # individuals outside the front of their generation
+        shows = {POPULATION: any(map(self._scatter.shows_any, within)), ARMS: self._shows_arms, PATH: has_path}
         entries = [(words, colour) for words, colour in ENTRIES if shows.get(words, True)]
         return Legend(entity=f"{self._root}/legend", entries=[*entries, *obstacles])
-
-    @cached_property
-    def _shows_population(self) -> bool:
-        """Whether any individual outside the front of its generation is inside the axes."""
-        panels = list(zip(self._scene.panels.pairs, self._canvases, strict=False))
-        for objectives, front in zip(self.step.objectives, self.step.fronts, strict=True):
-            others = np.delete(objectives, front, axis=0)
-            shown = normalised(others, objectives[front]) if len(front) else others
-            if any(canvas.shows(shown[:, list(pair)]).any() for pair, canvas in panels):
-                return True
-        return False
 
     @cached_property
     def _shows_arms(self) -> bool:
@@ -206,13 +188,9 @@ class StepScene:
         return float(np.linalg.norm(self._links(number, front) - chosen, axis=-1).max())
 
     @cached_property
-    def _scene(self) -> SearchScene:
-        return replace(self.loop, root=(self._root,))
-
-    @cached_property
-    def _canvases(self) -> list[Canvas]:
+    def _scatter(self) -> Scatter:
         alive = np.isfinite(self.step.objectives).all(axis=2)
-        return self._scene.canvases(self.step.objectives[alive])
+        return Scatter(scene=replace(self.loop, root=(self._root,)), shown=self.step.objectives[alive])
 
     @cached_property
     def _drawing(self) -> ArmDrawing:
@@ -226,47 +204,50 @@ class StepScene:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class FinishedLoop:
-    """A closed loop: its steps as the generations of a ``search``, followed by its motion."""
+class LoopDrawing:
+    """A closed loop, whose steps are ``generations``, and its motion in the workcell ``cell``.
 
-    search: RecordedSearch
+    ``note``: what was left out.
+    """
+
+    scene: SearchScene
+    cell: Workcell | None
+    generations: Sequence[Generation]
+    end: SearchEnd
+    note: str = ""
 
     def log(self, stream: rr.RecordingStream) -> None:
         """Draw everything."""
-        self._log_still(stream)
+        log_styles(self.scene, stream)
+        self._views.log(stream)
+        if self._motions is not None:
+            self._motions.log(stream)
         self._log_beginning(stream)
-        for generation in self._steps:
+        for generation in self.generations:
             self._set_time(stream, generation.number)
             self._log_step(stream, generation)
         stream.reset_time()
         self._send_motion(stream)
-        if self._searches and self._steps:
+        if self._searches and self.generations:
             for timeline in ("generation", "individual"):  # of searched steps: the loop does not move meanwhile
                 stream.set_time(timeline, sequence=0)
-            self._log_step(
-                stream, self._opening or self._steps[-1], search_hint([each.step.sample for each in self._searches])
-            )
+            hint = search_hint([each.step.sample for each in self._searches])
+            self._log_step(stream, self._opening or self.generations[-1], hint)
         for each in self._searches:
             each.log(stream, self._times_of(each.step.sample))
         stream.reset_time()
-        stream.send_blueprint(self._layout.blueprint())
-
-    def _log_still(self, stream: rr.RecordingStream) -> None:
-        self._views.log(stream)
-        self._layout.legend.log(stream)
-        if self._motions is not None:
-            self._motions.log(stream)
+        self._layout.log(stream)
 
     def _log_beginning(self, stream: rr.RecordingStream) -> None:
         """Explain at step 0 why it has no front, next to its picture and in it; cursors start at the first front."""
-        if not self._steps or self._steps[0].number == 0:
+        if not self.generations or self.generations[0].number == 0:
             return
         self._set_time(stream, 0)
-        stream.log(TEXT, rr.TextDocument(beginning_text(self._steps[0].number), media_type="text/markdown"))
-        self._views.log_cursors(stream, self._steps[0].number)
-        self._views.log_note(stream, f"no front before step {self._steps[0].number}")
-        self._set_time(stream, self._steps[0].number)
-        self._views.log_note(stream, "")
+        log_text(stream, beginning_text(self.generations[0].number))
+        self._views.log_cursors(stream, self.generations[0].number)
+        self._views.scatter.log_note(stream, f"no front before step {self.generations[0].number}")
+        self._set_time(stream, self.generations[0].number)
+        self._views.scatter.log_note(stream, "")
 
     def _set_time(self, stream: rr.RecordingStream, step: int) -> None:
         stream.reset_time()
@@ -281,8 +262,8 @@ class FinishedLoop:
 
     def _log_step(self, stream: rr.RecordingStream, generation: Generation, hint: str = "") -> None:
         """Draw a step at the current time with its text, which begins with a hint."""
-        choice, opening = self.search.end.choice, None if self._opening is None else self._opening.number
-        words = [hint, text_of(self.search.scene, generation)]
+        choice, opening = self.end.choice, None if self._opening is None else self._opening.number
+        words = [hint, text_of(self.scene, generation)]
         if choice is not None:
             words.append(f"## The whole loop\n\n{screen_text(choice.reason)}")
         words.append(loop_guide([each.step.sample for each in self._searches], opening))
@@ -312,56 +293,53 @@ class FinishedLoop:
 
         The widest front has the largest product of ranges among those in which every objective varies.
         """
-        recorded = {each.sample for each in self.search.end.searched}
-        steps = [each for each in self._steps if each.number in recorded]
+        recorded = {each.sample for each in self.end.searched}
+        steps = [each for each in self.generations if each.number in recorded]
         if steps:
             return steps[0]
         widths = [
             np.log(np.ptp(each.front, axis=0)).sum()
             if len(each.front) and np.ptp(each.front, axis=0).all()
             else -np.inf
-            for each in self._steps
+            for each in self.generations
         ]
-        return self._steps[int(np.argmax(widths))] if widths and np.isfinite(max(widths)) else None
+        return self.generations[int(np.argmax(widths))] if widths and np.isfinite(max(widths)) else None
 
     @cached_property
     def _point(self) -> RecordedPoint | None:
-        return None if self.search.end.choice is None else chosen_point(self.search.end.choice)
+        return None if self.end.choice is None else chosen_point(self.end.choice)
 
     @cached_property
     def _motions(self) -> MotionScene | None:
-        cell = self.search.recorded.workcell
+        cell = self.cell
         if cell is None or self._point is None or self._point.motion is None:
             return None
-        return MotionScene(workcell=cell, names=self.search.scene.names, points=[self._point], title="arm")
+        return MotionScene(workcell=cell, names=self.scene.names, points=[self._point], title="arm")
 
     @cached_property
     def _searches(self) -> list[StepScene]:
-        scene, cell = self.search.scene, self.search.recorded.workcell
-        return [StepScene(loop=scene, step=each, workcell=cell) for each in self.search.end.searched]
-
-    @property
-    def _steps(self) -> Sequence[Generation]:
-        return self.search.generations
+        scene, cell = self.scene, self.cell
+        return [StepScene(loop=scene, step=each, workcell=cell) for each in self.end.searched]
 
     @cached_property
     def _views(self) -> FrontViews:
-        fronts = [np.empty((0, len(self.search.scene.names))), *(each.front for each in self._steps)]
-        return FrontViews(search=self.search, shown=np.concatenate(fronts), note=self.search.note)
+        fronts = [np.empty((0, len(self.scene.names))), *(each.front for each in self.generations)]
+        scatter = Scatter(scene=self.scene, shown=np.concatenate(fronts))
+        return FrontViews(scatter=scatter, generations=self.generations)
 
-    @cached_property
+    @property
     def _layout(self) -> Layout:
         motions, opening = self._motions, self._opening
         return Layout(
-            legend=Legend(entity="legend", entries=search_entries(self.search.scene, motions, chosen="chosen")),
-            front=self._views.front,
+            legend=Legend(entries=search_entries(self.scene, motions, chosen="chosen")),
+            front=self._views.scatter.view(),
             charts=self._views.charts,
-            arm=None if motions is None else motions.view(),
-            joints=[] if motions is None else [chart.view() for chart in motions.charts.values()],
-            texts=[text_view("step"), *self._views.notes],
+            texts=[text_view("step")],
+            note=self.note,
             timeline="step",
             start=None if opening is None else opening.number,
-            end=self._steps[-1].number if self._steps else 0,
+            end=self.generations[-1].number if self.generations else 0,
             name="loop",
             further=[each.view() for each in self._searches],
+            **motion_views(motions),
         )

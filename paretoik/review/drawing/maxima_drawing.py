@@ -9,153 +9,19 @@ from typing import Any
 
 import numpy as np
 import rerun as rr
-import rerun.blueprint as rrb
 
 from paretoik.review.drawing.arm import ArmDrawing
-from paretoik.review.drawing.axes import Canvas, equal_window, screen_text
-from paretoik.review.drawing.charts import Chart, LimitLine
+from paretoik.review.drawing.axes import screen_text
+from paretoik.review.drawing.charts import Chart, LimitLine, fit_below_tabs
 from paretoik.review.drawing.labels import joined_label, no_label
-from paretoik.review.drawing.layout import TEXT_ENTITY as TEXT
-from paretoik.review.drawing.layout import Layout, Legend, note_view, text_view
+from paretoik.review.drawing.layout import Entry, Layout, Legend, log_text, text_view
 from paretoik.review.drawing.motion import CHOSEN, limit_lines
-from paretoik.review.drawing.search_charts import DrawnChart, fit_drawn_charts, maxima_entries
-from paretoik.review.drawing.space import Ground
+from paretoik.review.drawing.space import Stage
 from paretoik.review.palette import DRAWING, SCENES, SCREEN, Colour, joint_units
-from paretoik.review.recording.messages import MaximaEnd, MaximaScene
+from paretoik.review.recording.messages import MaximaEnd, MaximaScene, in_space
 from paretoik.review.words import run_text
 from paretoik.robot.kinematics import link_nodes
 from paretoik.task.limits import JOINT_UNITS
-
-# The panel of directional maxima: vectors that form a polygon in the plane, rays in space.
-
-
-ENTITY = "maxima"
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class MaximaPanel:
-    """The maxima of an ``end`` as vectors from the origin, on axes of speed or force."""
-
-    scene: MaximaScene
-    end: MaximaEnd
-
-    def view(self) -> rrb.View:
-        """Return the view."""
-        name = f"highest {self.scene.word} in each direction"
-        if self.planar:
-            bounds = self._canvas.bounds()
-            return rrb.Spatial2DView(origin=ENTITY, name=name, visual_bounds=bounds, background=SCREEN.background)
-        return rrb.Spatial3DView(
-            origin=ENTITY,
-            name=name,
-            background=SCREEN.background,
-            line_grid=False,
-            eye_controls=self._ground.eye(),
-        )
-
-    def log(self, recording: rr.RecordingStream) -> None:
-        """Draw axes and, behind everything else, all maxima, for all times."""
-        if self.planar:
-            self._canvas.log(recording, f"{ENTITY}/axes", static=True)
-        else:
-            recording.log(ENTITY, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-            self._ground.log(recording, f"{ENTITY}/axes")
-        everything = (
-            self._outline(len(self.end), SCREEN.final, 0.8, 0.5)
-            if self.planar
-            else self._rays(len(self.end), SCREEN.final, 0.8)
-        )
-        recording.log(f"{ENTITY}/final", everything, static=True)
-        origin = self._points(np.zeros((1, 3)), SCREEN.target, 4.0, 1.0)
-        recording.log(f"{ENTITY}/origin", origin, static=True)
-
-    def log_until(self, recording: rr.RecordingStream, count: int) -> None:
-        """Draw the first ``count`` maxima; the last of them is the chosen one."""
-        tips = self.tips[:count]
-        is_reached = np.isfinite(tips).all(axis=1)
-        recording.log(f"{ENTITY}/rays", self._rays(count, SCREEN.front, 0.6))
-        recording.log(f"{ENTITY}/outline", self._outline(count, SCREEN.front, 1.6, 2.0))
-        names = [f"direction {number}" for number in np.flatnonzero(is_reached) + 1]
-        corners = self._points(tips[is_reached], SCREEN.front, 3.2, 3.0, labels=names, show_labels=False)
-        recording.log(f"{ENTITY}/corners", corners)
-        chosen = tips[count - 1 : count][is_reached[-1:]]
-        arrow = [np.stack([np.zeros(3), tip]) for tip in chosen]
-        recording.log(f"{ENTITY}/chosen/ray", self._strips(arrow, SCREEN.chosen, 2.0, 4.0))
-        recording.log(f"{ENTITY}/chosen/tip", self._points(chosen, SCREEN.chosen, 6.0, 5.0))
-        recording.log(f"{ENTITY}/chosen/name", *self._name(chosen, f"direction {count}"))
-
-    def _name(self, tip: np.ndarray, words: str) -> Sequence[Any]:
-        """Return the name of a tip (0 or 1, 3); in the plane it avoids all rays and corners."""
-        if not len(tip):
-            return no_label() if self.planar else [rr.Points3D([])]
-        if not self.planar:
-            radii = rr.Radius.ui_points(0.0)
-            return [rr.Points3D(1.12 * tip, labels=[words], show_labels=True, colors=SCREEN.chosen, radii=radii)]
-        shares = np.linspace(0.0, 1.0, 12)[:, None, None]
-        rays = (shares * self.tips[np.isfinite(self.tips).all(axis=1), :2]).reshape(-1, 2)
-        at = self._canvas.place
-        return joined_label(self._canvas, at(tip[0, :2]), words, at(rays), SCREEN.chosen)
-
-    @property
-    def planar(self) -> bool:
-        """Whether the maxima are in a plane."""
-        return self.end.directions.shape[1] == 2
-
-    @cached_property
-    def tips(self) -> np.ndarray:
-        """The maxima as vectors (directions, 3), NaN if none was found."""
-        vectors = self.end.values[:, None] * self.end.directions
-        return np.pad(vectors, ((0, 0), (0, 3 - vectors.shape[1])))
-
-    def _rays(self, count: int, colour: Colour, radius: float) -> Any:
-        tips = self.tips[:count]
-        rays = [np.stack([np.zeros(3), tip]) for tip in tips if np.isfinite(tip).all()]
-        return self._strips(rays, colour, radius, 0.8)
-
-    def _outline(self, count: int, colour: Colour, radius: float, order: float) -> Any:
-        """Return the polygon through the first ``count`` maxima, closed if these are all; none in space."""
-        tips = self.tips[:count]
-        tips = tips[np.isfinite(tips).all(axis=1)]
-        if not self.planar or len(tips) < 2:
-            return self._strips([], colour, radius, order)
-        whole = count == len(self.end) and len(tips) > 2
-        around = np.argsort(np.arctan2(tips[:, 1], tips[:, 0]), kind="stable") if whole else np.arange(len(tips))
-        return self._strips([tips[np.append(around, around[0])] if whole else tips], colour, radius, order)
-
-    def _strips(self, lines: list[np.ndarray], colour: Colour, radius: float, order: float) -> Any:
-        radii = rr.Radius.ui_points(radius)
-        if not self.planar:
-            return rr.LineStrips3D(lines, colors=colour, radii=radii)
-        placed = [self._canvas.place(line[:, :2]) for line in lines]
-        return rr.LineStrips2D(placed, colors=colour, radii=radii, draw_order=order)
-
-    def _points(self, places: np.ndarray, colour: Colour, radius: float, order: float, **more: Any) -> Any:
-        radii = rr.Radius.ui_points(radius)
-        if not self.planar:
-            return rr.Points3D(places, colors=colour, radii=radii, **more)
-        return rr.Points2D(self._canvas.place(places[:, :2]), colors=colour, radii=radii, draw_order=order, **more)
-
-    @cached_property
-    def _seen(self) -> np.ndarray:
-        return np.concatenate([np.zeros((1, 3)), self.tips[np.isfinite(self.tips).all(axis=1)]])
-
-    @property
-    def _labels(self) -> tuple[str, str, str]:
-        along = f"{self.scene.word} along " if self.planar else ""  # in space short labels stay visible
-        x, y, z = (f"{along}{axis} [{self.scene.unit}]" for axis in "xyz")
-        return x, y, z
-
-    @cached_property
-    def _canvas(self) -> Canvas:
-        flat = Canvas(low=np.zeros(2), high=np.ones(2), labels=self._labels[:2])
-        seen = self._seen[:, :2] if len(self._seen) > 1 else np.array([[-1.0, -1.0], [1.0, 1.0]])
-        low, high = equal_window(seen, width=flat.width, height=flat.height)
-        return Canvas(low=low, high=high, labels=flat.labels)
-
-    @cached_property
-    def _ground(self) -> Ground:
-        return Ground.around(self._seen, labels=self._labels)
-
 
 # The text of a directional maximum, in Markdown.
 
@@ -205,11 +71,14 @@ def _without_dust(value: float, all_values: np.ndarray) -> float:
     return 0.0 if abs(value) <= DRAWING.rounding * float(np.nanmax(np.abs(all_values))) else float(value)
 
 
-# The recording of directional maxima.
+# The recording of directional maxima: vectors that form a polygon in the plane, rays in space.
+
+
+ENTITY = "maxima"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class FinishedMaxima:
+class MaximaDrawing:
     """Directional maxima on the timeline ``direction``, from 1 on; ``note``: what was left out."""
 
     scene: MaximaScene
@@ -219,14 +88,10 @@ class FinishedMaxima:
 
     def log(self, stream: rr.RecordingStream) -> None:
         """Draw everything."""
-        self._layout.legend.log(stream)
-        self._panel.log(stream)
+        self._log_axes(stream)
         self._drawing.log_workcell(stream)
-        for chart, instants, curves in self._charts:
+        for chart in self._charts:
             chart.log(stream)
-            chart.draw(stream, instants, curves, static=True)
-        if self.note:
-            stream.log("notes/left_out", rr.TextDocument(self.note), static=True)
         stream.log(
             "search/maxima",
             rr.AnyValues(values=self.end.values, directions=self.end.directions.ravel(), q=self.end.q.ravel()),
@@ -234,23 +99,72 @@ class FinishedMaxima:
         )
         for number in range(1, len(self.end) + 1):
             stream.set_time("direction", sequence=number)
-            self._log_direction(stream, number)
+            self._log_maxima(stream, number)
+            self._log_posture(stream, number)
+            words = maximum_text(self.scene, self.end, number)
+            log_text(stream, words)
+            for chart in self._charts:
+                chart.log_cursor(stream, float(number))
         stream.reset_time()
-        stream.send_blueprint(self._layout.blueprint())
+        self._layout.log(stream)
 
-    def _log_direction(self, stream: rr.RecordingStream, number: int) -> None:
-        """Draw the maximum along a direction, by its number, with the earlier ones behind it."""
-        self._panel.log_until(stream, number)
-        words = maximum_text(self.scene, self.end, number)
-        stream.log(TEXT, rr.TextDocument(words, media_type="text/markdown"))
-        for chart, _, _ in self._charts:
-            chart.log_cursor(stream, float(number))
+    def _log_axes(self, stream: rr.RecordingStream) -> None:
+        """Draw axes and, behind everything else, all maxima, for all times."""
+        count, stage = len(self.end), self._stage
+        stage.log_axes(stream)
+        final = self._outline(count, SCREEN.final, 0.8, 0.5) if stage.planar else self._rays(count, SCREEN.final, 0.8)
+        stream.log(f"{ENTITY}/final", final, static=True)
+        stream.log(f"{ENTITY}/origin", stage.points(np.zeros((1, 3)), SCREEN.target, 4.0, 1.0), static=True)
+
+    def _log_maxima(self, stream: rr.RecordingStream, count: int) -> None:
+        """Draw the first ``count`` maxima; the last of them is the chosen one."""
+        tips, stage = self._tips[:count], self._stage
+        is_reached = np.isfinite(tips).all(axis=1)
+        stream.log(f"{ENTITY}/rays", self._rays(count, SCREEN.front, 0.6))
+        stream.log(f"{ENTITY}/outline", self._outline(count, SCREEN.front, 1.6, 2.0))
+        names = [f"direction {number}" for number in np.flatnonzero(is_reached) + 1]
+        corners = stage.points(tips[is_reached], SCREEN.front, 3.2, 3.0, labels=names, show_labels=False)
+        stream.log(f"{ENTITY}/corners", corners)
+        chosen = tips[count - 1 : count][is_reached[-1:]]
+        arrow = [np.stack([np.zeros(3), tip]) for tip in chosen]
+        stream.log(f"{ENTITY}/chosen/ray", stage.strips(arrow, SCREEN.chosen, 2.0, 4.0))
+        stream.log(f"{ENTITY}/chosen/tip", stage.points(chosen, SCREEN.chosen, 6.0, 5.0))
+        stream.log(f"{ENTITY}/chosen/name", *self._name(chosen, f"direction {count}"))
+
+    def _name(self, tip: np.ndarray, words: str) -> Sequence[Any]:
+        """Return the name of a tip (0 or 1, 3); in the plane it avoids all rays and corners."""
+        stage = self._stage
+        if not len(tip):
+            return no_label() if stage.planar else [rr.Points3D([])]
+        if not stage.planar:
+            return [stage.points(1.12 * tip, SCREEN.chosen, 0.0, 0.0, labels=[words], show_labels=True)]
+        shares = np.linspace(0.0, 1.0, 12)[:, None, None]
+        rays = (shares * self._tips[np.isfinite(self._tips).all(axis=1)]).reshape(-1, 3)
+        return joined_label(stage.canvas, stage.place(tip[0]), words, stage.place(rays), SCREEN.chosen)
+
+    def _rays(self, count: int, colour: Colour, radius: float) -> Any:
+        rays = [np.stack([np.zeros(3), tip]) for tip in self._tips[:count] if np.isfinite(tip).all()]
+        return self._stage.strips(rays, colour, radius, 0.8)
+
+    def _outline(self, count: int, colour: Colour, radius: float, order: float) -> Any:
+        """Return the polygon through the first ``count`` maxima, closed if these are all; none in space."""
+        tips = self._tips[:count]
+        tips = tips[np.isfinite(tips).all(axis=1)]
+        if not self._stage.planar or len(tips) < 2:
+            return self._stage.strips([], colour, radius, order)
+        if count == len(self.end) and len(tips) > 2:
+            around = np.argsort(np.arctan2(tips[:, 1], tips[:, 0]), kind="stable")
+            tips = tips[np.append(around, around[0])]
+        return self._stage.strips([tips], colour, radius, order)
+
+    def _log_posture(self, stream: rr.RecordingStream, number: int) -> None:
+        """Draw the arm in the posture of a direction, by its number, with the earlier postures behind it."""
         drawing, is_reached = self._drawing, np.isfinite(self.end.values[:number])
         before = self._links[: number - 1][is_reached[:-1]]
-        stream.log(f"{drawing.entity}/postures", drawing.strips(list(before), SCREEN.ghost, 1.0, 0.0))
+        stream.log(f"{drawing.entity}/postures", drawing.stage.strips(list(before), SCREEN.ghost, 1.0, 0.0))
         arrow = np.stack([self._place, self._arrow_ends[number - 1]])
-        stream.log(f"{drawing.entity}/direction/line", drawing.strips([arrow], SCREEN.chosen, 2.0, 9.0))
-        stream.log(f"{drawing.entity}/direction/head", drawing.points(arrow[1:], SCREEN.chosen, 4.5, 9.0))
+        stream.log(f"{drawing.entity}/direction/line", drawing.stage.strips([arrow], SCREEN.chosen, 2.0, 9.0))
+        stream.log(f"{drawing.entity}/direction/head", drawing.stage.points(arrow[1:], SCREEN.chosen, 4.5, 9.0))
         if is_reached[-1]:
             drawing.log_arm(stream, CHOSEN, self._links[number - 1], None)
             if drawing.meshes is not None:
@@ -259,8 +173,20 @@ class FinishedMaxima:
             stream.log(f"{drawing.entity}/{CHOSEN}", rr.Clear(recursive=True))
 
     @cached_property
-    def _panel(self) -> MaximaPanel:
-        return MaximaPanel(scene=self.scene, end=self.end)
+    def _tips(self) -> np.ndarray:
+        """The maxima as vectors (directions, 3), NaN if none was found."""
+        return in_space(self.end.values[:, None] * self.end.directions)
+
+    @cached_property
+    def _stage(self) -> Stage:
+        """The plane or space of the maxima."""
+        planar = self.end.directions.shape[1] == 2
+        along = f"{self.scene.word} along " if planar else ""  # in space short labels stay visible
+        x, y, z = (f"{along}{axis} [{self.scene.unit}]" for axis in "xyz")
+        seen = np.concatenate([np.zeros((1, 3)), self._tips[np.isfinite(self._tips).all(axis=1)]])
+        if planar and len(seen) == 1:
+            seen = np.array([[-1.0, -1.0, 0.0], [1.0, 1.0, 0.0]])
+        return Stage(entity=ENTITY, planar=planar, seen=seen, labels=(x, y, z))
 
     @cached_property
     def _links(self) -> np.ndarray:
@@ -273,9 +199,8 @@ class FinishedMaxima:
 
     @cached_property
     def _arrow_ends(self) -> np.ndarray:
-        directions = np.pad(self.end.directions, ((0, 0), (0, 3 - self.end.directions.shape[1])))
         reach = float(np.nanmax(np.ptp(self._links, axis=(0, 1))))
-        return np.asarray(self._place + SCENES.arrow * reach * directions)
+        return np.asarray(self._place + SCENES.arrow * reach * in_space(self.end.directions))
 
     @cached_property
     def _drawing(self) -> ArmDrawing:
@@ -283,7 +208,7 @@ class FinishedMaxima:
         return ArmDrawing(entity="arm", workcell=self.scene.workcell, nodes=np.concatenate([nodes, self._arrow_ends]))
 
     @cached_property
-    def _charts(self) -> list[DrawnChart]:
+    def _charts(self) -> list[Chart]:
         """The charts over the directions: the maxima, then joints and motors."""
         end, cell, names = self.end, self.scene.workcell, self.scene.workcell.arm.joint_names
         label = f"highest {self.scene.word} [{self.scene.unit}]"
@@ -305,7 +230,7 @@ class FinishedMaxima:
             charts.append(self._chart("sliders", "slider position [m]", flat, places))
             charts.append(self._chart("motor_speeds", "motor speed [m/s]", _motors(end.motor_speeds), places))
             charts.append(self._chart("motor_efforts", "motor force [N]", _motors(end.motor_efforts), places))
-        return [charts[0], *fit_drawn_charts(charts[1:])]
+        return [charts[0], *fit_below_tabs(charts[1:])]
 
     @property
     def _capability(self) -> list[LimitLine]:
@@ -322,34 +247,44 @@ class FinishedMaxima:
 
     def _chart(
         self, name: str, label: str, curves: np.ndarray, names: Sequence[str], limits: Sequence[LimitLine] = ()
-    ) -> DrawnChart:
-        numbers = np.arange(1.0, len(self.end) + 1)
-        chart = Chart(
+    ) -> Chart:
+        return Chart(
             entity=f"charts/{name}",
             dots=True,
             title=label,
             labels=("direction", label),
-            shown=np.stack([np.tile(numbers, len(curves)), curves.ravel()], axis=1),
             names=names,
             colours=[SCREEN.joint(number) for number in range(len(names))],
+            instants=np.arange(1.0, len(self.end) + 1),
+            curves=curves,
             limits=limits,
         )
-        return chart, numbers, curves
 
-    @cached_property
+    @property
     def _layout(self) -> Layout:
-        charts = [chart.view() for chart, _, _ in self._charts]
-        notes: list[rrb.View] = [note_view()] if self.note else []
+        charts, cell = [chart.view() for chart in self._charts], self.scene.workcell
+        entries: list[Entry] = [
+            (f"highest {self.scene.word}s so far", SCREEN.front),
+            ("this direction", SCREEN.chosen),
+            ("all directions", SCREEN.final),
+            ("arm in the posture of this direction", SCREEN.arm),
+            ("postures of those before", SCREEN.ghost),
+            ("position of the tool", SCREEN.target),
+            ("what motors allow: dashed", SCREEN.text),
+        ]
+        entries += [("limits: dashed", SCREEN.text)] if "position" in cell.bounds else []
+        entries += [("obstacle", SCREEN.obstacle)] if cell.obstacles else []
         return Layout(
-            legend=Legend(entity="legend", entries=maxima_entries(self.scene.workcell, self.scene.word)),
-            front=self._panel.view(),
+            legend=Legend(entries=entries),
+            front=self._stage.view(f"highest {self.scene.word} in each direction"),
             charts=charts[:1],
             arm=self._drawing.view("arm in the posture of the maximum"),
             joints=charts[1:],
-            texts=[text_view("direction"), *notes],
+            texts=[text_view("direction")],
             timeline="direction",
             name="directional maxima",
             frames=DRAWING.slow_frames,
+            note=self.note,
         )
 
 

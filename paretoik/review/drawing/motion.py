@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import rerun as rr
@@ -14,7 +15,8 @@ from jaxtyping import Float
 from paretoik.arrays import Times, Values
 from paretoik.review.drawing.arm import ArmDrawing
 from paretoik.review.drawing.axes import entity_names, screen_text
-from paretoik.review.drawing.charts import Chart, LimitLine, fit_below_tabs
+from paretoik.review.drawing.charts import Chart, LimitLine, curve_points, fit_below_tabs
+from paretoik.review.drawing.layout import Entry
 from paretoik.review.palette import DRAWING, SCREEN, even_rows, has_masses, is_sliding, joint_units
 from paretoik.review.recording.messages import RecordedMotion, RecordedPoint, Workcell, joint_curves
 from paretoik.robot.kinematics import joint_scales, link_nodes
@@ -47,7 +49,7 @@ def joint_charts(root: str, cell: Workcell, motions: Sequence[CurvedMotion]) -> 
             entity=f"{root}/{kind}",
             title=title,
             labels=("time [s]", f"{title} [{joint_units(cell.arm, units)}]"),
-            shown=np.concatenate([_points(time, curves[kind]) for time, curves in motions]),
+            shown=np.concatenate([curve_points(time, curves[kind].T) for time, curves in motions]),
             names=cell.arm.joint_names,
             colours=[SCREEN.joint(number) for number in range(cell.arm.dof)],
             limits=limit_lines(cell, kind, end),
@@ -56,25 +58,23 @@ def joint_charts(root: str, cell: Workcell, motions: Sequence[CurvedMotion]) -> 
     return dict(zip(charts, fit_below_tabs(list(charts.values())), strict=True))
 
 
-def posture_chart(
-    cell: Workcell, values: Values, postures: Float[np.ndarray, "points dof"], label: str
-) -> tuple[Chart, np.ndarray, np.ndarray]:
-    """Return the chart of joint positions (points, dof) over values of an objective, and its curves."""
-    chart = Chart(
+def posture_chart(cell: Workcell, values: Values, postures: Float[np.ndarray, "points dof"], label: str) -> Chart:
+    """Return the chart of joint positions (points, dof) over values of an objective."""
+    return Chart(
         entity="postures",
         dots=True,
-        title="joint position over the front",
+        title="joint position over the final front",
         labels=(label, f"joint position [{joint_units(cell.arm, JOINT_UNITS['position'])}]"),
-        shown=np.stack([np.repeat(values, postures.shape[1]), postures.ravel()], axis=1),
         names=cell.arm.joint_names,
         colours=[SCREEN.joint(number) for number in range(cell.arm.dof)],
+        instants=values,
+        curves=postures.T,
         limits=[
             replace(limit, instants=np.array([values.min(), values.max()]))
             for limit in limit_lines(cell, "position", 1.0)
         ],
         usual=float(joint_scales(cell.arm).max()),
     )
-    return chart, values, postures.T
 
 
 def limit_lines(cell: Workcell, kind: str, end: float) -> list[LimitLine]:
@@ -106,10 +106,6 @@ def _shared(limits: Float[np.ndarray, "time dof"]) -> list[tuple[Times, list[int
         if np.isfinite(values).any():
             joints.setdefault((values + 0.0).tobytes(), []).append(number)
     return [(limits[:, numbers[0]].copy(), numbers) for numbers in joints.values()]
-
-
-def _points(time: Times, values: Float[np.ndarray, "time dof"]) -> np.ndarray:
-    return np.stack([np.repeat(time, values.shape[1]), values.ravel()], axis=1)
 
 
 # The timeline ``replay``: one generation after another; the arm moves in generations with motions.
@@ -192,6 +188,31 @@ class MotionScene:
         """Return the view of the arm."""
         return self.drawing.view(self.title)
 
+    def entries(self, arm: str = "arm", *, postures: str = "") -> list[Entry]:
+        """Return the names and colours in the drawing; ``arm``: name of the solid arm.
+
+        ``postures``: name of those drawn behind arms that stand still, "" for none.
+        """
+        cell = self.workcell
+        entries: list[Entry] = [(arm, SCREEN.arm)]
+        if cell.link_radius:
+            entries.append(("its links", SCREEN.body if cell.arm.is_planar else (*SCREEN.hull[:3], 255)))
+        if is_moving(self.points):
+            entries += [("its postures over time", SCREEN.ghost), ("path of its tool", SCREEN.path)]
+        elif postures:
+            entries.append((postures, SCREEN.ghost))
+        if cell.paths:
+            entries.append(("path to follow", SCREEN.target))
+        if cell.places:
+            entries.append(("places that count" if len(cell.places) > 1 else next(iter(cell.places)), SCREEN.target))
+        if len(cell.directions):
+            entries.append(("directions", SCREEN.target))
+        if cell.obstacles:
+            entries.append(("obstacle", SCREEN.obstacle))
+        if any(chart.limits for chart in self.charts.values()):
+            entries.append(("limits: dashed", SCREEN.text))
+        return entries
+
     @cached_property
     def charts(self) -> dict[str, Chart]:
         """The charts of joints by kind of quantity."""
@@ -212,25 +233,27 @@ class MotionScene:
 
         Their arms are at a ``row`` of their samples, by default at half the time.
         """
+        drawing = self.drawing
         for point in points:
-            if point.motion is None:
+            motion, is_chosen = point.motion, point.axis is None
+            if motion is None:
                 continue
-            links, drawing, layer = (
-                self._links(point.motion.q),
-                self.drawing,
-                f"{self.drawing.entity}/{self.layer(point)}",
-            )
-            chosen = point.axis is None
-            if not point.motion.is_standing and (chosen or not self.workcell.paths):  # on a path all share it
-                colour, width = (SCREEN.path, 1.4) if chosen else (SCREEN.end(point.axis or 0), 1.0)
-                recording.log(f"{layer}/path", drawing.strips([links[:, -1]], colour, width, 1.0))
-            if chosen:
-                ghosts = drawing.strips(list(links[even_rows(len(links), SCREEN.ghosts)]), SCREEN.ghost, 1.0, 0.0)
-                recording.log(f"{layer}/ghosts", ghosts)
-                curves = self._curves(point.motion)
-                for kind, chart in self.charts.items():
-                    chart.draw(recording, point.motion.time, curves[kind].T)
-            self._log_posture(recording, point, len(links) // 2 if row is None else row)
+            links, layer = self._links(motion.q), f"{drawing.entity}/{self.layer(point)}"
+            place = len(links) // 2 if row is None else row
+            if not motion.is_standing and (is_chosen or not self.workcell.paths):  # on a path all share it
+                colour, width = (SCREEN.path, 1.4) if is_chosen else (SCREEN.end(point.axis or 0), 1.0)
+                recording.log(f"{layer}/path", drawing.stage.strips([links[:, -1]], colour, width, 1.0))
+            drawing.log_arm(recording, self.layer(point), links[place], point.axis)
+            if not is_chosen:
+                continue
+            ghosts = drawing.stage.strips(list(links[even_rows(len(links), SCREEN.ghosts)]), SCREEN.ghost, 1.0, 0.0)
+            recording.log(f"{layer}/ghosts", ghosts)
+            curves = self._curves(motion)
+            for kind, chart in self.charts.items():
+                chart.draw(recording, motion.time, curves[kind].T)
+                chart.log_cursor(recording, float(motion.time[place]))
+            if drawing.meshes is not None:
+                drawing.meshes.log_posture(recording, motion.q[place])
 
     def log_predicted(self, recording: rr.RecordingStream, motion: RecordedMotion | None) -> None:
         """Draw postures of a predicted motion, for all times, and its tool path if none is to be followed.
@@ -241,13 +264,13 @@ class MotionScene:
         ghosts = list(links[even_rows(len(links), SCREEN.ghosts)]) if len(links) else []
         path = [links[:, -1]] if len(links) > 1 and not self.workcell.paths else []
         entity, drawing = f"{self.drawing.entity}/predicted", self.drawing
-        recording.log(f"{entity}/ghosts", drawing.strips(ghosts, SCREEN.predicted, 1.4, 1.5), static=True)
-        recording.log(f"{entity}/path", drawing.strips(path, SCREEN.predicted, 1.8, 1.6), static=True)
+        recording.log(f"{entity}/ghosts", drawing.stage.strips(ghosts, SCREEN.predicted, 1.4, 1.5), static=True)
+        recording.log(f"{entity}/path", drawing.stage.strips(path, SCREEN.predicted, 1.8, 1.6), static=True)
 
     def log_postures(self, recording: rr.RecordingStream, postures: Float[np.ndarray, "postures dof"]) -> None:
         """Draw postures as ghosts, for all times."""
         rows = even_rows(len(postures), SCREEN.ghosts)
-        ghosts = self.drawing.strips(list(self._links(postures[rows])), SCREEN.ghost, 1.0, 0.0)
+        ghosts = self.drawing.stage.strips(list(self._links(postures[rows])), SCREEN.ghost, 1.0, 0.0)
         recording.log(f"{self.drawing.entity}/postures", ghosts, static=True)
 
     def send(
@@ -266,6 +289,16 @@ class MotionScene:
         if point.axis is None:
             for chart in self.charts.values():
                 chart.send_cursor(recording, columns, motion.time[rows])
+
+    def send_replay(
+        self, recording: rr.RecordingStream, slots: Sequence[tuple[float, Sequence[RecordedPoint]]]
+    ) -> None:
+        """Move the arms of points on the timeline ``replay``, from the time [s] of each of ``slots`` on."""
+        for begin, points in slots:
+            for point in points:
+                if point.motion is not None:
+                    rows, times = replay_times(point, points, begin)
+                    self.send(recording, point, [rr.TimeColumn("replay", duration=times)], rows)
 
     def send_motion(
         self,
@@ -330,17 +363,6 @@ class MotionScene:
         nodes = self._links(np.concatenate(picked)).reshape(-1, 3)
         return ArmDrawing(entity=f"{self.root}arm", workcell=self.workcell, nodes=nodes)
 
-    def _log_posture(self, recording: rr.RecordingStream, point: RecordedPoint, row: int) -> None:
-        """Draw the arm of a point at a sample of its motion, at the current time."""
-        motion = point.motion
-        assert motion is not None
-        self.drawing.log_arm(recording, self.layer(point), self._links(motion.q[row : row + 1])[0], point.axis)
-        if point.axis is None:
-            for chart in self.charts.values():
-                chart.log_cursor(recording, float(motion.time[row]))
-            if self.drawing.meshes is not None:
-                self.drawing.meshes.log_posture(recording, motion.q[row])
-
     def _curves(self, motion: RecordedMotion) -> Mapping[str, np.ndarray]:
         """Return the joint quantities of a motion."""
         if id(motion) not in self._known_curves:
@@ -354,6 +376,13 @@ class MotionScene:
 
     def _links(self, q: Float[np.ndarray, "rows dof"]) -> Float[np.ndarray, "rows nodes 3"]:
         return np.asarray(link_nodes(self.workcell.arm, q))
+
+
+def motion_views(motions: MotionScene | None) -> dict[str, Any]:
+    """Return the views of motions, if there are any, as a layout takes them."""
+    if motions is None:
+        return {}
+    return {"arm": motions.view(), "joints": [chart.view() for chart in motions.charts.values()]}
 
 
 def motion_frames(samples: Times) -> Float[np.ndarray, " frames"]:

@@ -10,21 +10,19 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from paretoik.review.drawing.axes import Canvas, screen_text, window
-from paretoik.review.drawing.charts import Chart
-from paretoik.review.drawing.layout import TEXT_ENTITY as TEXT
-from paretoik.review.drawing.layout import Layout, Legend, text_view
-from paretoik.review.drawing.search_charts import DrawnChart, fit_drawn_charts
-from paretoik.review.drawing.space import fitting_eye
-from paretoik.review.palette import DRAWING, SCREEN, VIEWS, Colour, even_rows
-from paretoik.review.recording.messages import PathEnd, PathScene
+from paretoik.review.drawing.axes import screen_text
+from paretoik.review.drawing.charts import Chart, fit_below_tabs
+from paretoik.review.drawing.layout import Layout, Legend, log_text, text_view
+from paretoik.review.drawing.space import Stage, fitting_eye
+from paretoik.review.palette import DRAWING, SCREEN, even_rows
+from paretoik.review.recording.messages import PathEnd, PathScene, in_space
 from paretoik.review.words import run_text
 
 ENTITY = "path"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class FinishedPath:
+class PathDrawing:
     """A tool path on the timeline ``motion`` [s]; ``note``: what was left out."""
 
     scene: PathScene
@@ -34,79 +32,47 @@ class FinishedPath:
 
     def log(self, stream: rr.RecordingStream) -> None:
         """Draw everything."""
-        self._layout.legend.log(stream)
-        if self._planar:
-            self._canvas.log(stream, ENTITY, static=True)
+        stage, tool = self._stage, in_space(self.end.tool)
+        if stage.planar:
+            stage.canvas.log(stream, ENTITY, static=True)
         if self.end.reference is not None:
-            self._log_line(stream, "reference", self.end.reference, SCREEN.target)
-        self._log_line(stream, "line", self.end.tool, SCREEN.path)
-        self._log_points(stream, "ends", np.stack([self.scene.start, self.scene.target]), SCREEN.text, static=True)
-        for chart, instants, curves in self._charts:
+            reference = stage.strips([in_space(self.end.reference)], SCREEN.target, 1.0, 20.0)
+            stream.log(f"{ENTITY}/reference", reference, static=True)
+        stream.log(f"{ENTITY}/line", stage.strips([tool], SCREEN.path, 1.0, 20.0), static=True)
+        ends = in_space(np.stack([self.scene.start, self.scene.target]))
+        stream.log(f"{ENTITY}/ends", stage.points(ends, SCREEN.text, 4.5, 3.0), static=True)
+        for chart in self._charts:
             chart.log(stream)
-            chart.draw(stream, instants, curves, static=True)
-        stream.log(TEXT, rr.TextDocument(self._words, media_type="text/markdown"), static=True)
+        log_text(stream, self._words, static=True)
         for row in even_rows(len(self.end.times), DRAWING.walk):
             stream.set_time("motion", duration=float(self.end.times[row]))
-            self._log_points(stream, "tool", self.end.tool[row, None], SCREEN.tool, static=False)
-            for chart, _, _ in self._charts:
+            stream.log(f"{ENTITY}/tool", stage.points(tool[row, None], SCREEN.tool, 4.5, 3.0))
+            for chart in self._charts:
                 chart.log_cursor(stream, float(self.end.times[row]))
         stream.reset_time()
-        stream.send_blueprint(self._layout.blueprint())
-
-    def _log_line(self, stream: rr.RecordingStream, name: str, points: np.ndarray, colour: Colour) -> None:
-        radius = rr.Radius.ui_points(1.0)
-        if self._planar:
-            line: rr.LineStrips2D | rr.LineStrips3D = rr.LineStrips2D(
-                [self._canvas.place(points)], colors=[colour], radii=radius
-            )
-        else:
-            line = rr.LineStrips3D([points], colors=[colour], radii=radius)
-        stream.log(f"{ENTITY}/{name}", line, static=True)
-
-    def _log_points(
-        self, stream: rr.RecordingStream, name: str, points: np.ndarray, colour: Colour, *, static: bool
-    ) -> None:
-        radius = rr.Radius.ui_points(4.5)
-        if self._planar:
-            dots: rr.Points2D | rr.Points3D = rr.Points2D(
-                self._canvas.place(points), colors=colour, radii=radius, draw_order=3.0
-            )
-        else:
-            dots = rr.Points3D(points, colors=colour, radii=radius)
-        stream.log(f"{ENTITY}/{name}", dots, static=static)
-
-    @property
-    def _planar(self) -> bool:
-        return self.end.tool.shape[1] == 2
+        self._layout.log(stream)
 
     @cached_property
-    def _points(self) -> np.ndarray:
-        """All drawn points of the path."""
+    def _stage(self) -> Stage:
+        """The plane or space of the path."""
         reference = self.end.tool[:0] if self.end.reference is None else self.end.reference
-        return np.concatenate([self.end.tool, reference, self.scene.start[None], self.scene.target[None]])
-
-    @cached_property
-    def _canvas(self) -> Canvas:
-        """The plane of the path, with equal scales on both axes."""
-        width, height = VIEWS.panels[0] - 100.0, VIEWS.panels[1] - 110.0
-        low, high = window(self._points)
-        scale = max((high - low) / (width, height))
-        half = scale * np.array([width, height]) / 2
-        middle = (low + high) / 2
-        return Canvas(low=middle - half, high=middle + half, labels=("x [m]", "y [m]"), width=width, height=height)
+        seen = np.concatenate([self.end.tool, reference, self.scene.start[None], self.scene.target[None]])
+        return Stage(entity=ENTITY, planar=seen.shape[1] == 2, seen=in_space(seen), margin=0.06)
 
     def _view(self) -> rrb.View:
-        name = screen_text(self.scene.title)
-        if self._planar:
-            bounds = self._canvas.bounds()
-            return rrb.Spatial2DView(origin=ENTITY, name=name, visual_bounds=bounds, background=SCREEN.background)
-        eye = fitting_eye(self._points)
-        return rrb.Spatial3DView(origin=ENTITY, name=name, background=SCREEN.background, eye_controls=eye)
+        if self._stage.planar:
+            return self._stage.view(self.scene.title)
+        return rrb.Spatial3DView(
+            origin=ENTITY,
+            name=screen_text(self.scene.title),
+            background=SCREEN.background,
+            eye_controls=fitting_eye(self._stage.seen),
+        )
 
     @cached_property
-    def _charts(self) -> list[DrawnChart]:
+    def _charts(self) -> list[Chart]:
         end = self.end
-        return fit_drawn_charts(
+        return fit_below_tabs(
             [
                 _chart("speed", "tool speed [m/s]", end.middles, end.speed),
                 _chart("distance", "distance to the target [m]", end.times, end.distance),
@@ -120,30 +86,28 @@ class FinishedPath:
         lines.append(f"- ends {end.distance[-1]:.3g} m from the target")
         return screen_text("\n".join([*lines, "", run_text(end.provenance)]))
 
-    @cached_property
+    @property
     def _layout(self) -> Layout:
         entries = [("path of the tool", SCREEN.path), ("tool", SCREEN.tool), ("start and target", SCREEN.text)]
         if self.end.reference is not None:
             entries.append(("reference", SCREEN.target))
         return Layout(
-            legend=Legend(entity="legend", entries=entries),
+            legend=Legend(entries=entries),
             front=self._view(),
-            charts=[chart.view() for chart, _, _ in self._charts],
-            arm=None,
-            joints=[],
+            charts=[chart.view() for chart in self._charts],
             texts=[text_view("run")],
             timeline="motion",
             name=self.scene.title,
         )
 
 
-def _chart(name: str, label: str, instants: np.ndarray, values: np.ndarray) -> DrawnChart:
-    chart = Chart(
+def _chart(name: str, label: str, instants: np.ndarray, values: np.ndarray) -> Chart:
+    return Chart(
         entity=f"charts/{name}",
         title=label,
         labels=("time [s]", label),
-        shown=np.stack([instants, values], axis=1),
         names=[label],
         colours=[SCREEN.tool],
+        instants=instants,
+        curves=values[None],
     )
-    return chart, instants, values[None]

@@ -9,16 +9,13 @@ from typing import Any
 
 import numpy as np
 import rerun as rr
-import rerun.blueprint as rrb
 
 from paretoik.review.drawing.axes import screen_text
-from paretoik.review.drawing.charts import Chart
-from paretoik.review.drawing.layout import TEXT_ENTITY as TEXT
-from paretoik.review.drawing.layout import Layout, Legend, note_view, text_view
-from paretoik.review.drawing.motion import MotionScene, ReplayClock, replay_times
+from paretoik.review.drawing.charts import Chart, curve_points
+from paretoik.review.drawing.layout import Entry, Layout, Legend, log_text, text_view
+from paretoik.review.drawing.motion import MotionScene, ReplayClock, motion_views
 from paretoik.review.drawing.plan_panel import PlanPanel
 from paretoik.review.drawing.point_text import broken_lines, infeasible_text
-from paretoik.review.drawing.search_charts import DrawnChart, plan_entries
 from paretoik.review.palette import DRAWING, SCREEN, even_rows, screen_label
 from paretoik.review.recording.messages import (
     PlanEnd,
@@ -36,8 +33,13 @@ from paretoik.task.limits import JOINT_UNITS
 
 def level_text(panel: PlanPanel, level: PlannedLevel) -> str:
     """Return the text of a level."""
-    scene, motions = panel.scene, level.motions
-    lines = [f"# Level {level.number}: {level.samples} samples", _level_counts(level)]
+    starts, failed = counted(len(level.starts), "start"), int((~np.isfinite(level.ends)).sum())
+    if level.least_violating is not None:
+        counts = f"{starts}; none led to a motion that keeps all limits. The arm shows the least-violating one."
+    else:
+        counts = f"{starts}, {counted(len(level.optima), 'distinct optimum', 'distinct optima')}"
+        counts += f"; {failed} of the starts led to none." if failed else "."
+    lines = [f"# Level {level.number}: {level.samples} samples", counts]
     if beyond := panel.beyond(level):
         lines.append(f"{counted(beyond, 'start')} too far off for the picture: dashes at its edge.")
     if len(panel.levels) > 1:
@@ -47,19 +49,10 @@ def level_text(panel: PlanPanel, level: PlannedLevel) -> str:
         return screen_text("\n".join(lines))
     lines += ["", "## Optima of the level", ""]
     for place, value in enumerate(level.optima[: DRAWING.optima]):
-        hits = int((motions.optimum == place).sum())
-        lines.append(f"- {place}: {_value(scene, value)}, from {counted(hits, 'start')}")
+        hits = int((level.motions.optimum == place).sum())
+        lines.append(f"- {place}: {_value(panel.scene, value)}, from {counted(hits, 'start')}")
     lines += _further(len(level.optima))
     return screen_text("\n".join(lines))
-
-
-def _level_counts(level: PlannedLevel) -> str:
-    """Return the results of the starts of a level in numbers."""
-    starts, failed = counted(len(level.starts), "start"), int((~np.isfinite(level.ends)).sum())
-    if level.least_violating is not None:
-        return f"{starts}; none led to a motion that keeps all limits. The arm shows the least-violating one."
-    words = f"{starts}, {counted(len(level.optima), 'distinct optimum', 'distinct optima')}"
-    return f"{words}; {failed} of the starts led to none." if failed else f"{words}."
 
 
 def start_text(scene: PlannedScene, level: PlannedLevel, row: int) -> str:
@@ -103,20 +96,13 @@ def optimum_text(scene: PlannedScene, optima: Sequence[PlannedOptimum], place: i
 def plan_end_text(scene: PlannedScene, end: PlanEnd, first: int, starts: int) -> str:
     """Return the text of a plan whose ``first`` level had ``first`` starts; all levels had ``starts``."""
     lines = [optimum_text(scene, end.optima, 0, len(end.optima)), "", "## Optima", ""]
-    lines += [
-        ", ".join(
-            filter(
-                None,
-                (
-                    f"- {place}: {_value(scene, each.point.objectives[0])}",
-                    _branch(each) if each.branch else "",
-                    _twin_words(scene, end.optima, place),
-                ),
-            )
-        )
-        for place, each in enumerate(end.optima[: DRAWING.optima])
-    ]
-    lines += [*_further(len(end.optima)), "", _start_counts(first, starts)]
+    for place, each in enumerate(end.optima[: DRAWING.optima]):
+        branch, twin = _branch(each) if each.branch else "", _twin_words(scene, end.optima, place)
+        words = (f"- {place}: {_value(scene, each.point.objectives[0])}", branch, twin)
+        lines.append(", ".join(filter(None, words)))
+    counts = f"The first level had {counted(first, 'start')}"
+    counts += f"; those after it begin from its optima, {starts - first} in all." if starts > first else "."
+    lines += [*_further(len(end.optima)), "", counts]
     return screen_text("\n".join([*lines, "", run_text(end.provenance)]))
 
 
@@ -139,11 +125,6 @@ def _twin_words(scene: PlannedScene, optima: Sequence[PlannedOptimum], place: in
     )
 
 
-def _start_counts(first: int, starts: int) -> str:
-    words = f"The first level had {counted(first, 'start')}"
-    return f"{words}; those after it begin from its optima, {starts - first} in all." if starts > first else f"{words}."
-
-
 def _branch(optimum: PlannedOptimum) -> str:
     return f"`{optimum.branch}`"  # as code: Markdown would strike out text between tildes
 
@@ -164,7 +145,7 @@ DISTINCT = "distinct optima of the level so far"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class FinishedPlan:
+class PlanDrawing:
     """The levels of a plan and its ``end``, None if it has none yet.
 
     Timelines: ``level``, whose last instants are the optima; ``start``, one start after another with its result;
@@ -179,15 +160,11 @@ class FinishedPlan:
 
     def log(self, stream: rr.RecordingStream) -> None:
         """Draw everything."""
-        self._layout.legend.log(stream)
         self._panel.log(stream)
         if self._motions is not None:
             self._motions.log(stream)
-        for chart, instants, curves in self._charts:
+        for chart in self._charts:
             chart.log(stream)
-            chart.draw(stream, instants, curves, static=True)
-        if self._note:
-            stream.log("notes/left_out", rr.TextDocument(self._note), static=True)
         for place, level in enumerate(self.messages):
             stream.reset_time()
             stream.set_time("level", sequence=level.number)
@@ -202,46 +179,40 @@ class FinishedPlan:
             self._log_starts(stream, self._motions)
             self._log_optima(stream, self._motions)
         stream.reset_time()
-        stream.send_blueprint(self._layout.blueprint())
+        self._layout.log(stream)
 
     def _log_level(self, stream: rr.RecordingStream, place: int, level: PlannedLevel) -> None:
         self._panel.log_until(stream, self._lasts[place])
-        self._log_text(stream, level_text(self._panel, level))
-        numbers: dict[str, Any] = {
-            "starts": level.starts,
-            "ends": level.ends,
-            "optima": level.optima,
-            "samples": level.samples,
-        }
+        log_text(stream, level_text(self._panel, level))
+        numbers: dict[str, Any] = {name: getattr(level, name) for name in ("starts", "ends", "optima", "samples")}
         stream.log("search/level", rr.AnyValues(**numbers))
-        for chart, _, _ in self._charts:
-            chart.log_cursor(stream, float(place))
+        self._log_cursors(stream, float(place))
         if self._motions is not None:
             self._motions.log_whole(stream, self._bests[place])
+
+    def _log_cursors(self, stream: rr.RecordingStream, instant: float) -> None:
+        for chart in self._charts:
+            chart.log_cursor(stream, instant)
 
     def _log_end(self, stream: rr.RecordingStream, end: PlanEnd) -> None:
         """Draw the optima, which are shown at the end of all timelines."""
         stream.reset_time()
-        stream.set_time("level", sequence=self._last_number)
+        stream.set_time("level", sequence=self.messages[-1].number + 1 if self.messages else 0)
         self._at_the_end(stream)
-        count = len(self._panel.starts)
+        count, scene, nearest = len(self._panel.starts), self.scene, end.least_violating
         self._panel.log_until(stream, count, ended=True)
-        self._log_text(stream, self._end_text(end, count))
+        if nearest is None:
+            words = plan_end_text(scene, end, self._lasts[0] if self._lasts else 0, count)
+        else:
+            words = infeasible_text((scene.name,), (scene.unit,), nearest, scene.workcell, "No feasible motion")
+        log_text(stream, words)
         if end.optima:
             stream.log(
                 "search/optima", rr.AnyValues(objective=[float(each.point.objectives[0]) for each in end.optima])
             )
-        for chart, _, _ in self._charts:
-            chart.log_cursor(stream, float(len(self.messages) - 1))
+        self._log_cursors(stream, float(len(self.messages) - 1))
         if self._motions is not None:
             self._motions.log_whole(stream, self._best)
-
-    def _end_text(self, end: PlanEnd, starts: int) -> str:
-        """Return the text of the end: its optima, or why there is none."""
-        nearest, scene = end.least_violating, self.scene
-        if nearest is None:
-            return plan_end_text(scene, end, self._lasts[0] if self._lasts else 0, starts)
-        return infeasible_text((scene.name,), (scene.unit,), nearest, scene.workcell, "No feasible motion")
 
     def _at_the_end(self, stream: rr.RecordingStream) -> None:
         """Set the time to the end of ``replay``, and to ``motion`` and ``optimum``."""
@@ -256,10 +227,7 @@ class FinishedPlan:
         for point in self._best:
             motions.send_motion(stream, point)
         slots = [(float(self._clock.begins[place]), points) for place, points in enumerate(self._bests)]
-        for begin, points in [*slots, (self._clock.end, self._best)]:
-            for point in points:
-                rows, times = replay_times(point, points, begin)
-                motions.send(stream, point, [rr.TimeColumn("replay", duration=times)], rows)
+        motions.send_replay(stream, [*slots, (self._clock.end, self._best)])
 
     def _log_starts(self, stream: rr.RecordingStream, motions: MotionScene) -> None:
         """Show one start after another: its motion, and next to it its result."""
@@ -268,9 +236,8 @@ class FinishedPlan:
             stream.set_time("start", sequence=number)
             self._panel.log_until(stream, number, looked_at=number)
             self._panel.log_start(stream, number)
-            self._log_text(stream, start_text(self.scene, level, row))
-            for chart, _, _ in self._charts:
-                chart.log_cursor(stream, float(self._instants[number - 1]))
+            log_text(stream, start_text(self.scene, level, row))
+            self._log_cursors(stream, float(self._instants[number - 1]))
             motions.log_whole(stream, points)
 
     def _log_optima(self, stream: rr.RecordingStream, motions: MotionScene) -> None:
@@ -281,11 +248,8 @@ class FinishedPlan:
             stream.set_time("optimum", sequence=place)
             self._panel.log_optimum(stream, place)
             if place:  # the first one shows the text of all
-                self._log_text(stream, optimum_text(self.scene, optima, place, self._count))
+                log_text(stream, optimum_text(self.scene, optima, place, self._count))
             motions.log_whole(stream, [optimum.point])
-
-    def _log_text(self, stream: rr.RecordingStream, words: str) -> None:
-        stream.log(TEXT, rr.TextDocument(words, media_type="text/markdown"))
 
     @cached_property
     def _panel(self) -> PlanPanel:
@@ -296,10 +260,6 @@ class FinishedPlan:
     def _lasts(self) -> list[int]:
         """The number of each level's last start."""
         return [int(last) for last in np.cumsum([len(level.starts) for level in self.messages])]
-
-    @property
-    def _last_number(self) -> int:
-        return self.messages[-1].number + 1 if self.messages else 0
 
     @cached_property
     def _bests(self) -> list[tuple[RecordedPoint, ...]]:
@@ -323,18 +283,18 @@ class FinishedPlan:
     def _walk(self) -> list[tuple[int, PlannedLevel, int, tuple[RecordedPoint, RecordedPoint]]]:
         """Number, level and row of the starts that are shown one by one, each with its result, as points."""
         rows = [(level, row) for level in self.messages for row in range(len(level.starts))]
-        picked = even_rows(len(rows), DRAWING.starts).tolist()
-        return [(place + 1, *rows[place], _start_and_end(*rows[place])) for place in picked]
+        walk = []
+        for place in even_rows(len(rows), DRAWING.starts).tolist():
+            level, row = rows[place]
+            motions = level.motions
+            start = _point(row, level.starts[row], motions.time, motions.starts[row], axis=0)
+            end = _point(row, level.ends[row], motions.time, motions.ends[row])  # as the chosen one
+            walk.append((place + 1, level, row, (start, end)))
+        return walk
 
     @property
     def _count(self) -> int:
         return 0 if self.end is None else len(self.end.optima)
-
-    @property
-    def _note(self) -> str:
-        left_out = len(self._panel.starts) - len(self._walk)
-        words = f"{len(self._walk)} of {len(self._panel.starts)} starts are shown one by one." if left_out else ""
-        return " ".join(filter(None, (self.note, words)))
 
     @cached_property
     def _clock(self) -> ReplayClock:
@@ -351,7 +311,7 @@ class FinishedPlan:
         return MotionScene(workcell=self.scene.workcell, names=(START,), points=[*points, *others], prefix="")
 
     @cached_property
-    def _charts(self) -> list[DrawnChart]:
+    def _charts(self) -> list[Chart]:
         """The best and the number of distinct optima so far, over the starts of each level."""
         if not np.isfinite(self._panel.ends).any():
             return []
@@ -375,48 +335,56 @@ class FinishedPlan:
         """Places of starts in charts: around the number of their level."""
         return self._panel.across - 0.5
 
-    def _chart(self, name: str, title: str, label: str, curves: Sequence[np.ndarray]) -> DrawnChart:
-        instants = self._instants
-        shown = np.stack([np.tile(instants, len(curves)), np.concatenate(curves)], axis=1)
+    def _chart(self, name: str, title: str, label: str, curves: Sequence[np.ndarray]) -> Chart:
+        instants, values = self._instants, np.stack(curves)
+        shown = curve_points(instants, values)
         edges = np.array([[-0.5, np.nanmin(shown[:, 1])], [len(self.messages) - 0.5, np.nanmin(shown[:, 1])]])
-        chart = Chart(
+        return Chart(
             entity=f"charts/{name}",
             title=title,
             labels=("level", label),
+            instants=instants,
+            curves=values,
             shown=np.concatenate([shown, edges]),
             names=[f"{level.samples} samples" for level in self.messages],
             colours=[SCREEN.joint(level.number) for level in self.messages],
         )
-        return chart, instants, np.stack(curves)
 
-    @cached_property
+    @property
     def _layout(self) -> Layout:
         motions, feasible = self._motions, self.end is None or self.end.least_violating is None
-        entries = plan_entries(motions, optima=self._count, feasible=feasible)
-        notes: list[rrb.View] = [note_view()] if self._note else []
+        starts: list[Entry] = [
+            ("start", SCREEN.population),
+            ("start beyond the axes: a dash at their edge", SCREEN.population),
+        ]
+        failed: Entry = ("start that led to no optimum", SCREEN.failed)
+        entries = [*starts, failed]
+        if feasible:
+            entries = [*starts, ("what it led to", SCREEN.front), failed]
+            entries.append(("best, of a level or in the end", SCREEN.chosen))
+            entries += [("optimum looked at", SCREEN.arm)] if self._count > 1 else []  # a single one is the best
+            entries.append(("values of the optima", SCREEN.final))
+        if motions is not None:
+            entries += motions.entries("arm" if feasible else "arm of the least-violating motion")
+            entries.append(("arm of the start looked at", SCREEN.end(0)))
+        walked, count = len(self._walk), len(self._panel.starts)
+        words = f"{walked} of {count} starts are shown one by one." if walked < count else ""
         return Layout(
-            legend=Legend(entity="legend", entries=entries),
+            legend=Legend(entries=entries),
             front=self._panel.view(),
-            charts=[chart.view() for chart, _, _ in self._charts],
-            arm=None if motions is None else motions.view(),
-            joints=[] if motions is None else [chart.view() for chart in motions.charts.values()],
-            texts=[text_view("level, start, optimum"), *notes],
+            charts=[chart.view() for chart in self._charts],
+            texts=[text_view("level, start, optimum")],
             timeline="level",
             name="plan",
             frames=DRAWING.slow_frames,
+            note=" ".join(filter(None, (self.note, words))),
+            **motion_views(motions),
         )
 
 
 def _point(place: int, value: float, time: np.ndarray, q: np.ndarray, axis: int | None = None) -> RecordedPoint:
     motion = RecordedMotion(time=time, q=q)
     return RecordedPoint(id=place, objectives=np.array([value]), axis=axis, motion=motion)
-
-
-def _start_and_end(level: PlannedLevel, row: int) -> tuple[RecordedPoint, RecordedPoint]:
-    """Return a start as a point to compare, and its result as the chosen one."""
-    motions = level.motions
-    start = _point(row, level.starts[row], motions.time, motions.starts[row], axis=0)
-    return start, _point(row, level.ends[row], motions.time, motions.ends[row])
 
 
 def _best_so_far(level: PlannedLevel, maximised: bool) -> np.ndarray:

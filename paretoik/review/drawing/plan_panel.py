@@ -40,9 +40,17 @@ class PlanPanel:
         )
 
     def log(self, recording: rr.RecordingStream) -> None:
-        """Draw axes, the beginnings of levels, and the final optima, for all times."""
-        self.canvas.log(recording, ENTITY, static=True)
-        self._log_bands(recording)
+        """Draw axes, borders between bands with the name of each below it, and the final optima, for all times."""
+        canvas = self.canvas
+        canvas.log(recording, ENTITY, static=True)
+        style = rr.LineStrips2D(self._borders, colors=SCREEN.frame, radii=rr.Radius.ui_points(0.7), draw_order=0.2)
+        recording.log(f"{ENTITY}/levels/lines", style, static=True)
+        words = [f"{level.samples} samples" for level in self.levels] + ["optima"] * bool(self.optima)
+        middles = canvas.place(np.array([(band + 0.5, canvas.low[1]) for band in range(len(words))]).reshape(-1, 2))
+        title = np.array([[canvas.width / 2, canvas.height + 1.75 * TEXT.line]])
+        places = np.concatenate([middles + np.array([0.0, 0.7 * TEXT.line]), title])
+        names = labels([*words, "level by level, its starts in the order of the search"], places)
+        recording.log(f"{ENTITY}/levels/names", names, static=True)
         lines = rr.LineStrips2D(self._value_lines, colors=SCREEN.final, radii=rr.Radius.ui_points(0.7), draw_order=0.5)
         recording.log(f"{ENTITY}/final", lines, static=True)
 
@@ -56,7 +64,8 @@ class PlanPanel:
         """
         across = self.across[:count]
         starts, ends = self.starts[:count], self.ends[:count]
-        failed, first = ~np.isfinite(ends), self._first(count)
+        failed, borders = ~np.isfinite(ends), np.cumsum([0, *(len(level.starts) for level in self.levels)])
+        first = int(borders[borders < count].max(initial=0))  # of the level of the last start
         self._log_starts(recording, "starts", across[~failed], starts[~failed], SCREEN.population)
         self._log_starts(recording, "failed", across[failed], starts[failed], SCREEN.failed)
         self._log_points(recording, "ends", across[~failed], ends[~failed], SCREEN.front, 3.2, 2.0)
@@ -66,7 +75,7 @@ class PlanPanel:
         if ended and len(places):
             where, best = places[:1], self._final[:1]
         elif np.isfinite(ends[first:]).any():
-            row = first + self._best(ends[first:])
+            row = first + int(np.nanargmax(ends[first:]) if self.scene.maximised else np.nanargmin(ends[first:]))
             where, best = across[row, None], ends[row, None]
         self._log_points(recording, "best", where, best, SCREEN.chosen, 6.5, 4.0, [BEST])
         if len(where):
@@ -119,12 +128,8 @@ class PlanPanel:
         """The canvas of the panel."""
         optima = np.concatenate([self._final, *(level.optima[:1] for level in self.levels)])
         reached = self.ends[np.isfinite(self.ends)]
-        far = (
-            np.quantile(reached, DRAWING.near if not self.scene.maximised else 1 - DRAWING.near)
-            if len(reached)
-            else None
-        )
-        seen = np.concatenate([optima, [] if far is None else [far]])
+        share = 1 - DRAWING.near if self.scene.maximised else DRAWING.near
+        seen = np.append(optima, np.quantile(reached, share) if len(reached) else [])
         seen = seen[np.isfinite(seen)] if np.isfinite(seen).any() else self.starts[np.isfinite(self.starts)]
         seen = seen if len(seen) else np.zeros(1)
         low, high = float(seen.min()), float(seen.max())
@@ -162,14 +167,6 @@ class PlanPanel:
         margin = min(MARKS.band_margin * self._end / self.canvas.width, 0.25)
         shares = (np.arange(count) + 0.5) / max(count, 1)
         return np.asarray(place + margin + (1.0 - 2.0 * margin) * shares)
-
-    def _first(self, count: int) -> int:
-        """Return the row of the first start of the level to which the last of ``count`` starts belongs."""
-        borders = np.cumsum([0, *(len(level.starts) for level in self.levels)])
-        return int(borders[borders < count].max(initial=0))
-
-    def _best(self, ends: Values) -> int:
-        return int(np.nanargmax(ends) if self.scene.maximised else np.nanargmin(ends))
 
     def _is_near(self, value: float) -> bool:
         return bool(self.canvas.low[1] <= value <= self.canvas.high[1])
@@ -263,16 +260,3 @@ class PlanPanel:
 
     def _upright(self, x: float) -> np.ndarray:
         return self.canvas.place(np.array([(x, self.canvas.low[1]), (x, self.canvas.high[1])]))
-
-    def _log_bands(self, recording: rr.RecordingStream) -> None:
-        """Draw the borders between bands, and the name of each below it."""
-        canvas, bands = self.canvas, np.arange(int(self._end))
-        style = rr.LineStrips2D(self._borders, colors=SCREEN.frame, radii=rr.Radius.ui_points(0.7), draw_order=0.2)
-        recording.log(f"{ENTITY}/levels/lines", style, static=True)
-        words = [f"{level.samples} samples" for level in self.levels] + ["optima"] * bool(self.optima)
-        middles = canvas.place(np.stack([bands[: len(words)] + 0.5, np.full(len(words), canvas.low[1])], axis=1))
-        below = middles + np.array([0.0, 0.7 * TEXT.line])
-        title = "level by level, its starts in the order of the search"
-        words.append(title)
-        below = np.append(below, [[canvas.width / 2, canvas.height + 1.75 * TEXT.line]], axis=0)
-        recording.log(f"{ENTITY}/levels/names", labels(words, below), static=True)

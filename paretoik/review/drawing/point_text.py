@@ -6,7 +6,6 @@ import re
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Float
 
 from paretoik.arrays import Objectives
 from paretoik.front.choice import Choice
@@ -27,40 +26,28 @@ from paretoik.task.limits import JOINT_UNITS, limit_ranges
 
 def broken_limits(cell: Workcell, motion: RecordedMotion) -> list[str]:
     """Return a line of Markdown for every joint limit that a motion breaks, with the largest excess."""
-    lines = list[str]()
-    for kind, values in joint_curves(cell, motion).items():
+    lines, time = list[str](), motion.time
+    for kind, curves in joint_curves(cell, motion).items():
         if kind not in cell.bounds:
             continue
-        bounds = _bounds_at(cell, kind, motion)
+        bounds = cell.bounds[kind]
+        if len(bounds) > 1:  # those at the samples of a motion, which may end before its path does
+            bounds = bounds[np.abs(cell.times[:, None] - time).argmin(axis=0)]
         for joint, name in enumerate(cell.arm.joint_names):
+            values, (low, high) = curves[:, joint], np.broadcast_to(bounds[:, joint], (len(time), 2)).T
+            excess = np.maximum(values - high, low - values)
+            over = excess > DRAWING.limit_tolerance * limit_ranges(low, high)
+            if not over.any():
+                continue
+            worst, first = int(np.argmax(np.where(over, excess, -np.inf))), int(over.argmax())
+            limit = high[worst] if values[worst] > high[worst] else low[worst]
             unit = JOINT_UNITS[kind][int(is_sliding(cell.arm)[joint])]
-            words = _broken(motion.time, values[:, joint], bounds[:, joint], unit)
-            lines += [f"- **{name}, {kind}**: {words}"] if words else []
+            lines.append(
+                f"- **{name}, {kind}**: reaches {values[worst]:.3g} {unit} at {time[worst]:.3g} s, limit {limit:.3g} "
+                f"{unit}; broken by up to {excess[worst]:.3g} {unit}, first at {time[first]:.3g} s, at {over.sum()} of "
+                f"{len(time)} samples"
+            )
     return lines
-
-
-def _broken(time: np.ndarray, values: np.ndarray, bounds: Float[np.ndarray, "time 2"], unit: str) -> str:
-    """Return how curve values break their bounds, "" if they satisfy them."""
-    low, high = bounds.T
-    excess = np.maximum(values - high, low - values)
-    over = excess > DRAWING.limit_tolerance * limit_ranges(low, high)
-    if not over.any():
-        return ""
-    worst, first = int(np.argmax(np.where(over, excess, -np.inf))), int(over.argmax())
-    limit = high[worst] if values[worst] > high[worst] else low[worst]
-    return (
-        f"reaches {values[worst]:.3g} {unit} at {time[worst]:.3g} s, limit {limit:.3g} {unit}; broken by up to "
-        f"{excess[worst]:.3g} {unit}, first at {time[first]:.3g} s, at {over.sum()} of {len(time)} samples"
-    )
-
-
-def _bounds_at(cell: Workcell, kind: str, motion: RecordedMotion) -> Float[np.ndarray, "time dof 2"]:
-    """Return the bounds at the samples of a motion, which may end before its path does."""
-    bounds = cell.bounds[kind]
-    if len(bounds) == 1:
-        return np.broadcast_to(bounds, (len(motion.time), *bounds.shape[1:]))
-    rows = np.abs(cell.times[:, None] - motion.time).argmin(axis=0)
-    return np.asarray(bounds[rows])
 
 
 # The text, in Markdown, of a run without a feasible result: the reason, and the broken constraints.
@@ -104,13 +91,11 @@ def choice_text(front: Front, choice: Choice, *, title: str = "chosen", whole: b
 
     Only the first sentence of the reason is included unless ``whole``.
     """
-    sentences = _sentences(choice.reason)
-    short = (
-        f"{sentences[0]} The tab \u201cwhy\u201d has the comparisons with other points."
-        if sentences[1:]
-        else choice.reason
-    )
-    return _point_text(front, choice.index, title, choice.reason if whole else short)
+    first, *others = _sentences(choice.reason)
+    reason = choice.reason
+    if others and not whole:
+        reason = f"{first} The tab \u201cwhy\u201d has the comparisons with other points."
+    return _point_text(front, choice.index, title, reason)
 
 
 def reason_text(choice: Choice) -> str:
@@ -198,7 +183,10 @@ def _generation_text(scene: SearchScene, generation: Generation, moved: int | No
     if generation.hypervolume is not None:
         summary += f", hypervolume {generation.hypervolume:.4g} {scene.volume_unit}"
     summary += f"; {generation.failed} evaluations failed so far." if generation.failed else "."
-    lines = [f"# {_heading(scene, generation)}", summary]
+    heading = f"{scene.timeline.capitalize()} {generation.number}"
+    if scene.timeline == "refinement":
+        heading = "Before" if generation.origins is None else "After"
+    lines = [f"# {heading}", summary]
     if not size:
         lines += ["", _why_empty(generation)]
     lines += _bounds(scene, generation)
@@ -211,7 +199,10 @@ def _generation_text(scene: SearchScene, generation: Generation, moved: int | No
             for axis, (name, unit) in enumerate(zip(scene.names, scene.units, strict=True))
         ]
     if chosen is not None:
-        lines += ["", f"The compromise, {_named(scene, generation, chosen.id)}, is {COMPROMISE_IN_WORDS}."]
+        name = f"point {chosen.id}"
+        if scene.timeline == "level":
+            name += f" of level {generation.number} (the final front renumbers its points)"
+        lines += ["", f"The compromise, {name}, is {COMPROMISE_IN_WORDS}."]
     if moved is not None and moved != generation.number:
         lines += [
             "",
@@ -259,18 +250,8 @@ def _bounds(scene: SearchScene, generation: Generation) -> list[str]:
         for axis, bound in enumerate(generation.epsilon)
         if np.isfinite(bound)
     ]
-    return (
-        ["", f"The other objective was improved as far as these bounds ε allow: {', '.join(bounds)}.", ""]
-        if bounds
-        else []
-    )
-
-
-def _named(scene: SearchScene, generation: Generation, number: int) -> str:
-    """Return the name of a point; those of a sweep get new numbers at its end."""
-    if scene.timeline != "level":
-        return f"point {number}"
-    return f"point {number} of level {generation.number} (the final front renumbers its points)"
+    words = f"The other objective was improved as far as these bounds ε allow: {', '.join(bounds)}."
+    return ["", words, ""] if bounds else []
 
 
 def _why_empty(generation: Generation) -> str:
@@ -283,21 +264,8 @@ def _why_empty(generation: Generation) -> str:
     )
     if generation.least_violating is None:
         return words
-    return "\n".join(
-        [
-            words,
-            "",
-            "Constraints broken by the least-violating individual so far:",
-            "",
-            *broken_lines(generation.least_violating),
-        ]
-    )
-
-
-def _heading(scene: SearchScene, generation: Generation) -> str:
-    if scene.timeline == "refinement":
-        return "Before" if generation.origins is None else "After"
-    return f"{scene.timeline.capitalize()} {generation.number}"
+    broken = "Constraints broken by the least-violating individual so far:"
+    return "\n".join([words, "", broken, "", *broken_lines(generation.least_violating)])
 
 
 def _step_text(scene: SearchScene, generation: Generation) -> str:

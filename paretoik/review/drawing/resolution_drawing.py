@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 import rerun as rr
-import rerun.blueprint as rrb
 
 from paretoik.arrays import Times
 from paretoik.review.drawing.axes import screen_text
-from paretoik.review.drawing.charts import Chart, LimitLine
-from paretoik.review.drawing.layout import TEXT_ENTITY as TEXT
-from paretoik.review.drawing.layout import Layout, Legend, note_view, text_view
-from paretoik.review.drawing.motion import MotionScene
+from paretoik.review.drawing.charts import Chart, LimitLine, curve_points
+from paretoik.review.drawing.layout import Entry, Layout, Legend, log_text, text_view
+from paretoik.review.drawing.motion import MotionScene, motion_views
 from paretoik.review.drawing.point_text import broken_limits
-from paretoik.review.drawing.search_charts import DrawnChart, resolution_entries
 from paretoik.review.palette import DRAWING, SCREEN, VIEWS, Colour, even_rows, is_sliding, joint_units
 from paretoik.review.recording.messages import RecordedPoint, RecordedTraces, ResolutionEnd, ResolvedScene
 from paretoik.review.words import run_text
@@ -53,21 +50,14 @@ def motion_text(scene: ResolvedScene, traces: RecordedTraces, end: ResolutionEnd
         lines.append(f"- least clearance {traces.clearance[nearest]:.3g} m at {traces.time[nearest]:.3g} s")
     if reason := end.provenance.get("reason"):
         lines += ["", "## Why it ended", "", str(reason)]
-    lines += _limits(scene, traces)
+    if scene.workcell.bounds and traces.point.motion is not None:
+        broken = broken_limits(scene.workcell, traces.point.motion)
+        lines += ["", "## Limits broken", "", *broken] if broken else ["", "Limits of joints are kept at all samples."]
     lines += ["", "## Steps", ""]
     steps = Counter(traces.status.tolist())
     lines += [f"- {count} {STATUSES.get(status, status)}" for status, count in steps.most_common()]
     lines += _method(scene, traces, end)
     return screen_text("\n".join([*lines, "", run_text(end.provenance)]))
-
-
-def _limits(scene: ResolvedScene, traces: RecordedTraces) -> list[str]:
-    """Return which joint limits a motion breaks, or that it keeps them; nothing without limits."""
-    assert traces.point.motion is not None
-    if not scene.workcell.bounds:
-        return []
-    broken = broken_limits(scene.workcell, traces.point.motion)
-    return ["", "## Limits broken", "", *broken] if broken else ["", "Limits of joints are kept at all samples."]
 
 
 def speed_unit(arm: Arm) -> str:
@@ -125,7 +115,7 @@ def _value(value: object) -> str:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class FinishedResolution:
+class ResolutionDrawing:
     """Resolved motions: the first one is solid, with some of the others next to it.
 
     Timelines: ``motion``, along which all of them move, and ``solution``, if there are several, which shows one after
@@ -139,52 +129,38 @@ class FinishedResolution:
 
     def log(self, stream: rr.RecordingStream) -> None:
         """Draw everything."""
-        self._layout.legend.log(stream)
         self._motions.log(stream)
-        for chart, instants, curves in self._charts:
+        for chart in self._charts:
             chart.log(stream)
-            chart.draw(stream, instants, curves, static=True)
-        if self._note:
-            stream.log("notes/left_out", rr.TextDocument(self._note), static=True)
         stream.set_time("motion", duration=0.0)
         if len(self.end.motions) > 1:
             stream.set_time("solution", sequence=0)
         self._log_whole(stream, self.end.motions[0], self._points)
         stream.reset_time()
-        self._send_motions(stream)
+        for point in self._points:
+            self._motions.send_motion(stream, point, charts=self._all_charts)
         self._log_events(stream, self.end.motions[0])
         for number, traces in enumerate(self.end.motions[1:], start=1):
             stream.reset_time()
             stream.set_time("solution", sequence=number)
             self._log_whole(stream, traces, [traces.point])
         stream.reset_time()
-        stream.send_blueprint(self._layout.blueprint())
+        self._layout.log(stream)
 
     def _log_whole(self, stream: rr.RecordingStream, traces: RecordedTraces, points: Sequence[RecordedPoint]) -> None:
         """Draw a motion as the chosen one at the current time, with its own text and criteria."""
         self._motions.log_whole(stream, points)
-        self._log_text(stream, motion_text(self.scene, traces, self.end))
-        for chart, instants, curves in self._charts_of_criteria(traces):
+        log_text(stream, motion_text(self.scene, traces, self.end))
+        if (chart := self._criteria_chart) is not None:
             chart.log(stream)
-            chart.draw(stream, instants, curves)
-        self._log_marks(stream, traces)
+            chart.draw(stream, traces.time, np.stack([_steps(curve) for curve in traces.criteria.T]))
+        chart, rows = self._charts[0], np.flatnonzero(traces.status != "done") + 1  # mark where other steps end
+        places = np.stack([traces.time[rows], _logarithm(traces.error)[rows]], axis=1)
+        radii = rr.Radius.ui_points(3.0)
+        marks = rr.Points2D(chart.canvas.place(places), colors=SCREEN.event, radii=radii, draw_order=3.0)
+        stream.log(f"{chart.entity}/marks", marks)
         for chart in self._all_charts:
             chart.log_cursor(stream, float(traces.time[len(traces.time) // 2]))
-
-    def _log_marks(self, stream: rr.RecordingStream, traces: RecordedTraces) -> None:
-        """Mark on the error curve the samples whose step has another status than done."""
-        chart, _, _ = self._charts[0]
-        rows = np.flatnonzero(traces.status != "done") + 1
-        places = np.stack([traces.time[rows], _logarithm(traces.error)[rows]], axis=1)
-        marks = rr.Points2D(
-            chart.canvas.place(places), colors=SCREEN.event, radii=rr.Radius.ui_points(3.0), draw_order=3.0
-        )
-        stream.log(f"{chart.entity}/marks", marks)
-
-    def _send_motions(self, stream: rr.RecordingStream) -> None:
-        """Move the arms and the cursors."""
-        for point in self._points:
-            self._motions.send_motion(stream, point, charts=self._all_charts)
 
     def _log_events(self, stream: rr.RecordingStream, traces: RecordedTraces) -> None:
         """Show, while the arm moves, each step whose status differs from that of the previous step."""
@@ -194,10 +170,7 @@ class FinishedResolution:
         for step in [*first, *changes[: DRAWING.walk]]:
             stream.reset_time()
             stream.set_time("motion", duration=float(traces.time[step + 1] - traces.time[0]))
-            self._log_text(stream, f"{step_text(traces, int(step))}\n\n{words}")
-
-    def _log_text(self, stream: rr.RecordingStream, words: str) -> None:
-        stream.log(TEXT, rr.TextDocument(words, media_type="text/markdown"))
+            log_text(stream, f"{step_text(traces, int(step))}\n\n{words}")
 
     @cached_property
     def _thin_motions(self) -> list[RecordedTraces]:
@@ -218,7 +191,7 @@ class FinishedResolution:
         return MotionScene(workcell=self.scene.workcell, names=names, points=points, prefix="")
 
     @cached_property
-    def _charts(self) -> list[DrawnChart]:
+    def _charts(self) -> list[Chart]:
         """Charts with one curve per drawn motion; the task error is first."""
         shown, unit = [self.end.motions[0], *self._thin_motions], self.scene.error_unit
         exponent = np.log10(max(self.scene.tolerance, DRAWING.least_error))
@@ -226,7 +199,7 @@ class FinishedResolution:
         errors = [_logarithm(each.error) for each in shown]
         moving = [np.append(curve[1:2], curve[1:]) for curve in errors]  # at its start an arm often has no error
         error = self._chart("error", f"log10 of the task error [{unit}]", errors, [tolerance], moving)
-        error = replace(error[0], total=VIEWS.panels), error[1], error[2]
+        error = replace(error, total=VIEWS.panels)
         speeds, damping = speed_unit(self.scene.workcell.arm), damping_unit(self.scene)
         speed = self._chart(
             "speed", f"commanded joint speed, all joints [{speeds}]", [_steps(each.speed) for each in shown]
@@ -245,14 +218,9 @@ class FinishedResolution:
             charts.append(self._chart("clearance", "clearance [m]", distances, [least]))
         return charts
 
-    def _charts_of_criteria(self, traces: RecordedTraces) -> Iterator[DrawnChart]:
-        """Yield the chart of a motion's speeds due to each criterion."""
-        if self._criteria_chart is not None:
-            curves = np.stack([_steps(curve) for curve in traces.criteria.T])
-            yield self._criteria_chart, traces.time, curves
-
     @cached_property
     def _criteria_chart(self) -> Chart | None:
+        """The chart of speeds due to each criterion, whose curves are those of one motion."""
         names = self.scene.criteria
         if not names:
             return None
@@ -271,7 +239,7 @@ class FinishedResolution:
     @property
     def _all_charts(self) -> list[Chart]:
         criteria = [] if self._criteria_chart is None else [self._criteria_chart]
-        return [*(chart for chart, _, _ in self._charts), *criteria]
+        return [*self._charts, *criteria]
 
     def _chart(
         self,
@@ -280,45 +248,48 @@ class FinishedResolution:
         curves: Sequence[np.ndarray],
         limits: Sequence[LimitLine] = (),
         seen: Sequence[np.ndarray] | None = None,
-    ) -> DrawnChart:
+    ) -> Chart:
         """Return a chart with one curve per motion, on axes that contain those, or only ``seen``."""
         time = self.end.motions[0].time
-        chart = Chart(
+        return Chart(
             entity=f"charts/{name}",
             title=label,
             labels=("time [s]", label),
-            shown=np.concatenate([np.stack([time, curve], axis=1) for curve in (curves if seen is None else seen)]),
+            instants=time,
+            curves=np.stack(curves),
+            shown=None if seen is None else curve_points(time, np.stack(seen)),
             names=[each.name for each in (self.end.motions[0], *self._thin_motions)],
             colours=[SCREEN.arm, *(SCREEN.end(axis) for axis in range(len(self._thin_motions)))],
             limits=limits,
         )
-        return chart, time, np.stack(curves)
 
     def _limit(self, value: float, name: str, colour: Colour) -> LimitLine:
         time: Times = self.end.motions[0].time
         return LimitLine(instants=time[[0, -1]], values=np.array([value, value]), name=name, colours=[colour])
 
     @property
-    def _note(self) -> str:
-        recorded = len(self.end.motions)
-        words = f"{recorded} of {self.end.count} motions are shown." if recorded < self.end.count else ""
-        return " ".join(filter(None, (self.note, words)))
-
-    @cached_property
     def _layout(self) -> Layout:
-        motions = self._motions
-        notes: list[rrb.View] = [note_view()] if self._note else []
-        names = [each.name for each in self._thin_motions]
+        motions, first = self._motions, self.end.motions[0].name
+        named: list[Entry] = [(each.name, SCREEN.end(axis)) for axis, each in enumerate(self._thin_motions)]
+        arm = f"arm of {first}, or of the motion looked at" if named else "arm"
+        entries: list[Entry] = [
+            *([(first, SCREEN.arm), *named] if named else []),
+            ("step damped, shortened, held, limited or missed", SCREEN.event),
+            ("error from which the path counts as lost: dashed", SCREEN.limit),
+            *motions.entries(arm),
+        ]
+        recorded, count = len(self.end.motions), self.end.count
+        words = f"{recorded} of {count} motions are shown." if recorded < count else ""
         return Layout(
-            legend=Legend(entity="legend", entries=resolution_entries(motions, self.end.motions[0].name, names)),
+            legend=Legend(entries=entries),
             front=self._all_charts[0].view(),
             charts=[chart.view() for chart in self._all_charts[1:]],
-            arm=motions.view(),
-            joints=[chart.view() for chart in motions.charts.values()],
-            texts=[text_view("method"), *notes],
+            texts=[text_view("method")],
             timeline="motion",
             name=self.scene.method,
             frames=DRAWING.slow_frames,
+            note=" ".join(filter(None, (self.note, words))),
+            **motion_views(motions),
         )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -11,25 +11,15 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from paretoik.arrays import Objectives, Series, Times
-from paretoik.review.drawing.axes import Canvas, ParallelAxes, screen_text
+from paretoik.review.drawing.axes import screen_text
 from paretoik.review.drawing.charts import Chart, fit_below_tabs
-from paretoik.review.drawing.front_panels import outside_panels
-from paretoik.review.drawing.layout import TEXT_ENTITY as TEXT
-from paretoik.review.drawing.layout import note_view
+from paretoik.review.drawing.layout import Entry, log_text
 from paretoik.review.drawing.motion import MotionScene
-from paretoik.review.drawing.scatter import SearchScene
+from paretoik.review.drawing.scatter import Scatter, SearchScene
 from paretoik.review.palette import MARKS, SCREEN, VIEWS, Colour
-from paretoik.review.recording.messages import Workcell
-from paretoik.review.recording.recorder import Generation, SearchedFront, SearchEnd
+from paretoik.review.recording.recorder import Generation
 
-# The legend of a recording.
-
-
-Entry = tuple[str, Colour]
-RESOLUTION_ENTRIES: tuple[Entry, ...] = (
-    ("step damped, shortened, held, limited or missed", SCREEN.event),
-    ("error from which the path counts as lost: dashed", SCREEN.limit),
-)
+# The legend of a search.
 
 
 def search_entries(
@@ -58,95 +48,13 @@ def search_entries(
         return entries
     arm = f"arm of the {chosen}" if chosen == "compromise" else "arm"
     arm = f"{arm}, or of the point looked at" if walked else arm
-    return entries + motion_entries(motions, arm, postures=postures)
-
-
-def plan_entries(motions: MotionScene | None, *, optima: int = 2, feasible: bool = True) -> list[Entry]:
-    """Return the names and colours in a plan's drawing, with or without a feasible motion.
-
-    If there are several ``optima``, one is looked at; a single one is the best.
-    """
-    entries: list[Entry] = [
-        ("start", SCREEN.population),
-        ("start beyond the axes: a dash at their edge", SCREEN.population),
-        ("what it led to", SCREEN.front),
-        ("start that led to no optimum", SCREEN.failed),
-        ("best, of a level or in the end", SCREEN.chosen),
-        *([("optimum looked at", SCREEN.arm)] if optima > 1 else []),
-        ("values of the optima", SCREEN.final),
-    ]
-    if not feasible:
-        entries = [entries[0], entries[1], entries[3]]  # nothing led anywhere
-    arm = "arm" if feasible else "arm of the least-violating motion"
-    arms = [] if motions is None else [*motion_entries(motions, arm), ("arm of the start looked at", SCREEN.end(0))]
-    return entries + arms
-
-
-def resolution_entries(motions: MotionScene, first: str, others: Sequence[str]) -> list[Entry]:
-    """Return the names and colours in a drawing of resolved motions; the ``first`` one is solid."""
-    named: list[Entry] = [(first, SCREEN.arm)] if others else []
-    named += [(name, SCREEN.end(axis)) for axis, name in enumerate(others)]
-    arm = f"arm of {first}, or of the motion looked at" if others else "arm"
-    return [*named, *RESOLUTION_ENTRIES, *motion_entries(motions, arm)]
-
-
-def maxima_entries(cell: Workcell, word: str) -> list[Entry]:
-    """Return the names and colours in a drawing of directional maxima."""
-    entries: list[Entry] = [
-        (f"highest {word}s so far", SCREEN.front),
-        ("this direction", SCREEN.chosen),
-        ("all directions", SCREEN.final),
-        ("arm in the posture of this direction", SCREEN.arm),
-        ("postures of those before", SCREEN.ghost),
-        ("position of the tool", SCREEN.target),
-        ("what motors allow: dashed", SCREEN.text),
-    ]
-    entries += [("limits: dashed", SCREEN.text)] if "position" in cell.bounds else []
-    return entries + ([("obstacle", SCREEN.obstacle)] if cell.obstacles else [])
-
-
-def motion_entries(motions: MotionScene, arm: str = "arm", *, postures: str = "") -> list[Entry]:
-    """Return the names and colours in a drawing of motions; ``arm``: name of the solid arm.
-
-    ``postures``: name of those drawn behind arms that stand still, "" for none.
-    """
-    cell = motions.workcell
-    entries: list[Entry] = [(arm, SCREEN.arm)]
-    if cell.link_radius:
-        entries.append(("its links", SCREEN.body if cell.arm.is_planar else (*SCREEN.hull[:3], 255)))
-    if any(point.motion is not None and not point.motion.is_standing for point in motions.points):
-        entries += [("its postures over time", SCREEN.ghost), ("path of its tool", SCREEN.path)]
-    elif postures:
-        entries.append((postures, SCREEN.ghost))
-    if cell.paths:
-        entries.append(("path to follow", SCREEN.target))
-    if cell.places:
-        entries.append(("places that count" if len(cell.places) > 1 else next(iter(cell.places)), SCREEN.target))
-    if len(cell.directions):
-        entries.append(("directions", SCREEN.target))
-    if cell.obstacles:
-        entries.append(("obstacle", SCREEN.obstacle))
-    if any(chart.limits for chart in motions.charts.values()):
-        entries.append(("limits: dashed", SCREEN.text))
-    return entries
-
-
-def choice_entries(names: Sequence[str], motions: MotionScene | None, *, predicts: bool = False) -> list[Entry]:
-    """Return the names and colours in a drawing of one or two choices, and of predictions if there are any."""
-    colours = (SCREEN.chosen, SCREEN.compared)
-    marked: list[Entry] = [(name, colour) for name, colour in zip(names, colours, strict=False)]
-    marked += [("predicted, not certified", SCREEN.predicted)] if predicts else []
-    return [("front", SCREEN.front), *marked, *([] if motions is None else motion_entries(motions))]
+    return entries + motions.entries(arm, postures=postures)
 
 
 # Charts and time series of a search.
 
 
-BEST_WORST: tuple[Colour, Colour] = (SCREEN.population, SCREEN.frame)
-DrawnChart = tuple[Chart, np.ndarray, np.ndarray]  # with its instants and curves (curves, instants)
-
-
-def search_charts(scene: SearchScene, generations: Sequence[Generation]) -> list[DrawnChart]:
+def search_charts(scene: SearchScene, generations: Sequence[Generation]) -> list[Chart]:
     """Return the charts over the generations: hypervolume, best values and sizes; a single objective's best is first.
 
     For steps: each objective of the chosen points, between the best and the worst of the step's front.
@@ -157,39 +65,18 @@ def search_charts(scene: SearchScene, generations: Sequence[Generation]) -> list
     numbers = np.array([generation.number for generation in with_front], dtype=float)
     if scene.timeline == "step":
         return [_step_chart(scene, axis, numbers, with_front) for axis in range(len(scene.names))]
-    volumes = np.array([_number(generation.hypervolume) for generation in with_front])
-    volume = _chart(
-        scene,
-        "hypervolume",
-        f"hypervolume [{scene.volume_unit}]",
-        numbers,
-        volumes[None],
-        ["hypervolume"],
-        [SCREEN.front],
-    )
+    volumes = np.array([[np.nan if each.hypervolume is None else each.hypervolume for each in with_front]])
+    label = f"hypervolume [{scene.volume_unit}]"
+    volume = _chart(scene, "hypervolume", label, numbers, volumes, {"hypervolume": SCREEN.front})
     best = np.array([scene.best(generation.front) for generation in with_front]).T
     bests = [
-        _chart(
-            scene,
-            f"best_{axis}",
-            f"best {scene.label(axis)}",
-            numbers,
-            best[axis : axis + 1],
-            ["best"],
-            [SCREEN.end(axis)],
-        )
-        for axis in range(len(scene.names))
+        _chart(scene, f"best_{axis}", f"best {scene.label(axis)}", numbers, values[None], {"best": SCREEN.end(axis)})
+        for axis, values in enumerate(best)
     ]
     counts = np.array([[front_size(generation), generation.failed] for generation in with_front], dtype=float).T
-    colours = [SCREEN.front, SCREEN.failed]
-    sizes = _chart(scene, "counts", "front points, failures", numbers, counts, ["front", "failed"], colours)
+    colours = {"front": SCREEN.front, "failed": SCREEN.failed}
+    sizes = _chart(scene, "counts", "front points, failures", numbers, counts, colours)
     return [*bests, volume, sizes] if len(scene.names) == 1 else [volume, *bests, sizes]
-
-
-def fit_drawn_charts(drawn: Sequence[DrawnChart], names_before: Sequence[str] = ()) -> list[DrawnChart]:
-    """Return charts as ``fit_below_tabs`` does, with their instants and curves."""
-    charts = fit_below_tabs([chart for chart, _, _ in drawn], names_before)
-    return [(chart, instants, curves) for chart, (_, instants, curves) in zip(charts, drawn, strict=True)]
 
 
 def series_views(scene: SearchScene) -> list[rrb.View]:
@@ -239,127 +126,74 @@ def front_size(generation: Generation) -> int:
     return len(generation.front) if generation.size is None else generation.size
 
 
-def _step_chart(scene: SearchScene, axis: int, numbers: Times, steps: Sequence[Generation]) -> DrawnChart:
+def _step_chart(scene: SearchScene, axis: int, numbers: Times, steps: Sequence[Generation]) -> Chart:
     ranges = np.array([np.sort([each.front[:, axis].min(), each.front[:, axis].max()]) for each in steps])
     if scene.maximised[axis]:
         ranges = ranges[:, ::-1]
     chosen = np.array([np.nan if each.chosen is None else each.chosen[axis] for each in steps])
     curves = np.stack([ranges[:, 0], ranges[:, 1], chosen])
-    names, colours = ["best", "worst", "chosen"], [*BEST_WORST, SCREEN.chosen]
+    chosen_colour, colours = {"chosen": SCREEN.chosen}, {"best": SCREEN.population, "worst": SCREEN.frame}
     apart, whole = np.nanmax(np.ptp(ranges, axis=1), initial=0.0), np.nanmax(curves) - np.nanmin(curves)
     if apart < MARKS.line * whole / VIEWS.chart[1]:  # the curves would overlap
         words = f"chosen {scene.label(axis)}; best and worst of a step at most {apart:.2g} apart"
-        chart, *_ = _chart(scene, f"chosen_{axis}", words, numbers, curves[2:], names[2:], colours[2:])
-        return replace(chart, title=scene.label(axis)), numbers, curves[2:]
-    return _chart(scene, f"chosen_{axis}", scene.label(axis), numbers, curves, names, colours)
+        chart = _chart(scene, f"chosen_{axis}", words, numbers, curves[2:], chosen_colour)
+        return replace(chart, title=scene.label(axis))
+    return _chart(scene, f"chosen_{axis}", scene.label(axis), numbers, curves, colours | chosen_colour)
 
 
 def _chart(
-    scene: SearchScene,
-    name: str,
-    label: str,
-    numbers: Times,
-    curves: Series,
-    names: Sequence[str],
-    colours: Sequence[Colour],
-) -> DrawnChart:
-    chart = Chart(
+    scene: SearchScene, name: str, label: str, numbers: Times, curves: Series, colours: Mapping[str, Colour]
+) -> Chart:
+    """Return a chart of curves, whose names have ``colours``."""
+    return Chart(
         entity=f"charts/{name}",
         title=label,
         labels=({"refinement": "refinement: 0 before, 1 after"}.get(scene.timeline, scene.timeline), label),
-        shown=np.stack([np.tile(numbers, len(curves)), curves.ravel()], axis=1),
-        names=names,
-        colours=colours,
+        names=list(colours),
+        colours=list(colours.values()),
+        instants=numbers,
+        curves=curves,
     )
-    return chart, numbers, curves
-
-
-def _number(value: float | None) -> float:
-    return float("nan") if value is None else value
 
 
 # Shared parts of recordings of finished searches and closed loops: views of fronts and their charts.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class RecordedSearch:
-    """All ``generations`` of a search, or steps of a closed loop, and its ``end``; ``note``: what was left out."""
-
-    scene: SearchScene
-    recorded: SearchedFront
-    generations: Sequence[Generation]
-    end: SearchEnd
-    note: str = ""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class FrontViews:
-    """The views of a search's fronts, on axes that contain all of ``shown``, its charts, and its ``note``."""
+    """The views of a search's fronts on the axes of a ``scatter``, and its charts over ``generations``.
 
-    search: RecordedSearch
-    shown: Objectives
-    note: str
+    ``final``: the last front, if there is one.
+    """
 
-    def log(self, stream: rr.RecordingStream) -> None:
-        """Draw axes, charts and the note, for all times."""
-        self.search.scene.log_axes(stream, self.canvases, static=True)
-        if self.parallel is not None:
-            self.parallel.log(stream, static=True)
-        for chart, instants, curves in self._charts:
+    scatter: Scatter
+    generations: Sequence[Generation] = ()
+    final: Objectives | None = None
+
+    def log(self, stream: rr.RecordingStream, *, static: bool = True) -> None:
+        """Draw axes, for all times (static) or from the current one on, and charts, for all times."""
+        self.scatter.log_axes(stream, static=static)
+        for chart in self._charts:
             chart.log(stream)
-            chart.draw(stream, instants, curves, static=True)
-        if self.note:
-            stream.log("notes/left_out", rr.TextDocument(self.note), static=True)
 
     def log_generation(self, stream: rr.RecordingStream, generation: Generation, words: str) -> None:
         """Draw a generation or step at the current time, with its text."""
-        final = None if self.search.end.front is None else self.search.end.front.objectives
-        behind = None if self.search.scene.timeline == "step" else final
-        self.search.scene.log_generation(stream, generation, self.canvases, self.parallel, behind=behind)
-        log_series(self.search.scene, stream, generation)
-        stream.log(TEXT, rr.TextDocument(words, media_type="text/markdown"))
+        self.scatter.log_generation(stream, generation, behind=self.final)
+        log_series(self.scatter.scene, stream, generation)
+        log_text(stream, words)
         self.log_cursors(stream, generation.number)
-
-    def log_note(self, stream: rr.RecordingStream, words: str) -> None:
-        """Explain in the panels why they have no points, at the current time; without words, stop."""
-        self.search.scene.log_note(stream, self.canvases, words)
 
     def log_cursors(self, stream: rr.RecordingStream, number: int) -> None:
         """Draw the cursors of charts at a generation or step, at the current time."""
-        for chart, _, _ in self._charts:
+        for chart in self._charts:
             chart.log_cursor(stream, float(number))
-
-    def outside(self, generation: Generation) -> int:
-        """Return how many individuals of a generation are outside the axes of at least one panel."""
-        return outside_panels(self.search.scene.panels.pairs, self.canvases, generation.population)
-
-    @property
-    def front(self) -> rrb.View | None:
-        """The view of all pairs of objectives; None if nothing finite is shown."""
-        return self.search.scene.view() if self.canvases else None
 
     @property
     def charts(self) -> list[rrb.View]:
         """The views below the front."""
-        parallel = [] if self.parallel is None else [self.parallel.view()]
-        return [*parallel, *(chart.view() for chart, _, _ in self._charts)]
-
-    @property
-    def notes(self) -> list[rrb.View]:
-        """The view of the note, if there is one."""
-        return [note_view()] if self.note else []
+        return [*self.scatter.parallel_views(), *(chart.view() for chart in self._charts)]
 
     @cached_property
-    def canvases(self) -> list[Canvas]:
-        """The axes of every pair of objectives."""
-        return self.search.scene.canvases(self.shown)
-
-    @cached_property
-    def parallel(self) -> ParallelAxes | None:
-        """The axes of parallel coordinates, for three or more objectives."""
-        return self.search.scene.parallel_axes(self.shown)
-
-    @cached_property
-    def _charts(self) -> list[DrawnChart]:
-        names_before = [] if self.parallel is None else [str(self.parallel.view().name)]
-        return fit_drawn_charts(search_charts(self.search.scene, self.search.generations), names_before)
+    def _charts(self) -> list[Chart]:
+        names_before = [str(view.name) for view in self.scatter.parallel_views()]
+        return fit_below_tabs(search_charts(self.scatter.scene, self.generations), names_before)

@@ -14,20 +14,18 @@ from jaxtyping import Float, Int
 from paretoik.arrays import Objectives
 from paretoik.front.front import Front
 from paretoik.front.indicators import HypervolumeCurve, HypervolumeOptions
-from paretoik.review.drawing.axes import Canvas, ParallelAxes
 from paretoik.review.drawing.charts import Chart
 from paretoik.review.drawing.front_panels import replay_window
-from paretoik.review.drawing.layout import TEXT_ENTITY as TEXT
-from paretoik.review.drawing.layout import WHY, Layout, Legend, text_view
-from paretoik.review.drawing.loop_drawing import FinishedLoop
+from paretoik.review.drawing.layout import Layout, Legend, log_text, text_view
+from paretoik.review.drawing.loop_drawing import LoopDrawing
 from paretoik.review.drawing.motion import (
     CHOSEN,
     MotionScene,
     ReplayClock,
     has_motions,
     is_moving,
+    motion_views,
     posture_chart,
-    replay_times,
 )
 from paretoik.review.drawing.point_text import (
     better_but_infeasible,
@@ -37,89 +35,85 @@ from paretoik.review.drawing.point_text import (
     reason_text,
     text_of,
 )
-from paretoik.review.drawing.scatter import SearchScene
-from paretoik.review.drawing.search_charts import (
-    DrawnChart,
-    FrontViews,
-    RecordedSearch,
-    log_series,
-    log_styles,
-    search_entries,
-    series_views,
-)
+from paretoik.review.drawing.scatter import Scatter, SearchScene, search_scene
+from paretoik.review.drawing.search_charts import FrontViews, log_styles, search_entries, series_views
 from paretoik.review.palette import DRAWING, SCREEN, even_rows
-from paretoik.review.recording.messages import LeastViolating, RecordedPoint, end_points, front_point
+from paretoik.review.recording.messages import LeastViolating, RecordedPoint, Workcell, end_points, front_point
 from paretoik.review.recording.recorder import Generation, RecorderOptions, SearchedFront, SearchEnd
 from paretoik.search.maximin import greedy_order, scaled, starting_points
 
 # The recording of a finished search: all generations on common axes, then the front and its motions.
 
 
+WHY = "notes/why"  # entity of the reason of the choice
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
-class FinishedSearch:
-    """A finished ``search``.
+class SearchDrawing:
+    """A finished search, whose motions are in the workcell ``cell``; ``note``: what was left out.
 
     Four timelines: that of its generations or levels; ``motion``, along which the last motions move, if they do;
     ``replay``, on which the motions of the generations follow each other; ``point``, which shows the points of the last
     front one by one, if it has several. All of them show the end.
     """
 
-    search: RecordedSearch
+    scene: SearchScene
+    cell: Workcell | None
+    generations: Sequence[Generation]
+    end: SearchEnd
+    note: str = ""
 
     def log(self, stream: rr.RecordingStream) -> None:
         """Draw everything."""
         self._log_still(stream)
-        for place, generation in enumerate(self._generations):
+        for place, generation in enumerate(self.generations):
             stream.reset_time()
-            stream.set_time(self.search.scene.timeline, sequence=generation.number)
+            stream.set_time(self.scene.timeline, sequence=generation.number)
             stream.set_time("replay", duration=float(self._clock.begins[place]))
-            if place == len(self._generations) - 1:
+            if place == len(self.generations) - 1:
                 self._at_the_end(stream)
-            self._log_generation(stream, generation, self._moved[place])
-        if self._end.front is not None:
-            self._log_front(stream, self._end.front)
+            end = "the final front" if self._nearest is None else "the last population"
+            outside, moved = self._scatter.outside(generation.population), self._moved[place]
+            words = text_of(self.scene, generation, moved, outside=outside, end=end)
+            self._views.log_generation(stream, generation, words)
+            if self._motions is not None:
+                self._motions.log_whole(stream, generation.points)
+        stream.reset_time()
+        self._at_the_end(stream)
+        if self.end.front is not None:
+            self._log_front(stream, self.end.front)
         if self._nearest is not None:
             self._log_nearest(stream, self._nearest)
         stream.reset_time()
         self._send_motions(stream)
-        if self._end.front is not None and len(self._walk) > 1:  # a single point is visible anyway
-            self._log_walk(stream, self._end.front)
+        if self.end.front is not None and len(self._walk) > 1:  # a single point is visible anyway
+            self._log_walk(stream, self.end.front)
         stream.reset_time()
-        stream.send_blueprint(self._layout.blueprint())
+        self._layout.log(stream)
 
     def _log_still(self, stream: rr.RecordingStream) -> None:
         """Draw what does not change: axes, charts, the workcell, and the last front behind all others."""
+        log_styles(self.scene, stream)
         self._views.log(stream)
-        self._layout.legend.log(stream)
-        if self._end.front is not None:
-            final = self._end.front.objectives
-            self.search.scene.log_points(stream, "final", final, self._views.canvases, static=True)
-            if self._views.parallel is not None:
-                lines = self._views.parallel.lines(final, SCREEN.final, 0.6, 0.5)
-                stream.log(f"{self._views.parallel.entity}/final", lines, static=True)
-        if self._end.choice is not None:
-            stream.log(WHY, rr.TextDocument(reason_text(self._end.choice), media_type="text/markdown"), static=True)
+        if self.end.front is not None:
+            final, parallel = self.end.front.objectives, self._scatter.parallel
+            self._scatter.log_points(stream, "final", final, static=True)
+            if parallel is not None:
+                stream.log(f"{parallel.entity}/final", parallel.lines(final, SCREEN.final, 0.6, 0.5), static=True)
+        if self.end.choice is not None:
+            log_text(stream, reason_text(self.end.choice), WHY, static=True)
         if self._motions is not None:
             self._motions.log(stream)
         if self._postures is not None:
-            chart, instants, curves = self._postures
-            chart.log(stream)
-            chart.draw(stream, instants, curves, static=True)
-        if self._postures is not None and self._motions is not None:
-            self._motions.log_postures(stream, self._postures[2].T)
-
-    def _log_generation(self, stream: rr.RecordingStream, generation: Generation, moved: int | None) -> None:
-        end = "the final front" if self._nearest is None else "the last population"
-        words = text_of(self.search.scene, generation, moved, outside=self._views.outside(generation), end=end)
-        self._views.log_generation(stream, generation, words)
-        if self._motions is not None:
-            self._motions.log_whole(stream, generation.points)
+            self._postures.log(stream)
+            if self._motions is not None:
+                self._motions.log_postures(stream, self._postures.curves.T)
 
     @cached_property
     def _moved(self) -> list[int | None]:
         """The generation whose motions are shown with each generation; itself if the points are the same."""
         moved, shown = list[int | None](), None
-        for each in self._generations:
+        for each in self.generations:
             shown = each if has_motions(each.points) else shown
             same = shown is not None and [point.id for point in shown.points] == [point.id for point in each.points]
             moved.append(each.number if same else None if shown is None else shown.number)
@@ -127,8 +121,8 @@ class FinishedSearch:
 
     def _at_the_end(self, stream: rr.RecordingStream) -> None:
         """Set the time to the end, on all timelines."""
-        last = self._generations[-1].number if self._generations else 0
-        stream.set_time(self.search.scene.timeline, sequence=last)
+        last = self.generations[-1].number if self.generations else 0
+        stream.set_time(self.scene.timeline, sequence=last)
         stream.set_time("replay", duration=self._clock.end)
         if is_moving(self._end_points):
             stream.set_time("motion", duration=0.0)
@@ -137,33 +131,29 @@ class FinishedSearch:
 
     def _log_front(self, stream: rr.RecordingStream, front: Front) -> None:
         """Draw the last front with its choice and their motions."""
-        self._at_the_end(stream)
-        scene, points, canvases = self.search.scene, self._end_points, self._views.canvases
-        scene.log_points(stream, "front", front.objectives, canvases, ids=front.ids, named=True)
-        scene.log_marked(stream, points, canvases, avoided=self._drawn, taken=self._lines)
-        if self._views.parallel is not None:
-            chosen = None if self._end.choice is None else self._end.choice.objectives
-            scene.log_lines(stream, self._views.parallel, front.objectives, chosen)
-        if self._end.choice is not None:
-            self._log_words(stream, front, choice_text(front, self._end.choice, whole=False))
+        scatter, choice = self._scatter, self.end.choice
+        names = [f"point {number}" for number in front.ids]
+        scatter.log_points(stream, "front", front.objectives, ids=front.ids, names=names)
+        scatter.log_marked(stream, self._end_points, avoided=self._drawn, taken=self._lines)
+        scatter.log_lines(stream, front.objectives, None if choice is None else choice.objectives)
+        if choice is not None:
+            self._log_words(stream, front, choice_text(front, choice, whole=False))
         if self._motions is not None:
-            self._motions.log_whole(stream, points)
-        if self._postures is not None and self._end.choice is not None:
-            self._postures[0].log_cursor(stream, float(self._end.choice.objectives[0]))
+            self._motions.log_whole(stream, self._end_points)
+        if self._postures is not None and choice is not None:
+            self._postures.log_cursor(stream, float(choice.objectives[0]))
 
     def _log_words(self, stream: rr.RecordingStream, front: Front, words: str) -> None:
         """Show the text of a point, and the number of individuals behind the front that look better."""
-        for last in self._generations[-1:]:
-            words += f"\n\n{better_but_infeasible(self.search.scene, last.population, front.objectives)}"
-        stream.log(TEXT, rr.TextDocument(words.rstrip(), media_type="text/markdown"))
+        for last in self.generations[-1:]:
+            words += f"\n\n{better_but_infeasible(self.scene, last.population, front.objectives)}"
+        log_text(stream, words.rstrip())
 
     def _log_nearest(self, stream: rr.RecordingStream, nearest: LeastViolating) -> None:
         """Show what is broken if nothing is feasible, and the motion that breaks least."""
-        self._at_the_end(stream)
-        scene, canvases = self.search.scene, self._views.canvases
-        words = infeasible_text(scene.names, scene.units, nearest, self.search.recorded.workcell, "No feasible point")
-        stream.log(TEXT, rr.TextDocument(words, media_type="text/markdown"))
-        scene.log_marked(stream, self._end_points, canvases, avoided=self._drawn, taken=self._lines)
+        words = infeasible_text(self.scene.names, self.scene.units, nearest, self.cell, "No feasible point")
+        log_text(stream, words)
+        self._scatter.log_marked(stream, self._end_points, avoided=self._drawn, taken=self._lines)
         if self._motions is not None:
             self._motions.log_whole(stream, self._end_points)
 
@@ -173,40 +163,29 @@ class FinishedSearch:
             return
         for point in self._end_points:
             self._motions.send_motion(stream, point)
-        slots = [(float(self._clock.begins[i]), self._generations[i].points) for i in sorted(self._clock.moving)]
+        slots = [(float(self._clock.begins[i]), self.generations[i].points) for i in sorted(self._clock.moving)]
         if is_moving(self._end_points):
             slots.append((self._clock.end, self._end_points))
-        for begin, points in slots:
-            for point in points:
-                if point.motion is not None:
-                    rows, times = replay_times(point, points, begin)
-                    self._motions.send(stream, point, [rr.TimeColumn("replay", duration=times)], rows)
+        self._motions.send_replay(stream, slots)
 
     def _log_walk(self, stream: rr.RecordingStream, front: Front) -> None:
         """Show the points along the front one by one: the motion and text of each."""
+        rows = {int(number): row for row, number in enumerate(front.ids)}
         for number, point in enumerate(self._walk):
             stream.reset_time()
             stream.set_time("point", sequence=number)
-            self.search.scene.log_looked_at(
-                stream,
-                point,
-                self._views.canvases,
-                self._views.parallel,
-                avoided=self._drawn,
-                marked=self._end_points,
-                taken=self._lines,
-            )
-            row = int(np.flatnonzero(front.ids == point.id)[0])
-            self._log_words(stream, front, point_text(front, row, chosen=self._end.choice))
+            marked, lines = self._end_points, self._lines
+            self._scatter.log_looked_at(stream, point, avoided=self._drawn, marked=marked, taken=lines)
+            self._log_words(stream, front, point_text(front, rows[point.id], chosen=self.end.choice))
             if self._motions is not None:
                 self._motions.log_whole(stream, [point])
             if self._postures is not None:
-                self._postures[0].log_cursor(stream, float(point.objectives[0]))
+                self._postures.log_cursor(stream, float(point.objectives[0]))
 
     @cached_property
     def _walk(self) -> list[RecordedPoint]:
         """Points along the last front, including the chosen one."""
-        front, choice = self._end.front, self._end.choice
+        front, choice = self.end.front, self.end.choice
         if front is None or not len(front):
             return []
         rows = set(even_rows(len(front), DRAWING.walk).tolist())
@@ -216,108 +195,86 @@ class FinishedSearch:
     @cached_property
     def _drawn(self) -> Objectives:
         """All drawn points of the end, and of the last generation behind it."""
-        front = [] if self._end.front is None else [self._end.front.objectives]
-        return np.concatenate([*front, *(each.population for each in self._generations[-1:])])
+        front = [] if self.end.front is None else [self.end.front.objectives]
+        return np.concatenate([*front, *(each.population for each in self.generations[-1:])])
 
     @cached_property
     def _lines(self) -> Float[np.ndarray, "points 2"]:
         """Points [pixels] on the lines of the last generation, which are visible at the end."""
-        last = self._generations[-1:]
-        return self.search.scene.line_points(last[0], self._views.canvases) if last else np.zeros((0, 2))
-
-    @property
-    def _note(self) -> str:
-        walked, whole = len(self._walk), 0 if self._end.front is None else len(self._end.front)
-        words = f"{walked} of {whole} points are on the timeline point." if walked < whole else ""
-        return " ".join(filter(None, (self.search.note, words)))
+        return self._scatter.line_points(self.generations[-1]) if self.generations else np.zeros((0, 2))
 
     @cached_property
     def _end_points(self) -> tuple[RecordedPoint, ...]:
         """The individually drawn points at the end: of the front, the least-violating, or the last generation's."""
-        if self._end.front is not None:
-            return end_points(self._end.front, self._end.choice)
+        if self.end.front is not None:
+            return end_points(self.end.front, self.end.choice)
         if self._nearest is not None:
             return () if self._nearest.point is None else (self._nearest.point,)
-        with_motions = [each.points for each in self._generations if has_motions(each.points)]
+        with_motions = [each.points for each in self.generations if has_motions(each.points)]
         return with_motions[-1] if with_motions else ()
-
-    @cached_property
-    def _shown(self) -> Objectives:
-        fronts = [each.front for each in self._generations]
-        fronts += [] if self._end.front is None else [self._end.front.objectives]
-        if fronts and len(fronts[-1]) and self.search.scene.timeline != "refinement":  # both fronts are looked at
-            return replay_window(fronts)
-        shown = np.concatenate([np.empty((0, len(self.search.scene.names))), *fronts])
-        if len(shown):
-            return shown
-        return np.concatenate([shown, *(each.population for each in self._generations[-1:])])  # nothing is feasible
-
-    @property
-    def _generations(self) -> Sequence[Generation]:
-        return self.search.generations
-
-    @property
-    def _end(self) -> SearchEnd:
-        return self.search.end
 
     @property
     def _nearest(self) -> LeastViolating | None:
         """The least-violating point if nothing is feasible."""
-        return self._end.least_violating
+        return self.end.least_violating
 
-    @property
-    def _chosen_words(self) -> str:
-        """The name of the solid point at the end."""
-        if self._nearest is not None:
-            return "least-violating"
-        return CHOSEN if self._end.front is not None and self._end.choice is not None else "compromise"
+    @cached_property
+    def _scatter(self) -> Scatter:
+        fronts = [each.front for each in self.generations]
+        fronts += [] if self.end.front is None else [self.end.front.objectives]
+        if fronts and len(fronts[-1]) and self.scene.timeline != "refinement":  # both of its fronts are looked at
+            return Scatter(scene=self.scene, shown=replay_window(fronts))
+        shown = np.concatenate([np.empty((0, len(self.scene.names))), *fronts])
+        if not len(shown):  # nothing is feasible
+            shown = np.concatenate([shown, *(each.population for each in self.generations[-1:])])
+        return Scatter(scene=self.scene, shown=shown)
 
     @cached_property
     def _views(self) -> FrontViews:
-        return FrontViews(search=self.search, shown=self._shown, note=self._note)
+        final = None if self.end.front is None else self.end.front.objectives
+        return FrontViews(scatter=self._scatter, generations=self.generations, final=final)
 
     @cached_property
     def _clock(self) -> ReplayClock:
-        return ReplayClock.of([each.points for each in self._generations])
+        return ReplayClock.of([each.points for each in self.generations])
 
     @cached_property
     def _motions(self) -> MotionScene | None:
-        cell = self.search.recorded.workcell
-        points = [*self._walk, *self._end_points, *(point for each in self._generations for point in each.points)]
-        if cell is None or not any(point.motion is not None and point.axis is None for point in points):
+        points = [*self._walk, *self._end_points, *(point for each in self.generations for point in each.points)]
+        if self.cell is None or not any(point.motion is not None and point.axis is None for point in points):
             return None
-        return MotionScene(workcell=cell, names=self.search.scene.names, points=points)
+        return MotionScene(workcell=self.cell, names=self.scene.names, points=points)
 
     @cached_property
-    def _postures(self) -> DrawnChart | None:
+    def _postures(self) -> Chart | None:
         """The joints along the front if arms stand still, since curves over time would be straight lines."""
-        cell, front = self.search.recorded.workcell, self._end.front
+        cell, front = self.cell, self.end.front
         standing = all(point.motion is not None and point.motion.is_standing for point in self._end_points)
         if cell is None or front is None or not self._end_points or not standing or front.motions is None:
             return None
         postures = np.asarray(front.motions.q)[:, 0]
-        chart, values, curves = posture_chart(cell, front.objectives[:, 0], postures, self.search.scene.label(0))
-        return replace(chart, title="joint position over the final front"), values, curves
+        return posture_chart(cell, front.objectives[:, 0], postures, self.scene.label(0))
 
-    @cached_property
+    @property
     def _layout(self) -> Layout:
-        motions = self._motions
-        joints: list[Chart] = [] if motions is None else list(motions.charts.values())
-        if self._postures is not None:
-            joints = [self._postures[0]]
-        scene, choice = self.search.scene, self._end.choice
-        chosen = "compromise" if self._nearest is None else self._chosen_words
-        why = [] if choice is None else [rrb.TextDocumentView(origin=WHY, name="why")]
+        front, scene, motions = self.end.front, self.scene, self._motions
+        walked, whole = len(self._walk), 0 if front is None else len(front)
+        words = f"{walked} of {whole} points are on the timeline point." if walked < whole else ""
+        chosen = "compromise" if self._nearest is None else "least-violating"
         postures = "" if self._postures is None else "postures of the final front"
-        entries = search_entries(scene, motions, chosen=chosen, walked=len(self._walk) > 1, postures=postures)
+        solid = CHOSEN if front is not None and self.end.choice is not None else chosen  # the solid point at the end
+        why = [] if self.end.choice is None else [rrb.TextDocumentView(origin=WHY, name="why")]
+        views = motion_views(motions)
+        if self._postures is not None:
+            views["joints"] = [self._postures.view()]
         return Layout(
-            legend=Legend(entity="legend", entries=entries),
-            front=self._views.front,
+            legend=Legend(entries=search_entries(scene, motions, chosen=chosen, walked=walked > 1, postures=postures)),
+            front=self._scatter.view(),
             charts=self._views.charts,
-            arm=None if motions is None else motions.view(),
-            joints=[chart.view() for chart in joints],
-            texts=[text_view(f"{scene.timeline}, {self._chosen_words}"), *why, *self._views.notes],
+            texts=[text_view(f"{scene.timeline}, {solid}"), *why],
             timeline=scene.timeline,
+            note=" ".join(filter(None, (self.note, words))),
+            **views,
         )
 
 
@@ -372,84 +329,54 @@ def spread_rows(F: Objectives, count: int) -> Int[np.ndarray, " rows"]:
 # The recording of a search while it runs, and afterwards.
 
 
-class Recording:
-    """Draws a search into a stream; errors of Rerun are raised.
+def search_drawing(
+    scene: SearchedFront, messages: Sequence[Generation], end: SearchEnd | None, note: str
+) -> SearchDrawing | LoopDrawing:
+    """Return the drawing of a search, or of a closed loop; without an end the last generation is the end."""
+    kind = LoopDrawing if scene.timeline == "step" else SearchDrawing
+    return kind(
+        scene=search_scene(scene),
+        cell=scene.workcell,
+        generations=messages,
+        end=SearchEnd(front=None) if end is None else end,
+        note=" ".join(filter(None, (note, reduction_note(messages)))),
+    )
 
-    While the search runs, each generation is drawn on its own axes. The common axes of all are known only at its end,
-    so `finish` draws all of them again, into another stream.
-    """
+
+class LiveSearch:
+    """Draws a search or a closed loop while it runs; a generation that does not fit the axes gets new ones."""
 
     def __init__(self, scene: SearchedFront, stream: rr.RecordingStream, options: RecorderOptions) -> None:
-        self._recorded = scene
-        self._scene = SearchScene(
-            names=scene.names, units=scene.units, maximised=scene.maximised, timeline=scene.timeline
-        )
-        self._stream = stream
-        self._reduction = FrontReduction(maximised=scene.maximised, points=options.points)
-        self._canvases: list[Canvas] = []
-        self._parallel: ParallelAxes | None = None
+        self._scene, self._cell, self._stream = search_scene(scene), scene.workcell, stream
+        self.reduce = FrontReduction(maximised=scene.maximised, points=options.points).reduce
+        self._views: FrontViews | None = None
         self._motions: MotionScene | None = None
-        self._layout: Layout | None = None
-        log_styles(self._scene, stream)
-
-    def reduce(self, generation: Generation) -> Generation:
-        """Return a generation with at most as many points as are drawn, and its hypervolume."""
-        return self._reduction.reduce(generation)
 
     def record(self, generation: Generation) -> None:
-        """Draw a generation while the search runs."""
-        stream, scene = self._stream, self._scene
+        """Draw a generation."""
+        stream, scene, points = self._stream, self._scene, generation.points
         stream.set_time(scene.timeline, sequence=generation.number)
         shown = generation.front if len(generation.front) else generation.population
-        changed = self._layout is None
-        if not scene.fits(self._canvases, shown):
-            changed |= not self._canvases
-            self._canvases, self._parallel = scene.canvases(shown), scene.parallel_axes(shown)
-            scene.log_axes(stream, self._canvases, static=False)
-            if self._parallel is not None:
-                self._parallel.log(stream, static=False)
-        changed |= self._begin_motions(generation)
-        if changed:
-            self._send_layout()
-        scene.log_generation(stream, generation, self._canvases, self._parallel)
-        log_series(scene, stream, generation)
-        stream.log(TEXT, rr.TextDocument(text_of(scene, generation), media_type="text/markdown"))
-        if self._motions is not None:
-            self._motions.log_whole(stream, generation.points)
-
-    def finish(self, generations: Sequence[Generation], end: SearchEnd | None, note: str) -> None:
-        """Draw everything on common axes, finally the front and the motion of the choice, and a note if any.
-
-        Without a front each generation is at its own sample of the motion, and some searches are shown next to them.
-        Without an end the last generation is the end.
-        """
-        end = SearchEnd(front=None) if end is None else end
-        note = " ".join(filter(None, (note, reduction_note(generations))))
-        kind = FinishedLoop if self._scene.timeline == "step" else FinishedSearch
-        search = RecordedSearch(scene=self._scene, recorded=self._recorded, generations=generations, end=end, note=note)
-        kind(search=search).log(self._stream)
-
-    def _begin_motions(self, generation: Generation) -> bool:
-        """Draw the workcell when motions first appear; return whether that was now."""
-        cell, points = self._recorded.workcell, generation.points
-        if self._motions is not None or cell is None or not has_motions(points):
-            return False
-        self._motions = MotionScene(workcell=cell, names=self._scene.names, points=points)
-        self._motions.log(self._stream)
-        return True
-
-    def _send_layout(self) -> None:
-        scene, motions = self._scene, self._motions
-        legend = Legend(entity="legend", entries=search_entries(scene, motions))
-        legend.log(self._stream)
-        parallel = [] if self._parallel is None else [self._parallel.view()]
-        self._layout = Layout(
-            legend=legend,
-            front=scene.view() if self._canvases else None,
-            charts=[*parallel, *series_views(scene)],
-            arm=None if motions is None else motions.view(),
-            joints=[] if motions is None else [chart.view() for chart in motions.charts.values()],
-            texts=[text_view(scene.timeline)],
-            timeline=scene.timeline,
-        )
-        self._stream.send_blueprint(self._layout.blueprint())
+        views, motions = self._views, self._motions
+        if views is None:
+            log_styles(scene, stream)
+        if views is None or not views.scatter.fits(shown):
+            views = FrontViews(scatter=Scatter(scene=scene, shown=shown))
+            views.log(stream, static=False)
+        if motions is None and self._cell is not None and has_motions(points):
+            motions = MotionScene(workcell=self._cell, names=scene.names, points=points)
+            motions.log(stream)
+        if self._views is None or not self._views.scatter.canvases or motions is not self._motions:  # more is visible
+            layout = Layout(
+                legend=Legend(entries=search_entries(scene, motions)),
+                front=views.scatter.view(),
+                charts=[*views.charts, *series_views(scene)],
+                texts=[text_view(scene.timeline)],
+                timeline=scene.timeline,
+                **motion_views(motions),
+            )
+            layout.log(stream)
+        self._views, self._motions = views, motions
+        views.log_generation(stream, generation, text_of(scene, generation))
+        if motions is not None:
+            motions.log_whole(stream, points)

@@ -1,4 +1,4 @@
-"""Arms of URDF files as meshes, if all their files are available."""
+"""Views of a plane or of space with their axes, and arms of URDF files as meshes."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ import os
 import tempfile
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import rerun as rr
@@ -17,7 +18,7 @@ from jaxtyping import Float
 from rerun.urdf import UrdfTree
 
 from paretoik.arrays import Vector3
-from paretoik.review.drawing.axes import nice_ticks, tick_text
+from paretoik.review.drawing.axes import Canvas, equal_window, nice_ticks, screen_text, tick_text
 from paretoik.review.palette import DRAWING, SCENES, SCREEN, VIEWS
 from paretoik.robot.arm import Arm
 from paretoik.robot.pose import Pose
@@ -136,6 +137,79 @@ class Ground:
     def _ticks(self, axis: int) -> np.ndarray:
         count = round((self.high[axis] - self.low[axis]) / self.step)
         return np.round(self.low[axis] + self.step * np.arange(count + 1), 9) + 0.0
+
+
+# A view of points in the plane or in space.
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Stage:
+    """A view at ``entity`` that shows all of ``seen`` (points, 3): a plane with axes, or a space above a ground.
+
+    ``labels``: those of its axes. ``margin``: of the plane, as a share of the range.
+    """
+
+    entity: str
+    planar: bool
+    seen: Float[np.ndarray, "points 3"]
+    labels: tuple[str, str, str] = METRES
+    margin: float = 0.08
+
+    def view(self, name: str, contents: Sequence[str] = ()) -> rrb.View:
+        """Return the view, with further ``contents`` in space."""
+        settings: Any = {"origin": self.entity, "name": screen_text(name), "background": SCREEN.background}
+        if self.planar:
+            return rrb.Spatial2DView(visual_bounds=self.canvas.bounds(), **settings)
+        shown = ["+ $origin/**", *contents]
+        return rrb.Spatial3DView(contents=shown, line_grid=False, eye_controls=self.ground.eye(), **settings)
+
+    def log_axes(self, recording: rr.RecordingStream) -> None:
+        """Draw the axes, for all times."""
+        if self.planar:
+            self.canvas.log(recording, f"{self.entity}/axes", static=True)
+        else:
+            recording.log(self.entity, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+            self.ground.log(recording, f"{self.entity}/axes")
+
+    def strips(self, lines: Sequence[np.ndarray], colour: Any, radius: float, order: float, **more: Any) -> Any:
+        """Return lines (points, 3) as drawn: ``radius`` in pixels, above everything of a lower ``order``."""
+        placed, radii = [self.place(line) for line in lines], rr.Radius.ui_points(radius)
+        return self.line_kind(placed, colors=colour, radii=radii, **self.order(order), **more)
+
+    def points(self, places: np.ndarray, colour: Any, radius: float, order: float, **more: Any) -> Any:
+        """Return points (points, 3) as drawn: ``radius`` in pixels."""
+        radii = rr.Radius.ui_points(radius)
+        return self.point_kind(self.place(places), colors=colour, radii=radii, **self.order(order), **more)
+
+    def place(self, points: np.ndarray) -> np.ndarray:
+        """Return the positions on the view of points (..., 3)."""
+        return self.canvas.place(points[..., :2]) if self.planar else points
+
+    def order(self, order: float) -> dict[str, float]:
+        """Return the drawing order, which only exists in the plane."""
+        return {"draw_order": order} if self.planar else {}
+
+    @property
+    def line_kind(self) -> Any:
+        """The archetype of lines."""
+        return rr.LineStrips2D if self.planar else rr.LineStrips3D
+
+    @property
+    def point_kind(self) -> Any:
+        """The archetype of points."""
+        return rr.Points2D if self.planar else rr.Points3D
+
+    @cached_property
+    def canvas(self) -> Canvas:
+        """The axes of the plane, with equal scales."""
+        flat = Canvas(low=np.zeros(2), high=np.ones(2), labels=self.labels[:2])
+        low, high = equal_window(self.seen[:, :2], width=flat.width, height=flat.height, margin=self.margin)
+        return replace(flat, low=low, high=high)
+
+    @cached_property
+    def ground(self) -> Ground:
+        """The ground of the space."""
+        return Ground.around(self.seen, labels=self.labels)
 
 
 # Arms of URDF files as meshes.

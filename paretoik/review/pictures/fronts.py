@@ -24,7 +24,7 @@ from paretoik.front.comparison import Comparison
 from paretoik.front.front import Front
 from paretoik.front.points import StoredMotions
 from paretoik.front.preferences.compromise import best_rows, compromise
-from paretoik.review.outlines import count_covered, freest_place, outline, places_beside, places_between, wires
+from paretoik.review.outlines import count_covered, freest_place, obstacle_lines, places_beside, places_between
 from paretoik.review.palette import PAPER, even_rows, objective_label
 from paretoik.review.words import describe_limits_between
 from paretoik.runs.file_replacement import replace_file
@@ -109,14 +109,12 @@ def _leader(mark: np.ndarray, middle: np.ndarray, half: np.ndarray, colour: str)
 def draw_obstacles(axes: Axes, motion: Any) -> None:
     """Draw the obstacles of a single `motion`; in space, unbounded ones have the arm's height."""
     if motion.arm.is_planar:
-        for line in map(outline, motion.obstacles):
-            if line is not None:
-                axes.fill(*line.T, facecolor=PAPER.quiet, alpha=0.5, linewidth=0.0)
+        for line in obstacle_lines(motion.obstacles, None):
+            axes.fill(*line.T, facecolor=PAPER.quiet, alpha=0.5, linewidth=0.0)
         return
     height = (min(0.0, float(motion.links[..., 2].min())), float(motion.links[..., 2].max()))
-    for obstacle in motion.obstacles:
-        for wire in wires(obstacle, height):
-            axes.plot(*wire.T, color=PAPER.quiet, linewidth=0.6, alpha=0.8)
+    for wire in obstacle_lines(motion.obstacles, height):
+        axes.plot(*wire.T, color=PAPER.quiet, linewidth=0.6, alpha=0.8)
 
 
 # Pictures of a front and its motions.
@@ -144,21 +142,23 @@ def front_picture(front: Front, file: Path | str, choice: Choice | None = None) 
     writing fails.
     """
     highlights = _highlights(front, choice)
-    many, moving = len(front.names) > 2, front.motions is not None
-    size = ((9.6, 6.0) if moving else (9.6, 3.2)) if many else ((11.0, 3.3) if moving else (4.2, 3.4))
+    many, stored = len(front.names) > 2, front.motions
+    size = ((9.6, 3.2) if many else (4.2, 3.4)) if stored is None else ((9.6, 6.0) if many else (11.0, 3.3))
     with picture(file, size) as figure:
-        if not moving or not highlights:
+        if stored is None or not highlights:
             _draw_front(figure, front, highlights)
+            return
+        grid: Any = {"nrows": 2} if many else {"ncols": 2, "width_ratios": [1.0, 2.0]}
+        trade_off, motions = np.ravel(figure.subfigures(**grid))
+        _draw_front(trade_off, front, highlights)
+        titles = [(f"point {front.ids[point.index]}, {_text(point.reason)}", point.colour) for point in highlights]
+        rows = [point.index for point in highlights]
+        if isinstance(stored, StoredMotions):
+            _draw_joints(motions, [stored[row] for row in rows], titles)
+            warn_below(figure, WITHOUT_ARM)
         else:
-            grid: Any = {"nrows": 2} if many else {"ncols": 2, "width_ratios": [1.0, 2.0]}
-            trade_off, motions = np.ravel(figure.subfigures(**grid))
-            _draw_front(trade_off, front, highlights)
-            if isinstance(front.motions, StoredMotions):
-                _draw_joints(motions, front, highlights)
-                warn_below(figure, WITHOUT_ARM)
-            else:
-                _draw_motions(motions, front, highlights)
-                warn_below(figure, describe_limits_between(front, [point.index for point in highlights]))
+            draw_motions(motions, [stored[row] for row in rows], titles)
+            warn_below(figure, describe_limits_between(front, rows))
 
 
 @contextmanager
@@ -218,6 +218,11 @@ def stroboscopic(axes: Axes, motion: Any, *, colour: str = PAPER.accents[1]) -> 
     axes.plot(*last.T, color=PAPER.ink, linestyle="none", marker="o", markersize=3.2, markerfacecolor="white")
     axes.plot(*tool.T, color=colour, linewidth=1.8)
     axes.plot(*tool[-1:].T, color=colour, marker="o", markersize=4.5)
+
+
+def arm_axes(*, planar: bool) -> Any:
+    """Return the kind of axes on which an arm is drawn."""
+    return {"aspect": "equal"} if planar else {"projection": "3d"}
 
 
 def label_arm(axes: Any, *, planar: bool) -> None:
@@ -314,32 +319,30 @@ def _draw_parallel(axes: Axes, front: Front, highlights: Sequence[Highlight]) ->
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
 
 
-def _draw_motions(figure: Figure | SubFigure, front: Front, highlights: Sequence[Highlight]) -> None:
-    assert front.motions is not None
-    motions = [front.motions[point.index] for point in highlights]
+def draw_motions(figure: Figure | SubFigure, motions: Sequence[Any], titles: Sequence[tuple[str, str]]) -> None:
+    """Draw motions of one arm side by side, each with its title and colour."""
     planar = motions[0].arm.is_planar
-    kind: Any = {"aspect": "equal"} if planar else {"projection": "3d"}
-    panels = figure.subplots(1, len(highlights), sharex=planar, sharey=planar, subplot_kw=kind)
-    for axes, point, motion in zip(np.atleast_1d(panels), highlights, motions, strict=True):
-        stroboscopic(axes, motion, colour=point.colour)
-        axes.set_title(f"point {front.ids[point.index]}, {_text(point.reason)}", color=point.colour)
+    panels = np.atleast_1d(
+        figure.subplots(1, len(motions), sharex=planar, sharey=planar, subplot_kw=arm_axes(planar=planar))
+    )
+    for axes, motion, (title, colour) in zip(panels, motions, titles, strict=True):
+        stroboscopic(axes, motion, colour=colour)
+        axes.set_title(title, color=colour)
         axes.locator_params(nbins=4)
         axes.set_xlabel("x [m]")
         if not planar:
             label_arm(axes, planar=False)
     if planar:
-        np.atleast_1d(panels)[0].set_ylabel("y [m]")
+        panels[0].set_ylabel("y [m]")
 
 
-def _draw_joints(figure: Figure | SubFigure, front: Front, highlights: Sequence[Highlight]) -> None:
-    """Draw the joint positions of motions whose arm is not known."""
-    assert front.motions is not None
-    panels = np.atleast_1d(figure.subplots(1, len(highlights), sharex=True, sharey=True))
-    for axes, point in zip(panels, highlights, strict=True):
-        motion = front.motions[point.index]
+def _draw_joints(figure: Figure | SubFigure, motions: Sequence[Any], titles: Sequence[tuple[str, str]]) -> None:
+    """Draw the joint positions of motions whose arm is not known, each with its title and colour."""
+    panels = np.atleast_1d(figure.subplots(1, len(motions), sharex=True, sharey=True))
+    for axes, motion, (title, colour) in zip(panels, motions, titles, strict=True):
         for joint, positions in zip(motion.arm.joint_names, np.transpose(motion.q), strict=True):
             axes.plot(motion.time, positions, label=_text(joint))
-        axes.set_title(f"point {front.ids[point.index]}, {_text(point.reason)}", color=point.colour)
+        axes.set_title(title, color=colour)
         axes.set_xlabel("time [s]")
     panels[0].set_ylabel("joint position [rad or m]")
     panels[-1].legend(frameon=False, fontsize="small")

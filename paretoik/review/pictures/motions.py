@@ -13,7 +13,7 @@ from paretoik.capability.directional import PerformancePolygon
 from paretoik.front.front import Front
 from paretoik.resolution.protocol import ResolvedMotion
 from paretoik.review.palette import PAPER, joint_units
-from paretoik.review.pictures.fronts import label, label_arm, picture, stroboscopic
+from paretoik.review.pictures.fronts import arm_axes, draw_motions, label, label_arm, picture, stroboscopic
 from paretoik.review.recording.messages import PathEnd, PlannedLevel
 from paretoik.robot.kinematics import link_nodes
 from paretoik.task.limits import JOINT_UNITS
@@ -26,11 +26,10 @@ from paretoik.trajectory.plan import Plan
 def path_picture(path: PathEnd, file: Path | str) -> None:
     """Write a PNG of a tool path; raises InvalidInput if the file cannot be written."""
     planar = path.tool.shape[1] == 2
-    kind: Any = {"aspect": "equal"} if planar else {"projection": "3d"}
     with picture(file, (10.0, 3.6)) as figure:
         parts: Any = figure.subfigures(1, 2, width_ratios=[1.2, 1.0])
         place, curves = parts
-        axes = place.subplots(subplot_kw=kind)
+        axes = place.subplots(subplot_kw=arm_axes(planar=planar))
         if path.reference is not None:
             axes.plot(*path.reference.T, color=PAPER.quiet, linewidth=1.0, linestyle="--", label="reference")
         axes.plot(*path.tool.T, color=PAPER.accents[0], linewidth=1.5, label="tool")
@@ -54,22 +53,26 @@ def resolution_picture(motion: ResolvedMotion, criteria: list[str], file: Path |
     with picture(file, (11.0, 3.6)) as figure:
         parts: Any = figure.subfigures(1, 3, width_ratios=[1.2, 1.0, 1.0])
         arm, joints, steps = parts
-        axes = arm.subplots(subplot_kw={"aspect": "equal"} if planar else {"projection": "3d"})
+        axes = arm.subplots(subplot_kw=arm_axes(planar=planar))
         stroboscopic(axes, motion)
         for task in motion.tasks:
             path = task.path.positions[:, : 2 if planar else 3]
             axes.plot(*path.T, color=PAPER.accents[0], linewidth=1.0, linestyle="--", label="wanted")
         label_arm(axes, planar=planar)
         axes.legend(frameon=False, loc="upper right")
-        axes = joints.subplots()
-        for j, (joint, name) in enumerate(zip(motion.q.T, motion.arm.joint_names, strict=True)):
-            axes.plot(motion.time, joint, color=PAPER.accent(j), linewidth=1.2, label=name)
-        axes.set(xlabel="time [s]", ylabel=f"joint position [{joint_units(motion.arm, JOINT_UNITS['position'])}]")
-        axes.legend(frameon=False)
+        _draw_joints(joints.subplots(), motion)
         above, below = steps.subplots(2, 1, sharex=True)
         _draw_errors(above, motion)
         _draw_criteria(below, motion, criteria)
         below.set_xlabel("time [s]")
+
+
+def _draw_joints(axes: Axes, motion: Any) -> None:
+    """Draw the joint positions of a single motion over time."""
+    for j, (joint, name) in enumerate(zip(motion.q.T, motion.arm.joint_names, strict=True)):
+        axes.plot(motion.time, joint, color=PAPER.accent(j), linewidth=1.2, label=name)
+    axes.set(xlabel="time [s]", ylabel=f"joint position [{joint_units(motion.arm, JOINT_UNITS['position'])}]")
+    axes.legend(frameon=False)
 
 
 def _draw_errors(axes: Axes, motion: ResolvedMotion) -> None:
@@ -105,12 +108,11 @@ def _draw_criteria(axes: Axes, motion: ResolvedMotion, criteria: list[str]) -> N
 def polygon_picture(polygon: PerformancePolygon, file: Path | str) -> None:
     """Write a PNG of a polygon; raises InvalidInput if the file cannot be written."""
     planar = polygon.arm.is_planar
-    kind: Any = {"aspect": "equal"} if planar else {"projection": "3d"}
     size = 2 if planar else 3
     solved = np.flatnonzero(np.isfinite(polygon.values))
     unit = "m/s" if polygon.quantity == "velocity" else "N"
     with picture(file, (9.0, 4.0)) as figure:
-        maxima, postures = figure.subplots(1, 2, subplot_kw=kind)
+        maxima, postures = figure.subplots(1, 2, subplot_kw=arm_axes(planar=planar))
         ends = polygon.vertices[solved]
         for end in ends:
             maxima.plot(*np.stack([np.zeros(size), end]).T, color=PAPER.quiet, linewidth=0.7)
@@ -143,14 +145,10 @@ def loop_picture(motion: Any, values: np.ndarray, ranges: np.ndarray, front: Fro
         parts: Any = figure.subfigures(1, 3, width_ratios=[1.2, 1.0, 1.2])
         arm, joints, chosen = parts
         planar = motion.arm.is_planar
-        axes = arm.subplots(subplot_kw={"aspect": "equal"} if planar else {"projection": "3d"})
+        axes = arm.subplots(subplot_kw=arm_axes(planar=planar))
         stroboscopic(axes, motion)
         label_arm(axes, planar=planar)
-        axes = joints.subplots()
-        for j, (joint, name) in enumerate(zip(motion.q.T, motion.arm.joint_names, strict=True)):
-            axes.plot(motion.time, joint, color=PAPER.accent(j), linewidth=1.2, label=name)
-        axes.set(xlabel="time [s]", ylabel=f"joint position [{joint_units(motion.arm, JOINT_UNITS['position'])}]")
-        axes.legend(frameon=False)
+        _draw_joints(joints.subplots(), motion)
         rows = np.atleast_1d(chosen.subplots(values.shape[1], 1, sharex=True))
         for axis, axes in enumerate(rows):
             low, high = np.sort(ranges[:, axis], axis=1).T
@@ -172,23 +170,15 @@ def plan_picture(plan: Plan, levels: Sequence[PlannedLevel], label: str, unit: s
     Raises InvalidInput if the file cannot be written.
     """
     optima = plan.optima[: PAPER.motions]
-    planar = optima[0].motion.arm.is_planar
     with picture(file, (11.0, 3.4)) as figure:
         parts: Any = figure.subfigures(1, 2, width_ratios=[1.0, 2.0])
         values, motions = parts
         _draw_levels(values.subplots(), plan, levels, label)
-        kind: Any = {"aspect": "equal"} if planar else {"projection": "3d"}
-        panels = np.atleast_1d(motions.subplots(1, len(optima), sharex=planar, sharey=planar, subplot_kw=kind))
-        for rank, (axes, optimum) in enumerate(zip(panels, optima, strict=True)):
-            stroboscopic(axes, optimum.motion, colour=PAPER.accent(rank))
-            name = "best" if rank == 0 else f"optimum {rank}"
-            axes.set_title(f"{name}: {optimum.objective:.4g} {unit}".rstrip(), color=PAPER.accent(rank))
-            axes.locator_params(nbins=4)
-            axes.set_xlabel("x [m]")
-            if not planar:
-                label_arm(axes, planar=False)
-        if planar:
-            panels[0].set_ylabel("y [m]")
+        titles = [
+            (f"{f'optimum {rank}' if rank else 'best'}: {optimum.objective:.4g} {unit}".rstrip(), PAPER.accent(rank))
+            for rank, optimum in enumerate(optima)
+        ]
+        draw_motions(motions, [optimum.motion for optimum in optima], titles)
 
 
 def _draw_levels(axes: Axes, plan: Plan, levels: Sequence[PlannedLevel], label: str) -> None:

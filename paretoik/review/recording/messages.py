@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int, Shaped
@@ -58,7 +58,7 @@ def workcell_of(problem: Any) -> Workcell | None:
     if task is not None:
         return Workcell(
             arm=task.arm,
-            paths=tuple(_in_space(each.path.positions) for each in task.tasks),
+            paths=tuple(in_space(each.path.positions) for each in task.tasks),
             obstacles=tuple(task.obstacles),
             link_radius=float(task.link_radius),
             bounds=task.bounds,
@@ -73,8 +73,8 @@ def workcell_of(problem: Any) -> Workcell | None:
     places = {name: np.asarray(getattr(problem, name, ())) for name in ("position", "start", "target")}
     return Workcell(
         arm=arm,
-        places={name: _in_space(place) for name, place in places.items() if place.shape in ((2,), (3,))},
-        directions=_in_space(np.asarray(getattr(problem, "directions", np.zeros((0, 3))))),
+        places={name: in_space(place) for name, place in places.items() if place.shape in ((2,), (3,))},
+        directions=in_space(np.asarray(getattr(problem, "directions", np.zeros((0, 3))))),
         bounds=Limits(velocity=np.inf, torque=np.inf).bounds(arm, 1),
     )
 
@@ -87,7 +87,7 @@ def workcell_of_front(front: Front) -> Workcell | None:
     return cell
 
 
-def _in_space(points: np.ndarray) -> np.ndarray:
+def in_space(points: np.ndarray) -> np.ndarray:
     """Return points (..., 2 or 3) with all three coordinates."""
     padding = [(0, 0)] * (points.ndim - 1) + [(0, 3 - points.shape[-1])]
     return np.pad(np.asarray(points, dtype=float), padding)
@@ -100,8 +100,6 @@ def _in_space(points: np.ndarray) -> np.ndarray:
 class PathScene:
     """The scene of a tool path from ``start`` to ``target`` (task,) [m]; ``title``: name of the path."""
 
-    drawn_by: ClassVar[str] = "paretoik.review.drawing.whole_recording:WholeRecording"
-    finished_by: ClassVar[str] = "paretoik.review.drawing.path_drawing:FinishedPath"
     title: str
     start: Float[np.ndarray, " task"]
     target: Float[np.ndarray, " task"]
@@ -144,8 +142,6 @@ class PathEnd:
 class MaximaScene:
     """The scene of directional maxima: the workcell of their postures, and the maximised quantity."""
 
-    drawn_by: ClassVar[str] = "paretoik.review.drawing.whole_recording:WholeRecording"
-    finished_by: ClassVar[str] = "paretoik.review.drawing.maxima_drawing:FinishedMaxima"
     workcell: Workcell
     quantity: Quantity
 
@@ -347,8 +343,6 @@ class PlannedLevel:
 class PlannedScene:
     """The scene of a plan: its objective's name, unit and sense, and the workcell of its motions."""
 
-    drawn_by: ClassVar[str] = "paretoik.review.drawing.whole_recording:WholeRecording"
-    finished_by: ClassVar[str] = "paretoik.review.drawing.plan_drawing:FinishedPlan"
     name: str
     unit: str
     maximised: bool
@@ -392,8 +386,6 @@ class ResolvedScene:
     clearance of links.
     """
 
-    drawn_by: ClassVar[str] = "paretoik.review.drawing.whole_recording:WholeRecording"
-    finished_by: ClassVar[str] = "paretoik.review.drawing.resolution_drawing:FinishedResolution"
     workcell: Workcell
     method: str
     criteria: tuple[str, ...]
@@ -439,24 +431,23 @@ class ResolutionEnd:
 
 def record_traces(motion: ResolvedMotion) -> tuple[list[RecordedTraces], int]:
     """Return the motions of a batch, evenly spread ones if many, and how many there are."""
-    batch = list(np.ndindex(motion.q.shape[:-2]))
-    places = even_rows(len(batch), DRAWING.walk).tolist()
-    return [_recorded(motion[batch[place]] if batch[place] else motion, place, batch[place]) for place in places], len(
-        batch
-    )
-
-
-def _recorded(motion: ResolvedMotion, place: int, index: tuple[int, ...]) -> RecordedTraces:
-    traces, obstacles = motion.traces, motion.obstacles
-    distance = clearance(obstacles, link_nodes(motion.arm, motion.q), motion.link_radius) if obstacles else None
-    return RecordedTraces(
-        name=f"motion {', '.join(map(str, index))}" if index else "the motion",
-        point=RecordedPoint(id=place, objectives=NO_OBJECTIVES, motion=record_motion(motion, curves=True)),
-        error=np.abs(traces.errors).max(axis=-1),
-        clearance=None if distance is None else np.asarray(distance),
-        speed=np.linalg.norm(traces.velocities, axis=-1),
-        damping=traces.damping,
-        repulsion=np.linalg.norm(traces.repulsion, axis=-1),
-        criteria=np.linalg.norm(traces.projected, axis=-1),
-        status=traces.status,
-    )
+    batch, recorded = list(np.ndindex(motion.q.shape[:-2])), list[RecordedTraces]()
+    for place in even_rows(len(batch), DRAWING.walk).tolist():
+        index = batch[place]
+        one = motion[index] if index else motion
+        traces, obstacles = one.traces, one.obstacles
+        distance = clearance(obstacles, link_nodes(one.arm, one.q), one.link_radius) if obstacles else None
+        recorded.append(
+            RecordedTraces(
+                name=f"motion {', '.join(map(str, index))}" if index else "the motion",
+                point=RecordedPoint(id=place, objectives=NO_OBJECTIVES, motion=record_motion(one, curves=True)),
+                error=np.abs(traces.errors).max(axis=-1),
+                clearance=None if distance is None else np.asarray(distance),
+                speed=np.linalg.norm(traces.velocities, axis=-1),
+                damping=traces.damping,
+                repulsion=np.linalg.norm(traces.repulsion, axis=-1),
+                criteria=np.linalg.norm(traces.projected, axis=-1),
+                status=traces.status,
+            )
+        )
+    return recorded, len(batch)

@@ -7,10 +7,9 @@ A verb records in three lines, and none of them loads Rerun::
     recorder.finish(SearchEnd(front=front, choice=choice))
 
 The scene, the messages and the end are frozen dataclasses of this library with numbers, arms, motions or fronts, and
-nothing of the user's own, such as functions or problems: they go to a child process, which draws them. The scene names
-the class that draws them in ``drawn_by``, as "module:Class"; see ``recording_file.Drawing``. Messages with a
-``number`` are a series: if it grows long, evenly spread ones are kept, including the first and the last. All other
-messages are kept.
+nothing of the user's own, such as functions or problems: they go to a child process, which draws them; see
+``recording_child.drawing_of``. Messages with a ``number`` are a series: if it grows long, evenly spread ones are kept,
+including the first and the last. All other messages are kept.
 """
 
 from __future__ import annotations
@@ -32,7 +31,7 @@ from dataclasses import dataclass, field, replace
 from io import BytesIO
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, ClassVar, Literal, NoReturn, Protocol, TypeAlias, runtime_checkable
+from typing import Any, Literal, NoReturn, TypeAlias
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -42,7 +41,15 @@ from paretoik.errors import warn_user
 from paretoik.formulations.protocol import Timeline
 from paretoik.front.choice import Choice
 from paretoik.front.front import Front
-from paretoik.review.recording.messages import LeastViolating, RecordedPoint, Workcell
+from paretoik.review.recording.messages import (
+    LeastViolating,
+    MaximaScene,
+    PathScene,
+    PlannedScene,
+    RecordedPoint,
+    ResolvedScene,
+    Workcell,
+)
 from paretoik.robot.arm import Arm
 from paretoik.runs.machine import child_command
 
@@ -352,13 +359,6 @@ class SearchedStep:
     target: Float[np.ndarray, " 3"]
 
 
-@runtime_checkable
-class Scene(Protocol):
-    """The kind of a recording, with the class that draws it in the child process."""
-
-    drawn_by: ClassVar[str]
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SearchedFront:
     """The scene of a search: names, units and senses of the objectives, and the kind of its generations.
@@ -366,12 +366,14 @@ class SearchedFront:
     ``workcell``: where its motions are drawn, None if a problem has none.
     """
 
-    drawn_by: ClassVar[str] = "paretoik.review.drawing.search_drawing:Recording"
     names: tuple[str, ...]
     units: tuple[str, ...]
     maximised: tuple[bool, ...]
     timeline: Timeline = "generation"
     workcell: Workcell | None = None
+
+
+Scene: TypeAlias = SearchedFront | PlannedScene | ResolvedScene | MaximaScene | PathScene
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

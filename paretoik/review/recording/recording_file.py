@@ -11,12 +11,13 @@ import errno
 import os
 import re
 import time
-from collections.abc import Callable, Sequence
-from importlib import import_module
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
 import rerun as rr
+import rerun.blueprint as rrb
 
 from paretoik.review.recording.live_view import LiveView
 from paretoik.review.recording.recorder import Opening, RecorderOptions, part_of
@@ -24,18 +25,32 @@ from paretoik.review.recording.recorder import Opening, RecorderOptions, part_of
 
 @runtime_checkable
 class Drawing(Protocol):
-    """Draws a scene into a stream; there is one per file."""
+    """All kept messages of a run, its end (None if it has none), and a note if any."""
 
-    def __init__(self, scene: Any, stream: rr.RecordingStream, options: RecorderOptions) -> None: ...
+    def log(self, stream: rr.RecordingStream) -> None:
+        """Draw everything, on common axes."""
+
+
+@runtime_checkable
+class LiveDrawing(Protocol):
+    """Draws messages as they come; there is one per file."""
 
     def reduce(self, message: Any) -> Any:
         """Return what to keep of a message, which may be large."""
 
     def record(self, message: Any) -> None:
-        """Draw a message during the run."""
+        """Draw a message."""
 
-    def finish(self, messages: Sequence[Any], end: Any, note: str) -> None:
-        """Draw all kept messages on common axes, the end (None if the run has none), and a note if any."""
+
+@dataclass(frozen=True, kw_only=True)
+class SceneDrawing:
+    """How a kind of scene is drawn: at the end, and if it can be watched, during the run.
+
+    ``whole`` is called with ``scene``, ``messages``, ``end`` and ``note``.
+    """
+
+    whole: Callable[..., Drawing]
+    live: Callable[[Any, rr.RecordingStream, RecorderOptions], LiveDrawing] | None = None
 
 
 @runtime_checkable
@@ -75,10 +90,10 @@ class RecordingFile:
     Every ``stride``-th message of a series is kept, including the first and the last.
     """
 
-    def __init__(self, opening: Opening, parent: Parent) -> None:
+    def __init__(self, opening: Opening, parent: Parent, drawing: SceneDrawing) -> None:
         rr.set_strict_mode(True)  # a row that cannot be drawn is an error, not a line in an unread log
         self.stride = 1
-        self._opening, self._options, self._parent = opening, opening.options, parent
+        self._opening, self._options, self._parent, self._scene = opening, opening.options, parent, drawing
         self._file = Path(opening.file)
         self._messages: list[Any] = []
         self._last: Any = None  # message of the series
@@ -96,14 +111,16 @@ class RecordingFile:
     def record(self, message: Any, stride: int = 1) -> None:
         """Draw a message and keep it; the sender keeps every ``stride``-th of the series."""
         self.stride = max(self.stride, stride)
-        message = self._drawing.reduce(message)
+        if self._drawing is not None:
+            message = self._drawing.reduce(message)
         number = _number(message)
         if number is not None:
             self._first = number if self._last is None else self._first
             self._last = message
         self._messages.append(message)
         self._pending += 1
-        self._drawing.record(message)
+        if self._drawing is not None:
+            self._drawing.record(message)
 
     def look_after(self) -> None:
         """Write pending data, and thin a series that is too long, if it is time."""
@@ -121,7 +138,7 @@ class RecordingFile:
         """Draw everything again with its ``end``, and close the file; ``stride`` as for ``record``."""
         self.stride = max(self.stride, stride)
         self._keep(self.stride)
-        self._replace(lambda drawing: drawing.finish(self._messages, end, self._note()))
+        self._replace(lambda: self._draw_whole(end))
         self.close()
 
     def close(self) -> None:
@@ -134,22 +151,35 @@ class RecordingFile:
             live, self._live = self._live, None
             live.close()
 
-    def _open(self, file: int) -> tuple[rr.RecordingStream, Drawing]:
-        """Begin to record into an open file, even if it was renamed, and return what draws into it."""
+    def _open(self, file: int) -> tuple[rr.RecordingStream, LiveDrawing | None]:
+        """Begin to record into an open file, even if it was renamed, and return what draws messages into it."""
         # The viewer keeps one layout per application, and each run needs its own.
         application = f"{self._opening.title} in {self._file.resolve().parent.name}"
         name = re.sub(r"[^A-Za-z0-9_-]+", "-", application).strip("-")
         stream = Stream(name, self._parent.beat, self._options.batch)
         stream.set_sinks(rr.FileSink(f"/dev/fd/{file}"), *(() if self._live is None else (self._live.sink(),)))
         stream.send_recording_name(self._opening.title)
-        module, _, drawing = self._opening.scene.drawn_by.partition(":")
-        return stream, getattr(import_module(module), drawing)(self._opening.scene, stream, self._options)
+        live = self._scene.live
+        return stream, None if live is None else live(self._opening.scene, stream, self._options)
 
-    def _draw_again(self, drawing: Drawing) -> None:
-        for message in self._messages:
-            drawing.record(message)
+    def _draw_again(self) -> None:
+        if self._drawing is not None:
+            for message in self._messages:
+                self._drawing.record(message)
 
-    def _replace(self, draw: Callable[[Drawing], None]) -> None:
+    def _draw_whole(self, end: Any) -> None:
+        if self._messages or end is not None:
+            whole = self._scene.whole(
+                scene=self._opening.scene, messages=tuple(self._messages), end=end, note=self._note()
+            )
+            whole.log(self._stream)
+        else:
+            words = rr.TextDocument("The run ended before there was anything to show.")
+            self._stream.log("text", words, static=True)
+            view = rrb.TextDocumentView(origin="text", name="nothing")
+            self._stream.send_blueprint(rrb.Blueprint(view, auto_views=False))
+
+    def _replace(self, draw: Callable[[], None]) -> None:
         """Replace the present file with a new one that ``draw`` makes; the present one is complete until then."""
         self._stream.disconnect()
         self._check_space(self._file.stat().st_size)
@@ -158,7 +188,7 @@ class RecordingFile:
         written = _create(part)
         try:
             self._stream, self._drawing = self._open(written)
-            draw(self._drawing)
+            draw()
             self._check_space(0)
             self._stream.flush()
             if self._written is None or not (_is_at(self._file, self._written) and _is_at(part, written)):

@@ -11,7 +11,7 @@ import rerun as rr
 
 import paretoik as pk
 from paretoik.front.preferences.compromise import compromise
-from paretoik.review.drawing.plan_drawing import FinishedPlan
+from paretoik.review.drawing.plan_drawing import PlanDrawing
 from paretoik.review.recording.messages import PlannedLevel, PlannedMotions, PlannedScene, workcell_of
 from tests.review.children import children
 from tests.review.reading import (
@@ -304,7 +304,7 @@ def test_the_curves_of_a_start_and_of_where_its_solver_stopped_stay_within_their
     scene = PlannedScene(name="kinetic_energy", unit="J s", maximised=False, workcell=cell)
     stream = rr.RecordingStream("plan")
     stream.save(tmp_path / "plan.rrd")
-    FinishedPlan(scene=scene, messages=(level,), end=None).log(stream)
+    PlanDrawing(scene=scene, messages=(level,), end=None).log(stream)
     stream.disconnect()
     entities = read(tmp_path / "plan.rrd")
     frame = np.array(static_values(entities["/joint_charts/position/grid"], "strips")[-1])

@@ -10,7 +10,7 @@ import rerun as rr
 from hypothesis import given
 from hypothesis import strategies as st
 
-from paretoik.review.drawing.axes import TEXT, Canvas
+from paretoik.review.drawing.axes import TEXT, Canvas, text_width
 from paretoik.review.drawing.front_panels import LAYERS, log_ends, ring_radii
 from paretoik.review.drawing.labels import (
     half_size,
@@ -53,7 +53,8 @@ def test_a_joined_label_stands_on_nothing_even_where_dots_fill_the_frame(mark, s
     crowd = np.array([(x, y) for x in range(0, 501, 16) for y in range(0, 391, 10)], dtype=float)
     at, half = joined_label_place(crowded, np.array(mark), "point 29", crowd), half_size("point 29")
     assert not (np.abs(crowd - at) < half).all(axis=1).any()
-    assert at[0] - half[0] >= crowded.upper_label_end  # nor on the vertical axis label
+    title_end = crowded.upper_label_middle[0] + 0.5 * text_width(crowded.labels[1])
+    assert at[0] - half[0] >= title_end  # nor on the vertical axis label
     assert at[0] + half[0] <= 500 + side_room
 
 

@@ -82,7 +82,7 @@ def test_individuals_outside_the_axes_of_a_front_of_one_point_are_counted(tmp_pa
 def test_the_target_of_the_tool_is_visible_around_a_tool_at_the_target(tmp_path):
     scene, entities = recorded(step([TRADE_OFF], 0.5), tmp_path / "step.rrd")
     (ring,) = rows(entities["/step_7/arm/place"], "generation", "strips")[0]
-    middle = scene._drawing.place(scene.step.target)
+    middle = scene._drawing.stage.place(scene.step.target)
     radii = np.linalg.norm(np.array(ring) - middle, axis=1)
     np.testing.assert_allclose(radii, MARKS.target_ring, rtol=1e-3)
     assert MARKS.target_ring - 1.2 > 1.875 * MARKS.solid_arm  # the radius of the tool

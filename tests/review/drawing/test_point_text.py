@@ -12,7 +12,7 @@ from paretoik.front.certificates import Certificates
 from paretoik.front.front import Front
 from paretoik.review.drawing.axes import TEXT, text_width
 from paretoik.review.drawing.point_text import better_but_infeasible, point_text, text_of
-from paretoik.review.drawing.scatter import SearchScene
+from paretoik.review.drawing.scatter import Scatter, SearchScene
 from paretoik.review.drawing.search_charts import search_charts
 from paretoik.review.recording.messages import RecordedPoint
 from paretoik.review.recording.recorder import Generation
@@ -50,7 +50,7 @@ def chosen_place(steps: SearchScene, step: Generation, file: Path) -> np.ndarray
     stream = rr.RecordingStream("step")
     stream.save(file)
     stream.set_time("step", sequence=step.number)
-    steps.log_generation(stream, step, steps.canvases(step.front))
+    Scatter(scene=steps, shown=step.front).log_generation(stream, step)
     stream.disconnect()
     return rows(read(file)["/front/energy\\ -\\ reach/chosen"], "step", "positions")[step.number][0]
 
@@ -73,7 +73,7 @@ def test_numbers_of_a_generation_have_their_units():
     assert "hypervolume 0.5\u00a0J\u00a0s." in words  # no line ends within a unit
     assert "best 1\u00a0J\u00a0s, compromise 1.5\u00a0J\u00a0s" in words
     assert "**reach [1]**: best 3, compromise 2" in words  # a quantity without a unit is marked once
-    titles = [chart.labels[1] for chart, _, _ in search_charts(scene(), [both])]
+    titles = [chart.labels[1] for chart in search_charts(scene(), [both])]
     assert titles[0] == "hypervolume [J s]"
     assert titles[2] == "best reach [1] ↑"
 
@@ -134,18 +134,18 @@ def test_the_name_of_the_compromise_lies_on_no_dot_of_a_crowded_front(tmp_path, 
     middle = int(np.linalg.norm(F - 0.5, axis=1).argmin())
     point = RecordedPoint(id=middle, objectives=F[middle])
     one = Generation(number=1, population=F[:50], front=F, front_ids=np.arange(len(F)), points=(point,))
-    canvases = crowded.canvases(F)
+    scatter = Scatter(scene=crowded, shown=F)
     with rr.RecordingStream("crowd") as stream:
         stream.save(tmp_path / "crowd.rrd")
         stream.set_time("generation", sequence=1)
-        crowded.log_generation(stream, one, canvases, behind=final)
+        scatter.log_generation(stream, one, behind=final)
     name = read(tmp_path / "crowd.rrd")["/front/objective_0\\ -\\ objective_1/chosen/name"]
     place = rows(name, "generation", "positions")[1][0] + (0.0, TEXT.drop)
     half = np.array([0.5 * text_width(f"point {middle}"), 0.4 * TEXT.line])
-    dots = canvases[0].place(np.concatenate([F, final])[:, :2])
+    dots = scatter.canvases[0].place(np.concatenate([F, final])[:, :2])
     assert not (np.abs(dots - place) < half).all(axis=1).any()
     (leader,) = rows(name, "generation", "strips")[1]
-    np.testing.assert_allclose(leader[0], canvases[0].place(F[middle, :2]), rtol=1e-4)
+    np.testing.assert_allclose(leader[0], scatter.canvases[0].place(F[middle, :2]), rtol=1e-4)
 
 
 def test_individuals_that_dominate_the_front_are_said_to_break_a_limit():

@@ -378,7 +378,7 @@ def test_a_choice_is_on_every_timeline_of_any_verbs_recording(certified_run, tmp
     recorded = read_recorded(file)
     assert recorded.timeline == timeline
     walked = {"point": "sequence"} if len(front) > 1 else {}
-    kinds = {name: each.kind for name, each in recorded.timelines.items()}
+    kinds = {name: kind for name, first in recorded.timelines.items() for kind in first}
     assert kinds == {timeline: "sequence", "motion": "duration", "replay": "duration"} | walked
     (tmp_path / "choice.rrd").write_bytes(recording_with_choice(front, front[int(front.ids[0])], recording=file))
     entities = read(tmp_path / "choice.rrd")

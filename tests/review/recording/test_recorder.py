@@ -8,10 +8,11 @@ import pytest
 import rerun as rr
 
 from paretoik.front.preferences import Weights
-from paretoik.review.drawing.scatter import SearchScene
+from paretoik.review.drawing.scatter import Scatter
 from paretoik.review.recording.messages import Workcell
 from paretoik.review.recording.recorder import Opening, RecorderOptions, SearchedFront, SearchEnd
 from paretoik.review.recording.recording_file import RecordingFile
+from paretoik.review.recording_child import drawing_of
 from tests.review.reading import read, rows
 
 
@@ -34,7 +35,7 @@ def recording_file(file: Path, front) -> RecordingFile:
     cell = None if front.motions is None else Workcell(arm=front.motions.arm)
     scene = SearchedFront(names=front.names, units=front.units, maximised=front.maximised, workcell=cell)
     opening = Opening(file=str(file), title="a: test", scene=scene, live=False, options=RecorderOptions())
-    return RecordingFile(opening, NoOne())
+    return RecordingFile(opening, NoOne(), drawing_of(scene))
 
 
 def recorded(file: Path, front, generations, *, finished: bool = True, weights=None):
@@ -188,7 +189,7 @@ def test_a_failed_ending_keeps_the_recording_of_the_run(tmp_path, monkeypatch, m
     def fail(*_, **__):
         raise OSError("No space left on device")
 
-    monkeypatch.setattr(SearchScene, "log_generation", fail)
+    monkeypatch.setattr(Scatter, "log_generation", fail)
     with pytest.raises(OSError, match="No space left on device"):
         started.complete(SearchEnd(front=front))
     assert [file.name for file in tmp_path.iterdir()] == ["review.rrd"]

@@ -13,6 +13,7 @@ from paretoik.front.front import Front
 from paretoik.review.recording import live_view
 from paretoik.review.recording.recorder import Generation, Opening, RecorderOptions, SearchedFront, SearchEnd
 from paretoik.review.recording.recording_file import RecordingFile
+from paretoik.review.recording_child import drawing_of
 from tests.review.reading import read, rows
 
 N_OBJ = 4
@@ -57,7 +58,7 @@ def started(file: Path, listener: Listener | None = None, *, live: bool = False,
     scene = SearchedFront(names=NAMES, units=("",) * N_OBJ, maximised=(False,) * N_OBJ)
     settings = RecorderOptions(flush=0.01, **options)
     opening = Opening(file=str(file), title="long", scene=scene, live=live, options=settings)
-    return RecordingFile(opening, listener or Listener())
+    return RecordingFile(opening, listener or Listener(), drawing_of(scene))
 
 
 def fronts(file: Path) -> dict[int, np.ndarray]:
