@@ -284,12 +284,10 @@ def _completed(
     completion: Completion, later: LaterTime, x: Points, ids: Ids, ranges: Values, observe: Observer | None
 ) -> tuple[Points, Ids, Values]:
     """Return points with those of a completion, their ids and ranges; as they are if the planner finds nothing."""
-    formulation, solver = later.formulation, later.solver
-    began: float | None = None
+    formulation, solver, began = later.formulation, later.solver, computing_clock()
 
     def show_point(progress: SweepProgress) -> object:
         assert observe is not None
-        assert began is not None
         is_due = getattr(observe, "is_due", True)
         return observe(later.point_progress(progress, computing_clock() - began, is_due=is_due))
 
@@ -337,14 +335,14 @@ def _resolve(refined: _Refined, before: Front | None, solver: Solver, observe: O
         finer = _refine_and_certify(problem, x, front.ids, ranges, front.provenance, solver, show)
         return None if finer.ended else finer
 
-    return on_more_samples(refined, lambda coarse: _largest_error(coarse.front), refine)
+    def largest_error(coarse: _Refined) -> float:
+        """Return the largest error of under-resolved values, as a share of their objective's range."""
+        certificates = coarse.front.certificates
+        assert certificates is not None
+        errors = certificates.discretisation_error[certificates.status == "under-resolved"]
+        return float((errors / ranges_of(coarse.front.minimised)).max(initial=0.0))
 
-
-def _largest_error(front: Front) -> float:
-    """Return the largest error of a value of the under-resolved points, as a share of its objective's range."""
-    assert front.certificates is not None
-    errors = front.certificates.discretisation_error[front.certificates.status == "under-resolved"]
-    return float((errors / ranges_of(front.minimised)).max(initial=0.0))
+    return on_more_samples(refined, largest_error, refine)
 
 
 def _curves_at_samples(front: Front, before: Front | None, problem: Any) -> Points:

@@ -74,7 +74,10 @@ def report(
     infeasible: InfeasibleRun | None = None
     if not isinstance(front, Front):
         folder = file_path("front", front)
-        _check_has_page(folder)
+        holds = read_run(folder / RUN).get("holds") if is_run(folder / RUN) else None
+        if holds is not None:
+            command = shell_command("paretoik", "show", folder)
+            raise InvalidRun(f"{folder} must be a run with a front, got one that contains {holds}; {command} shows it")
         infeasible = read_infeasible(folder) if is_infeasible(folder) else None
         if infeasible is None:
             front = load_front(folder, problem)
@@ -99,14 +102,6 @@ def report(
         page = Report(front=front, title="No feasible motion", notes=notes, nearest=True)
     page.write(place)
     return place
-
-
-def _check_has_page(folder: Path) -> None:
-    """Raise InvalidRun, with the command that shows it, for a run that contains something else than a front."""
-    holds = read_run(folder / RUN).get("holds") if is_run(folder / RUN) else None
-    if holds is not None:
-        command = shell_command("paretoik", "show", folder)
-        raise InvalidRun(f"{folder} must be a run with a front, got one that contains {holds}; {command} shows it")
 
 
 def _title(front: Front) -> str:

@@ -141,16 +141,12 @@ def result_text(front: Front, out: Path) -> str:
     if (command := resume_command(out, front.provenance["status"])) is not None:
         lines.append(f"go on:   {command}")
     named = problem_words(front.provenance.get("problem"))
-    lines.append(f"choose:  {shell_command('paretoik', 'select', out, *_preference_words(front), *named)}")
+    weights = ",".join(f"{name}={1 / len(front.names):.2g}" for name in front.names)
+    fits = not any(sign in name for name in front.names for sign in ",=")
+    preference = ["--weights", weights] if fits else ["--compromise"]
+    lines.append(f"choose:  {shell_command('paretoik', 'select', out, *preference, *named)}")
     lines.append(f"replay:  {shell_command('paretoik', 'show', out, *named)}")
     return "\n".join(lines)
-
-
-def _preference_words(front: Front) -> list[str]:
-    """Return equal weights for the command line, or a preference without names if the names do not fit."""
-    if any(sign in name for name in front.names for sign in ",="):
-        return ["--compromise"]
-    return ["--weights", ",".join(f"{name}={1 / len(front.names):.2g}" for name in front.names)]
 
 
 def _loop_lines(front: Front) -> list[str]:

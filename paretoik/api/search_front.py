@@ -142,6 +142,7 @@ class FrontSearch:
         self._given = settings
         self._motions = GenerationMotions(self.search)
         self._hypervolume = HypervolumeCurve()
+        target = settings.target  # an infinite number is text in strict JSON
         used: dict[str, Any] = {
             "population": population,
             "generations": self.generations,
@@ -149,7 +150,7 @@ class FrontSearch:
             "initial": settings.initial is not None,
             "anchors": anchors,
             "algorithm": None if settings.algorithm is None else type(settings.algorithm).__name__,
-            "target": None if settings.target is None else [_json_number(value) for value in settings.target],
+            "target": None if target is None else [float(each) if np.isfinite(each) else str(each) for each in target],
         }
         names = [each.name for each in fields(settings) if each.name not in NOT_STORED]
         self.settings = {name: used[name] if name in used else getattr(settings, name) for name in names}
@@ -334,8 +335,3 @@ def _endings(search: Search | Islands, settings: SolveSettings, generations: int
     if settings.stagnation:
         endings.append(Stagnation(since=anchors * search.problem.n_obj))
     return endings
-
-
-def _json_number(value: float) -> float | str:
-    """Return a number, which may be infinite, for strict JSON."""
-    return float(value) if np.isfinite(value) else str(value)
