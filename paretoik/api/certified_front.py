@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from paretoik.api.progress import Observer, count_observer
+from paretoik.api.progress import Observer, RunProgress, count_observer
 from paretoik.arrays import Genes, Ids, Point, Points
 from paretoik.compilation_notices import computing_clock
 from paretoik.errors import ParetoikError
@@ -56,27 +57,16 @@ class CertificateTime:
 TIME_OPTIONS = CertificateTime()
 
 
-@dataclass(frozen=True, kw_only=True)
-class LaterStages:
-    """The stages after points are found: tightening of limits (if ``tightening``), then certification."""
+def later_stages(problem: Any) -> tuple[str, ...]:
+    """Return the stages after points are found; only splines need limits tightened between samples."""
+    task = task_of(problem)
+    is_spline = task is not None and task.differences == "spline"
+    return ("tightening", "certification") if is_spline else ("certification",)
 
-    tightening: bool = False
 
-    @classmethod
-    def of(cls, problem: Any) -> LaterStages:
-        """Return the stages of a problem; only splines need limits tightened between samples."""
-        task = task_of(problem)
-        return cls(tightening=task is not None and task.differences == "spline")
-
-    @property
-    def text(self) -> str:
-        """The stages in words."""
-        return "tightening and certification" if self.tightening else "certification"
-
-    def reserve(self, points: int) -> AbstractContextManager[None]:
-        """Return a context that reserves part of the current time limit for these stages."""
-        count = 2 if self.tightening else 1
-        return reserve_time(count * TIME_OPTIONS.share, count * points * TIME_OPTIONS.longest)
+def reserve_later(points: int, stages: int = 1) -> AbstractContextManager[None]:
+    """Return a context that reserves part of the current time limit for a number of later stages."""
+    return reserve_time(stages * TIME_OPTIONS.share, stages * points * TIME_OPTIONS.longest)
 
 
 @dataclass(kw_only=True, eq=False)
@@ -146,11 +136,22 @@ class LaterTime:
         between = self.formulation.individuals(x).violation_between
         certify(programs, x, ranges=ranges, signs=np.ones(len(ranges)), violation_between=between)
 
-    def sweep_left(self, progress: SweepProgress, seconds: float) -> float | None:
-        """Return an estimate of the seconds left of a sweep and its later stages.
+    def point_progress(
+        self, progress: SweepProgress, seconds: float, *, is_due: bool, summary: str = ""
+    ) -> RunProgress:
+        """Return the progress of a sweep that has taken ``seconds`` so far, its time left only if it ``is_due``."""
+        return RunProgress(
+            stage="point",
+            done=progress.done,
+            total=progress.total,
+            seconds=seconds,
+            remaining=self._sweep_left(progress, seconds) if is_due else None,
+            summary=", ".join(filter(None, [summary, PHASES[progress.phase]])),
+            following=" and ".join(later_stages(self.formulation)),
+        )
 
-        The sweep has taken ``seconds`` so far. Return None if the time is unknown.
-        """
+    def _sweep_left(self, progress: SweepProgress, seconds: float) -> float | None:
+        """Return an estimate of the seconds left of a sweep and its later stages, None if unknown."""
         if progress.ahead is None:
             return None
         row = int(len(progress.front) * (TIME_OPTIONS.spread * len(self.looks) % 1))
@@ -162,26 +163,16 @@ class LaterTime:
         return time_left(progress.solved - solved, progress.ahead, seconds - began, later) if self.looks else None
 
 
+PHASES: dict[SweepPhase, str] = {
+    "": "",
+    "gap filling": "better places sought",
+    "jump search": "jumps searched",
+    "basin exchange": "neighbours' basins tried",
+}  # phases of a sweep in words
+
+
 def _mean(values: Sequence[float]) -> float:
     return float(np.mean(values)) if values else 0.0
-
-
-# The phases of an ε-sweep in words, for observers.
-
-
-def phase_text(phase: SweepPhase) -> str:
-    """Return a phase of a sweep in words, "" before the first one.
-
-    >>> phase_text("jump search")
-    'jumps searched'
-    """
-    words: dict[SweepPhase, str] = {
-        "": "",
-        "gap filling": "better places sought",
-        "jump search": "jumps searched",
-        "basin exchange": "neighbours' basins tried",
-    }
-    return words[phase]
 
 
 # Certification of a front, and replacement of its saddles.
@@ -215,11 +206,10 @@ class _CertifiedPoints:
 
 def certified_front(
     problem: Any,
-    formulation: Differentiable,
     x: Points,
     ids: Ids,
     ranges: Float[np.ndarray, " n_obj"],
-    provenance: dict[str, Any],
+    provenance: Mapping[str, Any],
     *,
     before: Front | None = None,
     solver: Solver = "auto",
@@ -233,35 +223,12 @@ def certified_front(
     it is optimal for. A saddle is replaced by the refined better point next to it. Minima of the front ``before`` stay,
     with their certificates, if no better point is found.
     """
+    formulation: Differentiable = problem
     individuals = formulation.individuals(x)
     if before is not None:
         individuals = no_worse(formulation, individuals, before, ranges)
-    signs = np.where(formulation.maximised, -1.0, 1.0)
-
-    def certified(x: Points, genes: Genes | None = None) -> _CertifiedPoints:
-        shown = count_observer(
-            observe,
-            "tightening",
-            later=None if later is None else later.per_certificate,
-            uniform=True,
-            following="certification",
-        )
-        with LaterStages().reserve(len(x)):
-            held, programs = formulation.hold_between(x, ranges, solver=solver, observe=shown)
-        individuals = formulation.individuals(held, genes)
-        certificates, better = certify(
-            programs,
-            individuals.x,
-            ranges=ranges,
-            signs=signs,
-            violation_between=individuals.violation_between,
-            exceeded=exceeded_between(problem, individuals),
-            discretisation=individuals.discretisation,
-            observe=count_observer(observe, "certification", uniform=True),
-        )
-        return _CertifiedPoints(individuals=individuals, certificates=certificates, better=better)
-
     rows = front_rows(individuals.objectives / ranges)
+    certified = partial(_certify_points, problem, ranges, solver, observe, later)
     points = certified(individuals.x[rows], None if individuals.genes is None else individuals.genes[rows])
     points = _leave_saddles(formulation, points, certified, ranges, solver)
     if before is not None:
@@ -274,7 +241,7 @@ def certified_front(
     method = chosen_solver(formulation.program(ranges), solver)
     return Front(
         ids=ids[rows],
-        objectives=individuals.objectives[rows] * signs,
+        objectives=individuals.objectives[rows] * np.where(formulation.maximised, -1.0, 1.0),
         names=formulation.names,
         units=formulation.units,
         maximised=formulation.maximised,
@@ -290,6 +257,35 @@ def certified_front(
         },
         problem=problem,
     )
+
+
+def _certify_points(
+    problem: Any,
+    ranges: Float[np.ndarray, " n_obj"],
+    solver: Solver,
+    observe: Observer | None,
+    later: LaterTime | None,
+    x: Points,
+    genes: Genes | None = None,
+) -> _CertifiedPoints:
+    """Return points certified, after their limits are tightened where they exceed them between samples."""
+    formulation: Differentiable = problem
+    per_certificate = None if later is None else later.per_certificate
+    shown = count_observer(observe, "tightening", later=per_certificate, uniform=True, following="certification")
+    with reserve_later(len(x)):
+        held, programs = formulation.hold_between(x, ranges, solver=solver, observe=shown)
+    individuals = formulation.individuals(held, genes)
+    certificates, better = certify(
+        programs,
+        individuals.x,
+        ranges=ranges,
+        signs=np.where(formulation.maximised, -1.0, 1.0),
+        violation_between=individuals.violation_between,
+        exceeded=exceeded_between(problem, individuals),
+        discretisation=individuals.discretisation,
+        observe=count_observer(observe, "certification", uniform=True),
+    )
+    return _CertifiedPoints(individuals=individuals, certificates=certificates, better=better)
 
 
 def _leave_saddles(

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from paretoik.api.progress import Observer
-from paretoik.api.session import RunSession, Subject, run_session
+from paretoik.api.session import RunRequest, Subject, open_session
 from paretoik.capability.actuation import Actuation
-from paretoik.capability.directional import DirectionalQuery, PerformancePolygon, directional_query, performance_polygon
+from paretoik.capability.directional import PerformancePolygon, directional_query, performance_polygon
 from paretoik.capability.joint_capability import Quantity
 from paretoik.front.storage import array_bytes
 from paretoik.inputs import check_flag
@@ -21,62 +21,8 @@ from paretoik.robot.arm import Arm
 from paretoik.runs.files import DRAWING, POLYGON, write_result
 from paretoik.runs.fingerprint import fingerprint
 
-# The run folder of directional maxima.
-
-
 HOLDS = f"directional maxima, their arrays in {POLYGON}"
 ARRAYS = ("position", "directions", "values", "q", "dq", "torque", "motor_speeds", "motor_efforts", "sliders")
-
-
-def polygon_subject(query: DirectionalQuery) -> Subject:
-    """Return a query as the subject of a run."""
-    return Subject(title=f"directional maxima of {query.arm.name}", fingerprint=fingerprint(query))
-
-
-def polygon_counts(polygon: PerformancePolygon, seconds: float) -> dict[str, Any]:
-    """Return the numbers of directions and of maxima found, and the seconds."""
-    maxima = int(np.isfinite(polygon.values).sum())
-    return {"directions": len(polygon), "found": maxima, "seconds": round(seconds, 3)}
-
-
-def save_polygon(polygon: PerformancePolygon, provenance: dict[str, Any], folder: Path) -> None:
-    """Write a polygon into a folder, all of its files at once or none.
-
-    `polygon.npz` has joint_names (dof,) and the arrays of the polygon by name.
-    """
-    arrays = {name: getattr(polygon, name) for name in ARRAYS}
-    content = array_bytes(
-        {"joint_names": np.array(polygon.arm.joint_names, dtype=np.str_)}
-        | {name: np.asarray(values) for name, values in arrays.items() if values is not None}
-    )
-    unit = "m/s" if polygon.quantity == "velocity" else "N"
-    write_result(folder, {**provenance, "holds": HOLDS, "unit": unit}, {POLYGON: content})
-
-
-# The recording and the picture of directional maxima.
-
-
-def start_recording(query: DirectionalQuery, session: RunSession) -> None:
-    """Start the recording of a query."""
-    cell = workcell_of(query)
-    assert cell is not None
-    alone = replace(cell, directions=np.zeros((0, 3)))  # added one after the other
-    session.start_recording(MaximaScene(workcell=alone, quantity=query.quantity))
-
-
-def review_polygon(polygon: PerformancePolygon, provenance: Mapping[str, Any], session: RunSession) -> None:
-    """Complete the recording; draw the polygon unless a signal came."""
-    if session.folder is None:
-        return
-    session.finish_recording(maxima_end(polygon, provenance))
-    if session.signal is not None:
-        return
-    from paretoik.review.pictures.motions import polygon_picture  # here: matplotlib loads slowly
-
-    polygon_picture(polygon, session.folder / DRAWING)
-
-
-# The verb that finds directional maxima.
 
 
 def directional_maxima(
@@ -157,18 +103,48 @@ def directional_maxima(
     check_flag("overwrite", overwrite)
     if out is None and observe is None:  # as when thousands are computed one after the other
         return performance_polygon(query)
-    with run_session(
-        polygon_subject(query),
+    request = RunRequest(
         verb="directional_maxima",
+        subject=Subject(title=f"directional maxima of {query.arm.name}", fingerprint=fingerprint(query)),
         settings={"quantity": quantity, "directions": len(query.directions), "starts": starts, "seed": seed},
         out=out,
         overwrite=overwrite,
         observe=observe,
-    ) as session:
-        start_recording(query, session)
+    )
+    with open_session(request) as session:
+        cell = workcell_of(query)
+        assert cell is not None
+        alone = replace(cell, directions=np.zeros((0, 3)))  # added one after the other
+        session.start_recording(MaximaScene(workcell=alone, quantity=query.quantity))
         polygon = performance_polygon(query)
-        provenance = {**session.provenance, "status": "maxima", "counts": polygon_counts(polygon, session.seconds)}
-        session.keep(polygon, lambda folder: save_polygon(polygon, provenance, folder), status=provenance["status"])
-        with session.reviewing():
-            review_polygon(polygon, provenance, session)
+        found = int(np.isfinite(polygon.values).sum())
+        counts = {"directions": len(polygon), "found": found, "seconds": round(session.seconds, 3)}
+        provenance = {**session.provenance, "status": "maxima", "counts": counts}
+        session.finish(
+            polygon,
+            partial(_save, polygon, provenance),
+            status=provenance["status"],
+            end=partial(maxima_end, polygon, provenance),
+            draw=partial(_draw, polygon),
+        )
     return polygon
+
+
+def _save(polygon: PerformancePolygon, provenance: dict[str, Any], folder: Path) -> None:
+    """Write a polygon into a folder, all of its files at once or none.
+
+    `polygon.npz` has joint_names (dof,) and the arrays of the polygon by name.
+    """
+    arrays = {name: getattr(polygon, name) for name in ARRAYS}
+    content = array_bytes(
+        {"joint_names": np.array(polygon.arm.joint_names, dtype=np.str_)}
+        | {name: np.asarray(values) for name, values in arrays.items() if values is not None}
+    )
+    unit = "m/s" if polygon.quantity == "velocity" else "N"
+    write_result(folder, {**provenance, "holds": HOLDS, "unit": unit}, {POLYGON: content})
+
+
+def _draw(polygon: PerformancePolygon, folder: Path) -> None:
+    from paretoik.review.pictures.motions import polygon_picture  # here: matplotlib loads slowly
+
+    polygon_picture(polygon, folder / DRAWING)

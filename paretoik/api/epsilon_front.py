@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from paretoik.api.certified_front import LaterStages, LaterTime, certified_front, phase_text
+from paretoik.api.certified_front import LaterTime, certified_front, later_stages, reserve_later
 from paretoik.api.initial import initial_points, remembered_points
-from paretoik.api.progress import Observer, RunProgress, count_observer
+from paretoik.api.progress import Observer, count_observer
 from paretoik.api.refine import resolve_front
 from paretoik.api.result import infeasible_recorded
-from paretoik.api.session import RunSession, Subject, computing, review_front, run_session
+from paretoik.api.session import RunRequest, Session, Subject, computing, open_session
 from paretoik.arrays import Genes, Points
 from paretoik.compilation_notices import computing_clock
 from paretoik.errors import InvalidInput
@@ -26,125 +26,11 @@ from paretoik.nlp.minimise import check_solver
 from paretoik.nlp.program import Solver
 from paretoik.pareto.epsilon import epsilon_points
 from paretoik.pareto.sweep import SweepProgress
-from paretoik.review.recording.messages import LeastViolating, RecordedPoint, record_motion, workcell_of
+from paretoik.review.recording.messages import LeastViolating, RecordedPoint, record_motion
 from paretoik.review.recording.recorder import Generation, SearchEnd
 from paretoik.runs.executor import check_workers
 from paretoik.runs.interruption import check_time_limit
 from paretoik.task.motion import Motion
-
-# Progress of an ε-sweep for observers and the recording.
-
-
-class SweepDisplay:
-    """Shows a session each step of a sweep.
-
-    levels: number of steps whose bounds differ from those of the step before
-    later: time of later stages, measured for an observer
-    """
-
-    def __init__(self, session: RunSession, formulation: Differentiable, solver: Solver) -> None:
-        self.levels, self.later = 0, LaterTime(formulation=formulation, solver=solver)
-        self._session, self._formulation = session, formulation
-        self._signs = np.where(formulation.maximised, -1.0, 1.0)
-        self._hypervolume = HypervolumeCurve()
-        self._steps = self._points = 0
-        self._level = b""
-        self._started: float | None = None  # start of the sweep
-        self._show_optima = count_observer(session.observe, "optimum")
-
-    def show_optima(self, done: int, total: int, summary: str = "") -> None:
-        """Show the search for each objective's own optima; later ones, below an ε, belong to the sweep."""
-        if self._show_optima is not None and self._started is None:
-            self._show_optima(done, total, summary)
-
-    def show_step(self, progress: SweepProgress) -> None:
-        """Show a step, with objectives in the user's own sign."""
-        if self._started is None:
-            self._started = computing_clock()
-        level = b"" if progress.epsilon is None else progress.epsilon.tobytes()
-        is_level = level not in (b"", self._level)
-        if is_level:
-            self.levels += 1
-            self._level = level
-        is_news, self._points = is_level or len(progress.x) > self._points, len(progress.x)
-        if self._session.is_watched:
-            self._show(progress, is_news=is_news)
-
-    def finish(self, front: Front) -> None:
-        """Record the final front, which has no bound ε."""
-        if self._session.recorder is not None:
-            generation = Generation(
-                number=self._steps,
-                population=front.objectives,
-                front=front.objectives,
-                front_ids=front.ids,
-                hypervolume=self._hypervolume.measure(front.minimised, self._steps),
-            )
-            self._session.recorder.record(generation)
-
-    def infeasible_end(self, nearest: LeastViolating) -> SearchEnd:
-        """Record a level with the least-violating motion; return the end of an infeasible sweep."""
-        if self._session.recorder is not None and nearest.point is not None:
-            n_obj = len(self._signs)
-            generation = Generation(
-                number=self._steps,
-                population=nearest.point.objectives[None],
-                front=np.empty((0, n_obj)),
-                front_ids=np.empty(0, dtype=int),
-                least_violating=nearest,
-            )
-            self._session.recorder.record(generation)
-        return SearchEnd(front=None, least_violating=nearest)
-
-    def _marked(self, progress: SweepProgress) -> tuple[RecordedPoint, ...]:
-        """Return the best point of every objective and the compromise, with their motions."""
-        front = progress.objectives[progress.front]
-        marked = marked_rows(front, progress.front)
-        rows = [row for row, _ in marked]
-        motions = self._formulation.individuals(progress.x[progress.front[rows]]).motions
-        return tuple(
-            RecordedPoint(
-                id=int(progress.front[row]),
-                objectives=front[row] * self._signs,
-                axis=axis,
-                motion=None if motions is None else record_motion(motions[place], curves=False),
-            )
-            for place, (row, axis) in enumerate(marked)
-        )
-
-    def _show(self, progress: SweepProgress, *, is_news: bool) -> None:
-        assert self._started is not None
-        generation = None
-        if is_news:
-            front = progress.objectives[progress.front]
-            generation = Generation(
-                number=self._steps,
-                population=progress.objectives * self._signs,
-                front=front * self._signs,
-                front_ids=progress.front,
-                hypervolume=self._hypervolume.measure(front, self._steps),
-                points=self._marked(progress) if self._session.recorder is not None else (),
-                epsilon=None if progress.epsilon is None else progress.epsilon * self._signs,
-            )
-            self._steps += 1
-        seconds = computing_clock() - self._started
-        self._session.show(
-            RunProgress(
-                stage="point",
-                done=progress.done,
-                total=progress.total,
-                seconds=seconds,
-                remaining=self.later.sweep_left(progress, seconds) if self._session.is_observed else None,
-                summary=", ".join(
-                    filter(None, [self._hypervolume.summary(self._steps - 1), phase_text(progress.phase)])
-                ),
-                generation=generation,
-                following=LaterStages.of(self._formulation).text,
-            )
-        )
-
-
-# The verb that finds a front by ε-constraints.
 
 
 def epsilon_front(
@@ -234,48 +120,41 @@ def epsilon_front(
     with computing(time_limit):  # users' functions are traced
         check_solver(formulation.program(), solver)
     starting = initial_points(formulation, initial)
-    settings = {
-        "points": points,
-        "starts": starts,
-        "seed": seed,
-        "initial": initial is not None,
-        "solver": solver,
-        "time_limit": time_limit,
-    }
-    with run_session(
-        Subject.of(problem, reference),
+    request = RunRequest(
         verb="epsilon_front",
-        settings=settings,
+        subject=Subject.of(problem, reference),
+        settings={
+            "points": points,
+            "starts": starts,
+            "seed": seed,
+            "initial": initial is not None,
+            "solver": solver,
+            "time_limit": time_limit,
+        },
         out=out,
         overwrite=overwrite,
         observe=observe,
         time_limit=time_limit,
-        resumable=True,
         workers=workers,
         cluster=cluster,
-    ) as session:
+        resumable=True,
+    )
+    with open_session(request) as session:
         starting = remembered_points(starting)
-        with session.computing(time_limit):
-            front = _sweep(problem, formulation, starting, session)
-        session.finish(front)
-        with session.reviewing():
-            review_front(front, session)
+        with computing(time_limit, session):
+            front = _sweep(problem, starting, session)
+        session.finish_front(front)
     return front
 
 
-def _sweep(problem: Any, formulation: Differentiable, initial: Points | None, session: RunSession) -> Front:
+def _sweep(problem: Any, initial: Points | None, session: Session) -> Front:
     """Return the certified front of a sweep with a session's settings; show the session its steps."""
-    settings = session.provenance["settings"]
-    session.start(
-        names=formulation.names,
-        units=formulation.units,
-        maximised=formulation.maximised,
-        timeline="level",
-        workcell=workcell_of(problem),
-    )
+    formulation: Differentiable = problem
+    settings = session.request.settings
     solver = settings["solver"]
-    display = SweepDisplay(session, formulation, solver)
-    reserve = LaterStages.of(problem).reserve(settings["points"])
+    session.record_search(formulation, "level", problem)
+    display = _SweepDisplay(session, formulation, solver)
+    reserve = reserve_later(settings["points"], len(later_stages(problem)))
     with infeasible_recorded(session, problem, display.infeasible_end), reserve:
         cold = formulation.cold_search(
             starts=settings["starts"],
@@ -294,11 +173,10 @@ def _sweep(problem: Any, formulation: Differentiable, initial: Points | None, se
         )
     front = certified_front(
         problem,
-        formulation,
         x,
         np.arange(len(x)),
         ranges,
-        dict(session.provenance),
+        session.provenance,
         solver=solver,
         observe=session.observe,
         later=display.later,
@@ -308,3 +186,95 @@ def _sweep(problem: Any, formulation: Differentiable, initial: Points | None, se
     counts = {"points": len(front), "levels": display.levels, "seconds": round(session.seconds, 3)}
     ending = {"status": session.stopped_by or "epsilon", "counts": counts, "computed": session.provenance["computed"]}
     return replace(front, provenance={**front.provenance, **ending})
+
+
+class _SweepDisplay:
+    """Shows a session each step of a sweep.
+
+    levels: number of steps whose bounds differ from those of the step before
+    later: time of later stages, measured for an observer
+    """
+
+    def __init__(self, session: Session, formulation: Differentiable, solver: Solver) -> None:
+        self.levels, self.later = 0, LaterTime(formulation=formulation, solver=solver)
+        self._session, self._formulation = session, formulation
+        self._signs = np.where(formulation.maximised, -1.0, 1.0)
+        self._hypervolume = HypervolumeCurve()
+        self._steps = self._points = 0
+        self._level = b""
+        self._started: float | None = None  # start of the sweep
+        self._show_optima = count_observer(session.observe, "optimum")
+
+    def show_optima(self, done: int, total: int, summary: str = "") -> None:
+        """Show the search for each objective's own optima; later ones, below an ε, belong to the sweep."""
+        if self._show_optima is not None and self._started is None:
+            self._show_optima(done, total, summary)
+
+    def show_step(self, progress: SweepProgress) -> None:
+        """Show a step, with objectives in the user's own sign."""
+        self._started = computing_clock() if self._started is None else self._started
+        level = b"" if progress.epsilon is None else progress.epsilon.tobytes()
+        is_level = level not in (b"", self._level)
+        if is_level:
+            self.levels += 1
+            self._level = level
+        is_news, self._points = is_level or len(progress.x) > self._points, len(progress.x)
+        if not self._session.is_watched:
+            return
+        generation = None
+        if is_news:
+            front, signs = progress.objectives[progress.front], self._signs
+            generation = Generation(
+                number=self._steps,
+                population=progress.objectives * signs,
+                front=front * signs,
+                front_ids=progress.front,
+                hypervolume=self._hypervolume.measure(front, self._steps),
+                points=self._marked(progress) if self._session.recorder is not None else (),
+                epsilon=None if progress.epsilon is None else progress.epsilon * signs,
+            )
+            self._steps += 1
+        seconds, is_due = computing_clock() - self._started, self._session.is_observed
+        words = self._hypervolume.summary(self._steps - 1)
+        shown = self.later.point_progress(progress, seconds, is_due=is_due, summary=words)
+        self._session.show(replace(shown, generation=generation))
+
+    def finish(self, front: Front) -> None:
+        """Record the final front, which has no bound ε."""
+        if self._session.recorder is not None:
+            generation = Generation(
+                number=self._steps,
+                population=front.objectives,
+                front=front.objectives,
+                front_ids=front.ids,
+                hypervolume=self._hypervolume.measure(front.minimised, self._steps),
+            )
+            self._session.record(generation)
+
+    def infeasible_end(self, nearest: LeastViolating) -> SearchEnd:
+        """Record a level with the least-violating motion; return the end of an infeasible sweep."""
+        if nearest.point is not None:
+            generation = Generation(
+                number=self._steps,
+                population=nearest.point.objectives[None],
+                front=np.empty((0, len(self._signs))),
+                front_ids=np.empty(0, dtype=int),
+                least_violating=nearest,
+            )
+            self._session.record(generation)
+        return SearchEnd(front=None, least_violating=nearest)
+
+    def _marked(self, progress: SweepProgress) -> tuple[RecordedPoint, ...]:
+        """Return the best point of every objective and the compromise, with their motions."""
+        front = progress.objectives[progress.front]
+        marked = marked_rows(front, progress.front)
+        motions = self._formulation.individuals(progress.x[progress.front[[row for row, _ in marked]]]).motions
+        return tuple(
+            RecordedPoint(
+                id=int(progress.front[row]),
+                objectives=front[row] * self._signs,
+                axis=axis,
+                motion=None if motions is None else record_motion(motions[place], curves=False),
+            )
+            for place, (row, axis) in enumerate(marked)
+        )

@@ -89,7 +89,13 @@ def export(
     one, about = _one_motion(motion)
     names = one.arm.joint_names if joint_names is None else same_joints(joint_names, one.arm.joint_names)
     its = None if controller is None else find_controller(controller, one.arm)
-    scaling = time_scaling(float(one.duration), _rate(rate, its, one), time_scale=time_scale, ramp=ramp)
+    if rate is not None:
+        rate = positive_number("rate", rate, "Hz")
+    elif its is not None:
+        rate = its.rate
+    else:
+        rate = (len(one.time) - 1) / float(one.duration)
+    scaling = time_scaling(float(one.duration), rate, time_scale=time_scale, ramp=ramp)
     notes = _notes(metadata, about)
     if kind == "ros2-bag":
         check_bag(target, overwrite=overwrite)
@@ -141,9 +147,3 @@ def _notes(metadata: Mapping[str, Any] | None, about: Mapping[str, Any]) -> dict
     if ours is not None:
         raise InvalidInput(f"metadata must not use the names of entries that export writes, got {shown(ours)}")
     return notes
-
-
-def _rate(rate: float | None, controller: Controller | None, motion: Motion) -> float:
-    if rate is not None:
-        return positive_number("rate", rate, "Hz")
-    return (len(motion.time) - 1) / float(motion.duration) if controller is None else controller.rate

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 
 from paretoik.api.progress import RunProgress
-from paretoik.api.session import RunSession, SolveSettings
+from paretoik.api.session import Session, SolveSettings
 from paretoik.closed_loop.loop import StepRecord, choose, nondominated_rows
 from paretoik.closed_loop.step_evolution import Generations
 from paretoik.compilation_notices import computing_clock
@@ -19,7 +20,7 @@ from paretoik.formulations.closed_loop import ClosedLoop, ClosedLoopRun, explain
 from paretoik.formulations.control_step import check_steps
 from paretoik.front.front import Front
 from paretoik.review.recording.messages import workcell_of
-from paretoik.review.recording.recorder import Generation, SearchedStep, SearchEnd
+from paretoik.review.recording.recorder import Generation, SearchedFront, SearchedStep, SearchEnd
 from paretoik.runs.file_replacement import replace_file
 from paretoik.runs.files import PICTURE, SEARCHES, STEPS
 
@@ -57,16 +58,19 @@ class LoopRun:
             "time_limit": settings.time_limit,
             "record_steps": self.record_steps,
         }
-        self._run: ClosedLoopRun | None = None
 
-    def run(self, session: RunSession) -> Front:
-        """Follow the loop and return its motion as a front of one point."""
+    def run(self, session: Session) -> Front:
+        """Follow the loop; return its motion as a front of one point, saved and drawn."""
         loop = self.problem
         steps = len(loop.task.times) - 1
         session.show(RunProgress(stage="beginning"))  # the search for a start may take a while
         loop.prepare()
         units, maximised = zip(*((each.unit, each.maximise) for each in loop.objectives), strict=True)
-        session.start(names=loop.names, units=units, maximised=maximised, timeline="step", workcell=workcell_of(loop))
+        session.start_recording(
+            SearchedFront(
+                names=loop.names, units=units, maximised=maximised, timeline="step", workcell=workcell_of(loop)
+            )
+        )
         started = computing_clock()
 
         def show(step: StepRecord) -> None:
@@ -82,45 +86,54 @@ class LoopRun:
             late = self.time_limit is not None and computing_clock() - started >= self.time_limit
             return late or session.signal is not None
 
-        self._run = loop.run(record_steps=self.record_steps, observe=show, should_stop=is_over)
-        status, done = "end of the path", len(self._run.q) - 1
+        run = loop.run(record_steps=self.record_steps, observe=show, should_stop=is_over)
+        status, done = "end of the path", len(run.q) - 1
         if done < steps:
             status = session.signal or "time limit"
         counts = {"steps": done, "of": steps, "seconds": round(session.seconds, 3)}
-        return self._run.front({**session.provenance, "status": status, "counts": counts})
-
-    def review(self, front: Front, session: RunSession) -> None:
-        """Write the table of steps and the recorded searches.
-
-        Complete the recording with the motion; draw the motion unless a signal came.
-        """
-        if session.folder is None:
-            return
-        run = self._run
-        assert run is not None
-        ranges = run.ranges * run.loop.signs[:, None]  # best and worst (steps, n_obj, 2), in the user's own sign
-        _write_steps(run, ranges, session.folder / STEPS)
-        searched = [
-            _searched_step(run, record.sample, record.generations)
-            for record in run.fronts.values()
-            if record.generations is not None
-        ]
-        if searched:
-            _write_searches(run, searched, session.folder / SEARCHES)
-        session.finish_recording(SearchEnd(front=None, choice=explain_choice(front), searched=searched))
-        if session.signal is not None:
-            return
-        from paretoik.review.pictures.motions import loop_picture  # here: matplotlib loads slowly
-
-        loop_picture(run.motion, run.values, ranges, front, session.folder / PICTURE)
+        front = run.front({**session.provenance, "status": status, "counts": counts})
+        session.finish(
+            front,
+            partial(front.save, overwrite=True),
+            status=status,
+            end=lambda: _end(run, front, session.folder),
+            draw=partial(_draw, run, front),
+        )
+        return front
 
 
-def _write_steps(run: ClosedLoopRun, ranges: np.ndarray, file: Path) -> None:
+def _best_and_worst(run: ClosedLoopRun) -> np.ndarray:
+    """Return the best and worst values (steps, n_obj, 2) in the user's own sign."""
+    ranges: np.ndarray = run.ranges * run.loop.signs[:, None]
+    return ranges
+
+
+def _end(run: ClosedLoopRun, front: Front, folder: Path | None) -> SearchEnd:
+    """Write the table of steps and the recorded searches; return the end of the recording."""
+    assert folder is not None
+    _write_steps(run, folder / STEPS)
+    searched = [
+        _searched_step(run, record.sample, record.generations)
+        for record in run.fronts.values()
+        if record.generations is not None
+    ]
+    if searched:
+        _write_searches(run, searched, folder / SEARCHES)
+    return SearchEnd(front=None, choice=explain_choice(front), searched=searched)
+
+
+def _draw(run: ClosedLoopRun, front: Front, folder: Path) -> None:
+    from paretoik.review.pictures.motions import loop_picture  # here: matplotlib loads slowly
+
+    loop_picture(run.motion, run.values, _best_and_worst(run), front, folder / PICTURE)
+
+
+def _write_steps(run: ClosedLoopRun, file: Path) -> None:
     """Write one row per step: sample, time, and per objective the chosen, best and worst value on the front."""
     import pyarrow as pa
     from pyarrow import parquet
 
-    samples = np.arange(1, len(run.q))
+    samples, ranges = np.arange(1, len(run.q)), _best_and_worst(run)
     columns: dict[str, np.ndarray] = {"sample": samples, "time": run.task.times[samples]}
     for axis, name in enumerate(run.loop.names):
         columns[f"chosen {name}"] = run.values[:, axis]

@@ -11,7 +11,7 @@ from paretoik.arrays import Genes, Points
 from paretoik.errors import InvalidInput, warn_user
 from paretoik.formulations.protocol import Differentiable, ProblemParts
 from paretoik.front.front import Front
-from paretoik.front.indicators import ranges_of
+from paretoik.front.indicators import non_dominated, ranges_of
 from paretoik.pareto.scalarisation import WARM_OPTIONS as WARM_STARTS
 from paretoik.pareto.scalarisation import evaluate_points
 from paretoik.runs.fingerprint import fingerprint
@@ -19,12 +19,15 @@ from paretoik.runs.journal import key_of, recalled, remembered
 from paretoik.search.genes import checked_genes
 from paretoik.task.motion import Motion
 
+INITIAL = key_of("initial")  # key of the initial solutions in the journal of a run
+MISSED = 1e-6  # deviation of genes from a motion that a warning names [rad, m]
 
-def initial_genes(problem: Any, initial: Genes | Motion | Front | None, *, tolerance: float = 1e-6) -> Genes | None:
+
+def initial_genes(problem: Any, initial: Genes | Motion | Front | None) -> Genes | None:
     """Return genes (rows, n_var) of initial solutions.
 
-    Warn of motions that the genes miss by more than ``tolerance`` [rad, m]. Raises InvalidInput for a front of another
-    problem without motions, and for motions that the problem cannot encode.
+    Warn of motions that the genes miss. Raises InvalidInput for a front of another problem without motions, and for
+    motions that the problem cannot encode.
     """
     if isinstance(initial, Front):
         if initial.genes is not None and initial.provenance.get("fingerprint") == fingerprint(problem):
@@ -37,7 +40,7 @@ def initial_genes(problem: Any, initial: Genes | Motion | Front | None, *, toler
     if not isinstance(initial, Motion):
         raise InvalidInput(f"initial must be genes, motions or a front, got {type(initial).__name__}")
     genes, deviation = ProblemParts(problem).encode(initial)
-    inexact = deviation > tolerance
+    inexact = deviation > MISSED
     if inexact.any():
         warn_user(
             f"initial: {inexact.sum()} of {len(genes)} motions start approximately; the genes miss them by up to "
@@ -64,12 +67,6 @@ def initial_points(formulation: Differentiable, initial: Genes | Motion | Front 
     return formulation.points(checked_genes(formulation, initial))
 
 
-def exact_points(problem: Any, initial: Genes | Motion | Front | None) -> Points | None:
-    """Return initial motions as exact points; None if the initial solutions are genes."""
-    has_motions = initial.motions is not None if isinstance(initial, Front) else isinstance(initial, Motion)
-    return initial_points(problem, initial) if has_motions and isinstance(problem, Differentiable) else None
-
-
 def merge_front(front: Front, formulation: Differentiable, x: Points, first_id: int) -> Front:
     """Return the nondominated points of a front and of further feasible points.
 
@@ -77,11 +74,11 @@ def merge_front(front: Front, formulation: Differentiable, x: Points, first_id: 
     """
     individuals = formulation.individuals(x)
     violation = evaluate_points(formulation.program(), x).violation
-    ranges = ranges_of(np.concatenate([front.minimised, individuals.objectives]))
-    shares = np.concatenate([front.minimised, individuals.objectives]) / ranges
-    feasible = np.append(np.ones(len(front), dtype=bool), violation <= WARM_STARTS.violation)
-    rows = [i for i in np.flatnonzero(feasible).tolist() if not _is_dominated(shares, i, np.flatnonzero(feasible))]
-    if not any(i >= len(front) for i in rows):
+    values = np.concatenate([front.minimised, individuals.objectives])
+    shares = values / ranges_of(values)
+    feasible = np.flatnonzero(np.append(np.ones(len(front), dtype=bool), violation <= WARM_STARTS.violation))
+    rows = feasible[non_dominated(shares[feasible])]
+    if (rows < len(front)).all():
         return front
     old = formulation.front_points(front) if len(front) else x[:0]
     both = formulation.individuals(np.concatenate([old, x])[rows])
@@ -98,16 +95,6 @@ def merge_front(front: Front, formulation: Differentiable, x: Points, first_id: 
     )
 
 
-def _is_dominated(shares: np.ndarray, row: int, others: np.ndarray) -> bool:
-    """Return whether another point dominates one, or equals it and comes first."""
-    off = shares[others] - shares[row]
-    no_worse, better = (off <= 0).all(axis=1), (off < 0).any(axis=1)
-    return bool((no_worse & (better | (others < row))).any())
-
-
-INITIAL = key_of("initial")  # key of the initial solutions in the journal of a run
-
-
 def remembered_points(x: Points | None) -> Points | None:
     """Return initial points; for a resumed run those that it began with."""
     return remembered(INITIAL, lambda: {} if x is None else {"x": x}).get("x")
@@ -121,7 +108,7 @@ def remembered_motions(problem: Any, motions: Motion | None) -> Motion | None:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class InitialSolutions:
-    """The initial solutions of a search: ``genes`` (rows, n_var), and exact motions as ``points``, if any."""
+    """The initial solutions of a search: ``genes`` (rows, n_var), and motions as exact ``points``, if any."""
 
     genes: Genes | None
     points: Points | None
@@ -133,7 +120,8 @@ class InitialSolutions:
         if values is not None:
             return cls(genes=values.get("genes"), points=values.get("points"))
         genes = initial_genes(problem, initial)
-        points = exact_points(problem, initial)
+        has_motions = initial.motions is not None if isinstance(initial, Front) else isinstance(initial, Motion)
+        points = initial_points(problem, initial) if has_motions and isinstance(problem, Differentiable) else None
         return cls(genes=None if genes is None else checked_genes(problem, genes), points=points)
 
     def remember(self) -> None:

@@ -103,41 +103,21 @@ def load_plan(folder: str | Path, problem: Any = None) -> Plan:
         raise InvalidRun(f"{folder / MOTIONS}: {fault}") from None
     if motions is None:
         raise InvalidRun(f"{folder} must have motions at the samples of the problem, got others")
+    columns["label"] = columns.pop("branch")
+    del columns["id"]
+    counts = run.get("counts")
+    starts = counts.get("starts") if isinstance(counts, Mapping) else None
     return Plan(
         optima=tuple(
-            Optimum(
-                motion=motion,
-                objective=value,
-                label=branch,
-                status=status,
-                violation_between=violation,
-                criticality=criticality,
-                discretisation_error=error,
-            )
-            for motion, value, branch, status, violation, criticality, error in zip(
-                motions,
-                columns["objective"],
-                columns["branch"],
-                columns["status"],
-                columns["violation_between"],
-                columns["criticality"],
-                columns["discretisation_error"],
-                strict=True,
-            )
+            Optimum(motion=motion, **dict(zip(columns, values, strict=True)))
+            for motion, *values in zip(motions, *columns.values(), strict=True)
         ),
-        starts=_starts(run),
+        starts=starts if isinstance(starts, int) else 0,
         levels=tuple((int(samples), int(optima)) for samples, optima in run["levels"]),
         provenance={
             key: value for key, value in run.items() if key not in ("format", "holds", "objective", "levels", "files")
         },
     )
-
-
-def _starts(run: Mapping[str, Any]) -> int:
-    """Return the number of starts that a run states for its plan."""
-    counts = run.get("counts")
-    starts = counts.get("starts") if isinstance(counts, Mapping) else None
-    return starts if isinstance(starts, int) else 0
 
 
 # The front of a run.

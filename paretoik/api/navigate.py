@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from paretoik.api.load import load_front
-from paretoik.api.session import verb_session
+from paretoik.api.session import open_verb
 from paretoik.front.front import Choice, Front
 from paretoik.front.points import NAVIGATIONS
 from paretoik.inputs import file_path
@@ -76,11 +75,15 @@ def navigate(
     if out is not None:
         check_other_folder("out", file_path("out", out), folder)
     front = load_front(folder, problem)
-    with verb_session(False), _place(folder, out, overwrite) as place:
+    locked = lock_folder(folder) if out is None else claim_folder(file_path("out", out), overwrite=overwrite)
+    with open_verb(False), locked as place:
         moved = front.navigate(point, improve=improve, allow=allow, hold=hold, by=by, to=to)
         choice = moved.navigated
         assert choice is not None  # a move leads somewhere or raises
-        place = place if out is not None or not (_dominated(moved) or _goes_on(folder)) else _beside(folder, choice.id)
+        dominates = bool(moved.provenance[NAVIGATIONS][-1]["dominated"])
+        # A stopped run that is resumed would drop the new point.
+        if out is None and (dominates or (read_run(folder / RUN).get("status") in STOPPED and can_resume(folder))):
+            place = _beside(folder, choice.id)
         moved.save(place)
         _draw(moved, folder, place)
     if (folder / RECORDING).exists():
@@ -88,27 +91,6 @@ def navigate(
 
         show_choice_in_recording(moved, moved=choice, source=folder / RECORDING)
     return moved, choice, place
-
-
-@contextmanager
-def _place(folder: Path, out: str | Path | None, overwrite: bool) -> Iterator[Path]:
-    """Lock the folder that the front is to be saved in."""
-    if out is None:
-        with lock_folder(folder):
-            yield folder
-        return
-    with claim_folder(file_path("out", out), overwrite=overwrite) as place:
-        yield place
-
-
-def _dominated(front: Front) -> list[Any]:
-    """Return the ids of points that the new point dominates."""
-    return list(front.provenance[NAVIGATIONS][-1]["dominated"])
-
-
-def _goes_on(folder: Path) -> bool:
-    """Return whether a run was stopped and can be resumed, which would drop a new point."""
-    return read_run(folder / RUN).get("status") in STOPPED and can_resume(folder)
 
 
 def _beside(folder: Path, id: int) -> Path:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import fields
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 
 from paretoik.api.progress import Observer
-from paretoik.api.session import RunSession, Subject, run_session
+from paretoik.api.session import RunRequest, Subject, open_session
 from paretoik.capability.geodesic import FastestPath
 from paretoik.capability.path_runs import PathQuery
 from paretoik.capability.time_optimal import TimeOptimalRun
@@ -32,22 +33,30 @@ def keep_path(
     observe: Observer | bool | None,
 ) -> Result:
     """Return a tool path, kept in the folder ``out``: run.json, tool_path.npz, review.rrd and picture.png."""
-    with run_session(
-        Subject(title=query.verb.replace("_", " "), fingerprint=fingerprint(query)),
+    title = query.verb.replace("_", " ")
+    request = RunRequest(
         verb=query.verb,
+        subject=Subject(title=title, fingerprint=fingerprint(query)),
         settings=query.settings,
         out=out,
         overwrite=overwrite,
         observe=observe,
         catch_signals=False,  # a path is complete or missing
-    ) as session:
-        session.start_recording(PathScene(title=query.verb.replace("_", " "), start=query.start, target=query.target))
+    )
+    with open_session(request) as session:
+        session.start_recording(PathScene(title=title, start=query.start, target=query.target))
         path = compute()
         counts = {"samples": len(path.times), "seconds": round(session.seconds, 3)}
         provenance = {**session.provenance, "status": "path", "counts": counts, "duration": float(path.times[-1])}
-        session.keep(path, lambda folder: _save(path, query, provenance, folder), status=provenance["status"])
-        with session.reviewing():
-            _review(path, query, provenance, session)
+        tool, reference = (path.points, None) if isinstance(path, FastestPath) else (path.positions, path.references)
+        end = PathEnd(times=path.times, tool=tool, reference=reference, target=query.target, provenance=provenance)
+        session.finish(
+            path,
+            partial(_save, path, query, provenance),
+            status=provenance["status"],
+            end=lambda: end,
+            draw=partial(_draw, end),
+        )
     return path
 
 
@@ -63,13 +72,7 @@ def _save(path: Result, query: PathQuery, provenance: dict[str, Any], folder: Pa
     write_result(folder, {**provenance, "holds": HOLDS}, {TOOL_PATH: content})
 
 
-def _review(path: Result, query: PathQuery, provenance: dict[str, Any], session: RunSession) -> None:
-    """Complete the recording, and draw the path."""
-    if session.folder is None:
-        return
-    tool, reference = (path.points, None) if isinstance(path, FastestPath) else (path.positions, path.references)
-    end = PathEnd(times=path.times, tool=tool, reference=reference, target=query.target, provenance=provenance)
-    session.finish_recording(end)
+def _draw(end: PathEnd, folder: Path) -> None:
     from paretoik.review.pictures.motions import path_picture  # here: matplotlib loads slowly
 
-    path_picture(end, session.folder / DRAWING)
+    path_picture(end, folder / DRAWING)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -12,7 +13,7 @@ import numpy as np
 from paretoik.api.initial import remembered_motions
 from paretoik.api.progress import Observer, count_observer
 from paretoik.api.result import infeasible_recorded, limit_words, save_plan
-from paretoik.api.session import RunSession, Subject, computing, run_session
+from paretoik.api.session import RunRequest, Session, Subject, computing, open_session
 from paretoik.formulations.protocol import require_plan
 from paretoik.inputs import check_count, check_flag, check_seed
 from paretoik.nlp.minimise import check_solver
@@ -33,111 +34,10 @@ from paretoik.runs.executor import check_workers
 from paretoik.runs.files import DRAWING
 from paretoik.runs.interruption import check_time_limit
 from paretoik.task.motion import Motion
+from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.levels import OPTIONS, LevelProgress
 from paretoik.trajectory.motion_terms import joint_distance
 from paretoik.trajectory.plan import Plan
-
-# Progress of a plan for observers and the recording, and its picture.
-
-
-class PlanDisplay:
-    """Shows a session the levels of a plan and its result."""
-
-    def __init__(self, session: RunSession, problem: Any) -> None:
-        self._session, self._problem = session, problem
-        self._show = count_observer(session.observe, "sample")
-        self._levels = list[PlannedLevel]()
-        (name,), (unit,), (maximised,) = problem.names, problem.units, problem.maximised
-        self._label, self._unit = objective_label(name, unit, bool(maximised)), unit
-        cell = workcell_of(problem)
-        if cell is not None:
-            scene = PlannedScene(name=name, unit=unit, maximised=bool(maximised), workcell=cell)
-            session.start_recording(scene)
-
-    def show_level(self, level: LevelProgress) -> None:
-        """Show a finished level."""
-        if self._session.folder is not None:
-            self._levels.append(_planned_level(len(self._levels), level))
-            self._session.record(self._levels[-1])
-        if self._show is not None:
-            broken = level.describe_violation(self._problem.task) or f"{len(level.optima)} distinct optima"
-            words = f"{len(level.starts)} starts, {broken}"
-            self._show(level.samples, max(level.samples, len(self._problem.task.times)), words)
-
-    def infeasible_end(self, nearest: LeastViolating) -> PlanEnd:
-        """Return the end of a plan without a feasible motion."""
-        return PlanEnd(least_violating=nearest)
-
-    def review(self, plan: Plan) -> None:
-        """Complete the recording with the optima; draw the plan unless a signal came."""
-        if self._session.folder is None:
-            return
-        self._session.finish_recording(_plan_end(plan))
-        if self._session.signal is not None:
-            return
-        from paretoik.review.pictures.motions import plan_picture  # here: matplotlib loads slowly
-
-        plan_picture(plan, self._levels, self._label, self._unit, self._session.folder / DRAWING)
-
-
-def _planned_level(number: int, level: LevelProgress) -> PlannedLevel:
-    """Return a level for drawing."""
-    (objective,) = level.task.objectives
-    kinds = (level.starts, level.ends, level.optima)
-    starts, ends, optima = (np.asarray(objective(level.task.motion(q)), dtype=float) for q in kinds)
-    motions = PlannedMotions(
-        time=np.array(level.task.times),
-        starts=level.starts,
-        ends=level.ends,
-        optima=level.optima,
-        optimum=_nearest_optima(level),
-    )
-    return PlannedLevel(
-        number=number,
-        samples=level.samples,
-        starts=starts,
-        ends=np.where(level.converged, ends, np.nan),
-        optima=optima,
-        motions=motions,
-        least_violating=_least_violating(level),
-    )
-
-
-def _least_violating(level: LevelProgress) -> LeastViolating | None:
-    """Return what the best motion of a level violates, None if it satisfies all limits."""
-    if level.feasible:
-        return None
-    return LeastViolating(broken=limit_words(level.task, level.task.motion(level.optima[0])))
-
-
-def _nearest_optima(level: LevelProgress) -> np.ndarray:
-    """Return for each start the index of the optimum that it led to, −1 if it led to none."""
-    if not len(level.optima):
-        return np.full(len(level.ends), -1)
-    distance = np.stack([joint_distance(level.task, level.ends, optimum) for optimum in level.optima], axis=1)
-    near = level.converged & (distance.min(axis=1) <= OPTIONS.distinct)
-    return np.where(near, distance.argmin(axis=1), -1)
-
-
-def _plan_end(plan: Plan) -> PlanEnd:
-    """Return the optima for drawing."""
-    optima = [
-        PlannedOptimum(
-            point=RecordedPoint(
-                id=place,
-                objectives=np.array([optimum.objective]),
-                motion=record_motion(optimum.motion, curves=True),
-            ),
-            branch=optimum.label,
-            status=optimum.status,
-            violation_between=float(optimum.violation_between),
-        )
-        for place, optimum in enumerate(plan.optima)
-    ]
-    return PlanEnd(optima=optima, provenance=dict(plan.provenance))
-
-
-# The verb that plans one objective.
 
 
 def plan(
@@ -233,36 +133,101 @@ def plan(
     if solver != "auto":  # "auto" takes what applies, and reads values before derivatives
         with computing(time_limit):  # users' functions are traced
             check_solver(problem.program(), solver)
-    settings = {
-        "starts": starts,
-        "seed": seed,
-        "initial": initial is not None,
-        "solver": solver,
-        "time_limit": time_limit,
-    }
-    with run_session(
-        Subject.of(problem, reference),
+    settings = {"starts": starts, "seed": seed, "initial": initial is not None, "solver": solver}
+    (name,), (unit,), (maximised,) = problem.names, problem.units, map(bool, problem.maximised)
+    request = RunRequest(
         verb="plan",
-        settings=settings,
+        subject=Subject.of(problem, reference),
+        settings={**settings, "time_limit": time_limit},
         out=out,
         overwrite=overwrite,
         observe=observe,
         time_limit=time_limit,
-        resumable=True,
         workers=workers,
         cluster=cluster,
-    ) as session:
-        initial = remembered_motions(problem, initial)
-        display = PlanDisplay(session, problem)
-        recorded = infeasible_recorded(session, problem, display.infeasible_end)
-        with session.computing(time_limit), recorded:
-            plan = find_optima(starts=starts, seed=seed, initial=initial, solver=solver, observe=display.show_level)
+        resumable=True,
+    )
+    with open_session(request) as session:
+        initial, levels, cell = remembered_motions(problem, initial), list[PlannedLevel](), workcell_of(problem)
+        assert cell is not None
+        session.start_recording(PlannedScene(name=name, unit=unit, maximised=maximised, workcell=cell))
+        show = _level_observer(session, problem.task, levels)
+        recorded = infeasible_recorded(session, problem, lambda nearest: PlanEnd(least_violating=nearest))
+        with computing(time_limit, session), recorded:
+            plan = find_optima(starts=starts, seed=seed, initial=initial, solver=solver, observe=show)
         counts = {"optima": len(plan.optima), "starts": plan.starts, "seconds": round(session.seconds, 3)}
         ending = {"status": session.stopped_by or "optima", "counts": counts, **plan.provenance}
         plan = replace(plan, provenance={**session.provenance, **ending})
-        (name,), (unit,), (maximised,) = problem.names, problem.units, problem.maximised
-        save = partial(save_plan, plan, name=name, unit=unit, maximised=bool(maximised))
-        session.keep(plan, save, status=plan.provenance["status"])
-        with session.reviewing():
-            display.review(plan)
+        session.finish(
+            plan,
+            partial(save_plan, plan, name=name, unit=unit, maximised=maximised),
+            status=plan.provenance["status"],
+            end=partial(_plan_end, plan),
+            draw=partial(_draw, plan, levels, objective_label(name, unit, maximised), unit),
+        )
     return plan
+
+
+def _level_observer(session: Session, task: MotionTask, levels: list[PlannedLevel]) -> Callable[[LevelProgress], None]:
+    """Return a function that shows a session a finished level, and adds it to ``levels`` to be drawn."""
+    show = count_observer(session.observe, "sample")
+
+    def show_level(level: LevelProgress) -> None:
+        if session.folder is not None:
+            levels.append(_planned_level(len(levels), level))
+            session.record(levels[-1])
+        if show is not None:
+            broken = level.describe_violation(task) or f"{len(level.optima)} distinct optima"
+            show(level.samples, max(level.samples, len(task.times)), f"{len(level.starts)} starts, {broken}")
+
+    return show_level
+
+
+def _planned_level(number: int, level: LevelProgress) -> PlannedLevel:
+    """Return a level for drawing."""
+    (objective,), task = level.task.objectives, level.task
+    starts, ends, optima = (
+        np.asarray(objective(task.motion(q)), dtype=float) for q in (level.starts, level.ends, level.optima)
+    )
+    nearest = np.full(len(level.ends), -1)  # optimum that each start led to, −1 if it led to none
+    if len(level.optima):
+        distance = np.stack([joint_distance(task, level.ends, optimum) for optimum in level.optima], axis=1)
+        near = level.converged & (distance.min(axis=1) <= OPTIONS.distinct)
+        nearest = np.where(near, distance.argmin(axis=1), -1)
+    motions = PlannedMotions(
+        time=np.array(task.times), starts=level.starts, ends=level.ends, optima=level.optima, optimum=nearest
+    )
+    broken = None if level.feasible else LeastViolating(broken=limit_words(task, task.motion(level.optima[0])))
+    return PlannedLevel(
+        number=number,
+        samples=level.samples,
+        starts=starts,
+        ends=np.where(level.converged, ends, np.nan),
+        optima=optima,
+        motions=motions,
+        least_violating=broken,
+    )
+
+
+def _plan_end(plan: Plan) -> PlanEnd:
+    """Return the optima for drawing."""
+    optima = [
+        PlannedOptimum(
+            point=RecordedPoint(
+                id=place,
+                objectives=np.array([optimum.objective]),
+                motion=record_motion(optimum.motion, curves=True),
+            ),
+            branch=optimum.label,
+            status=optimum.status,
+            violation_between=float(optimum.violation_between),
+        )
+        for place, optimum in enumerate(plan.optima)
+    ]
+    return PlanEnd(optima=optima, provenance=dict(plan.provenance))
+
+
+def _draw(plan: Plan, levels: Sequence[PlannedLevel], label: str, unit: str, folder: Path) -> None:
+    from paretoik.review.pictures.motions import plan_picture  # here: matplotlib loads slowly
+
+    plan_picture(plan, levels, label, unit, folder / DRAWING)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from signal import SIGUSR1
 from typing import TypeAlias
@@ -90,16 +90,9 @@ def count_observer(
     return show
 
 
-@contextmanager
-def show_compilation(observe: Observer | None) -> Iterator[None]:
-    """Show an observer what is compiled while the body runs, instead of a line on stderr."""
-    check_function("observe", observe)
-    if observe is None:
-        yield
-        return
-
-    with observe_compilation(lambda notice: observe(RunProgress(stage="compilation", summary=str(notice)))):
-        yield
+def show_compilation(observe: Observer) -> AbstractContextManager[None]:
+    """Return a context that shows an observer what is compiled in its body, instead of a line on stderr."""
+    return observe_compilation(lambda notice: observe(RunProgress(stage="compilation", summary=str(notice))))
 
 
 # Progress on stderr: a bar on a terminal, else lines.

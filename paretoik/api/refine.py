@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import time
+from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 
 from paretoik.api.certified_front import OPTIONS as CERTIFIED
-from paretoik.api.certified_front import LaterStages, LaterTime, certified_front, no_worse
+from paretoik.api.certified_front import LaterTime, certified_front, later_stages, no_worse, reserve_later
 from paretoik.api.progress import Observer, RunProgress, count_observer
-from paretoik.api.session import RunSession, Subject, computing, review_front, run_session, verb_session
+from paretoik.api.session import RunRequest, Session, Subject, computing, open_session
 from paretoik.arrays import Genes, Ids, Objectives, Point, Points, Values
 from paretoik.compilation_notices import computing_clock
-from paretoik.errors import InvalidInput
+from paretoik.errors import Infeasible, InvalidInput, SolverFailed
 from paretoik.formulations.protocol import Differentiable, ProblemParts, at_samples_of, require_program
 from paretoik.front import indicators
 from paretoik.front.front import Front
@@ -27,82 +29,24 @@ from paretoik.front.preferences.compromise import marked_rows
 from paretoik.inputs import check_flag, file_path, shown
 from paretoik.nlp.minimise import check_solver
 from paretoik.nlp.program import Solver
+from paretoik.pareto.epsilon import epsilon_points
 from paretoik.pareto.placement import POINT_TOLERANCE, front_rows
 from paretoik.pareto.refine import IMPROVER_OPTIONS as IMPROVER
 from paretoik.pareto.refine import refine as refine_points
 from paretoik.pareto.refine import suggest_points
 from paretoik.pareto.scalarisation import WARM_OPTIONS as WARM_STARTS
-from paretoik.pareto.scalarisation import Observe, evaluate_points
-from paretoik.review.recording.messages import RecordedPoint, front_point, workcell_of
+from paretoik.pareto.scalarisation import evaluate_points
+from paretoik.pareto.sweep import SweepProgress
+from paretoik.review.recording.messages import front_point
 from paretoik.review.recording.recorder import Generation
 from paretoik.runs.executor import check_workers
 from paretoik.runs.fingerprint import check_fingerprint
 from paretoik.runs.folder import check_other_folder
-from paretoik.runs.interruption import check_time_limit
 from paretoik.search.ask_tell import Search
 from paretoik.search.endings import Progress
 from paretoik.search.islands import Islands
-from paretoik.stop_flag import STOP
+from paretoik.stop_flag import STOP, Interrupted, check_interruption
 from paretoik.trajectory.levels import on_more_samples
-
-# The recording of a refinement: the front before and after, and the origin of each point.
-
-
-class RefinementDisplay:
-    """Records a front before (0 of the timeline ``refinement``) and after refinement (1)."""
-
-    def __init__(self, session: RunSession, front: Front, problem: Any) -> None:
-        self._session, self._front, self._hypervolume = session, front, HypervolumeCurve()
-        session.start(
-            names=front.names,
-            units=front.units,
-            maximised=front.maximised,
-            timeline="refinement",
-            workcell=workcell_of(problem),
-        )
-        self._record(0, front, None)
-
-    def show(self, refined: Front) -> None:
-        """Record the refined front."""
-        self._record(1, refined, self._front.objectives[_rows_before(self._front, refined)])
-
-    def _record(self, number: int, front: Front, origins: Objectives | None) -> None:
-        if self._session.recorder is None:
-            return
-        self._session.recorder.record(
-            Generation(
-                number=number,
-                population=self._front.objectives,
-                front=front.objectives,
-                front_ids=front.ids,
-                hypervolume=self._hypervolume.measure(front.minimised, number),
-                points=_marked(front),
-                origins=origins,
-            )
-        )
-
-
-def _marked(front: Front) -> tuple[RecordedPoint, ...]:
-    """Return the best point of every objective and the compromise, with their motions."""
-    if not len(front):
-        return ()
-    return tuple(front_point(front, row, axis=axis) for row, axis in marked_rows(front.minimised, front.ids))
-
-
-def improved_points(before: Front, after: Front) -> int:
-    """Return how many points of a front became better in some objective, by more than rounding."""
-    gain = before.minimised[_rows_before(before, after)] - after.minimised
-    rounding = indicators.OPTIONS.rounding * indicators.ranges_of(before.minimised)
-    return int((gain > rounding).any(axis=1).sum()) if len(after) else 0
-
-
-def _rows_before(before: Front, after: Front) -> np.ndarray:
-    """Return the row of each point on the front before, found by its id."""
-    rows = {int(number): row for row, number in enumerate(before.ids)}
-    return np.array([rows[int(number)] for number in after.ids], dtype=int)
-
-
-# Refinement of a front's points, and genes for a search.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -190,74 +134,111 @@ def refine(
     In the provenance of the result ``status`` says why refinement ended, ``counts`` how many points there were, how
     many converged and how many became better; ``parent`` is the front's provenance, with the folder of its ``run``.
     """
-    problem, formulation = _refinable(front, problem)
+    problem = _refinable(front, problem)
     former = {**front.provenance, **({} if front.folder is None else {"run": str(front.folder)})}
-    check_time_limit(time_limit)
     with computing(time_limit):  # users' functions are traced
-        check_solver(formulation.program(), solver)
+        check_solver(problem.program(), solver)
     check_workers(workers, cluster)
     check_flag("overwrite", overwrite)
     if out is not None:
         check_other_folder("out", file_path("out", out), front.folder)
     reference = front.provenance.get("problem") if reference is None else reference
-    with run_session(
-        Subject.of(problem, reference),
+    request = RunRequest(
         verb="refine",
+        subject=Subject.of(problem, reference),
         settings={"solver": solver, "time_limit": time_limit},
         out=out,
         overwrite=overwrite,
         observe=observe,
         time_limit=time_limit,
-        resumable=True,
         workers=workers,
         cluster=cluster,
+        resumable=True,
         source=front,
-    ) as session:
-        display = RefinementDisplay(session, front, problem)
-        with session.computing(time_limit):
-            refined = refine_front(front, problem, solver=solver, observe=session.observe or False)
-        counts = {**refined.provenance["refined"], "improved": improved_points(front, refined)}
+    )
+    with open_session(request) as session:
+        session.record_search(front, "refinement", problem)
+        record = partial(_record, session, HypervolumeCurve(), front)
+        record(0, front)
+        with computing(time_limit, session):
+            refined = refine_front(front, problem, solver=solver, observe=session.observe)
+        rows_before = {int(number): row for row, number in enumerate(front.ids)}
+        before = np.array([rows_before[int(number)] for number in refined.ids], dtype=int)
+        gain = front.minimised[before] - refined.minimised
+        rounding = indicators.OPTIONS.rounding * ranges_of(front.minimised)
+        improved = int((gain > rounding).any(axis=1).sum()) if len(refined) else 0
+        counts = {**refined.provenance["refined"], "improved": improved}
         ending = {"status": session.stopped_by or "refined", "counts": counts, "parent": former}
         ending |= {name: refined.provenance[name] for name in (SOLVERS, ADDED_SAMPLES) if name in refined.provenance}
         refined = replace(refined, provenance={**session.provenance, **ending})
-        session.finish(refined)
-        with session.reviewing():
-            display.show(refined)
-            review_front(refined, session)
+        session.finish_front(refined, partial(record, 1, refined, front.objectives[before]))
     return refined
 
 
-Complete: TypeAlias = Callable[
-    [Differentiable, Points, Ids, Float[np.ndarray, " n_obj"], Observer | None, LaterTime],
-    tuple[Points, Ids, Float[np.ndarray, " n_obj"]],
-]
-"""Function of formulation, points, ids, ranges, observer and times: returns completed points, ids and ranges."""
+def _record(
+    session: Session,
+    curve: HypervolumeCurve,
+    before: Front,
+    number: int,
+    front: Front,
+    origins: Objectives | None = None,
+) -> None:
+    """Record the front before refinement (0) or after it (1), which has ``origins`` on the front before."""
+    if session.recorder is None:
+        return
+    marked = marked_rows(front.minimised, front.ids) if len(front) else ()  # best of every objective, compromise
+    session.record(
+        Generation(
+            number=number,
+            population=before.objectives,
+            front=front.objectives,
+            front_ids=front.ids,
+            hypervolume=curve.measure(front.minimised, number),
+            points=tuple(front_point(front, row, axis=axis) for row, axis in marked),
+            origins=origins,
+        )
+    )
+
+
+# Refinement and completion of a front's points.
+
+
+@dataclass(frozen=True, kw_only=True)
+class Completion:
+    """Points that are added to a refined front: the best that ``plan`` finds, and those that gain most in gaps.
+
+    points: most points of the front, or its own number if that is larger
+    seed: seed of the starts
+    first_id: id of the first new point
+    starts: number of starts per objective; fewer than without a search, as the search has looked already
+    cold_points: number of points that are also sought from starts
+    """
+
+    points: int
+    seed: int
+    first_id: int
+    starts: int = 24
+    cold_points: int = 0
 
 
 def refine_front(
-    front: Front,
-    problem: Any,
-    *,
-    solver: Solver,
-    observe: Observer | bool | None,
-    complete: Complete | None = None,
+    front: Front, problem: Any, *, solver: Solver, observe: Observer | None, completion: Completion | None = None
 ) -> Front:
-    """Return a front refined and certified as by ``refine``, its points completed by ``complete``, if given."""
-    problem, formulation = _refinable(front, problem)
-    with verb_session(observe) as session:
-        x, ranges = formulation.front_points(front), ranges_of(front.minimised)
-        check_solver(formulation.program(ranges), solver)
-        if len(x) and not (evaluate_points(formulation.program(ranges), x).violation <= WARM_STARTS.violation).any():
-            ProblemParts(problem).require_feasible()
-        refined = _refine_and_certify(
-            problem, x, front.ids, ranges, front.provenance, solver, session.observe, before=front, complete=complete
-        )
-        if not refined.ended:
-            refined = _resolve(refined, front, solver, session.observe)
-        converged = int(refined.converged.sum())
-        counts = {"points": len(front), "converged": converged, "seconds": round(session.seconds, 3)}
-        status = {} if session.signal is None else {"status": session.signal}
-        return replace(refined.front, provenance={**refined.front.provenance, "refined": counts, **status})
+    """Return a front refined and certified as by ``refine``, with the points of a ``completion``, if given."""
+    formulation: Differentiable = problem
+    began = time.monotonic()
+    x, ranges = formulation.front_points(front), ranges_of(front.minimised)
+    check_solver(formulation.program(ranges), solver)
+    if len(x) and not (evaluate_points(formulation.program(ranges), x).violation <= WARM_STARTS.violation).any():
+        ProblemParts(problem).require_feasible()
+    refined = _refine_and_certify(
+        problem, x, front.ids, ranges, front.provenance, solver, observe, before=front, completion=completion
+    )
+    if not refined.ended:
+        refined = _resolve(refined, front, solver, observe)
+    seconds = round(time.monotonic() - began, 3)
+    counts = {"points": len(front), "converged": int(refined.converged.sum()), "seconds": seconds}
+    return replace(refined.front, provenance={**refined.front.provenance, "refined": counts})
 
 
 class _Refined(NamedTuple):
@@ -278,31 +259,58 @@ def _refine_and_certify(
     observe: Observer | None,
     *,
     before: Front | None = None,
-    complete: Complete | None = None,
+    completion: Completion | None = None,
 ) -> _Refined:
-    """Return the refined and certified front of points, completed by ``complete``, if given."""
+    """Return the refined and certified front of points, with those of a ``completion``, if given."""
     formulation: Differentiable = problem
     later = LaterTime(formulation=formulation, solver=solver)
-    count = partial(_count_round, observe, problem, later, ranges, "" if complete is None else "optimum")
-    with LaterStages.of(problem).reserve(len(x)):
-        x, converged, ranges, ended = _refine_over_own_ranges(formulation, x, ranges, solver, count)
-        if complete is not None:
+    then = "" if completion is None else "optimum"
+    with reserve_later(len(x), len(later_stages(problem))):
+        x, converged, ranges, ended = _refine_over_own_ranges(later, x, ranges, observe, then)
+        if completion is not None:
             assert before is not None
-            individuals = no_worse(formulation, formulation.individuals(x), before, ranges)
-            x, ids, ranges = complete(formulation, individuals.x, ids, ranges, observe, later)
+            x = no_worse(formulation, formulation.individuals(x), before, ranges).x
+            before = None
+            if len(ranges) > 1 and len(x):
+                x, ids, ranges = _completed(completion, later, x, ids, ranges, observe)
     front = certified_front(
-        problem,
-        formulation,
-        x,
-        ids,
-        ranges,
-        dict(provenance),
-        before=before if complete is None else None,
-        solver=solver,
-        observe=observe,
-        later=later,
+        problem, x, ids, ranges, provenance, before=before, solver=solver, observe=observe, later=later
     )
     return _Refined(front, converged, ended)
+
+
+def _completed(
+    completion: Completion, later: LaterTime, x: Points, ids: Ids, ranges: Values, observe: Observer | None
+) -> tuple[Points, Ids, Values]:
+    """Return points with those of a completion, their ids and ranges; as they are if the planner finds nothing."""
+    formulation, solver, began = later.formulation, later.solver, computing_clock()
+
+    def show_point(progress: SweepProgress) -> object:
+        assert observe is not None
+        is_due = getattr(observe, "is_due", True)
+        return observe(later.point_progress(progress, computing_clock() - began, is_due=is_due))
+
+    with suppress(Infeasible, SolverFailed, Interrupted):
+        check_interruption()
+        shown = count_observer(observe, "optimum")
+        cold = formulation.cold_search(starts=completion.starts, seed=completion.seed, solver=solver, observe=shown)
+        began = computing_clock()
+        new, new_ranges = epsilon_points(
+            formulation.program,
+            cold,
+            len(ranges),
+            points=max(completion.points, 2),
+            initial=x,
+            refined=True,
+            cold_points=completion.cold_points,
+            solver=solver,
+            observe=None if observe is None else show_point,
+        )
+        # Former points keep their ids, new ones count from the first id.
+        ids_before = {one.tobytes(): int(each) for one, each in zip(x, ids, strict=True)}
+        numbers = [ids_before.get(one.tobytes(), completion.first_id + i) for i, one in enumerate(new)]
+        return new, np.array(numbers, dtype=np.int64), new_ranges
+    return x, ids, ranges
 
 
 def resolve_front(front: Front, solver: Solver, observe: Observer | None) -> Front:
@@ -326,14 +334,14 @@ def _resolve(refined: _Refined, before: Front | None, solver: Solver, observe: O
         finer = _refine_and_certify(problem, x, front.ids, ranges, front.provenance, solver, show)
         return None if finer.ended else finer
 
-    return on_more_samples(refined, lambda coarse: _largest_error(coarse.front), refine)
+    def largest_error(coarse: _Refined) -> float:
+        """Return the largest error of under-resolved values, as a share of their objective's range."""
+        certificates = coarse.front.certificates
+        assert certificates is not None
+        errors = certificates.discretisation_error[certificates.status == "under-resolved"]
+        return float((errors / ranges_of(coarse.front.minimised)).max(initial=0.0))
 
-
-def _largest_error(front: Front) -> float:
-    """Return the largest error of a value of the under-resolved points, as a share of its objective's range."""
-    assert front.certificates is not None
-    errors = front.certificates.discretisation_error[front.certificates.status == "under-resolved"]
-    return float((errors / ranges_of(front.minimised)).max(initial=0.0))
+    return on_more_samples(refined, largest_error, refine)
 
 
 def _curves_at_samples(front: Front, before: Front | None, problem: Any) -> Points:
@@ -361,81 +369,55 @@ def _show_samples(observe: Observer, samples: int, progress: RunProgress) -> obj
     return observe(replace(progress, summary=", ".join(filter(None, (f"on {samples} samples", progress.summary)))))
 
 
-def _count_round(
-    observe: Observer | None, problem: Any, later: LaterTime, ranges: Values, then: str, number: int
-) -> Observe | None:
-    """Return a function that shows an observer how many points of a round are refined.
-
-    It does not show the time left if other stages come first, ``then``.
-    """
-    show = count_observer(
-        observe,
-        "refinement",
-        later=later.per_point,
-        uniform=not then,
-        then=then,
-        following=LaterStages.of(problem).text,
-    )
-    words, began = f"round {number + 1}" if number else "", computing_clock()
-
-    def show_point(done: int, total: int, x: Point) -> object:
-        assert show is not None
-        if not then and getattr(observe, "is_due", True):
-            later.try_point(x, ranges, computing_clock() - began)
-        return show(done, total, words)
-
-    return None if show is None else show_point
-
-
 def _refine_over_own_ranges(
-    formulation: Differentiable,
-    x: Points,
-    ranges: Values,
-    solver: Solver,
-    count: Callable[[int], Observe | None],
+    later: LaterTime, x: Points, ranges: Values, observe: Observer | None, then: str
 ) -> tuple[Points, Bool[np.ndarray, " points"], Values, bool]:
     """Return refined points, which of them converged, their ranges, and whether an observer ended it.
 
-    The ranges are about those of the points' front. ``count`` returns the observer of each round.
+    The ranges are about those of the points' front. The time left is not shown if other stages come first, ``then``.
     """
-    ended = False
+    formulation, following = later.formulation, " and ".join(later_stages(later.formulation))
+    ended, shares = False, np.ones(len(ranges))
 
-    def show(done: int, total: int, x: Point) -> object:
+    def show(done: int, total: int, point: Point) -> object:
         nonlocal ended
-        ended = bool(observe is not None and observe(done, total, x))
+        if count is not None:
+            if not then and getattr(observe, "is_due", True):
+                later.try_point(point, ranges, computing_clock() - began)
+            ended = bool(count(done, total, words))
         return ended
 
-    first, shares = ranges, np.ones(len(ranges))
     for number in range(OPTIONS.rounds):
-        observe, program, before = count(number), formulation.program(first * shares), shares
-        x, converged = refine_points(program, x, len(ranges), solver=solver, observe=show)
+        words = f"round {number + 1}" if number else ""
+        count = count_observer(
+            observe, "refinement", later=later.per_point, uniform=not then, then=then, following=following
+        )
+        program, before, began = formulation.program(ranges * shares), shares, computing_clock()
+        x, converged = refine_points(program, x, len(ranges), solver=later.solver, observe=show)
         values = evaluate_points(program, x).objectives[:, : len(ranges)] * before
         widths = np.ptp(values[front_rows(values)], axis=0)
         shares = np.where(widths > POINT_TOLERANCE, np.maximum(widths, OPTIONS.smallest_share), before)
         if ended or STOP[0] or (shares > OPTIONS.shrinkage * before).all():
             break
-    return x, converged, first * before, ended
+    return x, converged, ranges * before, ended
 
 
-def _refinable(front: Front, problem: Any) -> tuple[Any, Differentiable]:
-    """Return the problem of a front with its gradients; raises InvalidInput if it has none."""
+def _refinable(front: Front, problem: Any) -> Any:
+    """Return the problem of a front; raises InvalidInput if it has no gradients or is another one."""
     if not isinstance(front, Front):
         raise InvalidInput(f"front must be a Front, got {shown(front)}")
     problem = front.problem if problem is None else problem
     if problem is None:
         raise InvalidInput("front must come with its problem, got none; refine(front, problem) gives it")
-    formulation = require_program("refine", problem)
-    _check_front(front, formulation, problem)
-    problem = at_samples_of(problem, getattr(front.motions, "q", None))
-    return problem, require_program("refine", problem)
-
-
-def _check_front(front: Front, formulation: Differentiable, problem: Any) -> None:
-    if tuple(formulation.names) != tuple(front.names):
+    if tuple(require_program("refine", problem).names) != tuple(front.names):
         raise InvalidInput(f"problem must have the objectives {', '.join(front.names)}, got others")
     stored = front.provenance.get("fingerprint")
     if stored is not None:
         check_fingerprint(problem, stored, wish="problem must be the one that the front solves")
+    return at_samples_of(problem, getattr(front.motions, "q", None))
+
+
+# Genes for a search.
 
 
 class SearchImprover:

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from paretoik.api.infeasible_run import InfeasibleRun, is_infeasible, read_infeasible
 from paretoik.api.load import check_problem_argument, load_front, with_problem
+from paretoik.api.result import InfeasibleRun, is_infeasible, read_infeasible
 from paretoik.api.result_text import gap_text, status_text
 from paretoik.errors import InvalidInput, InvalidRun
 from paretoik.formulations.protocol import is_loop
@@ -73,9 +73,15 @@ def report(
     infeasible: InfeasibleRun | None = None
     if not isinstance(front, Front):
         folder = file_path("front", front)
-        _check_has_page(folder)
+        holds = read_run(folder / RUN).get("holds") if is_run(folder / RUN) else None
+        if holds is not None:
+            command = shell_command("paretoik", "show", folder)
+            raise InvalidRun(f"{folder} must be a run with a front, got one that contains {holds}; {command} shows it")
         infeasible = read_infeasible(folder) if is_infeasible(folder) else None
-        front = load_front(folder, problem) if infeasible is None else _nearest(infeasible, folder, problem)
+        if infeasible is None:
+            front = load_front(folder, problem)
+        else:
+            front = attach(with_problem(infeasible.nearest, folder, problem), folder)
     elif problem is not None:
         raise InvalidInput(f"problem must come with a run folder only, got {shown(problem)} with a front")
     if file is not None:
@@ -90,28 +96,11 @@ def report(
         steps = _steps(front, front.folder)
         page = Report(front=front, title=_title(front), choices=front.choices, notes=_notes(front), steps=steps)
     else:
-        page = Report(front=front, title="No feasible motion", notes=_broken(infeasible), nearest=True)
+        reason = infeasible.reason[:1].upper() + infeasible.reason[1:]
+        notes = [reason, *(f"In the least-violating motion, {words}." for words in infeasible.broken)]
+        page = Report(front=front, title="No feasible motion", notes=notes, nearest=True)
     page.write(place)
     return place
-
-
-def _check_has_page(folder: Path) -> None:
-    """Raise InvalidRun, with the command that shows it, for a run that contains something else than a front."""
-    holds = read_run(folder / RUN).get("holds") if is_run(folder / RUN) else None
-    if holds is not None:
-        command = shell_command("paretoik", "show", folder)
-        raise InvalidRun(f"{folder} must be a run with a front, got one that contains {holds}; {command} shows it")
-
-
-def _nearest(run: InfeasibleRun, folder: Path, problem: Any) -> Front:
-    """Return the least-violating point of a run that found nothing feasible, with its problem if given."""
-    return attach(with_problem(run.nearest, folder, problem), folder)
-
-
-def _broken(run: InfeasibleRun) -> list[str]:
-    """Return why a run found nothing feasible, and what its least-violating motion violates."""
-    reason = run.reason[:1].upper() + run.reason[1:]
-    return [reason, *(f"In the least-violating motion, {words}." for words in run.broken)]
 
 
 def _title(front: Front) -> str:

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import pathlib
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
+from functools import partial
 from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
 
 from paretoik.api.progress import Observer
-from paretoik.api.session import RunSession, Subject, run_session
+from paretoik.api.result import motion_bytes
+from paretoik.api.session import RunRequest, Session, Subject, open_session
 from paretoik.errors import Infeasible
-from paretoik.front.points import StoredJoints, StoredMotions
-from paretoik.front.storage import array_bytes, motion_arrays
+from paretoik.front.storage import array_bytes
 from paretoik.inputs import check_flag
 from paretoik.resolution.follow import TRACKING_TOLERANCE
 from paretoik.resolution.protocol import Criterion, Method, ResolvedMotion
@@ -31,121 +31,7 @@ from paretoik.task.obstacles import Obstacle
 from paretoik.task.path import Path
 from paretoik.task.task import Task, error_unit
 
-# The run folder of one resolved motion.
-
-
 HOLDS = f"a resolved motion, its joint positions in {MOTIONS} and what its method did in {TRACES}"
-
-
-def resolution_settings(resolution: Resolution, seed: int) -> dict[str, Any]:
-    """Return the settings of a resolution by name."""
-    return {
-        "method": method_settings(resolution.method),
-        "unreachable": resolution.unreachable,
-        "tolerance": float(resolution.tolerance),
-        "seed": seed,
-    }
-
-
-def resolution_subject(resolution: Resolution) -> Subject:
-    """Return a resolution as the subject of a run."""
-    title = f"{type(resolution.method).__name__} of {resolution.task.arm.name}"
-    return Subject(title=title, fingerprint=fingerprint(resolution))
-
-
-def method_settings(method: Method) -> dict[str, Any]:
-    """Return the name and numbers of a method; for criteria their objective and gain."""
-    settings: dict[str, Any] = {"name": type(method).__name__}
-    for each in fields(method):
-        value = getattr(method, each.name)
-        if isinstance(value, tuple | list) and all(isinstance(one, Criterion) for one in value):
-            settings[each.name] = [{"objective": one.objective.name, "gain": _plain(one.gain)} for one in value]
-        elif isinstance(value, Objective):
-            settings[each.name] = value.name
-        elif value is None or isinstance(value, bool | str) or np.asarray(value).dtype.kind in "biuf":
-            settings[each.name] = _plain(value)
-    return settings
-
-
-def motion_ending(motion: ResolvedMotion, seconds: float) -> dict[str, Any]:
-    """Return the status of a motion, its number of steps by status, and its largest error."""
-    steps = Counter(motion.traces.status.ravel().tolist())
-    counts = {"motions": int(np.prod(motion.q.shape[:-2])), "steps": dict(steps), "seconds": round(seconds, 3)}
-    return {"status": "resolved", "counts": counts, "largest_error": float(np.abs(motion.traces.errors).max())}
-
-
-def save_resolution(motion: ResolvedMotion, provenance: dict[str, Any], folder: pathlib.Path) -> None:
-    """Write a motion, or a batch of them, into a folder, all of its files at once or none.
-
-    In `traces.npz` every array of ``motion.traces`` has one row per motion, as in `motions.npz`.
-    """
-    shape, dof = motion.q.shape[:-2], motion.arm.dof
-    count = int(np.prod(shape))
-    stored = StoredMotions(
-        arm=StoredJoints(joint_names=motion.arm.joint_names),
-        time=motion.time.reshape(count, -1),
-        q=motion.q.reshape(count, -1, dof),
-    )
-    traces = {each.name: np.asarray(getattr(motion.traces, each.name)) for each in fields(motion.traces)}
-    files = {
-        MOTIONS: array_bytes({"id": np.arange(count), **motion_arrays(stored)}),
-        TRACES: array_bytes({name: each.reshape(count, *each.shape[len(shape) :]) for name, each in traces.items()}),
-    }
-    write_result(folder, {**provenance, "holds": HOLDS, "batch": list(shape)}, files)
-
-
-def _plain(value: Any) -> Any:
-    """Return a number or an array of numbers as JSON has it; other values as they are."""
-    return value if value is None or isinstance(value, bool | str) else np.asarray(value).tolist()
-
-
-# The recording and the picture of a resolved motion.
-
-
-def resolve_recorded(resolution: Resolution, session: RunSession) -> ResolvedMotion:
-    """Return the motion, with its recording begun; if the path is lost, record the motion up to there.
-
-    Raises as ``resolution.resolve``.
-    """
-    cell = workcell_of(resolution)
-    assert cell is not None
-    scene = ResolvedScene(
-        workcell=cell,
-        method=type(resolution.method).__name__,
-        criteria=tuple(each.objective.name for each in resolution.criteria),
-        tolerance=float(resolution.tolerance),
-        error_unit=error_unit(resolution.task.tasks),
-        min_clearance=float(resolution.task.min_clearance),
-    )
-    session.start_recording(scene)
-    try:
-        return resolve_motion(resolution)
-    except Infeasible as lost:
-        if isinstance(lost.motion, ResolvedMotion):
-            ending = {"status": "the path is lost", "reason": str(lost)}
-            _finish_recording(lost.motion, {**session.provenance, **ending}, session)
-        raise
-
-
-def _finish_recording(motion: ResolvedMotion, provenance: Mapping[str, Any], session: RunSession) -> None:
-    if session.recorder is not None:
-        motions, count = record_traces(motion)
-        session.finish_recording(ResolutionEnd(motions=motions, count=count, provenance=provenance))
-
-
-def review_resolution(motion: ResolvedMotion, resolution: Resolution, session: RunSession) -> None:
-    """Complete the recording, and draw the first motion."""
-    if session.folder is None:
-        return
-    _finish_recording(motion, {**session.provenance, "status": "resolved"}, session)
-    from paretoik.review.pictures.motions import resolution_picture  # here: matplotlib loads slowly
-
-    while motion.q.ndim > 2:
-        motion = motion[0]
-    resolution_picture(motion, [each.objective.name for each in resolution.criteria], session.folder / DRAWING)
-
-
-# The verb that resolves one motion along a path.
 
 
 def resolve(
@@ -254,18 +140,102 @@ def resolve(
     check_flag("overwrite", overwrite)
     if out is None and observe is None:  # as when thousands are resolved one after the other
         return resolve_motion(resolution)
-    with run_session(
-        resolution_subject(resolution),
+    settings = {"method": _method_settings(method), "unreachable": unreachable, "tolerance": float(tolerance)}
+    request = RunRequest(
         verb="resolve",
-        settings=resolution_settings(resolution, seed),
+        subject=Subject(
+            title=f"{type(method).__name__} of {resolution.task.arm.name}", fingerprint=fingerprint(resolution)
+        ),
+        settings={**settings, "seed": seed},
         out=out,
         overwrite=overwrite,
         observe=observe,
         catch_signals=False,  # a motion is complete or missing
-    ) as session:
-        motion = resolve_recorded(resolution, session)
-        provenance = {**session.provenance, **motion_ending(motion, session.seconds)}
-        session.keep(motion, lambda folder: save_resolution(motion, provenance, folder), status=provenance["status"])
-        with session.reviewing():
-            review_resolution(motion, resolution, session)
+    )
+    with open_session(request) as session:
+        return _resolve_recorded(resolution, session)
+
+
+def _resolve_recorded(resolution: Resolution, session: Session) -> ResolvedMotion:
+    """Return the motion, saved and drawn; if the path is lost, record the motion up to there."""
+    cell, task, criteria = (
+        workcell_of(resolution),
+        resolution.task,
+        [each.objective.name for each in resolution.criteria],
+    )
+    assert cell is not None
+    scene = ResolvedScene(
+        workcell=cell,
+        method=type(resolution.method).__name__,
+        criteria=tuple(criteria),
+        tolerance=float(resolution.tolerance),
+        error_unit=error_unit(task.tasks),
+        min_clearance=float(task.min_clearance),
+    )
+    session.start_recording(scene)
+    try:
+        motion = resolve_motion(resolution)
+    except Infeasible as lost:
+        if isinstance(lost.motion, ResolvedMotion) and session.recorder is not None:
+            ending = {"status": "the path is lost", "reason": str(lost)}
+            session.finish_recording(_end(lost.motion, {**session.provenance, **ending}))
+        raise
+    steps, count = Counter(motion.traces.status.ravel().tolist()), int(np.prod(motion.q.shape[:-2]))
+    counts = {"motions": count, "steps": dict(steps), "seconds": round(session.seconds, 3)}
+    largest = float(np.abs(motion.traces.errors).max())
+    provenance = {**session.provenance, "status": "resolved", "counts": counts, "largest_error": largest}
+    session.finish(
+        motion,
+        partial(_save, motion, provenance),
+        status=provenance["status"],
+        end=lambda: _end(motion, {**session.provenance, "status": "resolved"}),
+        draw=partial(_draw, motion, criteria),
+    )
     return motion
+
+
+def _method_settings(method: Method) -> dict[str, Any]:
+    """Return the name and numbers of a method; for criteria their objective and gain."""
+
+    def plain(value: Any) -> Any:
+        return value if value is None or isinstance(value, bool | str) else np.asarray(value).tolist()
+
+    settings: dict[str, Any] = {"name": type(method).__name__}
+    for each in fields(method):
+        value = getattr(method, each.name)
+        if isinstance(value, tuple | list) and all(isinstance(one, Criterion) for one in value):
+            settings[each.name] = [{"objective": one.objective.name, "gain": plain(one.gain)} for one in value]
+        elif isinstance(value, Objective):
+            settings[each.name] = value.name
+        elif value is None or isinstance(value, bool | str) or np.asarray(value).dtype.kind in "biuf":
+            settings[each.name] = plain(value)
+    return settings
+
+
+def _save(motion: ResolvedMotion, provenance: dict[str, Any], folder: FilePath) -> None:
+    """Write a motion, or a batch of them, into a folder, all of its files at once or none.
+
+    In `traces.npz` every array of ``motion.traces`` has one row per motion, as in `motions.npz`.
+    """
+    shape = motion.q.shape[:-2]
+    count = int(np.prod(shape))
+    traces = {each.name: np.asarray(getattr(motion.traces, each.name)) for each in fields(motion.traces)}
+    files = {
+        MOTIONS: motion_bytes(motion.arm, motion.time.reshape(count, -1), motion.q.reshape(count, -1, motion.arm.dof)),
+        TRACES: array_bytes({name: each.reshape(count, *each.shape[len(shape) :]) for name, each in traces.items()}),
+    }
+    write_result(folder, {**provenance, "holds": HOLDS, "batch": list(shape)}, files)
+
+
+def _end(motion: ResolvedMotion, provenance: Mapping[str, Any]) -> ResolutionEnd:
+    motions, count = record_traces(motion)
+    return ResolutionEnd(motions=motions, count=count, provenance=provenance)
+
+
+def _draw(motion: ResolvedMotion, criteria: list[str], folder: FilePath) -> None:
+    """Draw the first motion."""
+    from paretoik.review.pictures.motions import resolution_picture  # here: matplotlib loads slowly
+
+    while motion.q.ndim > 2:
+        motion = motion[0]
+    resolution_picture(motion, criteria, folder / DRAWING)

@@ -1,31 +1,41 @@
-"""A plan on disk: `run.json`, `optima.parquet` and `motions.npz`, in the format of fronts (``front.storage``).
+"""Results in run folders: the optima of a plan, and the least-violating motion of a run that found nothing feasible.
 
+A plan has `run.json`, `optima.parquet` and `motions.npz`, in the format of fronts (``front.storage``).
 `optima.parquet` has one row per optimum, best first: id, the objective by its name, violation_between, criticality,
 discretisation_error, status, branch.
 `motions.npz` has id, joint_names (dof,), time (optima, time), q (optima, time, dof).
+
+In the `run.json` of a run without a feasible point the entry "least_violating" has the constraints that are ``broken``,
+the ``objectives`` by name, unit, sense and value, and the SHA-256 digest of `least_violating.npz`. That file has the
+motion in the format of `motions.npz`.
 """
 
 from __future__ import annotations
 
+import hashlib
 import io
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from paretoik.api.infeasible_run import ObjectiveNames, infeasible_files
-from paretoik.api.session import RunSession
+from paretoik.api.result_text import optima_entries
+from paretoik.api.session import Session
 from paretoik.errors import Infeasible, InvalidRun
 from paretoik.formulations.protocol import ProblemParts, broken_words, explain_violation, task_of, violation_words
+from paretoik.front.front import Front
 from paretoik.front.points import StoredJoints, StoredMotions
 from paretoik.front.storage import array_bytes, motion_arrays, read_motions, read_verified
 from paretoik.review.recording.messages import LeastViolating, PlanEnd, RecordedPoint, record_motion
 from paretoik.review.recording.recorder import SearchEnd
+from paretoik.robot.arm import Arm
 from paretoik.runs.file_replacement import without_writers
 from paretoik.runs.files import (
     MOTIONS,
+    NEAREST,
     OPTIMA,
     RUN,
     check_digest,
@@ -45,39 +55,43 @@ from paretoik.trajectory.plan import Plan
 # Runs that found nothing feasible: the least-violating individual or motion, and what it violates.
 
 
-def infeasible_error(search: Search | Islands) -> Infeasible:
-    """Return the error of an infeasible search, with its least-violating motion and what it violates."""
+ENTRY = "least_violating"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class InfeasibleRun:
+    """A run that found nothing feasible.
+
+    reason: why nothing was found
+    broken: violated constraints
+    nearest: front with only the least-violating point; empty without one
+    """
+
+    reason: str
+    broken: tuple[str, ...]
+    nearest: Front
+
+
+def infeasible_search(search: Search | Islands) -> tuple[Infeasible, LeastViolating]:
+    """Return the error of a search without a feasible point, and what a recording shows at its end."""
     nearest = search.archive.least_violating
     if nearest is None:
-        return Infeasible(f"no feasible point in {search.evaluations} evaluations, and none without a failure")
+        failure = Infeasible(f"no feasible point in {search.evaluations} evaluations, and none without a failure")
+        return failure, LeastViolating(broken=(), reason=str(failure))
     limit, reason = explain_violation(search.problem, nearest.X, nearest.G[0])
     motions = ProblemParts(search.problem).decode(nearest.X)
-    return Infeasible(
+    failure = Infeasible(
         f"no motion within the limits in {search.evaluations} evaluations; of the least-violating one, {reason}",
         motion=None if motions is None else motions[0],
         limit=limit,
         violation=float(nearest.G.max()),
     )
-
-
-def least_violating(search: Search | Islands) -> LeastViolating | None:
-    """Return what a recording shows of the least-violating individual so far.
-
-    Return None if there is a feasible point, or if all evaluations failed.
-    """
-    nearest = search.archive.least_violating
-    return None if nearest is None else LeastViolating(broken=violation_words(search.problem, nearest.G[0]))
-
-
-def least_violating_end(search: Search | Islands, failure: Infeasible) -> LeastViolating:
-    """Return what a recording shows at the end of a search without a feasible point."""
-    nearest = search.archive.least_violating
-    if nearest is None:
-        return LeastViolating(broken=(), reason=str(failure))
     objectives = nearest.F[0] * np.where(search.maximised, -1.0, 1.0)
     motion = record_motion(failure.motion, curves=True)
     point = RecordedPoint(id=int(nearest.ids[0]), objectives=objectives, motion=motion)
-    return LeastViolating(broken=violation_words(search.problem, nearest.G[0]), reason=str(failure), point=point)
+    return failure, LeastViolating(
+        broken=violation_words(search.problem, nearest.G[0]), reason=str(failure), point=point
+    )
 
 
 def limit_words(task: MotionTask, motion: Motion) -> tuple[str, ...]:
@@ -87,7 +101,7 @@ def limit_words(task: MotionTask, motion: Motion) -> tuple[str, ...]:
 
 @contextmanager
 def infeasible_recorded(
-    session: RunSession, problem: Any, end: Callable[[LeastViolating], PlanEnd | SearchEnd]
+    session: Session, problem: Any, end: Callable[[LeastViolating], PlanEnd | SearchEnd]
 ) -> Iterator[None]:
     """Complete the recording with the least-violating motion if the body finds no feasible one.
 
@@ -105,15 +119,6 @@ def infeasible_recorded(
         raise
 
 
-def finish_infeasible(
-    session: RunSession, names: ObjectiveNames, failure: Infeasible, nearest: LeastViolating, end: PlanEnd | SearchEnd
-) -> None:
-    """Complete the recording of an infeasible run, and keep its least-violating motion in the folder."""
-    session.infeasible = infeasible_files(names, failure, nearest)
-    with session.reviewing():
-        session.finish_recording(end)
-
-
 def nearest_motion(problem: Any, failure: Infeasible) -> LeastViolating:
     """Return what a recording shows of the motion of an error."""
     task, motion = task_of(problem), failure.motion
@@ -122,6 +127,84 @@ def nearest_motion(problem: Any, failure: Infeasible) -> LeastViolating:
     objectives = np.array([float(objective(motion)) for objective in task.objectives])
     point = RecordedPoint(id=0, objectives=objectives, motion=record_motion(motion, curves=True))
     return LeastViolating(broken=limit_words(task, motion), reason=str(failure), point=point)
+
+
+def finish_infeasible(
+    session: Session, problem: Any, failure: Infeasible, nearest: LeastViolating, end: PlanEnd | SearchEnd
+) -> None:
+    """Complete the recording of an infeasible run, and keep its least-violating motion in the folder.
+
+    ``problem`` has the names, units and senses of the objectives.
+    """
+    count = len(problem.names)
+    values = [None] * count if nearest.point is None else map(float, nearest.point.objectives)
+    objectives = [
+        {"name": name, "unit": unit, "maximised": bool(maximised), "value": value}
+        for name, unit, maximised, value in zip(problem.names, problem.units, problem.maximised, values, strict=True)
+    ]
+    entry: dict[str, Any] = {"broken": list(nearest.broken), "objectives": objectives}
+    files = dict[str, bytes]()
+    if isinstance(failure.motion, Motion) and nearest.point is not None:
+        motion = failure.motion
+        files[NEAREST] = motion_bytes(motion.arm, np.array(motion.time)[None], np.array(motion.q)[None])
+        entry["digest"] = hashlib.sha256(files[NEAREST]).hexdigest()
+    session.infeasible = ({ENTRY: entry}, files)
+    with session.reviewing():
+        session.finish_recording(end)
+
+
+def is_infeasible(folder: Path) -> bool:
+    """Return whether a folder contains a run that found nothing feasible."""
+    run = read_run(folder / RUN) if is_run(folder / RUN) else {}
+    return run.get("status") == "Infeasible" or (ENTRY in run and "files" not in run)  # a signal may have ended it
+
+
+def read_infeasible(folder: Path) -> InfeasibleRun:
+    """Return a run that found nothing feasible; raises InvalidRun if it is damaged."""
+    run = read_run(folder / RUN)
+    check_digest(folder / RUN, run)
+    reason, entry = str(run.get("reason", "")), run.pop(ENTRY, {"broken": [], "objectives": []})
+    provenance = {name: value for name, value in run.items() if name not in ("format", "reason")}
+    try:
+        broken, objectives = tuple(str(words) for words in entry["broken"]), list(entry["objectives"])
+        values = [each["value"] for each in objectives]
+        count = int(bool(values) and None not in values)
+        motions = None
+        if "digest" in entry and count:
+            content = read_verified(folder / NEAREST, entry["digest"])
+            motions = _stored_motions(folder / NEAREST, content, np.zeros(1, dtype=int), "a motion")
+        nearest = Front(
+            ids=np.arange(count),
+            objectives=np.array(values, dtype=float)[None] if count else np.empty((0, max(len(values), 1))),
+            names=[str(each["name"]) for each in objectives] or ["objective"],
+            units=[str(each["unit"]) for each in objectives] or [""],
+            maximised=[bool(each["maximised"]) for each in objectives] or [False],
+            motions=motions,
+            provenance=provenance,
+        )
+    except (KeyError, TypeError, ValueError, AttributeError) as fault:
+        if isinstance(fault, InvalidRun):
+            raise
+        raise InvalidRun(f"{folder / RUN} must say what the least-violating motion violates, got {fault}") from fault
+    return InfeasibleRun(reason=reason, broken=broken, nearest=nearest)
+
+
+# The motions of a result.
+
+
+def motion_bytes(arm: Arm, time: np.ndarray, q: np.ndarray) -> bytes:
+    """Return motions (motions, time, dof) as the content of `motions.npz`, their ids from 0 on."""
+    stored = StoredMotions(arm=StoredJoints(joint_names=arm.joint_names), time=time, q=q)
+    return array_bytes({"id": np.arange(len(q)), **motion_arrays(stored)})
+
+
+def _stored_motions(file: Path, content: bytes, ids: np.ndarray, wish: str) -> StoredMotions:
+    """Return the motions of a file with these ids; raises InvalidRun, with the ``wish``, if it has none."""
+    arrays = read_motions(file, content, ids)
+    if "q" not in arrays:
+        raise InvalidRun(f"{file} must contain {wish}, got none")
+    joints = StoredJoints(joint_names=tuple(str(joint) for joint in arrays["joint_names"]))
+    return StoredMotions(arm=joints, time=arrays["time"], q=arrays["q"])
 
 
 # A plan on disk: writing and reading it.
@@ -138,7 +221,9 @@ def save_plan(plan: Plan, folder: Path, *, name: str, unit: str, maximised: bool
         "objective": {"name": name, "unit": unit, "maximised": maximised},
         "levels": [list(level) for level in plan.levels],
     }
-    write_result(folder, entries, {OPTIMA: _optima_bytes(plan, name, unit), MOTIONS: _motions_bytes(plan)})
+    each = [optimum.motion for optimum in plan.optima]
+    motions = motion_bytes(each[0].arm, np.stack([one.time for one in each]), np.stack([one.q for one in each]))
+    write_result(folder, entries, {OPTIMA: _optima_bytes(plan, name, unit), MOTIONS: motions})
 
 
 def holds_plan(folder: Path) -> bool:
@@ -164,40 +249,28 @@ def _read_plan(folder: Path) -> tuple[dict[str, Any], dict[str, list[Any]], Stor
         raise InvalidRun(f"{folder} must be a run with a plan, got one{'' if 'files' in run else status} without{note}")
     check_digest(folder / RUN, run)
     files, objective, levels = run.get("files"), run.get("objective"), run.get("levels")
-    if not (isinstance(files, dict) and files.keys() == {OPTIMA, MOTIONS} and _are_counts(levels)):
+    are_counts = isinstance(levels, list) and all(
+        isinstance(level, list) and len(level) == 2 and all(isinstance(count, int) for count in level)
+        for level in levels
+    )
+    if not (isinstance(files, dict) and files.keys() == {OPTIMA, MOTIONS} and are_counts):
         raise InvalidRun(f"{folder} must contain the levels of a plan and the digests of its files, got other entries")
     if not (isinstance(objective, dict) and objective.keys() == {"name", "unit", "maximised"}):
         raise InvalidRun(f"{folder} must have an objective with name, unit and maximised, got {objective!r}")
     contents = {file: read_verified(folder / file, expected) for file, expected in files.items()}
     columns = _read_optima(folder / OPTIMA, contents[OPTIMA], str(objective["name"]))
-    arrays = read_motions(folder / MOTIONS, contents[MOTIONS], np.array(columns["id"]))
-    if "q" not in arrays:
-        raise InvalidRun(f"{folder / MOTIONS} must contain the motions of the optima, got none")
-    joints = StoredJoints(joint_names=tuple(str(joint) for joint in arrays["joint_names"]))
-    return run, columns, StoredMotions(arm=joints, time=arrays["time"], q=arrays["q"])
-
-
-def _are_counts(levels: object) -> bool:
-    """Return whether levels are pairs of whole numbers."""
-    return isinstance(levels, list) and all(
-        isinstance(level, list) and len(level) == 2 and all(isinstance(count, int) for count in level)
-        for level in levels
-    )
+    ids, wish = np.array(columns["id"]), "the motions of the optima"
+    return run, columns, _stored_motions(folder / MOTIONS, contents[MOTIONS], ids, wish)
 
 
 def _optima_bytes(plan: Plan, name: str, unit: str) -> bytes:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    optima = plan.optima
+    entries = optima_entries(plan)
     columns = {
-        "id": pa.array(range(len(optima)), pa.int64()),
-        name: pa.array([each.objective for each in optima], pa.float64()),
-        "violation_between": pa.array([each.violation_between for each in optima], pa.float64()),
-        "criticality": pa.array([each.criticality for each in optima], pa.float64()),
-        "discretisation_error": pa.array([each.discretisation_error for each in optima], pa.float64()),
-        "status": pa.array([each.status for each in optima], pa.string()),
-        "branch": pa.array([each.label for each in optima], pa.string()),
+        key: pa.array([entry["objective" if key == name else key] for entry in entries], kind)
+        for key, kind in _optima_kinds(name).items()
     }
     schema = pa.schema(
         [
@@ -210,29 +283,23 @@ def _optima_bytes(plan: Plan, name: str, unit: str) -> bytes:
     return sink.getvalue()
 
 
-def _motions_bytes(plan: Plan) -> bytes:
-    motions = [each.motion for each in plan.optima]
-    stored = StoredMotions(
-        arm=StoredJoints(joint_names=motions[0].arm.joint_names),
-        time=np.stack([motion.time for motion in motions]),
-        q=np.stack([motion.q for motion in motions]),
-    )
-    return array_bytes({"id": np.arange(len(motions)), **motion_arrays(stored)})
+def _optima_kinds(name: str) -> dict[str, Any]:
+    """Return the types of the columns of optima, in order."""
+    import pyarrow as pa
+
+    numbers = (name, "violation_between", "criticality", "discretisation_error")
+    return {
+        "id": pa.int64(),
+        **dict.fromkeys(numbers, pa.float64()),
+        **dict.fromkeys(("status", "branch"), pa.string()),
+    }
 
 
 def _read_optima(file: Path, content: bytes, name: str) -> dict[str, list[Any]]:
     """Return the columns of the optima, the objective's as "objective"."""
     import pyarrow as pa
 
-    kinds = {
-        "id": pa.int64(),
-        name: pa.float64(),
-        "violation_between": pa.float64(),
-        "criticality": pa.float64(),
-        "discretisation_error": pa.float64(),
-        "status": pa.string(),
-        "branch": pa.string(),
-    }
+    kinds = _optima_kinds(name)
     try:
         table = read_table(content)
         for key in ("criticality", "discretisation_error"):

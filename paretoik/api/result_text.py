@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -78,13 +77,16 @@ def plan_text(plan: Plan, name: str, unit: str, out: Path) -> str:
         )
     ]
     for rank, each in enumerate(plan.optima):
+        kept = "kept" if each.violation_between <= 0 else f"violated by {each.violation_between:.1e} of a range"
+        if math.isnan(each.violation_between):  # of a stopped plan
+            kept = "unknown"
         rows.append(
             (
                 str(rank),
                 f"{each.objective:.6g}",
                 each.label,
                 each.status,
-                _kept(each.violation_between),
+                kept,
                 f"{each.discretisation_error:.1e}",
             )
         )
@@ -122,13 +124,6 @@ def optima_entries(plan: Plan) -> list[dict[str, Any]]:
     ]
 
 
-def _kept(violation: float) -> str:
-    """Return whether limits are satisfied between samples; unknown for a stopped plan."""
-    if math.isnan(violation):
-        return "unknown"
-    return "kept" if violation <= 0 else f"violated by {violation:.1e} of a range"
-
-
 def _stopped(status: str, usual: str) -> str:
     """Return in brackets what ended a verb early, "" if it ended by itself."""
     return "" if status == usual else f" (stopped by {status})"
@@ -146,16 +141,12 @@ def result_text(front: Front, out: Path) -> str:
     if (command := resume_command(out, front.provenance["status"])) is not None:
         lines.append(f"go on:   {command}")
     named = problem_words(front.provenance.get("problem"))
-    lines.append(f"choose:  {shell_command('paretoik', 'select', out, *_preference_words(front), *named)}")
+    weights = ",".join(f"{name}={1 / len(front.names):.2g}" for name in front.names)
+    fits = not any(sign in name for name in front.names for sign in ",=")
+    preference = ["--weights", weights] if fits else ["--compromise"]
+    lines.append(f"choose:  {shell_command('paretoik', 'select', out, *preference, *named)}")
     lines.append(f"replay:  {shell_command('paretoik', 'show', out, *named)}")
     return "\n".join(lines)
-
-
-def _preference_words(front: Front) -> list[str]:
-    """Return equal weights for the command line, or a preference without names if the names do not fit."""
-    if any(sign in name for name in front.names for sign in ",="):
-        return ["--compromise"]
-    return ["--weights", ",".join(f"{name}={1 / len(front.names):.2g}" for name in front.names)]
 
 
 def _loop_lines(front: Front) -> list[str]:
@@ -225,15 +216,13 @@ def choice_entry(front: Front, choice: Choice) -> dict[str, Any]:
 
 def gap_text(front: Front) -> str:
     """Return the jumps of a front of two objectives, and the hypervolume that points could add; "" if unknown."""
-    lines = [_jump_text(front.jumps)] if front.jumps else []
+    lines = []
+    if front.jumps:
+        pairs = ", ".join(f"{one} and {other}" for one, other in front.jumps)
+        lines.append(f"jump{'s' * (len(front.jumps) > 1)} to another branch of optima between points {pairs}")
     if front.missing_hypervolume is not None:
         lines.append(f"further points could add about {100 * front.missing_hypervolume:.2g} % of the hypervolume")
     return "\n".join(lines)
-
-
-def _jump_text(jumps: Sequence[tuple[int, int]]) -> str:
-    pairs = ", ".join(f"{one} and {other}" for one, other in jumps)
-    return f"jump{'s' * (len(jumps) > 1)} to another branch of optima between points {pairs}"
 
 
 def entries(front: Front) -> list[dict[str, Any]]:

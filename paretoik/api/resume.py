@@ -146,10 +146,17 @@ def _call(
     arguments.pop("time_limit", None)
     if verb is refine:
         arguments["front"] = _source(folder, problem)
-    elif verb is solve and is_loop:
-        arguments = _loop_arguments(arguments)
+    elif verb is solve and is_loop:  # with the weights of its run
+        weights = arguments["weights"]
+        if not np.array_equal(list(weights.values()), problem.weights):
+            arguments["problem"] = problem.changed(weights=Weights(weights))
+        arguments = {name: value for name, value in arguments.items() if name not in OF_LOOP}
     elif verb is solve:
-        arguments |= _search_arguments(settings, algorithm)
+        kind, before = None if algorithm is None else type(algorithm).__name__, settings.get("algorithm")
+        if kind != before:
+            raise InvalidInput(f"algorithm must be {before or 'none'}, as in the run, got {kind or 'none'}")
+        target = settings.get("target")  # an infinite number is stored as text
+        arguments |= {"algorithm": algorithm, "target": None if target is None else [float(each) for each in target]}
     return verb, arguments
 
 
@@ -177,23 +184,6 @@ def _longer(folder: Path, run: Mapping[str, Any], settings: Mapping[str, Any], g
         return {**settings, **ended, "generations": int(run["counts"]["generations"]) + generations}
     except (KeyError, TypeError, ValueError) as fault:
         raise InvalidRun(f"{folder} must have the number of its generations, got {run.get('counts')!r:.200}") from fault
-
-
-def _search_arguments(settings: Mapping[str, Any], algorithm: Any) -> dict[str, Any]:
-    """Return algorithm and target for ``solve``; raises InvalidInput for another kind of algorithm."""
-    kind, before = None if algorithm is None else type(algorithm).__name__, settings.get("algorithm")
-    if kind != before:
-        raise InvalidInput(f"algorithm must be {before or 'none'}, as in the run, got {kind or 'none'}")
-    target = settings.get("target")
-    return {"algorithm": algorithm, "target": None if target is None else [float(value) for value in target]}
-
-
-def _loop_arguments(arguments: dict[str, Any]) -> dict[str, Any]:
-    """Return the arguments of ``solve`` for a closed loop, with the weights of its run."""
-    loop, weights = arguments["problem"], arguments["weights"]
-    if not np.array_equal(list(weights.values()), loop.weights):
-        loop = loop.changed(weights=Weights(weights))
-    return {name: value for name, value in arguments.items() if name not in OF_LOOP} | {"problem": loop}
 
 
 def _source(folder: Path, problem: Any) -> Front:

@@ -3,50 +3,36 @@
 from __future__ import annotations
 
 import time
-from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
-from paretoik.api.certified_front import LaterStages, LaterTime, phase_text
 from paretoik.api.initial import InitialSolutions, merge_front
-from paretoik.api.progress import Observer, RunProgress, count_observer
-from paretoik.api.refine import SearchImprover, refine_front
-from paretoik.api.result import (
-    finish_infeasible,
-    infeasible_error,
-    least_violating,
-    least_violating_end,
-    nearest_motion,
-)
-from paretoik.api.session import DEFAULTS, RunSession, SolveSettings, computing, review_front
-from paretoik.arrays import Ids, Points
+from paretoik.api.progress import RunProgress
+from paretoik.api.refine import Completion, SearchImprover, refine_front
+from paretoik.api.result import finish_infeasible, infeasible_search, nearest_motion
+from paretoik.api.session import DEFAULTS, Session, SolveSettings, computing
 from paretoik.compilation_notices import computing_clock
 from paretoik.errors import Infeasible, InvalidInput, SolverFailed
 from paretoik.formulations.control_step import read_steps
-from paretoik.formulations.protocol import Differentiable, ProblemParts, require_program
+from paretoik.formulations.protocol import ProblemParts, require_program, violation_words
 from paretoik.front.front import Front
 from paretoik.front.indicators import HypervolumeCurve
 from paretoik.front.preferences.compromise import marked_rows
 from paretoik.inputs import check_size, real_array, shown
 from paretoik.nlp.minimise import check_solver
-from paretoik.nlp.program import Solver
-from paretoik.pareto.epsilon import epsilon_points
-from paretoik.pareto.sweep import ObserveSweep, SweepProgress
-from paretoik.review.recording.messages import RecordedPoint, record_motion, workcell_of
+from paretoik.review.recording.messages import LeastViolating, RecordedPoint, record_motion
 from paretoik.review.recording.recorder import Generation, SearchEnd
 from paretoik.runs.files import STOPPED
 from paretoik.runs.interruption import TimeLimit as CallTimeLimit
-from paretoik.runs.interruption import check_time_limit
 from paretoik.search.ask_tell import Search
 from paretoik.search.endings import Ending, Evaluations, Generations, Progress, Stagnation, Target, TimeLimit
 from paretoik.search.evolution import evolve
 from paretoik.search.genes import check_sizes
 from paretoik.search.islands import Islands
-from paretoik.stop_flag import Interrupted, check_interruption
+from paretoik.stop_flag import Interrupted
 
 # The points of each generation that a recording marks, and their motions if there is time.
 
@@ -89,125 +75,31 @@ class GenerationMotions:
             RecordedPoint(id=int(progress.ids[row]), objectives=progress.front[row] * signs, axis=axis)
             for row, axis in marked
         )
-        ids = [point.id for point in points]
-        if not self._moves or ids == self._shown or not self._is_due(progress.generation):
+        ids, started = [point.id for point in points], time.monotonic()
+        has_time = self._spent <= OPTIONS.share * (started - self._started)
+        if not self._moves or ids == self._shown or progress.generation < self._next or not has_time:
             return points
-        started = time.monotonic()
-        points = self._with_motions(points, [row for row, _ in marked])
+        members = self._search.archive.members
+        assert members is not None
+        unique, place = np.unique([row for row, _ in marked], return_inverse=True)
+        motions = ProblemParts(self._search.problem).decode(members.X[unique])
+        self._moves = motions is not None
+        if motions is not None:
+            points = tuple(
+                replace(point, motion=record_motion(motions[int(i)], curves=False, samples=OPTIONS.samples))
+                for point, i in zip(points, place, strict=True)
+            )
         self._spent += time.monotonic() - started
         self._shown, self._decoded = ids, self._decoded + 1
         self._next = progress.generation + 2 ** (self._decoded // OPTIONS.dense)
         return points
-
-    def _is_due(self, generation: int) -> bool:
-        elapsed = time.monotonic() - self._started
-        return generation >= self._next and self._spent <= OPTIONS.share * elapsed
-
-    def _with_motions(self, points: tuple[RecordedPoint, ...], rows: list[int]) -> tuple[RecordedPoint, ...]:
-        members = self._search.archive.members
-        assert members is not None
-        unique, place = np.unique(rows, return_inverse=True)
-        motions = ProblemParts(self._search.problem).decode(members.X[unique])
-        if motions is None:
-            self._moves = False
-            return points
-        return tuple(
-            replace(point, motion=record_motion(motions[int(i)], curves=False, samples=OPTIONS.samples))
-            for point, i in zip(points, place, strict=True)
-        )
-
-
-# Completion of a searched front: refine its points, add the planner's optima, fill gaps, certify all.
-
-
-@dataclass(frozen=True, kw_only=True)
-class CompletionOptions:
-    """Settings of completion; fewer than without a search, as the search has looked already.
-
-    starts: number of starts from which each objective is planned
-    cold_points: number of points that are also sought from starts
-    """
-
-    starts: int = 24
-    cold_points: int = 0
-
-
-COMPLETION_OPTIONS = CompletionOptions()
-
-
-def complete_front(
-    front: Front, *, points: int, seed: int, first_id: int, solver: Solver, observe: Observer | None
-) -> Front:
-    """Return a front as ``refine`` does, with at most ``points`` points, or its own number if that is larger.
-
-    The best points that ``plan`` finds are added, and new points in the gaps where they gain the most; new ids begin at
-    ``first_id``. If the planner finds nothing, the front is only refined.
-    """
-
-    def complete(
-        formulation: Differentiable,
-        x: Points,
-        ids: Ids,
-        ranges: Float[np.ndarray, " n_obj"],
-        shown: Observer | None,
-        later: LaterTime,
-    ) -> tuple[Points, Ids, Float[np.ndarray, " n_obj"]]:
-        if len(ranges) < 2 or not len(x):
-            return x, ids, ranges
-        with suppress(Infeasible, SolverFailed, Interrupted):
-            check_interruption()
-            cold = formulation.cold_search(
-                starts=COMPLETION_OPTIONS.starts, seed=seed, solver=solver, observe=count_observer(shown, "optimum")
-            )
-            complete_x, complete_ranges = epsilon_points(
-                formulation.program,
-                cold,
-                len(ranges),
-                points=max(points, 2),
-                initial=x,
-                refined=True,
-                cold_points=COMPLETION_OPTIONS.cold_points,
-                solver=solver,
-                observe=_point_observer(shown, LaterStages.of(front.problem).text, later),
-            )
-            return complete_x, _ids(complete_x, x, ids, first_id), complete_ranges
-        return x, ids, ranges
-
-    return refine_front(front, front.problem, solver=solver, observe=observe, complete=complete)
-
-
-def _point_observer(observe: Observer | None, following: str, later: LaterTime) -> ObserveSweep | None:
-    if observe is None:
-        return None
-    started = computing_clock()
-
-    def show(progress: SweepProgress) -> object:
-        seconds = computing_clock() - started
-        return observe(
-            RunProgress(
-                stage="point",
-                done=progress.done,
-                total=progress.total,
-                seconds=seconds,
-                remaining=later.sweep_left(progress, seconds) if getattr(observe, "is_due", True) else None,
-                summary=phase_text(progress.phase),
-                following=following,
-            )
-        )
-
-    return show
-
-
-def _ids(x: Points, before: Float[np.ndarray, " before *point"], ids: np.ndarray, first_id: int) -> np.ndarray:
-    """Return the ids of points: former points keep theirs, new ones count from ``first_id``."""
-    ids_before = {one.tobytes(): int(each) for one, each in zip(before, ids, strict=True)}
-    return np.array([ids_before.get(one.tobytes(), first_id + i) for i, one in enumerate(x)], dtype=np.int64)
 
 
 # The evolutionary search for a front.
 
 
 INTERRUPTED = tuple(status for status in STOPPED if status != "time limit")
+NOT_STORED = ("record_steps", "workers", "cluster")  # settings that are not in `run.json`
 
 
 class FrontSearch:
@@ -223,7 +115,6 @@ class FrontSearch:
                 f"record_steps must come with a ClosedLoop, whose steps are searches, got {type(problem).__name__}"
             )
         if settings.refine:
-            check_time_limit(settings.time_limit)
             with computing(settings.time_limit):  # users' functions are traced
                 check_solver(require_program("refine", problem).program(), settings.solver)
         elif settings.solver != "auto":
@@ -248,83 +139,64 @@ class FrontSearch:
         )
         self.improver = SearchImprover(self.search, settings.solver) if settings.refine else None
         self.endings = _endings(self.search, settings, self.generations, anchors)
-        self._solve_settings = settings
+        self._given = settings
         self._motions = GenerationMotions(self.search)
         self._hypervolume = HypervolumeCurve()
-        self.settings = {
+        target = settings.target  # an infinite number is text in strict JSON
+        used: dict[str, Any] = {
             "population": population,
             "generations": self.generations,
             "seed": seed,
-            "islands": settings.islands,
             "initial": settings.initial is not None,
             "anchors": anchors,
             "algorithm": None if settings.algorithm is None else type(settings.algorithm).__name__,
-            "evaluations": settings.evaluations,
-            "target": None if settings.target is None else [_json_number(value) for value in settings.target],
-            "stagnation": settings.stagnation,
-            "points": settings.points,
-            "refine": settings.refine,
-            "solver": settings.solver,
-            "evaluation_timeout": settings.evaluation_timeout,
-            "time_limit": settings.time_limit,
+            "target": None if target is None else [float(each) if np.isfinite(each) else str(each) for each in target],
         }
+        names = [each.name for each in fields(settings) if each.name not in NOT_STORED]
+        self.settings = {name: used[name] if name in used else getattr(settings, name) for name in names}
 
-    def run(self, session: RunSession) -> Front:
-        """Return the front of the search, refined unless a signal came."""
+    def run(self, session: Session) -> Front:
+        """Return the front of the search, refined unless a signal came, saved and drawn."""
         session.continues, started = True, computing_clock()
         front = self._evolve(session)
-        if not self._solve_settings.refine or front.provenance["status"] in INTERRUPTED:
-            return front
-        session.save_draft(front)  # refinement takes a while, and the search must not be lost
+        if self._given.refine and front.provenance["status"] not in INTERRUPTED:
+            session.save_draft(front)  # refinement takes a while, and the search must not be lost
+            front = self._refined(front, session, computing_clock() - started)
+        session.finish_front(front)
+        return front
 
-        def observe(progress: RunProgress) -> bool:
-            session.show(progress)
-            return session.stopped_by is not None
-
-        settings, status = self._solve_settings, front.provenance["status"]
-        spent = computing_clock() - started
+    def _refined(self, front: Front, session: Session, spent: float) -> Front:
+        """Return the refined and completed front of a search that took ``spent`` seconds."""
+        settings, status = self._given, front.provenance["status"]
+        completion = Completion(
+            points=len(front) if settings.points is None else settings.points,
+            seed=self.settings["seed"],
+            first_id=max(self.search.evaluations, int(front.ids.max()) + 1),
+        )
         remaining = None if settings.time_limit is None else max(settings.time_limit - spent, 1e-3)
-        with session.computing(remaining):
-            front = complete_front(
-                front,
-                points=len(front) if settings.points is None else settings.points,
-                seed=DEFAULTS.seed if settings.seed is None else settings.seed,
-                first_id=max(self.search.evaluations, int(front.ids.max()) + 1),
-                solver=settings.solver,
-                observe=observe,
+        with computing(remaining, session):
+            front = refine_front(
+                front, front.problem, solver=settings.solver, observe=session.show, completion=completion
             )
-        status = session.stopped_by or status
         counts = {**front.provenance["counts"], "seconds": round(session.seconds, 3)}
-        ending = {"status": status, "counts": counts, "computed": session.provenance["computed"]}
-        return replace(front, provenance={**front.provenance, **ending})
+        status, computed = session.stopped_by or status, session.provenance["computed"]
+        return replace(front, provenance={**front.provenance, "status": status, "counts": counts, "computed": computed})
 
-    def review(self, front: Front, session: RunSession) -> None:
-        """Complete the recording and draw the front."""
-        review_front(front, session)
-
-    def _evolve(self, session: RunSession) -> Front:
-        search = self.search
+    def _evolve(self, session: Session) -> Front:
+        """Return the front of the search, not refined."""
+        search, hopeless = self.search, _Hopeless(self.problem)
         self._initial.remember()
-        session.start(
-            names=search.names,
-            units=search.units,
-            maximised=search.maximised,
-            timeline="generation",
-            workcell=workcell_of(self.problem),
-        )
-        observe = partial(self._show, session)
-        hopeless = _Hopeless(self.problem)
+        session.record_search(search, "generation", self.problem)
         endings = [*self.endings, _Signal(session), *([hopeless] if self._initial.genes is None else [])]
-        limit = CallTimeLimit(
-            seconds=min((each.seconds for each in endings if isinstance(each, TimeLimit)), default=None)
-        )
+        seconds = min((each.seconds for each in endings if isinstance(each, TimeLimit)), default=None)
+        limit = CallTimeLimit(seconds=seconds)
         try:
             with limit.limiting_calls():
                 status = evolve(
                     search,
                     endings,
-                    seconds=self._solve_settings.evaluation_timeout,
-                    observe=observe,
+                    seconds=self._given.evaluation_timeout,
+                    observe=partial(self._show, session),
                     improve=self.improver,
                 )
         except Exception as error:  # a user's function, or observer, may fail late
@@ -337,25 +209,24 @@ class FrontSearch:
                 text = f"nothing was found within {limit.seconds:g} s; {limit.late} took longer than that"
                 raise SolverFailed(f"time_limit: {text}")
         front = self._front(session, session.signal or status)
-        if not len(front):
-            if hopeless.failure is None:
-                failure = infeasible_error(search)
-                nearest = least_violating_end(search, failure)
-            else:
-                failure = hopeless.failure
-                nearest = nearest_motion(self.problem, failure)
-            finish_infeasible(session, search, failure, nearest, SearchEnd(front=None, least_violating=nearest))
-            if session.signal is None:
-                raise failure
-            stop = Interrupted()
-            stop.add_note(f"by then there was {failure}")
-            raise stop
-        return front
+        if len(front):
+            return front
+        if hopeless.failure is None:
+            failure, nearest = infeasible_search(search)
+        else:
+            failure = hopeless.failure
+            nearest = nearest_motion(self.problem, failure)
+        finish_infeasible(session, search, failure, nearest, SearchEnd(front=None, least_violating=nearest))
+        if session.signal is None:
+            raise failure
+        stop = Interrupted()
+        stop.add_note(f"by then there was {failure}")
+        raise stop
 
-    def _front(self, session: RunSession, status: str) -> Front:
+    def _front(self, session: Session, status: str) -> Front:
         """Return the front of the search so far."""
         search = self.search
-        front = search.front_of(self._solve_settings.points)
+        front = search.front_of(self._given.points)
         if self._initial.points is not None:
             front = merge_front(front, require_program("solve", self.problem), self._initial.points, search.evaluations)
         counts = {
@@ -372,7 +243,7 @@ class FrontSearch:
             provenance={**session.provenance, "status": status, "counts": counts},
         )
 
-    def _show(self, session: RunSession, progress: Progress) -> None:
+    def _show(self, session: Session, progress: Progress) -> None:
         """Show a generation, with objectives in the user's own sign."""
         if not session.is_watched:
             return
@@ -380,6 +251,8 @@ class FrontSearch:
         number, curve = progress.generation, self._hypervolume
         corner = curve.corner(front)
         volume = curve.measure(front, number) if session.is_observed else None  # a recording computes its own
+        nearest = None if session.recorder is None else self.search.archive.least_violating
+        broken = None if nearest is None else violation_words(self.search.problem, nearest.G[0])
         generation = Generation(
             number=number,
             population=progress.population[np.isfinite(progress.population).all(axis=1)] * signs,
@@ -388,7 +261,7 @@ class FrontSearch:
             hypervolume=volume,
             reference=None if corner is None else corner * signs,
             failed=failed,
-            least_violating=None if session.recorder is None else least_violating(self.search),
+            least_violating=None if broken is None else LeastViolating(broken=broken),
             points=() if session.recorder is None else self._motions.points(progress),
         )
         shown = RunProgress(
@@ -398,7 +271,7 @@ class FrontSearch:
             seconds=progress.seconds,
             summary=f"front {len(front)}, {curve.summary(number)}" + (f", {failed} failed" if failed else ""),
             generation=generation,
-            then="refinement" if self._solve_settings.refine else "",
+            then="refinement" if self._given.refine else "",
         )
         session.show(shown)
 
@@ -407,7 +280,7 @@ class FrontSearch:
 class _Signal:
     """Ends a search when a signal came."""
 
-    session: RunSession
+    session: Session
     memory: int = field(default=0, init=False, repr=False)
 
     def reached(self, progress: Progress) -> str | None:
@@ -462,8 +335,3 @@ def _endings(search: Search | Islands, settings: SolveSettings, generations: int
     if settings.stagnation:
         endings.append(Stagnation(since=anchors * search.problem.n_obj))
     return endings
-
-
-def _json_number(value: float) -> float | str:
-    """Return a number, which may be infinite, for strict JSON."""
-    return float(value) if np.isfinite(value) else str(value)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import shutil
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext, suppress
+from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path, PosixPath
 from signal import SIGINT
 from typing import Any
 
-from paretoik.api.infeasible_run import InfeasibleFiles
 from paretoik.api.progress import NamedObserver, Observer, RunProgress, open_observer
 from paretoik.errors import InvalidInput, SolverFailed, warn_user
 from paretoik.formulations.protocol import Timeline
@@ -20,7 +20,7 @@ from paretoik.front.preferences.compromise import compromise
 from paretoik.front.storage import front_files
 from paretoik.inputs import cause_of, check_flag, check_size, check_text, file_path, positive_number
 from paretoik.nlp.program import Solver, check_solver_name
-from paretoik.review.recording.messages import Workcell
+from paretoik.review.recording.messages import workcell_of
 from paretoik.review.recording.recorder import Recorder, Scene, SearchedFront, SearchEnd
 from paretoik.runs.executor import check_workers, computed, open_executor
 from paretoik.runs.file_replacement import only_writer, replace_file, replace_files
@@ -44,97 +44,7 @@ from paretoik.runs.journal import journalled
 from paretoik.runs.machine import single_blas_thread, versions
 from paretoik.stop_flag import STOP, Interrupted
 
-# The surroundings of every verb: observer, clock, time limit, and the signals that may end it.
-
-
-@dataclass(kw_only=True, eq=False)
-class VerbSession:
-    """A running verb: its observer, its clock, and the signals that may end it."""
-
-    observe: Observer | None
-    interruption: Interruption
-    started: float = field(default_factory=time.monotonic)
-    limit: TimeLimit = field(default_factory=lambda: TimeLimit(seconds=None))
-
-    @property
-    def seconds(self) -> float:
-        """Time since the start [s]."""
-        return time.monotonic() - self.started
-
-    @property
-    def signal(self) -> str | None:
-        """Name of the signal that came, "interrupted" if the observer raised, None otherwise."""
-        if self.interruption.signal is None:
-            return None if self.observer_fault is None else "interrupted"
-        return self.interruption.signal.name
-
-    @property
-    def observer_fault(self) -> InvalidInput | None:
-        """Error that the observer raised, if any."""
-        return self.observe.fault if isinstance(self.observe, NamedObserver) else None
-
-    @property
-    def stopped_by(self) -> str | None:
-        """Cause that ended the computation early: the name of a signal, or "time limit"."""
-        return self.signal or ("time limit" if self.limit.reached else None)
-
-    def _given(self) -> str:
-        """Return in words the time of the search, without the time reserved for certificates."""
-        limit, left = self.limit.seconds, self.limit.remaining
-        assert limit is not None
-        return f"{limit:g} s" if left <= 0 else f"{limit - left:.2g} s, the part of {limit:g} s that certificates leave"
-
-    @contextmanager
-    def computing(self, seconds: float | None) -> Iterator[None]:
-        """Limit the body to ``seconds`` of computing; then it returns its results so far, as after a signal.
-
-        Raises InvalidInput for an invalid time, SolverFailed if the body has no result by then.
-        """
-        with time_limit(seconds) as self.limit:
-            try:
-                yield
-            except Interrupted as stop:
-                if self.signal is None and self.limit.reached:
-                    late = f"{self.limit.late} took longer than that" if self.limit.late else ""
-                    reason = late or stop.reason or "a longer one may help"
-                    raise SolverFailed(f"time_limit: nothing was found within {self._given()}; {reason}") from None
-                raise
-
-
-def computing(seconds: float | None) -> AbstractContextManager[None]:
-    """Return the context of ``VerbSession.computing`` before there is a session."""
-    return VerbSession(observe=None, interruption=Interruption()).computing(seconds)
-
-
-@contextmanager
-def verb_session(
-    observe: Observer | bool | None, *, time_limit: float | None = None, catch_signals: bool = True
-) -> Iterator[VerbSession]:
-    """Open a verb: catch signals, show its progress, and compute with one BLAS thread.
-
-    Inside another verb, that one gets the signals. If the body raises Interrupted, a signal came before there was a
-    result: this raises KeyboardInterrupt after Ctrl-C, SystemExit(143) after SIGTERM. Without ``catch_signals`` they
-    end the body as without a verb. Raises InvalidInput for an observer that cannot be called.
-    """
-    signals = interruptible() if catch_signals else nullcontext(Interruption())
-    with open_observer(observe, time_limit=time_limit) as observer, signals as interruption, single_blas_thread():
-        try:
-            yield VerbSession(observe=observer, interruption=interruption)
-        except Interrupted as stop:
-            end = _exit_of(interruption)
-            for note in getattr(stop, "__notes__", ()):
-                end.add_note(note)
-            raise end from None
-
-
-def _exit_of(interruption: Interruption) -> BaseException:
-    """Return the exception that a signal would have raised if nobody had caught it."""
-    if interruption.signal is None:  # another thread's
-        return KeyboardInterrupt()
-    return KeyboardInterrupt() if interruption.signal == SIGINT else SystemExit(128 + interruption.signal)
-
-
-# The settings of a run that a user gives, shared by all ways of solving.
+# The settings that a user gives.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -146,19 +56,19 @@ class SolveSettings:
     seed: int | None = None
     islands: int = 1
     initial: Any = None
-    time_limit: float | None = None
+    anchors: int | None = None
+    algorithm: Any = None
     evaluations: int | None = None
     target: Sequence[float] | None = None
     stagnation: bool = True
-    anchors: int | None = None
-    algorithm: Any = None
     points: int | None = 200
     refine: bool = False
     solver: Solver = "auto"
+    evaluation_timeout: float | None = None
+    time_limit: float | None = None
     record_steps: Sequence[int] = ()
     workers: int | None = None
     cluster: str | None = None
-    evaluation_timeout: float | None = None
 
     def __post_init__(self) -> None:
         """Check the settings that mean the same for every way of solving."""
@@ -190,190 +100,6 @@ class SearchDefaults:
 DEFAULTS = SearchDefaults()
 
 
-# The surroundings of a run: folder, provenance, signals, recorder.
-
-
-SOURCE = (CHECKPOINT, "source")  # folders in the folder of a run, one in the other
-RESERVE = Path(CHECKPOINT, "reserve")
-
-
-class StoppedRun(PosixPath):
-    """The folder of a run to resume, in place of that of a new run."""
-
-
-@dataclass(kw_only=True, eq=False)
-class RunSession(VerbSession):
-    """A run in progress: its provenance, folder, recorder and observer, and the signals that may end it.
-
-    ``entries`` are known from the beginning; ``former`` is who computed before the run was stopped.
-    """
-
-    entries: Mapping[str, Any]
-    former: object
-    folder: Path | None
-    title: str
-    live: bool = False
-    recorder: Recorder | None = None
-    draft: Front | None = None
-    room: ReservedSpace | None = None  # reserved on the disk for the result
-    infeasible: InfeasibleFiles | None = None  # least-violating motion if nothing is feasible
-    continues: bool = False  # whether the journal of a finished run stays, to be continued
-    finished: bool = False
-    result: object = None  # final result, when it is kept
-
-    @property
-    def provenance(self) -> dict[str, Any]:
-        """Entries of the run, with who has computed until now."""
-        return {**self.entries, "computed": computed(self.former)}
-
-    def start(
-        self,
-        *,
-        names: Sequence[str],
-        units: Sequence[str],
-        maximised: Sequence[bool],
-        timeline: Timeline,
-        workcell: Workcell | None = None,
-    ) -> None:
-        """Start the recording of objectives along generations or steps, if the run has a folder."""
-        scene = SearchedFront(
-            names=tuple(names),
-            units=tuple(units),
-            maximised=tuple(maximised),
-            timeline=timeline,
-            workcell=workcell,
-        )
-        self.start_recording(scene)
-
-    def start_recording(self, scene: Scene) -> None:
-        """Start the recording of a scene, if the run has a folder."""
-        if self.folder is not None:
-            self.recorder = Recorder(self.folder / RECORDING, title=self.title, scene=scene, live=self.live)
-
-    def record(self, message: Any) -> None:
-        """Add a message to the recording, if there is one."""
-        if self.recorder is not None:
-            self.recorder.record(message)
-
-    @property
-    def is_watched(self) -> bool:
-        """Whether there is a recorder, or an observer that is due."""
-        return self.recorder is not None or self.is_observed
-
-    @property
-    def is_observed(self) -> bool:
-        """Whether there is an observer and it is due; one that is not due costs nothing."""
-        return self.observe is not None and getattr(self.observe, "is_due", True)
-
-    def show(self, progress: RunProgress) -> None:
-        """Show the recorder and the observer how far the run has come."""
-        if self.recorder is not None and progress.generation is not None:
-            self.recorder.record(progress.generation)
-        if self.observe is not None and self.is_observed:
-            self.observe(progress)
-
-    def finish_recording(self, end: Any) -> None:
-        """Complete the recording with the end of the run, which may take some seconds."""
-        if self.recorder is not None:
-            self.show(RunProgress(stage="recording", summary="completing the recording"))
-            self.recorder.finish(end)
-
-    @contextmanager
-    def reviewing(self) -> Iterator[None]:
-        """Warn if the body, which completes the recording and draws pictures, fails."""
-        try:
-            yield
-        except (Exception, Interrupted) as fault:  # a view may fail in any way, also in a user's function
-            text = f"{self.folder}: not all views of this run could be made, which changes no result: {cause_of(fault)}"
-            warn_user(text)
-
-    def save_draft(self, front: Front) -> None:
-        """Save a front in case a later stage fails."""
-        if self.folder is not None:
-            with self._using_room():
-                replace(front, provenance={**front.provenance, "status": "refining"}).save(self.folder, overwrite=True)
-            self.draft = front
-
-    def keep_found(self, front: Front, error: Exception) -> None:
-        """Save the front found before an error; the error has it as ``partial`` and notes its folder."""
-        error.partial = front  # type: ignore[attr-defined]
-        place = "the error's .partial"
-        with suppress(OSError, InvalidInput):  # a full disk
-            self.save_draft(front)
-            place = place if self.folder is None else str(self.folder)
-        error.add_note(f"the front found by then, of {len(front)} points, is in {place}")
-
-    def finish(self, front: Front) -> None:
-        """Save the final front."""
-        self.keep(front, lambda folder: front.save(folder, overwrite=True), status=front.provenance.get("status"))
-
-    def keep(self, result: object, save: Callable[[Path], object], *, status: object) -> None:
-        """Save the final result; keep the checkpoint of a stopped run and the journal of a search.
-
-        A stop that a signal requested is done by then: it does not apply to the pictures that follow.
-        """
-        self.result, self.finished, STOP[0] = result, True, 0
-        if self.folder is not None:
-            self.show(RunProgress(stage="saving"))
-            self._leave_room()
-            save(self.folder)
-            checkpoint = self.folder / CHECKPOINT
-            if status in STOPPED:
-                return
-            if self.continues:
-                (checkpoint / JOURNAL).replace(checkpoint / FINISHED)
-            else:
-                shutil.rmtree(checkpoint, ignore_errors=True)
-
-    def raise_observer_fault(self) -> None:
-        """Raise the error of the observer, if any, with the result that was kept."""
-        fault = self.observer_fault
-        if fault is None:
-            return
-        if self.result is not None and fault.partial is None:
-            fault.partial = self.result
-            size = f", of {len(self.result)} points," if isinstance(self.result, Front) else ""
-            kind = "front" if isinstance(self.result, Front) else "result"
-            place = "the error's .partial" if self.folder is None else self.folder
-            fault.add_note(f"the {kind} found by then{size} is in {place}")
-        raise fault
-
-    def fail(self, error: BaseException) -> None:
-        """Save why the run failed, with the draft of its front if there is one."""
-        notes = getattr(error, "__notes__", ()) if isinstance(error, Interrupted) else ()
-        reason = "; ".join([str(error), *notes])
-        failure = {"status": self.signal or type(error).__name__, "reason": reason}
-        if self.folder is None or self.finished:
-            return
-        self._leave_room()
-        if self.draft is None and not has_result(self.folder):  # a resumed run may have a result from before
-            self._write_failure(self.folder, {**self.provenance, **failure})
-        elif self.draft is not None:
-            replace(self.draft, provenance={**self.draft.provenance, **failure}).save(self.folder, overwrite=True)
-
-    def _write_failure(self, folder: Path, entries: Mapping[str, Any]) -> None:
-        """Write why a run without a result failed, and its least-violating motion if nothing is feasible."""
-        nearest = self.infeasible
-        if nearest is not None:
-            entries = {**entries, **nearest.entries}
-            for name, content in nearest.contents.items():
-                replace_file(folder / name, content)
-        write_run(folder, entries)
-
-    def _leave_room(self) -> None:
-        if self.room is not None:
-            self.room.release()
-
-    @contextmanager
-    def _using_room(self) -> Iterator[None]:
-        """Release the space reserved for the result while the body writes, then reserve it again."""
-        self._leave_room()
-        yield
-        if self.room is not None:
-            with suppress(OSError):  # the space that is left may have to be enough
-                self.room.take()
-
-
 @dataclass(frozen=True, kw_only=True)
 class Subject:
     """The subject of a run: a ``title``, a ``fingerprint``, and the ``reference`` of its problem, if any."""
@@ -390,66 +116,351 @@ class Subject:
         return cls(title=reference or type(problem).__name__, fingerprint=fingerprint(problem), reference=reference)
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RunRequest:
+    """A requested run: the ``verb``, its ``subject`` and its own ``settings``; others are those of ``solve``.
+
+    resumable: whether the run writes its computations into its journal
+    source: front that the run begins with, if any
+    isolated: whether one worker computes if none are named
+    catch_signals: whether signals end the computation with a result; else they end the body as without a run
+    """
+
+    verb: str
+    subject: Subject
+    settings: Mapping[str, Any]
+    out: str | Path | None = None
+    overwrite: bool = False
+    observe: Observer | bool | None = None
+    time_limit: float | None = None
+    workers: int | None = None
+    cluster: str | None = None
+    live: bool = False
+    resumable: bool = False
+    source: Front | None = None
+    isolated: bool = False
+    catch_signals: bool = True
+
+
+# The surroundings of a verb: observer, signals, time limit, one BLAS thread.
+
+
 @contextmanager
-def run_session(
-    subject: Subject,
-    *,
-    verb: str,
-    settings: Mapping[str, Any],
-    out: str | Path | None,
-    overwrite: bool,
-    observe: Observer | bool | None,
-    time_limit: float | None = None,
-    catch_signals: bool = True,
-    live: bool = False,
-    resumable: bool = False,
-    source: Front | None = None,
-    workers: int | None = None,
-    cluster: str | None = None,
-    isolated: bool = False,
-) -> Iterator[RunSession]:
+def open_verb(
+    observe: Observer | bool | None, *, time_limit: float | None = None, catch_signals: bool = True
+) -> Iterator[tuple[Observer | None, Interruption]]:
+    """Yield the observer of a verb and the signal that may end it; compute with one BLAS thread.
+
+    If the body raises Interrupted, a signal came before there was a result: this raises KeyboardInterrupt after Ctrl-C,
+    SystemExit(143) after SIGTERM. Without ``catch_signals`` they end the body as without a verb. Raises InvalidInput
+    for an observer that cannot be called.
+    """
+    signals = interruptible() if catch_signals else nullcontext(Interruption())
+    with open_observer(observe, time_limit=time_limit) as observer, signals as interruption, single_blas_thread():
+        try:
+            yield observer, interruption
+        except Interrupted as stop:
+            is_ctrl_c = interruption.signal in (None, SIGINT)  # None if the signal came to another thread's verb
+            end = KeyboardInterrupt() if is_ctrl_c else SystemExit(interruption.exit_code)
+            for note in getattr(stop, "__notes__", ()):
+                end.add_note(note)
+            raise end from None
+
+
+@contextmanager
+def computing(seconds: float | None, session: Session | None = None) -> Iterator[None]:
+    """Limit the body to ``seconds`` of computing; then it returns its results so far, as after a signal.
+
+    Raises InvalidInput for an invalid time, SolverFailed if the body has no result by then.
+    """
+    with time_limit(seconds) as limit:
+        if session is not None:
+            session.limit = limit
+        try:
+            yield
+        except Interrupted as stop:
+            if not limit.reached or (session is not None and session.signal is not None):
+                raise
+            assert limit.seconds is not None
+            given = f"{limit.seconds:g} s"
+            if limit.remaining > 0:  # certificates have the rest
+                given = f"{limit.seconds - limit.remaining:.2g} s, the part of {given} that certificates leave"
+            late = f"{limit.late} took longer than that" if limit.late else ""
+            reason = late or stop.reason or "a longer one may help"
+            raise SolverFailed(f"time_limit: nothing was found within {given}; {reason}") from None
+
+
+# The session of a run.
+
+
+SOURCE = (CHECKPOINT, "source")  # folders in the folder of a run, one in the other
+RESERVE = Path(CHECKPOINT, "reserve")
+
+
+class StoppedRun(PosixPath):
+    """The folder of a run to resume, in place of that of a new run."""
+
+
+@dataclass(kw_only=True, eq=False)
+class Session:
+    """A run in progress: its request, folder, recorder and observer, and what may end it.
+
+    ``entries`` are known from the beginning; ``former`` is who computed before the run was stopped.
+    """
+
+    request: RunRequest
+    entries: Mapping[str, Any]
+    former: object
+    folder: Path | None
+    observe: Observer | None
+    interruption: Interruption
+    started: float = field(default_factory=time.monotonic)
+    limit: TimeLimit = field(default_factory=lambda: TimeLimit(seconds=None))
+    recorder: Recorder | None = None
+    room: ReservedSpace | None = None  # reserved on the disk for the result
+    draft: Front | None = None
+    infeasible: tuple[Mapping[str, Any], Mapping[str, bytes]] = ({}, {})  # entries and files of a run without a result
+    continues: bool = False  # whether the journal of a finished run stays, to be continued
+    result: object = None  # final result, when it is kept
+
+    @property
+    def seconds(self) -> float:
+        """Time since the start [s]."""
+        return time.monotonic() - self.started
+
+    @property
+    def signal(self) -> str | None:
+        """Name of the signal that came, "interrupted" if the observer raised, None otherwise."""
+        if self.interruption.signal is None:
+            return None if self.observer_fault is None else "interrupted"
+        return self.interruption.signal.name
+
+    @property
+    def stopped_by(self) -> str | None:
+        """Cause that ended the computation early: the name of a signal, or "time limit"."""
+        return self.signal or ("time limit" if self.limit.reached else None)
+
+    @property
+    def observer_fault(self) -> InvalidInput | None:
+        """Error that the observer raised, if any."""
+        return self.observe.fault if isinstance(self.observe, NamedObserver) else None
+
+    @property
+    def provenance(self) -> dict[str, Any]:
+        """Entries of the run, with who has computed until now."""
+        return {**self.entries, "computed": computed(self.former)}
+
+    # What is seen of the run.
+
+    @property
+    def is_watched(self) -> bool:
+        """Whether there is a recorder, or an observer that is due."""
+        return self.recorder is not None or self.is_observed
+
+    @property
+    def is_observed(self) -> bool:
+        """Whether there is an observer and it is due; one that is not due costs nothing."""
+        return self.observe is not None and getattr(self.observe, "is_due", True)
+
+    def start_recording(self, scene: Scene) -> None:
+        """Start the recording of a scene, if the run has a folder."""
+        if self.folder is not None:
+            request, file = self.request, self.folder / RECORDING
+            self.recorder = Recorder(file, title=request.subject.title, scene=scene, live=request.live)
+
+    def record_search(self, objectives: Any, timeline: Timeline, problem: Any) -> None:
+        """Start the recording of objectives (names, units, maximised) along a timeline."""
+        scene = SearchedFront(
+            names=tuple(objectives.names),
+            units=tuple(objectives.units),
+            maximised=tuple(objectives.maximised),
+            timeline=timeline,
+            workcell=workcell_of(problem),
+        )
+        self.start_recording(scene)
+
+    def record(self, message: Any) -> None:
+        """Add a message to the recording, if there is one."""
+        if self.recorder is not None:
+            self.recorder.record(message)
+
+    def show(self, progress: RunProgress) -> bool:
+        """Show the recorder and the observer how far the run has come; return whether it is to stop."""
+        if progress.generation is not None:
+            self.record(progress.generation)
+        if self.observe is not None and self.is_observed:
+            self.observe(progress)
+        return self.stopped_by is not None
+
+    def finish_recording(self, end: Any) -> None:
+        """Complete the recording with the end of the run, which may take some seconds."""
+        if self.recorder is not None:
+            self.show(RunProgress(stage="recording", summary="completing the recording"))
+            self.recorder.finish(end)
+
+    @contextmanager
+    def reviewing(self) -> Iterator[None]:
+        """Warn if the body, which completes the recording and draws pictures, fails."""
+        try:
+            yield
+        except (Exception, Interrupted) as fault:  # a view may fail in any way, also in a user's function
+            text = f"{self.folder}: not all views of this run could be made, which changes no result: {cause_of(fault)}"
+            warn_user(text)
+
+    # What is kept of the run.
+
+    def save_draft(self, front: Front) -> None:
+        """Save a front in case a later stage fails."""
+        if self.folder is None:
+            return
+        self._leave_room()
+        replace(front, provenance={**front.provenance, "status": "refining"}).save(self.folder, overwrite=True)
+        if self.room is not None:
+            with suppress(OSError):  # the space that is left may have to be enough
+                self.room.take()
+        self.draft = front
+
+    def keep_found(self, front: Front, error: Exception) -> None:
+        """Save the front found before an error; the error has it as ``partial`` and notes its folder."""
+        error.partial = front  # type: ignore[attr-defined]
+        place = "the error's .partial"
+        with suppress(OSError, InvalidInput):  # a full disk
+            self.save_draft(front)
+            place = place if self.folder is None else str(self.folder)
+        error.add_note(f"the front found by then, of {len(front)} points, is in {place}")
+
+    def finish(
+        self,
+        result: object,
+        save: Callable[[Path], object],
+        *,
+        status: object,
+        end: Callable[[], object],
+        draw: Callable[[Path], object],
+    ) -> None:
+        """Save the final result in the folder; then complete the recording with ``end()``, and ``draw`` pictures.
+
+        The checkpoint of a stopped run and the journal of a search stay. A stop that a signal requested is done by
+        then, but no pictures are drawn after it, nor if there is no ``end``.
+        """
+        self.result, STOP[0] = result, 0
+        if self.folder is None:
+            return
+        self.show(RunProgress(stage="saving"))
+        self._leave_room()
+        save(self.folder)
+        checkpoint = self.folder / CHECKPOINT
+        if status not in STOPPED and self.continues:
+            (checkpoint / JOURNAL).replace(checkpoint / FINISHED)
+        elif status not in STOPPED:
+            shutil.rmtree(checkpoint, ignore_errors=True)
+        with self.reviewing():
+            last = end()
+            if last is not None:
+                self.finish_recording(last)
+                if self.signal is None:
+                    draw(self.folder)
+
+    def finish_front(self, front: Front, record: Callable[[], object] = bool) -> None:
+        """Save the final front, ``record()`` it, complete the recording with its compromise, and draw it."""
+
+        def end() -> SearchEnd | None:
+            record()
+            return SearchEnd(front=front, choice=compromise(front)) if len(front) else None
+
+        save, status = partial(front.save, overwrite=True), front.provenance.get("status")
+        self.finish(front, save, status=status, end=end, draw=partial(_draw_front, front))
+
+    def raise_observer_fault(self) -> None:
+        """Raise the error of the observer, if any, with the result that was kept."""
+        fault = self.observer_fault
+        if fault is None:
+            return
+        if self.result is not None and fault.partial is None:
+            fault.partial = self.result
+            found = "result found by then"
+            if isinstance(self.result, Front):
+                found = f"front found by then, of {len(self.result)} points,"
+            place = "the error's .partial" if self.folder is None else self.folder
+            fault.add_note(f"the {found} is in {place}")
+        raise fault
+
+    def fail(self, error: BaseException) -> None:
+        """Save why the run failed, with the draft of its front or the least-violating motion if there is one."""
+        notes = getattr(error, "__notes__", ()) if isinstance(error, Interrupted) else ()
+        failure = {"status": self.signal or type(error).__name__, "reason": "; ".join([str(error), *notes])}
+        if self.folder is None or self.result is not None:
+            return
+        self._leave_room()
+        if self.draft is not None:
+            replace(self.draft, provenance={**self.draft.provenance, **failure}).save(self.folder, overwrite=True)
+        elif not has_result(self.folder):  # a resumed run may have a result from before
+            entries, files = self.infeasible
+            for name, content in files.items():
+                replace_file(self.folder / name, content)
+            write_run(self.folder, {**self.provenance, **failure, **entries})
+
+    def _leave_room(self) -> None:
+        if self.room is not None:
+            self.room.release()
+
+
+def _draw_front(front: Front, folder: Path) -> None:
+    from paretoik.review.pictures.fronts import front_picture  # here: matplotlib loads slowly
+
+    front_picture(front, folder / PICTURE)
+    if front.certificates is not None:
+        from paretoik.review.pictures.certificates import certificates_picture
+
+        certificates_picture(front, folder / CERTIFICATES)
+
+
+@contextmanager
+def open_session(request: RunRequest) -> Iterator[Session]:
     """Open a run: claim its folder, catch signals, and save why it failed if it does.
 
-    Without ``catch_signals`` a signal ends the body as without a run. A ``resumable`` run writes its computations into
-    its journal; ``source`` is the front that it begins with, if any. ``workers``, ``cluster`` and ``isolated`` are
-    those of ``open_executor``. Raises InvalidInput if the folder cannot be used, a setting cannot be JSON, ``live`` is
-    given without a folder, or there are no such workers.
+    Raises InvalidInput if the folder cannot be used, a setting cannot be JSON, ``live`` is given without a folder, or
+    there are no such workers.
     """
-    check_flag("live", live)
-    if live and out is None:
+    out = request.out
+    check_flag("live", request.live)
+    if request.live and out is None:
         raise InvalidInput("live must come with a folder that keeps the recording (out=), got none")
     with ExitStack() as stack:
-        opened = stack.enter_context(verb_session(observe, time_limit=time_limit, catch_signals=catch_signals))
-        folder = stack.enter_context(_folder(out, overwrite=overwrite))
-        stack.enter_context(open_executor(workers, cluster, isolated=isolated))
-        stored = read_run(folder / RUN) if folder is not None and isinstance(out, StoppedRun) else {}
+        surroundings = open_verb(request.observe, time_limit=request.time_limit, catch_signals=request.catch_signals)
+        observer, interruption = stack.enter_context(surroundings)
+        folder: Path | None = None
+        stored: dict[str, Any] = {}
+        if isinstance(out, StoppedRun):  # the process that resumes it has its lock
+            folder, stored = out, read_run(out / RUN)
+        elif out is not None:
+            folder = stack.enter_context(claim_folder(file_path("out", out), overwrite=request.overwrite))
+        stack.enter_context(open_executor(request.workers, request.cluster, isolated=request.isolated))
         given = {name: value for name, value in stored.get("settings", {}).items() if name == "initial"}
-        entries = {
-            "verb": verb,
-            "problem": subject.reference,
-            "fingerprint": subject.fingerprint,
-            "settings": {**settings, **given},  # the journal of a resumed run has what it started from
-            "versions": versions(),
-        }
-        session = RunSession(
-            entries=entries,
+        session = Session(
+            request=request,
+            entries={
+                "verb": request.verb,
+                "problem": request.subject.reference,
+                "fingerprint": request.subject.fingerprint,
+                "settings": {**request.settings, **given},  # the journal of a resumed run has what it started from
+                "versions": versions(),
+            },
             former=stored.get("computed"),
             folder=folder,
-            interruption=opened.interruption,
-            observe=opened.observe,
-            title=subject.title,
-            live=live,
+            observe=observer,
+            interruption=interruption,
         )
-        if folder is not None and resumable:
+        if folder is not None and request.resumable:
             session.room = ReservedSpace(folder / RESERVE)
         if folder is not None and not has_result(folder):
             write_run(folder, {**session.provenance, "status": "running"})
         elif folder is not None and stored:  # if this process is killed, its results are in the journal
             now = {name: session.provenance[name] for name in ("settings", "computed")}
             write_run(folder, {**stored, **now})
-        if folder is not None and resumable:
-            if source is not None and not isinstance(out, StoppedRun):
-                _save_source(source, folder)  # before there is a journal: a run with one can be resumed
+        if folder is not None and request.resumable:
+            if request.source is not None and not stored:
+                _save_source(request.source, folder)  # before there is a journal: a run with one can be resumed
             stack.enter_context(journalled(folder / CHECKPOINT / JOURNAL))
         try:
             yield session
@@ -463,18 +474,6 @@ def run_session(
                 session.recorder.close()
 
 
-@contextmanager
-def _folder(out: str | Path | None, *, overwrite: bool) -> Iterator[Path | None]:
-    """Claim the folder of a run, or that of a run to resume; yield None without a folder."""
-    if out is None:
-        yield None
-    elif isinstance(out, StoppedRun):  # the process that resumes it has its lock
-        yield out
-    else:
-        with claim_folder(file_path("out", out), overwrite=overwrite) as folder:
-            yield folder
-
-
 def _save_source(front: Front, folder: Path) -> None:
     """Save the front that a run begins with, and its folder, from which a stopped run is resumed."""
     run = {} if front.folder is None else {"run": str(front.folder)}
@@ -482,22 +481,3 @@ def _save_source(front: Front, folder: Path) -> None:
     source = folder.joinpath(*SOURCE)
     with only_writer(source):
         replace_files(source, files)
-
-
-# The end of the recording and the pictures of a front.
-
-
-def review_front(front: Front, session: RunSession) -> None:
-    """Complete the recording with the compromise and its motion; draw the front unless a signal came."""
-    if session.folder is None or not len(front):
-        return
-    session.finish_recording(SearchEnd(front=front, choice=compromise(front)))
-    if session.signal is not None:
-        return
-    from paretoik.review.pictures.fronts import front_picture  # here: matplotlib loads slowly
-
-    front_picture(front, session.folder / PICTURE)
-    if front.certificates is not None:
-        from paretoik.review.pictures.certificates import certificates_picture
-
-        certificates_picture(front, session.folder / CERTIFICATES)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 from paretoik.api.follow_loop import LoopRun
 from paretoik.api.progress import Observer
 from paretoik.api.search_front import FrontSearch
-from paretoik.api.session import SolveSettings, Subject, run_session
+from paretoik.api.session import RunRequest, SolveSettings, Subject, open_session
 from paretoik.arrays import Genes
 from paretoik.formulations.protocol import timeline
 from paretoik.front.front import Front
@@ -17,11 +18,6 @@ from paretoik.inputs import check_flag
 from paretoik.nlp.program import Solver
 from paretoik.runs.interruption import limited_evaluations
 from paretoik.task.motion import Motion
-
-RUNS: dict[str, type[FrontSearch] | type[LoopRun]] = {
-    "generation": FrontSearch,
-    "step": LoopRun,
-}  # ways of solving, by what their runs count
 
 
 def solve(
@@ -153,48 +149,23 @@ def solve(
 
     ``observe`` is called after every generation or step, and every refined point.
     """
+    given = locals()  # settings are arguments of the same names
     check_flag("overwrite", overwrite)
-    settings = SolveSettings(
-        population=population,
-        generations=generations,
-        seed=seed,
-        islands=islands,
-        initial=initial,
+    settings = SolveSettings(**{each.name: given[each.name] for each in fields(SolveSettings)})
+    run: FrontSearch | LoopRun = (LoopRun if timeline(problem) == "step" else FrontSearch)(problem, settings)
+    request = RunRequest(
+        verb="solve",
+        subject=Subject.of(run.problem, reference),
+        settings=run.settings,
+        out=out,
+        overwrite=overwrite,
+        observe=observe,
         time_limit=time_limit,
-        evaluations=evaluations,
-        target=target,
-        stagnation=stagnation,
-        anchors=anchors,
-        algorithm=algorithm,
-        points=points,
-        refine=refine,
-        solver=solver,
         workers=workers,
         cluster=cluster,
-        evaluation_timeout=evaluation_timeout,
-        record_steps=record_steps,
+        live=live,
+        resumable=True,
+        isolated=evaluation_timeout is not None,
     )
-    run: FrontSearch | LoopRun = RUNS[timeline(problem)](problem, settings)
-    limited = limited_evaluations(evaluation_timeout)
-    with (
-        limited,
-        run_session(
-            Subject.of(run.problem, reference),
-            verb="solve",
-            settings=run.settings,
-            out=out,
-            overwrite=overwrite,
-            observe=observe,
-            time_limit=settings.time_limit,
-            live=live,
-            resumable=True,
-            workers=workers,
-            cluster=cluster,
-            isolated=evaluation_timeout is not None,
-        ) as session,
-    ):
-        front = run.run(session)
-        session.finish(front)
-        with session.reviewing():
-            run.review(front, session)
-    return front
+    with limited_evaluations(evaluation_timeout), open_session(request) as session:
+        return run.run(session)

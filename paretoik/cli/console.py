@@ -19,6 +19,7 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
+from paretoik.api.progress import Observer, open_observer
 from paretoik.errors import InvalidInput, SolverFailed
 from paretoik.paths import shell_command
 from paretoik.runs.files import RUN, is_run, problem_words, read_run, to_json
@@ -143,21 +144,25 @@ def stdout_for_results() -> Iterator[None]:
 
 
 @contextmanager
-def says_how_to_go_on(out: Path | None, time_limit: float | None = None) -> Iterator[None]:
-    """Add a note with the command that resumes the run if the body ends before there is a result.
+def running(
+    out: Path | None = None, *, quiet: bool, time_limit: float | None = None
+) -> Iterator[Observer | Literal[False]]:
+    """Yield the observer of a verb for the body, which runs it; stdout is for its result only.
 
-    It ends by a signal, or by a time limit in which nothing was found.
+    If a signal ends it before there is a result, or a time limit in which nothing was found, the error gets a note with
+    the command that resumes the run in ``out``.
     """
-    try:
-        yield
-    except (KeyboardInterrupt, SystemExit, SolverFailed) as end:
-        from paretoik.api.result_text import resume_command
+    with stdout_for_results(), open_observer(not quiet, time_limit=time_limit) as observe:
+        try:
+            yield observe or False
+        except (KeyboardInterrupt, SystemExit, SolverFailed) as end:
+            from paretoik.api.result_text import resume_command
 
-        limited = not isinstance(end, SolverFailed) or time_limit is not None
-        command = resume_command(out) if out is not None and limited else None
-        if command is not None:
-            end.add_note(f"{command} resumes it")
-        raise
+            limited = not isinstance(end, SolverFailed) or time_limit is not None
+            command = resume_command(out) if out is not None and limited else None
+            if command is not None:
+                end.add_note(f"{command} resumes it")
+            raise
 
 
 def print_json(value: object) -> None:
@@ -246,6 +251,9 @@ ClusterAddress = Annotated[
     typer.Option(
         "--cluster", help="Dask scheduler whose workers compute.", metavar="tcp://HOST:PORT", show_default=False
     ),
+]
+Live = Annotated[
+    bool, typer.Option("--live", help="Open a viewer on the run; without a screen, say how to attach one.")
 ]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace a run in the folder, once there is a result.")]
 

@@ -6,7 +6,6 @@ from typing import Annotated
 
 import typer
 
-from paretoik.api.progress import open_observer
 from paretoik.cli.console import (
     ClusterAddress,
     JsonFlag,
@@ -20,8 +19,7 @@ from paretoik.cli.console import (
     TimeLimit,
     Workers,
     finish_front,
-    says_how_to_go_on,
-    stdout_for_results,
+    running,
 )
 
 
@@ -44,11 +42,7 @@ def front(
     One objective is minimised, the others are bounded by one ε after another.
     Ctrl-C ends it early and keeps the result.
     """
-    with (
-        stdout_for_results(),
-        says_how_to_go_on(out, time_limit),
-        open_observer(not quiet, time_limit=time_limit) as observe,
-    ):
+    with running(out, quiet=quiet, time_limit=time_limit) as observe:
         from paretoik.api.epsilon_front import epsilon_front
         from paretoik.api.load import named_problem
 
@@ -64,6 +58,6 @@ def front(
             cluster=cluster,
             overwrite=overwrite,
             reference=problem,
-            observe=observe or False,
+            observe=observe,
         )
     finish_front(result, out, as_json=as_json)

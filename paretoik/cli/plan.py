@@ -7,7 +7,6 @@ from typing import NoReturn
 
 import typer
 
-from paretoik.api.progress import open_observer
 from paretoik.api.result_text import optima_entries, plan_text, resume_command
 from paretoik.cli.console import (
     ClusterAddress,
@@ -24,8 +23,7 @@ from paretoik.cli.console import (
     exit_code,
     print_json,
     print_text,
-    says_how_to_go_on,
-    stdout_for_results,
+    running,
 )
 from paretoik.trajectory.plan import Plan
 
@@ -47,11 +45,7 @@ def plan(
 
     Ctrl-C ends it early and keeps the result.
     """
-    with (
-        stdout_for_results(),
-        says_how_to_go_on(out, time_limit),
-        open_observer(not quiet, time_limit=time_limit) as observe,
-    ):
+    with running(out, quiet=quiet, time_limit=time_limit) as observe:
         from paretoik.api.load import named_problem
         from paretoik.api.plan import plan as find_plan
 
@@ -67,7 +61,7 @@ def plan(
             cluster=cluster,
             overwrite=overwrite,
             reference=problem,
-            observe=observe or False,
+            observe=observe,
         )
     finish_plan(result, loaded.names[0], loaded.units[0], out, as_json=as_json)
 

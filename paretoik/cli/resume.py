@@ -6,10 +6,10 @@ from typing import Annotated
 
 import typer
 
-from paretoik.api.progress import open_observer
 from paretoik.cli.console import (
     ClusterAddress,
     JsonFlag,
+    Live,
     QuietFlag,
     RunFolder,
     RunProblem,
@@ -17,8 +17,7 @@ from paretoik.cli.console import (
     Workers,
     agreed_problem,
     finish_front,
-    says_how_to_go_on,
-    stdout_for_results,
+    running,
 )
 from paretoik.cli.plan import finish_plan
 from paretoik.front.front import Front
@@ -34,9 +33,7 @@ def resume(
     time_limit: TimeLimit = None,
     workers: Workers = None,
     cluster: ClusterAddress = None,
-    live: Annotated[
-        bool, typer.Option("--live", help="Open a viewer on the run; without a screen, say how to attach one.")
-    ] = False,
+    live: Live = False,
     quiet: QuietFlag = False,
     as_json: JsonFlag = False,
 ) -> None:
@@ -44,11 +41,7 @@ def resume(
 
     The result is that of a run that never stopped.
     """
-    with (
-        stdout_for_results(),
-        says_how_to_go_on(run, time_limit),
-        open_observer(not quiet, time_limit=time_limit) as observe,
-    ):
+    with running(run, quiet=quiet, time_limit=time_limit) as observe:
         from paretoik.api.resume import resume as resume_run
 
         result = resume_run(
@@ -59,7 +52,7 @@ def resume(
             workers=workers,
             cluster=cluster,
             live=live,
-            observe=observe or False,
+            observe=observe,
         )
     if isinstance(result, Front):
         finish_front(result, run, as_json=as_json)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -22,6 +23,11 @@ from paretoik.cli.console import (
     stdout_for_results,
 )
 from paretoik.errors import InvalidInput
+from paretoik.front.choice import Preference
+from paretoik.front.choice_tree import present_point, read_choices
+from paretoik.front.preferences import Aspiration, Bounds, Classify, Knee, Lexicographic, Robust, Weights
+from paretoik.front.preferences.compromise import Compromise, Point
+from paretoik.inputs import likely_spelling, shown
 from paretoik.runs.files import PICTURE_MARK, RUN, check_target, read_run
 
 NUMBERS = "NAME=NUMBER,NAME=NUMBER"
@@ -90,20 +96,8 @@ def select(
 
     A closed loop is followed again with other weights at every step.
     """
-    options = {
-        "weights": weights,
-        "knee": knee,
-        "compromise": compromise,
-        "aspiration": aspiration,
-        "lexicographic": lexicographic,
-        "robust": robust,
-        "classify": classify,
-        "point": point,
-        "bounds": bounds,
-        "uncertainty": uncertainty,
-        "from": start,
-    }
-    wishes = {name: value for name, value in options.items() if value is not None and value is not False}
+    given = {**locals(), "from": start}
+    wishes = {name: given[name] for name in OPTIONS if given[name] is not None and given[name] is not False}
     if history or undo:
         _show_history(run, wishes, undo=undo, problem=problem, as_json=as_json)
         return
@@ -113,7 +107,6 @@ def select(
         from paretoik.api.load import load_front
         from paretoik.api.result_text import choice_entry, choice_text
         from paretoik.api.select import select as select_point
-        from paretoik.cli.preference_arguments import read_preference
 
         preference = read_preference(wishes, run=run)
         front = load_front(run, agreed_problem(run, problem))
@@ -133,8 +126,6 @@ def select(
 
 def _show_history(run: Path, wishes: Mapping[str, object], *, undo: bool, problem: str | None, as_json: bool) -> None:
     """Print the choices of a run, after one step back if ``undo``; raises InvalidInput with a preference."""
-    from paretoik.front.choice_tree import read_choices
-
     if wishes:
         raise InvalidInput(f"--history and --undo must come without a preference, got --{next(iter(wishes))} too")
     read_run(run / RUN)
@@ -149,3 +140,129 @@ def _show_history(run: Path, wishes: Mapping[str, object], *, undo: bool, proble
         print_json(asdict(choices))
     else:
         print_text(choices.text)
+
+
+# Preferences in the form of the command line.
+
+
+CLASSES = "improve, improve:VALUE, keep, relax:VALUE or free"
+PREFERENCES: Mapping[str, Callable[[Any, Mapping[str, Any], Path], Preference]] = {
+    "weights": lambda text, *_: Weights(parse_numbers("weights", text)),
+    "knee": lambda *_: Knee(),
+    "compromise": lambda *_: Compromise(),
+    "aspiration": lambda text, *_: Aspiration(parse_numbers("aspiration", text)),
+    "lexicographic": lambda text, *_: parse_lexicographic(text),
+    "robust": lambda text, wishes, _: Robust(
+        parse_numbers("robust", text), **({"uncertainty": wishes["uncertainty"]} if "uncertainty" in wishes else {})
+    ),
+    "classify": lambda text, wishes, run: parse_classes(text, wishes.get("from"), run),
+    "point": lambda id, *_: Point(id),
+}  # by option: how its value, the other options and the run become a preference
+PREFERENCE_OF_OPTION = {"uncertainty": "robust", "from": "classify"}
+OPTIONS = (*PREFERENCES, "bounds", *PREFERENCE_OF_OPTION)
+
+
+def read_preference(wishes: Mapping[str, Any], *, run: Path) -> Preference:
+    """Return the preference of the given options, by name.
+
+    ``bounds`` may come with another preference, which then decides within them; ``uncertainty`` belongs to ``robust``,
+    ``from`` is the point that ``classify`` starts from. Raises InvalidInput unless there is exactly one preference.
+    """
+    for name, preference_name in PREFERENCE_OF_OPTION.items():
+        if name in wishes and preference_name not in wishes:
+            raise InvalidInput(f"{name} must come with --{preference_name}, got no --{preference_name}")
+    chosen, bounds = [name for name in PREFERENCES if name in wishes], wishes.get("bounds")
+    if len(chosen) > 1 or not (chosen or bounds):
+        names = ", ".join(f"--{name}" for name in PREFERENCES)
+        got = " and ".join(f"--{name}" for name in chosen) or "none"
+        raise InvalidInput(f"preference must be one of {names}, with or without --bounds, got {got}")
+    preference = PREFERENCES[chosen[0]](wishes[chosen[0]], wishes, run) if chosen else Compromise()
+    return preference if bounds is None else Bounds(parse_bounds(bounds), then=preference)
+
+
+def parse_numbers(option: str, text: str) -> dict[str, float]:
+    """Return numbers by name.
+
+    Raises InvalidInput if a part is not NAME=NUMBER, or a name comes twice.
+
+    >>> parse_numbers("weights", "kinetic_energy=0.3, torque_norm=0.7")
+    {'kinetic_energy': 0.3, 'torque_norm': 0.7}
+    """
+    numbers: dict[str, float] = {}
+    for name, value in _parts(option, text, "NAME=NUMBER,NAME=NUMBER"):
+        if name in numbers:
+            raise InvalidInput(f"{option} must have each objective once, got {name} twice")
+        numbers[name] = _number(option, name, value)
+    return numbers
+
+
+def parse_lexicographic(text: str) -> Lexicographic:
+    """Return names in order, each with a tolerance in its own unit or, with a percent sign, of its range.
+
+    >>> parse_lexicographic("kinetic_energy=5%,torque_norm=0.1,joint_travel")
+    Lexicographic('kinetic_energy', 'torque_norm', 'joint_travel', tolerances={'torque_norm': 0.1}, \
+tolerance_shares={'kinetic_energy': 0.05})
+    """
+    order: list[str] = []
+    tolerances: dict[str, float] = {}
+    shares: dict[str, float] = {}
+    for part in text.split(","):
+        name, _, value = map(str.strip, part.partition("="))
+        order.append(name)
+        if value.endswith("%"):
+            shares[name] = _number("lexicographic", name, value.removesuffix("%")) / 100
+        elif value:
+            tolerances[name] = _number("lexicographic", name, value)
+    return Lexicographic(*order, tolerances=tolerances, tolerance_shares=shares)
+
+
+def parse_bounds(text: str) -> dict[str, tuple[float | None, float | None]]:
+    """Return (lower, upper) by name; an objective may have both.
+
+    >>> parse_bounds("kinetic_energy<=0.05, torque_norm>=1, torque_norm<=3")
+    {'kinetic_energy': (None, 0.05), 'torque_norm': (1.0, 3.0)}
+    """
+    bounds: dict[str, tuple[float | None, float | None]] = {}
+    for part in text.split(","):
+        match = re.fullmatch(r"\s*(.+?)\s*(<=|>=)\s*(\S+)\s*", part)
+        if match is None:
+            raise InvalidInput(f"bounds must be 'NAME<=VALUE,NAME>=VALUE' in quotes, got {shown(part)}")
+        name, sign, value = match[1], match[2], _number("bounds", match[1], match[3])
+        lower, upper = bounds.get(name, (None, None))
+        if (upper if sign == "<=" else lower) is not None:
+            raise InvalidInput(f"bounds must have one bound on each side, got {name} {sign} twice")
+        bounds[name] = (lower, value) if sign == "<=" else (value, upper)
+    return bounds
+
+
+def parse_classes(text: str, start: int | None, run: Path) -> Classify:
+    """Return every objective in its class, from the point ``start`` or else the run's present choice."""
+    lists: dict[str, list[str]] = {"improve": [], "keep": [], "free": []}
+    values: dict[str, dict[str, float]] = {"improve": {}, "relax": {}}
+    for name, kind in _parts("classify", text, "NAME=CLASS,NAME=CLASS"):
+        word, separator, value = kind.partition(":")
+        if separator and word in values:
+            values[word][name] = _number("classify", name, value)
+        elif not separator and word in lists:
+            lists[word].append(name)
+        else:
+            hint = likely_spelling(word, ("improve", "keep", "relax", "free"))
+            raise InvalidInput(f"classify must be for {name} {CLASSES}, got {shown(kind)}{hint}")
+    if start is None:
+        start = present_point(read_choices(run), name="--from")
+    return Classify(start, improve_to=values["improve"], relax_to=values["relax"], **lists)
+
+
+def _parts(option: str, text: str, form: str) -> Iterator[tuple[str, str]]:
+    for part in text.split(","):
+        name, separator, value = map(str.strip, part.partition("="))
+        if not separator or not name:
+            raise InvalidInput(f"{option} must be {form}, got {shown(part)}")
+        yield name, value
+
+
+def _number(option: str, name: str, text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise InvalidInput(f"{option} must be a number for {name}, got {shown(text)}") from None

@@ -6,10 +6,10 @@ from typing import Annotated
 
 import typer
 
-from paretoik.api.progress import open_observer
 from paretoik.cli.console import (
     ClusterAddress,
     JsonFlag,
+    Live,
     OutFolder,
     Overwrite,
     Problem,
@@ -18,8 +18,7 @@ from paretoik.cli.console import (
     TimeLimit,
     Workers,
     finish_front,
-    says_how_to_go_on,
-    stdout_for_results,
+    running,
 )
 
 
@@ -51,9 +50,7 @@ def solve(
         list[int] | None,
         typer.Option(help="Step of a closed loop whose generations are recorded; may be repeated.", show_default=False),
     ] = None,
-    live: Annotated[
-        bool, typer.Option("--live", help="Open a viewer on the run; without a screen, say how to attach one.")
-    ] = False,
+    live: Live = False,
     overwrite: Overwrite = False,
     quiet: QuietFlag = False,
     as_json: JsonFlag = False,
@@ -62,11 +59,7 @@ def solve(
 
     Ctrl-C ends it early and keeps the result.
     """
-    with (
-        stdout_for_results(),
-        says_how_to_go_on(out, time_limit),
-        open_observer(not quiet, time_limit=time_limit) as observe,
-    ):
+    with running(out, quiet=quiet, time_limit=time_limit) as observe:
         from paretoik.api.load import named_problem
         from paretoik.api.solve import solve as solve_problem
 
@@ -88,6 +81,6 @@ def solve(
             record_steps=record_step or (),
             live=live,
             reference=problem,
-            observe=observe or False,
+            observe=observe,
         )
     finish_front(front, out, as_json=as_json)

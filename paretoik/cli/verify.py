@@ -6,7 +6,6 @@ from dataclasses import asdict
 
 import typer
 
-from paretoik.api.progress import open_observer
 from paretoik.cli.console import (
     NOT_VERIFIED,
     JsonFlag,
@@ -16,7 +15,7 @@ from paretoik.cli.console import (
     agreed_problem,
     print_json,
     print_text,
-    stdout_for_results,
+    running,
 )
 
 
@@ -25,10 +24,10 @@ def verify(run: RunFolder, problem: RunProblem = None, quiet: QuietFlag = False,
 
     Exit code 7 if a check fails.
     """
-    with stdout_for_results(), open_observer(not quiet) as observe:
+    with running(quiet=quiet) as observe:
         from paretoik.api.verify import verify as verify_folder
 
-        verification = verify_folder(run, agreed_problem(run, problem), observe=observe or False)
+        verification = verify_folder(run, agreed_problem(run, problem), observe=observe)
     if as_json:
         rows = [asdict(row) for row in verification.rows]
         words = {"headline": verification.headline, "passed": verification.passed, "verified": verification.verified}

@@ -23,19 +23,19 @@ RUN = """
 import json, sys, time
 from pathlib import Path
 import paretoik as pk
-from paretoik.api.session import RunSession
+from paretoik.api.session import Session
 from paretoik.api.search_front import FrontSearch
 from paretoik.review.recording.recorder import Recorder
 from pymoo.problems import get_problem
 
 generations, out, records = int(sys.argv[1]), sys.argv[2], sys.argv[3] == "True"
 spent, longest = [], 0
-start, show, finish = RunSession.start, FrontSearch._show, Recorder.finish
+start, show, finish = Session.start_recording, FrontSearch._show, Recorder.finish
 
-def opened(session, **scene):
+def opened(session, scene):
     started = time.thread_time()
     if records:
-        start(session, **scene)
+        start(session, scene)
     spent.append(time.thread_time() - started)
 
 def timed(search, session, progress):  # without an observer there is no other reason to show anything
@@ -52,7 +52,7 @@ def measured(recorder, end):
     finish(recorder, end)
     finishing = time.perf_counter() - started
 
-RunSession.start, FrontSearch._show, Recorder.finish, finishing = opened, timed, measured, 0.0
+Session.start_recording, FrontSearch._show, Recorder.finish, finishing = opened, timed, measured, 0.0
 problem = get_problem("dtlz2", n_var=13, n_obj=4)
 pk.solve(problem, population=200, generations=2, seed=1, observe=False)  # loads and compiles
 spent.clear()

@@ -59,8 +59,7 @@ def saddle(problem):
 
 
 def certified(problem, x):
-    formulation = require_program("refine", problem)
-    return certified_front(problem, formulation, x, np.arange(len(x)) + 7, np.full(2, 1e-3), {})
+    return certified_front(problem, x, np.arange(len(x)) + 7, np.full(2, 1e-3), {})
 
 
 def test_a_saddle_gives_way_to_a_minimum_that_is_better_in_every_objective(problem, saddle):

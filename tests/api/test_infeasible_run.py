@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.api.infeasible_run import ENTRY, is_infeasible, read_infeasible
+from paretoik.api.result import ENTRY, is_infeasible, read_infeasible
 from paretoik.errors import InvalidInput, InvalidRun
 from paretoik.front.storage import array_bytes
 from paretoik.runs.files import NEAREST, write_run

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import os
 import signal
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.api.search_front import complete_front
+from paretoik.api.refine import Completion, refine_front
+from paretoik.api.session import RunRequest, Subject, open_session
 from paretoik.errors import Infeasible, SolverFailed
 from paretoik.front.indicators import ranges_of
 from paretoik.stop_flag import STOP
@@ -55,7 +57,11 @@ def completed(made, points):
 
 
 def complete(front, points, observe=None):
-    return complete_front(front, points=points, seed=0, first_id=FIRST_ID, solver="auto", observe=observe)
+    completion = Completion(points=points, seed=0, first_id=FIRST_ID)
+    request = RunRequest(verb="solve", subject=Subject.of(front.problem, None), settings={}, observe=observe)
+    with open_session(request) as session:
+        done = refine_front(front, front.problem, solver="auto", observe=session.observe, completion=completion)
+        return replace(done, provenance={**done.provenance, "status": session.stopped_by})
 
 
 def lost(before, after):

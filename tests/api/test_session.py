@@ -11,19 +11,19 @@ import numpy as np
 import pytest
 
 from paretoik.api.progress import RunProgress
-from paretoik.api.session import Subject, run_session
+from paretoik.api.session import RunRequest, Subject, open_session
 from paretoik.errors import Infeasible
 from paretoik.front.front import Front
-from paretoik.review.recording.recorder import Generation
+from paretoik.review.recording.recorder import Generation, SearchedFront
 from paretoik.runs.files import RECORDING, RUN
 from tests.search.problems import Constant
 
-DISPLAY = {"names": ("a",), "units": ("",), "maximised": (False,), "timeline": "generation"}
+SCENE = SearchedFront(names=("a",), units=("",), maximised=(False,))
 
 
 def session(out, *, reference=None, **settings):
-    arguments = {"verb": "solve", "settings": {"seed": 1}, "overwrite": False, "observe": None}
-    return run_session(Subject.of(Constant(1), reference), out=out, **(arguments | settings))
+    arguments = {"verb": "solve", "settings": {"seed": 1}} | settings
+    return open_session(RunRequest(subject=Subject.of(Constant(1), reference), out=out, **arguments))
 
 
 def front(provenance, value: float = 1.0) -> Front:
@@ -44,7 +44,7 @@ def stored(folder) -> dict:
 def test_a_run_says_that_it_is_running_until_it_has_a_front(tmp_path):
     with session(tmp_path, reference="mine.py:problem") as run:
         assert stored(tmp_path)["status"] == "running"
-        run.finish(front({**run.provenance, "status": "generations"}))
+        run.finish_front(front({**run.provenance, "status": "generations"}))
     provenance = Front.load(tmp_path).provenance
     assert (provenance["status"], provenance["problem"], provenance["settings"]) == (
         "generations",
@@ -76,7 +76,7 @@ def test_a_failure_after_a_draft_keeps_the_draft(tmp_path):
 def test_a_failure_after_the_end_leaves_the_front_as_it_is(tmp_path):
     def work():
         with session(tmp_path) as run:
-            run.finish(front({**run.provenance, "status": "generations"}))
+            run.finish_front(front({**run.provenance, "status": "generations"}))
             raise RuntimeError("no ink for the picture")
 
     with pytest.raises(RuntimeError):
@@ -90,11 +90,11 @@ def test_observer_and_recorder_see_the_same_generations(tmp_path):
     generation = Generation(number=1, population=F, front=F, front_ids=np.array([0]), hypervolume=0.0)
     with session(tmp_path, observe=seen.append) as run:
         assert run.is_watched
-        run.start(**DISPLAY)
+        run.start_recording(SCENE)
         shown = RunProgress(stage="generation", done=1, total=2, seconds=run.seconds, generation=generation)
         run.show(shown)
         run.show(replace(shown, stage="refinement", generation=None))
-        run.finish(front(run.provenance))
+        run.finish_front(front(run.provenance))
     assert [progress.stage for progress in seen] == ["generation", "refinement", "saving"]
     assert (tmp_path / RECORDING).stat().st_size > 0
 
@@ -102,11 +102,11 @@ def test_observer_and_recorder_see_the_same_generations(tmp_path):
 def test_without_a_folder_nothing_is_written_and_signals_are_still_caught(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with session(None) as run:
-        run.start(**DISPLAY)
+        run.start_recording(SCENE)
         assert not run.is_watched
         assert run.signal is None
         os.kill(os.getpid(), signal.SIGTERM)
         assert run.signal == "SIGTERM"
         run.save_draft(front({}))
-        run.finish(front({}))
+        run.finish_front(front({}))
     assert list(tmp_path.iterdir()) == []

@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from paretoik.api.session import verb_session
+from paretoik.api.session import open_verb
 from paretoik.runs.machine import single_blas_thread
 
 
@@ -49,6 +49,6 @@ def test_a_context_in_another_thread_leaves_the_number_to_the_first():
 
 
 def test_a_verb_computes_with_one_thread():
-    with verb_session(False):
+    with open_verb(False):
         assert blas_threads() == {1}
     assert blas_threads() == {3}

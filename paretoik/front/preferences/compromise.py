@@ -11,7 +11,6 @@ from paretoik.errors import InvalidInput
 from paretoik.front.choice import Choice, explain, first_row, percent, subject
 from paretoik.front.geometry import PREFERENCE_OPTIONS as OPTIONS
 from paretoik.front.points import Front, FrontData, check_front, check_has_points, row_of
-from paretoik.inputs import
 from paretoik.tables import html_representation
 
 
