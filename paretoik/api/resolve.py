@@ -17,8 +17,7 @@ from paretoik.errors import Infeasible
 from paretoik.front.points import StoredJoints, StoredMotions
 from paretoik.front.storage import array_bytes, motion_arrays
 from paretoik.inputs import check_call, check_flag
-from paretoik.resolution.follow import TRACKING_TOLERANCE
-from paretoik.resolution.protocol import Criterion, Method, ResolvedMotion
+from paretoik.resolution.protocol import TRACKING_TOLERANCE, Criterion, Method, ResolvedMotion
 from paretoik.resolution.resolve import Resolution, Unreachable, resolution_of
 from paretoik.resolution.resolve import resolve as resolve_motion
 from paretoik.review.recording.messages import ResolutionEnd, ResolvedScene, record_traces, workcell_of
