@@ -17,8 +17,7 @@ from paretoik.api.session import RunRequest, Session, Subject, open_session
 from paretoik.errors import Infeasible
 from paretoik.front.storage import array_bytes
 from paretoik.inputs import check_flag
-from paretoik.resolution.follow import TRACKING_TOLERANCE
-from paretoik.resolution.protocol import Criterion, Method, ResolvedMotion
+from paretoik.resolution.protocol import TRACKING_TOLERANCE, Criterion, Method, ResolvedMotion
 from paretoik.resolution.resolve import Resolution, Unreachable, resolution_of
 from paretoik.resolution.resolve import resolve as resolve_motion
 from paretoik.review.recording.messages import ResolutionEnd, ResolvedScene, record_traces, workcell_of

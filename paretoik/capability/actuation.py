@@ -13,11 +13,12 @@ from typing import Any, Literal, TypeAlias, get_args
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.arrays import Joints, read_only
+from paretoik.arrays import Joints
 from paretoik.capability import actuator_kernels as actuators
 from paretoik.errors import InvalidInput
 from paretoik.inputs import check_choice, check_instance, finite_array, finite_number, real_array, shown
 from paretoik.robot.arm import Arm
+from paretoik.robot.pose import freeze
 from paretoik.tables import field_representation, html_representation
 
 # Motor curves: how fast a motor may run at an effort. Source: Kim, Choi & Jang 2021, Eqs. 3 and 4.
@@ -32,21 +33,14 @@ SHAPES: tuple[MotorShape, ...] = get_args(MotorShape)
 class MotorCurve:
     """Highest speeds of motors at an effort, one motor per joint.
 
-    Parameters
-    ----------
-    stall
-        Largest efforts (dof,) that motors can bear [N m, N]; inf: any effort.
-    fastest
-        Highest speeds (dof,) [rad/s, m/s].
-    shape
-        Region of t = effort / stall and u = speed / fastest: "diamond" (Eqs. 3 and 4, their signs corrected) is
+    stall: largest efforts (dof,) that motors can bear [N m, N]; inf: any effort
+    fastest: highest speeds (dof,) [rad/s, m/s]
+    shape: region of t = effort / stall and u = speed / fastest: "diamond" (Eqs. 3 and 4, their signs corrected) is
         |t| + |u| ≤ 1; "strip" is t, u and t + u in [−1, 1]: a motor driven by its load loses no speed; "box" is t and u
-        in [−1, 1].
+        in [−1, 1]
 
-    Raises
-    ------
-    InvalidInput
-        For numbers that no motor can have.
+    Raises InvalidInput for numbers that no motor can have.
+
     >>> MotorCurve(stall=[2.0], fastest=[3.0]).speeds(np.array([1.0]))
     (array([-1.5]), array([1.5]))
     """
@@ -60,13 +54,18 @@ class MotorCurve:
 
     def __init__(self, *, stall: object, fastest: object, shape: MotorShape = "diamond") -> None:
         check_choice("motor curve: shape", shape, SHAPES)
-        efforts, speeds = (_positive(name, each) for name, each in (("stall", stall), ("fastest", fastest)))
-        if len(speeds) != len(efforts):
-            raise InvalidInput(f"motor curve: fastest must be {len(efforts)}, one for each stall, got {len(speeds)}")
+        freeze(self, shape=shape)
+        for name, value in (("stall", stall), ("fastest", fastest)):
+            wish = f"motor curve: {name} must be positive numbers, one per joint"
+            numbers = np.atleast_1d(real_array(wish, value))
+            if numbers.ndim != 1 or not len(numbers) or not np.all(numbers > 0):
+                raise InvalidInput(f"{wish}, got {shown(value)}")
+            freeze(self, **{name: numbers})
+        count, speeds = len(self.stall), self.fastest
+        if len(speeds) != count:
+            raise InvalidInput(f"motor curve: fastest must be {count}, one for each stall, got {len(speeds)}")
         if not np.isfinite(speeds).all():
             raise InvalidInput(f"motor curve: fastest must be finite speeds, got {speeds.tolist()}")
-        for name, value in (("stall", efforts), ("fastest", speeds), ("shape", shape)):
-            object.__setattr__(self, name, value)
 
     def speeds(self, effort: Joints) -> tuple[Joints, Joints]:
         """Return the lowest and highest speeds at efforts (*batch, dof); NaN beyond ``stall``.
@@ -95,22 +94,11 @@ class MotorCurve:
         1. All arguments may be complex numbers or expressions, for exact derivatives.
         """
         d, t, u = duration, effort / self.stall, travel / self.fastest
-        rows: tuple[Any, ...]
         if self.shape == "diamond":
-            rows = (d * (1 - t) - u, d * (1 - t) + u, d * (1 + t) - u, d * (1 + t) + u)
-        elif self.shape == "strip":
-            rows = (d * (1 - t) - u, d * (1 + t) + u, d - u, d + u, 1 - t, 1 + t)
-        else:
-            rows = (d - u, d + u, 1 - t, 1 + t)
-        return np.stack(rows, axis=-1)
-
-
-def _positive(name: str, value: object) -> Float[np.ndarray, " dof"]:
-    """Return positive numbers, one per joint; inf is allowed. Raises InvalidInput for others."""
-    numbers = np.atleast_1d(real_array(f"motor curve: {name} must be positive numbers, one per joint", value))
-    if numbers.ndim != 1 or not len(numbers) or not np.all(numbers > 0):
-        raise InvalidInput(f"motor curve: {name} must be positive numbers, one per joint, got {shown(value)}")
-    return read_only(numbers)
+            return np.stack([d * (1 - t) - u, d * (1 - t) + u, d * (1 + t) - u, d * (1 + t) + u], axis=-1)
+        if self.shape == "strip":
+            return np.stack([d * (1 - t) - u, d * (1 + t) + u, d - u, d + u, 1 - t, 1 + t], axis=-1)
+        return np.stack([d - u, d + u, 1 - t, 1 + t], axis=-1)
 
 
 # Rods between two sliders: their geometry, and the angles that they reach.
@@ -138,47 +126,10 @@ def angle_range(rod: float, front: np.ndarray, back: np.ndarray, least_angle: fl
     return low, high
 
 
-def broadcast(name: str, value: object, shape: tuple[int, ...]) -> np.ndarray:
-    """Return numbers broadcast to a shape, read-only. Raises InvalidInput, naming them, if that is impossible."""
-    numbers = finite_array(f"distributed actuation: {name}", value)
-    try:
-        array = np.broadcast_to(numbers, shape).copy()
-    except ValueError:
-        raise InvalidInput(f"distributed actuation: {name} must have shape {shape}, got {numbers.shape}") from None
-    return read_only(array)
-
-
-LONGEST = np.sqrt(np.finfo(float).max) / 4  # m: squares of lengths are still finite
-
-
-def check_geometry(
-    *,
-    rod: np.ndarray,
-    zero: np.ndarray,
-    bend: np.ndarray,
-    least_angle: np.ndarray,
-    front_bounds: np.ndarray,
-    back_bounds: np.ndarray,
-) -> None:
-    """Raise InvalidInput, naming the joint (dof,), for impossible lengths, bounds (dof, 2) and angles."""
-
-    def refuse(wrong: np.ndarray, wish: str, fact: np.ndarray) -> None:
-        if wrong.any():
-            j = int(np.argmax(wrong))
-            raise InvalidInput(f"distributed actuation, joint {j + 1}: {wish}, got {fact[j].tolist()}")
-
-    refuse((rod <= 0) | (rod > LONGEST), f"rod must be longer than 0 and at most {LONGEST:g} m", rod)
-    refuse(~np.isin(bend, (-1.0, 1.0)), "bend must be 1 or −1", bend)
-    refuse((least_angle <= 0) | (least_angle >= np.pi), "least_angle must be between 0 and π", least_angle)
-    for name, pairs in (("front", front_bounds), ("back", back_bounds)):
-        wrong = (pairs[:, 0] <= 0) | (pairs[:, 0] > pairs[:, 1]) | (pairs[:, 1] > LONGEST)
-        refuse(wrong, f"{name} bounds must be 0 < lower ≤ upper", pairs)
-    refuse(front_bounds[:, 1] > rod, "front bounds must be at most the rod's length", front_bounds)
-
-
 # Actuations of an arm, and those of the paper.
 
 
+LONGEST = np.sqrt(np.finfo(float).max) / 4  # m: squares of lengths are still finite
 LEAST_ROD_ANGLE = float(np.deg2rad(10.0))  # rad: nearer to 0 or π, sliders turn or hold the joint poorly
 
 
@@ -186,10 +137,7 @@ LEAST_ROD_ANGLE = float(np.deg2rad(10.0))  # rad: nearer to 0 or π, sliders tur
 class JointActuation:
     """A motor at every joint. Source: Kim, Choi & Jang 2021, Eq. 4 and Table 3.
 
-    Parameters
-    ----------
-    motors
-        Curve of the motors, one motor per joint.
+    motors: curve of the motors, one motor per joint
 
     Raises InvalidInput if ``motors`` is not a ``MotorCurve``.
     """
@@ -209,7 +157,7 @@ class JointActuation:
 
         Raises InvalidInput if it is not an arm, and, naming the joint, if a joint has no velocity limit.
         """
-        check_arm(arm)
+        check_instance("arm", arm, Arm, "an Arm")
         for name, fastest in zip(arm.joint_names, arm.velocity_limits, strict=True):
             if not np.isfinite(fastest):
                 raise InvalidInput(f"actuation of {arm.name}: {name} must have a velocity limit, got none")
@@ -247,37 +195,22 @@ class DistributedActuation:
     B = (s_b + s cos θ)/(s s_b sin θ), and a torque τ needs the forces A τ and B τ. Both sliders may be anywhere
     within their bounds: they are gears to choose.
 
-    Parameters
-    ----------
-    front
-        Motors of the sliders on the link [N, m/s].
-    back
-        Motors of the sliders on the link before [N, m/s], of the same shape; default: ``front``.
-    rod
-        Lengths c (dof,) of the rods [m].
-    front_bounds
-        Bounds of the front sliders, (lower, upper) or (dof, 2) [m], at most the rod's length.
-    back_bounds
-        Bounds of the back sliders, (lower, upper) or (dof, 2) [m]; default: ``front_bounds``.
-    zero
-        Joint positions [rad] at which θ is 0.
-    bend
-        Sign (1 or −1) of θ: θ = bend (q − zero).
-    least_angle
-        Least distance of θ from 0 and π [rad], 10° by default. 0 and π are toggles: the rod is along both links, and
-        sliders turn a joint ever faster, for an ever shorter way. The bound excludes fast postures: with the paper's
-        sliders, at its nine positions, 10° cost 7 % of the speed on average and 46 % at most compared with 5°, and 9 %
-        and 91 % compared with no bound (``studies.kim_2021`` prints them).
+    front: motors of the sliders on the link [N, m/s]
+    back: motors of the sliders on the link before [N, m/s], of the same shape; default: ``front``
+    rod: lengths c (dof,) of the rods [m]
+    front_bounds: bounds of the front sliders, (lower, upper) or (dof, 2) [m], at most the rod's length
+    back_bounds: bounds of the back sliders, (lower, upper) or (dof, 2) [m]; default: ``front_bounds``
+    zero: joint positions [rad] at which θ is 0
+    bend: sign (1 or −1) of θ: θ = bend (q − zero)
+    least_angle: least distance of θ from 0 and π [rad], 10° by default
 
-    Raises
-    ------
-    InvalidInput
-        Names the argument that is impossible.
+    0 and π are toggles: the rod is along both links, and sliders turn a joint ever faster, for an ever shorter way. The
+    bound excludes fast postures: with the paper's sliders, at its nine positions, 10° cost 7 % of the speed on average
+    and 46 % at most compared with 5°, and 9 % and 91 % compared with no bound (``studies.kim_2021`` prints them).
 
-    Notes
-    -----
-    Source: Kim, Choi & Jang 2021, section 2.1 and Table 2, for what it prints; the formulae are derived, and ``zero``,
-    ``bend``, ``least_angle`` and ``back_bounds`` are not in the paper.
+    Raises InvalidInput, naming the argument that is impossible. Source: Kim, Choi & Jang 2021, section 2.1 and Table 2,
+    for what it prints; the formulae are derived, and ``zero``, ``bend``, ``least_angle`` and ``back_bounds`` are not in
+    the paper.
     """
 
     front: MotorCurve
@@ -314,14 +247,36 @@ class DistributedActuation:
                 f"distributed actuation: back must be {dof} motors of shape {front.shape}, "
                 f"got {len(back.stall)} of shape {back.shape}"
             )
+        freeze(self, front=front, back=back)
         numbers = {"rod": rod, "zero": zero, "bend": bend, "least_angle": least_angle}
-        geometry = {name: broadcast(name, value, (dof,)) for name, value in numbers.items()}
         pairs = {"front_bounds": front_bounds, "back_bounds": front_bounds if back_bounds is None else back_bounds}
-        geometry |= {name: broadcast(name, value, (dof, 2)) for name, value in pairs.items()}
-        check_geometry(**geometry)
-        for name, value in {"front": front, "back": back, **geometry}.items():
-            object.__setattr__(self, name, value)
+        for name, given in {**numbers, **pairs}.items():
+            values, shape = finite_array(f"distributed actuation: {name}", given), (dof, 2) if name in pairs else (dof,)
+            try:
+                values = np.broadcast_to(values, shape).copy()
+            except ValueError:
+                wish = f"distributed actuation: {name} must have shape {shape}"
+                raise InvalidInput(f"{wish}, got {values.shape}") from None
+            freeze(self, **{name: values})
+        self._check_geometry()
         _ = self.angle_bounds  # raises if sliders reach no angle
+
+    def _check_geometry(self) -> None:
+        """Raise InvalidInput, naming the joint, for impossible lengths, bounds and angles."""
+
+        def refuse(wrong: np.ndarray, wish: str, fact: np.ndarray) -> None:
+            if wrong.any():
+                j = int(np.argmax(wrong))
+                raise InvalidInput(f"distributed actuation, joint {j + 1}: {wish}, got {fact[j].tolist()}")
+
+        rod, least = self.rod, self.least_angle
+        refuse((rod <= 0) | (rod > LONGEST), f"rod must be longer than 0 and at most {LONGEST:g} m", rod)
+        refuse(~np.isin(self.bend, (-1.0, 1.0)), "bend must be 1 or −1", self.bend)
+        refuse((least <= 0) | (least >= np.pi), "least_angle must be between 0 and π", least)
+        for name, pairs in (("front", self.front_bounds), ("back", self.back_bounds)):
+            wrong = (pairs[:, 0] <= 0) | (pairs[:, 0] > pairs[:, 1]) | (pairs[:, 1] > LONGEST)
+            refuse(wrong, f"{name} bounds must be 0 < lower ≤ upper", pairs)
+        refuse(self.front_bounds[:, 1] > rod, "front bounds must be at most the rod's length", self.front_bounds)
 
     @property
     def dof(self) -> int:
@@ -374,14 +329,9 @@ class DistributedActuation:
 Actuation: TypeAlias = JointActuation | DistributedActuation
 
 
-def check_arm(arm: object) -> None:
-    """Raise InvalidInput if it is not an arm."""
-    check_instance("arm", arm, Arm, "an Arm")
-
-
 def check_actuation(actuation: object, arm: Arm) -> None:
     """Raise InvalidInput unless ``arm`` is an arm and ``actuation`` drives as many joints as it has."""
-    check_arm(arm)
+    check_instance("arm", arm, Arm, "an Arm")
     if not isinstance(actuation, JointActuation | DistributedActuation):
         raise InvalidInput(f"actuation must be a JointActuation or DistributedActuation, got {shown(actuation)}")
     if actuation.dof != arm.dof:
@@ -406,13 +356,9 @@ def kim_sliders(base_angle: float = float(np.deg2rad(-120.0)), bend: Literal[-1,
     The first joint's upper speed is 1.8 mm/s. Back sliders have the bounds of front sliders. Rods stay 10° from their
     toggles; this is not in the paper and costs speed (``least_angle`` of ``DistributedActuation``).
 
-    Parameters
-    ----------
-    base_angle
-        Direction [rad] of the link before the first joint. The paper has none: with the default, most directions at its
-        nine positions are faster than with motors at the joints, as the paper says.
-    bend
-        Sign (1 or −1) of the angles of all rods; the paper has none.
+    base_angle: direction [rad] of the link before the first joint. The paper has none: with the default, most
+        directions at its nine positions are faster than with motors at the joints, as the paper says
+    bend: sign (1 or −1) of the angles of all rods; the paper has none
 
     >>> kim_sliders().front_bounds[0].tolist()
     [0.037, 0.077]

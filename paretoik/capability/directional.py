@@ -23,14 +23,8 @@ from paretoik.capability.joint_capability import (
     motor_speeds,
     torque_capacity,
 )
-from paretoik.capability.postures import (
-    maximise_from,
-    planar_reach_error,
-    postures_error,
-    sample_holdable_postures,
-    sample_postures_at,
-)
-from paretoik.errors import InvalidInput
+from paretoik.capability.postures import maximise_from, postures_error, sample_holdable_postures, sample_postures_at
+from paretoik.errors import InvalidInput, OutOfReach
 from paretoik.inputs import check_choice, check_seed, check_size, finite_array
 from paretoik.robot import kinematics
 from paretoik.robot.arm import Arm
@@ -64,7 +58,13 @@ def best_postures(
     values, q = np.empty(len(directions)), np.empty((len(directions), arm.dof))
     maximised = actuators.SPEED if quantity == "velocity" else actuators.HOLD
     if not planar_maxima.write_maxima((table, actuation.table, position, maximised), directions, values, q):
-        raise planar_reach_error(table, position)
+        lengths, base = table[0], table[3][:2]
+        shortest = max(0.0, 2 * float(lengths.max()) - float(lengths.sum()))
+        raise OutOfReach(
+            f"position: {position.tolist()} m is {np.linalg.norm(position - base):.10g} m from the first joint, "
+            f"the arm reaches from {shortest:.10g} m to {float(lengths.sum()):.10g} m",
+            sample=0,
+        )
     if (values < 0).any():
         postures = sample_postures_at(arm, position, min(samples, 400), rng)
         raise postures_error(arm, actuation, postures, position)
@@ -96,26 +96,15 @@ def _planar_table(arm: Arm) -> tuple[np.ndarray, ...] | None:
 class PerformancePolygon:
     """Highest speeds or forces of an arm along each direction from a position, with their postures.
 
-    Attributes
-    ----------
-    position
-        Position (task,) of the tool [m]; task is 2 for planar arms, else 3.
-    directions
-        Unit vectors (directions, task).
-    values
-        Speeds [m/s] or forces [N] (directions,) along the directions.
-    q
-        Postures (directions, dof), one per direction [rad, m].
-    dq
-        Joint velocities (directions, dof) [rad/s, m/s]; 0 for forces.
-    torque
-        Torques (directions, dof) of the joints [N m, N].
-    motor_speeds
-        Speeds (directions, motors, dof) of the joints' motors (motors = 1) or of front and back sliders (motors = 2).
-    motor_efforts
-        Efforts (directions, motors, dof) of the same motors [N m, N].
-    sliders
-        Front and back sliders (directions, 2, dof) [m]; None without sliders.
+    position: position (task,) of the tool [m]; task is 2 for planar arms, else 3
+    directions: unit vectors (directions, task)
+    values: speeds [m/s] or forces [N] (directions,) along the directions
+    q: postures (directions, dof), one per direction [rad, m]
+    dq: joint velocities (directions, dof) [rad/s, m/s]; 0 for forces
+    torque: torques (directions, dof) of the joints [N m, N]
+    motor_speeds: speeds (directions, motors, dof) of the joints' motors (motors = 1) or of front and back sliders (2)
+    motor_efforts: efforts (directions, motors, dof) of the same motors [N m, N]
+    sliders: front and back sliders (directions, 2, dof) [m]; None without sliders
     """
 
     arm: Arm
@@ -185,10 +174,39 @@ def directional_query(
 
 def performance_polygon(query: DirectionalQuery) -> PerformancePolygon:
     """Return the requested maxima. Raises OutOfReach, SolverFailed and Infeasible as the verb does."""
-    arm, actuation, rng = query.arm, query.actuation, np.random.default_rng(query.seed)
-    ways = query.position, query.directions
-    q = best_postures(arm, actuation, *ways, query.quantity, samples=query.starts, rng=rng)
-    return _polygon(arm, actuation, query.quantity, *ways, q)
+    arm, actuation, quantity, directions = query.arm, query.actuation, query.quantity, query.directions
+    rng = np.random.default_rng(query.seed)
+    q = best_postures(arm, actuation, query.position, directions, quantity, samples=query.starts, rng=rng)
+    columns, torque = kinematics.jacobian(arm, q)[:, : len(query.position), :], gravity_torques(arm, q)
+    if quantity == "velocity":
+        speeds = joint_speeds(actuation, q, torque)
+        values, dq = fastest_joint_speeds(columns, speeds.low, speeds.high, directions)
+        front = np.where(dq >= 0, speeds.front_high, speeds.front_low)
+        speed, effort = motor_speeds(actuation, q, front, torque, dq)
+    else:
+        capacity, front = torque_capacity(actuation, q)
+        values = greatest_forces(columns, -capacity - torque, capacity - torque, directions[:, None])[:, 0]
+        force = directions * np.where(np.isfinite(values), values, 0.0)[:, None]
+        torque, dq = torque + np.einsum("kaj,ka->kj", columns, force), np.zeros_like(q)
+        effort = actuation.ratios(q, front) * torque[:, None]
+        speed = np.zeros_like(effort)
+    sliders = None
+    if isinstance(actuation, DistributedActuation):
+        sliders = np.stack([front, actuation.gears(q, front)[0]], axis=1)
+    return PerformancePolygon(
+        arm=arm,
+        actuation=actuation,
+        quantity=quantity,
+        position=query.position,
+        directions=directions,
+        values=values,
+        q=q,
+        dq=dq,
+        torque=torque,
+        motor_speeds=speed,
+        motor_efforts=effort,
+        sliders=sliders,
+    )
 
 
 def unit_directions(directions: object, task: int) -> Float[np.ndarray, "directions task"]:
@@ -216,39 +234,3 @@ def unit_directions(directions: object, task: int) -> Float[np.ndarray, "directi
     if not length.all():
         raise InvalidInput(f"directions must be longer than 0, got one of 0 at index {int(np.argmin(length))}")
     return vectors / length
-
-
-def _polygon(
-    arm: Arm, actuation: Actuation, quantity: Quantity, position: np.ndarray, directions: np.ndarray, q: np.ndarray
-) -> PerformancePolygon:
-    """Return the maxima in postures, one per direction, with the speed and effort of every motor."""
-    columns, torque = kinematics.jacobian(arm, q)[:, : len(position), :], gravity_torques(arm, q)
-    if quantity == "velocity":
-        speeds = joint_speeds(actuation, q, torque)
-        values, dq = fastest_joint_speeds(columns, speeds.low, speeds.high, directions)
-        front = np.where(dq >= 0, speeds.front_high, speeds.front_low)
-        speed, effort = motor_speeds(actuation, q, front, torque, dq)
-    else:
-        capacity, front = torque_capacity(actuation, q)
-        values = greatest_forces(columns, -capacity - torque, capacity - torque, directions[:, None])[:, 0]
-        force = directions * np.where(np.isfinite(values), values, 0.0)[:, None]
-        torque, dq = torque + np.einsum("kaj,ka->kj", columns, force), np.zeros_like(q)
-        effort = actuation.ratios(q, front) * torque[:, None]
-        speed = np.zeros_like(effort)
-    sliders = None
-    if isinstance(actuation, DistributedActuation):
-        sliders = np.stack([front, actuation.gears(q, front)[0]], axis=1)
-    return PerformancePolygon(
-        arm=arm,
-        actuation=actuation,
-        quantity=quantity,
-        position=position,
-        directions=directions,
-        values=values,
-        q=q,
-        dq=dq,
-        torque=torque,
-        motor_speeds=speed,
-        motor_efforts=effort,
-        sliders=sliders,
-    )

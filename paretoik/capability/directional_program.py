@@ -20,7 +20,7 @@ from jaxtyping import Float
 from paretoik.capability.actuation import Actuation, DistributedActuation
 from paretoik.capability.actuator_kernels import gears
 from paretoik.capability.joint_capability import Quantity, joint_speeds, torque_capacity
-from paretoik.capability.smooth_functions import Lanes, LanesOf, SmoothTerm
+from paretoik.capability.smooth_functions import Lanes, LanesOf
 from paretoik.nlp.dense.traced_rows import AssembledRows, TracedRows, trace_rows
 from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arm import Arm
@@ -40,11 +40,6 @@ class DirectionalProgram:
     actuation: Actuation
     quantities: tuple[Quantity, ...]
     power: bool = False
-
-    @property
-    def task(self) -> int:
-        """Number of coordinates of a position."""
-        return 2 if self.arm.is_planar else 3
 
     @cached_property
     def sizes(self) -> dict[str, tuple[int, ...]]:
@@ -101,15 +96,9 @@ class DirectionalProgram:
 
     def posture_lanes(self, samples: int) -> LanesOf:
         """Return how users' functions of motions that stand still depend on the unknowns."""
-        joints = np.arange(self.slices["q"].start, self.slices["q"].stop)[None]
-
-        def lanes(_: SmoothTerm, __: list[int]) -> list[Lanes]:
-            rates = [0.0] * (3 * samples * self.arm.dof)
-            return [
-                Lanes(where=joints, parameters=np.zeros((1, 0)), inputs=lambda q, _: ([*(q * samples), *rates], 1.0))
-            ]
-
-        return lanes
+        joints, rates = np.arange(self.arm.dof)[None], [0.0] * (3 * samples * self.arm.dof)
+        lanes = Lanes(where=joints, parameters=np.zeros((1, 0)), inputs=lambda q, _: ([*(q * samples), *rates], 1.0))
+        return lambda *_: [lanes]
 
     def program(
         self,
@@ -129,7 +118,7 @@ def consecutive_slices(sizes: Mapping[str, int]) -> dict[str, slice]:
 
 @lru_cache(maxsize=32)
 def _transcribe(settings: DirectionalProgram) -> TracedRows:
-    task, arm, count = settings.task, settings.arm, len(settings.quantities)
+    arm, task, count = settings.arm, 2 if settings.arm.is_planar else 3, len(settings.quantities)
 
     def rows(z: list[Any], parameters: list[Any]) -> tuple[list[Any], list[Any]]:
         position, sizes = parameters[:task], parameters[-count:]
@@ -149,13 +138,13 @@ def _transcribe(settings: DirectionalProgram) -> TracedRows:
         equal: list[Any] = [place[a] - position[a] for a in range(task)]
         ratios, slacks = ratios_and_slacks(arm, settings.actuation, q, list(at["front"]))
         if "velocity" not in settings.quantities:  # rows of speeds contain it too
-            slacks += _stall_slacks(settings.actuation, ratios, load)
+            slacks += stall_slacks(settings.actuation, ratios, load)
         for k, (quantity, direction) in enumerate(zip(settings.quantities, directions, strict=True)):
             value, before = at["values"][k], settings.quantities[:k].count("velocity")
             if quantity == "force":
                 force = [sum(c * d for c, d in zip(column, direction, strict=True)) for column in columns]
                 torque = [gravity + value * share for gravity, share in zip(load, force, strict=True)]
-                slacks += _stall_slacks(settings.actuation, ratios, torque)
+                slacks += stall_slacks(settings.actuation, ratios, torque)
                 continue
             motors = at["motors"][before]
             speeds = [sum(r * u for r, u in zip(ratios[j], motors[:, j], strict=True)) for j in range(arm.dof)]
@@ -175,7 +164,7 @@ def _transcribe(settings: DirectionalProgram) -> TracedRows:
     return trace_rows(settings.unknowns, task + (task + 1) * count, rows)
 
 
-def _stall_slacks(actuation: Actuation, ratios: list[tuple[Any, ...]], torque: list[Any]) -> list[Any]:
+def stall_slacks(actuation: Actuation, ratios: list[tuple[Any, ...]], torque: list[Any]) -> list[Any]:
     """Return the slacks of motors at rest under the joints' torques [N m, N]; none for motors without a stall."""
     slacks = list[Any]()
     for m, curve in enumerate(actuation.curves):

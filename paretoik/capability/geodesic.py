@@ -98,15 +98,7 @@ OPTIONS = GeodesicOptions()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FastestPath:
-    """A path and its times.
-
-    Attributes
-    ----------
-    points
-        Points (n, task) of the path [m].
-    times
-        Times (n,) at the points [s].
-    """
+    """A path: its points (n, task) [m] and the times (n,) at them [s]."""
 
     points: Float[np.ndarray, "n task"]
     times: Float[np.ndarray, " n"]
@@ -123,22 +115,13 @@ class FastestPath:
 def path_time(model: SpeedModel, points: ArrayLike, *, tolerance: float = OPTIONS.time_tolerance) -> float:
     """Return the least time [s] in which the tool can follow a path.
 
-    Parameters
-    ----------
-    model
-        Model of the tool's speed.
-    points
-        Corners (n, task) of the path [m], with straight lines between them.
-    tolerance
-        Largest relative error of the time: samples are doubled until the time settles to it.
+    model: model of the tool's speed
+    points: corners (n, task) of the path [m], with straight lines between them
+    tolerance: largest relative error of the time: samples are doubled until the time settles to it
 
-    Raises
-    ------
-    InvalidInput
-        For points that are not finite or outside the model's box, a tolerance that is not above zero, and a model that
-        is not finite at some point.
-    SolverFailed
-        If the time has not settled at the finest samples: the model jumps.
+    Raises InvalidInput for points that are not finite or outside the model's box, a tolerance that is not above zero,
+    and a model that is not finite at some point; SolverFailed if the time has not settled at the finest samples: the
+    model jumps.
     """
     check_model(model)
     task, corners = len(model.lower), finite_array("points", points)
@@ -170,51 +153,34 @@ def fastest_path(
     fine quadrature, since a coarse sum can be below the true time. The search leaves saddles. If the model is smooth,
     the path is certainly a local optimum; it is the global one only as far as the starts reach.
 
-    Parameters
-    ----------
-    model
-        Model of the tool's speed.
-    start
-        First position (task,) of the tool [m].
-    target
-        Last position (task,) of the tool [m].
-    intervals
-        Number of pieces of the path, at least one.
-    out
-        Folder for the run: run.json, tool_path.npz with every array of the result, review.rrd, in which the tool moves
-        along the path, and picture.png.
-    overwrite
-        Flag: whether to replace a run in ``out``.
-    observe
-        Function that is called with a ``RunProgress`` while something is compiled or saved, as for ``plan``.
+    model: model of the tool's speed
+    start: first position (task,) of the tool [m]
+    target: last position (task,) of the tool [m]
+    intervals: number of pieces of the path, at least one
+    out: folder for the run: run.json, tool_path.npz with every array of the result, review.rrd, in which the tool moves
+        along the path, and picture.png
+    overwrite: whether to replace a run in ``out``
+    observe: function that is called with a ``RunProgress`` while something is compiled or saved, as for ``plan``
 
-    Raises
-    ------
-    InvalidInput
-        For ends that are not finite or outside the box, fewer than one interval, and a model that is not finite
-        somewhere.
-    SolverFailed
-        If no start leads to a minimum.
+    Raises InvalidInput for ends that are not finite or outside the box, fewer than one interval, and a model that is
+    not finite somewhere; SolverFailed if no start leads to a minimum.
     """
     check_size("intervals", intervals, 1)
     first, last = check_ends(model, start, target)
-    query = PathQuery(
-        verb="fastest_path", model=model, start=first, target=last, settings={"intervals": int(intervals)}
-    )
-    return run_path(
-        query, lambda: _find_fastest(model, first, last, intervals), out=out, overwrite=overwrite, observe=observe
-    )
 
+    def find() -> FastestPath:
+        paths = [_minimise_energy(model, points) for points in _initial_paths(model, first, last, intervals)]
+        optima = [path for path in paths if path is not None]
+        if not optima:
+            wish = f"fastest_path must reach an optimum within {OPTIONS.iterations} iterations"
+            raise SolverFailed(f"{wish}, no start does")
+        times = [_integrate_times(model, points, OPTIONS.time_tolerance) for points in optima]
+        best = int(np.argmin([pieces.sum() for pieces in times]))
+        return FastestPath(points=optima[best], times=np.append(0.0, np.cumsum(times[best])))
 
-def _find_fastest(model: SpeedModel, first: np.ndarray, last: np.ndarray, intervals: int) -> FastestPath:
-    """Return the fastest path that the starts lead to. Raises SolverFailed if none leads to a minimum."""
-    paths = [_minimise_energy(model, points) for points in _initial_paths(model, first, last, intervals)]
-    optima = [path for path in paths if path is not None]
-    if not optima:
-        raise SolverFailed(f"fastest_path must reach an optimum within {OPTIONS.iterations} iterations, no start does")
-    times = [_integrate_times(model, points, OPTIONS.time_tolerance) for points in optima]
-    best = int(np.argmin([pieces.sum() for pieces in times]))
-    return FastestPath(points=optima[best], times=np.append(0.0, np.cumsum(times[best])))
+    settings = {"intervals": int(intervals)}
+    query = PathQuery(verb="fastest_path", model=model, start=first, target=last, settings=settings)
+    return run_path(query, find, out=out, overwrite=overwrite, observe=observe)
 
 
 def _integrate_times(model: SpeedModel, points: np.ndarray, tolerance: float) -> Float[np.ndarray, " pieces"]:

@@ -165,10 +165,7 @@ class JointSpeeds:
 
 
 def joint_speeds(actuation: Actuation, q: Joints, torque: Joints) -> JointSpeeds:
-    """Return the speeds of joints under a torque, sliders at their best; all (*batch, dof).
-
-    Raises InvalidInput if the shapes of the arrays differ.
-    """
+    """Return the speeds of joints under a torque, sliders at their best; all (*batch, dof)."""
     high, low = (_joint_maxima(actuation, q, load, actuators.SPEED) for load in (torque, -torque))
     return JointSpeeds(low=-low[..., 0], high=high[..., 0], front_low=low[..., 1], front_high=high[..., 1])
 
@@ -225,7 +222,7 @@ def _fastest_motors(actuation: Actuation, ratios: np.ndarray, efforts: np.ndarra
 def torque_capacity(actuation: Actuation, q: Joints) -> tuple[Joints, Joints]:
     """Return the torque [N m, N] that each joint can hold at rest, and its front sliders; both (*batch, dof).
 
-    NaN if no slider fits. Raises InvalidInput if the shapes of the arrays differ.
+    NaN if no slider fits.
     """
     maxima = _joint_maxima(actuation, q, np.zeros_like(q), actuators.HOLD)
     return maxima[..., 0], maxima[..., 1]
@@ -274,25 +271,17 @@ def values_at(
 ) -> Float[np.ndarray, "*batch directions"]:
     """Return the maxima along each direction in postures (*batch, dof); NaN if a joint cannot hold the arm."""
     columns = kinematics.jacobian(arm, q)[..., : directions.shape[1], :]
-    low, high = _joint_ranges(arm, actuation, quantity, q)
-    return (highest_speeds if quantity == "velocity" else greatest_forces)(columns, low, high, directions)
-
-
-def _joint_ranges(arm: Arm, actuation: Actuation, quantity: Quantity, q: Joints) -> tuple[Joints, Joints]:
-    """Return the lowest and highest speeds, or added torques, of every joint; NaN if it cannot hold the arm."""
     torque = dynamics.gravity_torques(arm, q)
     if quantity == "velocity":
         speeds = joint_speeds(actuation, q, torque)
-        return speeds.low, speeds.high
+        return highest_speeds(columns, speeds.low, speeds.high, directions)
     capacity = torque_capacity(actuation, q)[0]
     capacity = np.where(np.abs(torque) <= capacity, capacity, np.nan)
-    return -capacity - torque, capacity - torque
+    return greatest_forces(columns, -capacity - torque, capacity - torque, directions)
 
 
 def _joint_maxima(actuation: Actuation, q: Joints, torque: Joints, quantity: int) -> np.ndarray:
     q, torque = (np.ascontiguousarray(each, dtype=float) for each in (q, torque))
-    if q.shape != torque.shape or not q.ndim or q.shape[-1] != actuation.dof:
-        raise InvalidInput(f"q and torque must have shape (..., {actuation.dof}), got {q.shape} and {torque.shape}")
     maxima = np.empty((q.size // actuation.dof, actuation.dof, 2))
     flat = (each.reshape(-1, actuation.dof) for each in (q, torque))
     actuators.joint_maxima(actuation.table, *flat, quantity, maxima)

@@ -7,6 +7,7 @@ are within bounds at the samples: the same few rows are repeated.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import pairwise
@@ -17,7 +18,7 @@ from jaxtyping import Float
 
 from paretoik.arrays import JointPaths
 from paretoik.capability.actuation import Actuation, DistributedActuation
-from paretoik.capability.directional_program import consecutive_slices, gear_ratios, ratios_and_slacks
+from paretoik.capability.directional_program import consecutive_slices, gear_ratios, ratios_and_slacks, stall_slacks
 from paretoik.capability.smooth_functions import Lanes, SmoothTerm
 from paretoik.errors import InvalidInput
 from paretoik.nlp.dense.traced_rows import AssembledRows, Part, TracedRows, trace_rows
@@ -34,17 +35,11 @@ from paretoik.robot.dynamics import gravity_torques
 class Timing:
     """Least times of the intervals between samples, and the travel and effort of motors.
 
-    Attributes
-    ----------
-    intervals
-        Times (*batch, intervals) [s]; NaN if a motor cannot bear its effort.
-    travel
-        Travel of motors (*batch, intervals, motors, dof) [rad or m].
-    effort
-        Effort of motors (*batch, intervals, motors, dof) [N m or N].
-    overload
-        Excess of the worst effort, in intervals or at samples, over its motor's capacity as a share (*batch,); negative
-        without any.
+    intervals: times (*batch, intervals) [s]; NaN if a motor cannot bear its effort
+    travel: travel of motors (*batch, intervals, motors, dof) [rad or m]
+    effort: effort of motors (*batch, intervals, motors, dof) [N m or N]
+    overload: excess of the worst effort, in intervals or at samples, over its motor's capacity as a share (*batch,);
+        negative without any
     """
 
     intervals: Float[np.ndarray, "*batch intervals"]
@@ -239,13 +234,13 @@ class PointToPointProgram:
         reach, dof = int((last - first).max()), self.arm.dof
         near = np.minimum(first, nonzero.shape[1] - reach)[:, None] + np.arange(reach)
         weights = np.take_along_axis(weights, near[:, None], axis=2)
-        count = max(orders, 1)
-        intervals = (window[:, :1] - 1 - np.arange(count)) % (len(self.spline) - 1)  # wrapped if it does not exist
+        before = window[:, :1] - 1 - np.arange(max(orders, 1))
+        intervals = before % (len(self.spline) - 1)  # wrapped if it does not exist
 
         def inputs(z: list[Any], p: list[Any]) -> tuple[list[Any], Any]:
             table = np.array(z[: reach * dof], dtype=object).reshape(reach, dof)
             rows = np.array(p, dtype=object).reshape(-1, reach)
-            q = [[sum(w * c for w, c in zip(row, table[:, j], strict=True)) for j in range(dof)] for row in rows]
+            q = [_combine(row, table) for row in rows]
             steps = [step * self.pace for step in z[reach * dof :]]
             rates = backward_rates(q[::-1], steps[: len(q) - 1][::-1])
             return [x for order in rates for x in order[-1]], steps[0]
@@ -257,10 +252,7 @@ class PointToPointProgram:
     def _whole_inputs(self, z: list[Any], _: list[Any]) -> tuple[list[Any], Any]:
         count, dof = self.spline.shape[1], self.arm.dof
         table = np.array(z[: count * dof], dtype=object).reshape(count, dof)
-        q = [
-            [sum(float(w) * c for w, c in zip(row, table[:, j], strict=True)) for j in range(dof)]
-            for row in self.spline
-        ]
+        q = [_combine(row.tolist(), table) for row in self.spline]
         steps = [step * self.pace for step in z[count * dof :]]
         return [x for order in backward_rates(q, steps) for row in order for x in row] + steps, 1.0
 
@@ -304,11 +296,7 @@ def _sample(arm: Arm, actuation: Actuation, reach: int) -> TracedRows:
         q, front = _at(arm, actuation, z, weights)
         load = dynamics.torque_components(arm, q, [0.0] * arm.dof, [0.0] * arm.dof)
         ratios, slacks = ratios_and_slacks(arm, actuation, q, front)
-        for m, curve in enumerate(actuation.curves):
-            for j in np.flatnonzero(np.isfinite(curve.stall)):
-                share = ratios[j][m] * load[j] / curve.stall[j]
-                slacks += [1.0 - share, 1.0 + share]
-        return [], slacks
+        return [], slacks + stall_slacks(actuation, ratios, load)
 
     return trace_rows(reach * arm.dof * len(actuation.curves), reach, rows)
 
@@ -344,9 +332,12 @@ def _interval(arm: Arm, actuation: Actuation, reach: int, pace: float, work_unit
 
 def _at(arm: Arm, actuation: Actuation, z: list[Any], weights: list[Any]) -> tuple[list[Any], list[Any]]:
     """Return joints and front sliders [m] at a sample, from coefficients and their weights."""
-    reach, dof = len(weights), arm.dof
-    table = np.array(z, dtype=object).reshape(-1, reach, dof)
-    q, *front = [[sum(w * c for w, c in zip(weights, part[:, j], strict=True)) for j in range(dof)] for part in table]
+    q, *front = [_combine(weights, part) for part in np.array(z, dtype=object).reshape(-1, len(weights), arm.dof)]
     if not isinstance(actuation, DistributedActuation):
-        return q, [0.0] * dof
+        return q, [0.0] * arm.dof
     return q, [share * rod for share, rod in zip(front[0], actuation.rod, strict=True)]
+
+
+def _combine(weights: Iterable[Any], coefficients: np.ndarray) -> list[Any]:
+    """Return the weighted sum of coefficients (reach, dof) of each joint."""
+    return [sum(w * c for w, c in zip(weights, column, strict=True)) for column in coefficients.T]

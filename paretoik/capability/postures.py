@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 
 from paretoik.arrays import Joints
 from paretoik.capability.actuation import Actuation, DistributedActuation
 from paretoik.capability.directional_program import DirectionalProgram
 from paretoik.capability.joint_capability import Quantity, joint_speeds, overload_error, torque_capacity, values_at
-from paretoik.errors import EvaluationFailed, Infeasible, InvalidInput, OutOfReach, ParetoikError, SolverFailed
+from paretoik.errors import EvaluationFailed, Infeasible, InvalidInput, OutOfReach, SolverFailed
 from paretoik.nlp.dense.dense_program import DenseProgram
 from paretoik.nlp.minimise import minimise
 from paretoik.nlp.program import InteriorPointOptions
@@ -59,70 +59,35 @@ def maximise_from(
 
     The best posture of one direction is tried for all others; those that it improves ascend from there again.
     """
-    search = MultistartAscent(arm, actuation, position, directions, quantity, starts)
-    waiting = list(range(len(directions)))
-    for turn in range(ASCENT_OPTIONS.rounds):
-        for k in waiting:
-            search.ascend_from_best(k) if turn == 0 else search.ascend(k, search.q[search.best[k]], near=True)
-        waiting = search.improved_elsewhere()
-    return search.q[search.best]
+    program = DirectionalProgram(arm=arm, actuation=actuation, quantities=(quantity,))
+    parts = np.array_split(starts, -(-len(starts) // ASCENT_OPTIONS.batch))
+    q, values = starts, np.concatenate([values_at(arm, actuation, directions, quantity, part) for part in parts])
+    ascended = np.zeros(len(directions))
 
+    def climb(k: int, start: np.ndarray, *, near: bool) -> float:
+        """Ascend along direction k, keep the end point, and return its value, 0 without one."""
+        nonlocal q, values
+        size = float(values[:, k].max())
+        end = ascend(program, position, directions[k], size, start, near=near) if 0 < size < np.inf else None
+        found = np.full((1, 1), np.nan) if end is None else values_at(arm, actuation, directions, quantity, end[None])
+        if end is None or np.isnan(found).any():
+            return 0.0
+        q, values = np.concatenate([q, end[None]]), np.concatenate([values, found])
+        ascended[k] = max(ascended[k], float(found[0, k]))
+        return float(found[0, k])
 
-class MultistartAscent:
-    """Postures that can be held, end points included, and their ``values`` (postures, directions)."""
-
-    def __init__(
-        self,
-        arm: Arm,
-        actuation: Actuation,
-        position: np.ndarray,
-        directions: np.ndarray,
-        quantity: Quantity,
-        starts: np.ndarray,
-    ) -> None:
-        self.arm, self.actuation, self.position = arm, actuation, position
-        self.directions, self.quantity = directions, quantity
-        self.program = DirectionalProgram(arm=arm, actuation=actuation, quantities=(quantity,))
-        parts = np.array_split(starts, -(-len(starts) // ASCENT_OPTIONS.batch))
-        self.q = starts
-        self.values = np.concatenate([values_at(arm, actuation, directions, quantity, part) for part in parts])
-        self.ascended = np.zeros(len(directions))
-
-    @property
-    def best(self) -> Int[np.ndarray, " directions"]:
-        """Index of the best posture along each direction."""
-        index: np.ndarray = self.values.argmax(axis=0)
-        return index
-
-    def ascend_from_best(self, k: int) -> None:
-        """Ascend along a direction from its best postures until the best end point repeats, or enough were tried."""
+    for k in range(len(directions)):  # from its best postures, until the best end point repeats or enough were tried
         ends = list[float]()
-        for start in distant_postures(self.arm, self.q[np.argsort(-self.values[:, k], kind="stable")]):
-            ends.append(self.ascend(k, start))
+        for start in distant_postures(arm, q[np.argsort(-values[:, k], kind="stable")]):
+            ends.append(climb(k, start, near=False))
             best = np.sum(np.array(ends) >= max(ends) * (1 - ASCENT_OPTIONS.value_tolerance))
             if len(ends) >= ASCENT_OPTIONS.smallest and best >= ASCENT_OPTIONS.repeats:
                 break
-
-    def ascend(self, k: int, start: np.ndarray, *, near: bool = False) -> float:
-        """Ascend along a direction from a posture, store the end point, and return its value, 0 without one."""
-        size = float(self.values[:, k].max())
-        if not 0 < size < np.inf:
-            return 0.0
-        q = ascend(self.program, self.position, self.directions[k], size, start, near=near)
-        if q is None:
-            return 0.0
-        values = values_at(self.arm, self.actuation, self.directions, self.quantity, q[None])
-        if np.isnan(values).any():
-            return 0.0
-        self.q, self.values = np.concatenate([self.q, q[None]]), np.concatenate([self.values, values])
-        self.ascended[k] = max(self.ascended[k], float(values[0, k]))
-        return float(values[0, k])
-
-    def improved_elsewhere(self) -> list[int]:
-        """Return the directions whose best posture came from another direction."""
-        limit = self.ascended * (1 + ASCENT_OPTIONS.value_tolerance)
-        improved: list[int] = np.flatnonzero(self.values.max(axis=0) > limit).tolist()
-        return improved
+    for _ in range(ASCENT_OPTIONS.rounds - 1):  # from the best posture of another direction, if that is better
+        improved = values.max(axis=0) > ascended * (1 + ASCENT_OPTIONS.value_tolerance)
+        for k in np.flatnonzero(improved).tolist():
+            climb(k, q[values[:, k].argmax()], near=True)
+    return q[values.argmax(axis=0)]
 
 
 def ascend(
@@ -223,7 +188,10 @@ def sample_postures_at(
     task = stationary_task(arm, position)
     q = sample_postures(task, samples, rng)
     if not len(q):
-        raise reach_error_at(reach_error(task, rng, 0), position)
+        error = reach_error(task, rng, 0)
+        if isinstance(error, OutOfReach):
+            raise OutOfReach(f"position out of reach: {str(error).split(': ', 1)[1]}", sample=0)
+        raise SolverFailed(f"position: no posture was found that reaches {position.tolist()} m; more samples may")
     lower, upper = arm.position_limits.T
     for j in np.flatnonzero(arm.periodic):
         column = q[:, j]
@@ -302,21 +270,3 @@ def postures_error(arm: Arm, actuation: Actuation, q: np.ndarray, position: np.n
         f"past them in the best of {len(q)} postures that reach {position.tolist()} m",
         limit=f"position of {arm.joint_names[joint]}",
     )
-
-
-def planar_reach_error(table: tuple[np.ndarray, ...], position: np.ndarray) -> OutOfReach:
-    """Return the error of a position that no posture of a planar arm with three joints reaches."""
-    lengths, base = table[0], table[3][:2]
-    shortest = max(0.0, 2 * float(lengths.max()) - float(lengths.sum()))
-    return OutOfReach(
-        f"position: {position.tolist()} m is {np.linalg.norm(position - base):.10g} m from the first joint, "
-        f"the arm reaches from {shortest:.10g} m to {float(lengths.sum()):.10g} m",
-        sample=0,
-    )
-
-
-def reach_error_at(error: ParetoikError, position: np.ndarray) -> ParetoikError:
-    """Return the error of a task as one of a position: out of reach, or no posture found."""
-    if isinstance(error, OutOfReach):
-        return OutOfReach(f"position out of reach: {str(error).split(': ', 1)[1]}", sample=0)
-    return SolverFailed(f"position: no posture was found that reaches {position.tolist()} m; more samples may")

@@ -1,8 +1,7 @@
 """Users' functions of motions for small dense programs: traced, with epigraph variables for kinks.
 
-Its few unknowns determine the samples of a motion. A term, a function with its sense, is traced
-once by positions and their rates, at one sample if it uses one at a time. The program says how these depend on the
-unknowns.
+Its few unknowns determine the samples of a motion. A term, a function with its sense, is traced once by positions and
+their rates, at one sample if it uses one at a time. The program says how these depend on the unknowns.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from paretoik.autodiff.kinks import Reformulation, copy_entries, reformulate_cho
 from paretoik.autodiff.operations import Op
 from paretoik.autodiff.tape import Expression, as_entry
 from paretoik.autodiff.tracing import TracedArray
-from paretoik.nlp.dense.traced_rows import Part, trace_rows
+from paretoik.nlp.dense.traced_rows import Part, TracedRows, trace_rows
 from paretoik.task.limits import Constraint
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
@@ -281,7 +280,11 @@ class TermRows:
 
     def parts(self, lanes_of: LanesOf) -> tuple[Part, ...]:
         """Return the rows."""
-        parts = [self._mean_interval()] if self.reads_duration else []
+        parts, none = list[Part](), np.zeros((1, 0))
+        if self.reads_duration:
+            count, where = len(self.intervals), np.append(self.intervals, self.first)[None]
+            mean = trace_rows(count + 1, 0, lambda z, _: ([z[-1] - sum(z[:-1], start=0.0) * (1 / count)], []))
+            parts.append(Part(program=mean, where=where, parameters=none))
         for term, (tops, variables) in zip(self.terms, self.places, strict=True):
             samples, done = self.lanes(term), 0
             for lanes in lanes_of(term, samples):
@@ -289,11 +292,12 @@ class TermRows:
                 rows = slice(done, done + count)
                 top = tops[rows, None] if term.is_sum else np.tile(tops, (count, 1))
                 numbers = term.parameters[samples[rows]] if term.local else term.parameters
-                mean = np.full((count, int(term.reads_duration)), self.first)
-                parts.append(self._part(term, lanes, np.concatenate([variables[rows], mean, top], axis=1), numbers))
+                interval = np.full((count, int(term.reads_duration)), self.first)
+                unknowns = np.concatenate([variables[rows], interval, top], axis=1)
+                parts.append(self._part(term, lanes, unknowns, numbers))
                 done += count
             if term.is_sum and not term.term.is_objective:
-                parts.append(_bounded_sum(tops, term.term.upper))
+                parts.append(Part(program=_bounded_sum(len(tops), term.term.upper), where=tops[None], parameters=none))
         return tuple(parts)
 
     def _part(self, term: SmoothTerm, lanes: Lanes, unknowns: np.ndarray, numbers: np.ndarray) -> Part:
@@ -317,12 +321,6 @@ class TermRows:
         parameters = np.concatenate([lanes.parameters, numbers], axis=1)
         return Part(program=trace_rows(where.shape[1], parameters.shape[1], rows), where=where, parameters=parameters)
 
-    def _mean_interval(self) -> Part:
-        count = len(self.intervals)
-        program = trace_rows(count + 1, 0, lambda z, _: ([z[-1] - sum(z[:-1], start=0.0) * (1 / count)], []))
-        return Part(program=program, where=np.append(self.intervals, self.first)[None], parameters=np.zeros((1, 0)))
 
-
-def _bounded_sum(tops: np.ndarray, upper: float) -> Part:
-    program = trace_rows(len(tops), 0, lambda z, _: ([], [upper - sum(z, start=0.0)]))
-    return Part(program=program, where=tops[None], parameters=np.zeros((1, 0)))
+def _bounded_sum(count: int, upper: float) -> TracedRows:
+    return trace_rows(count, 0, lambda z, _: ([], [upper - sum(z, start=0.0)]))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from jaxtyping import Float
@@ -30,14 +30,6 @@ from paretoik.tables import field_representation, html_representation
 Positions: TypeAlias = Float[np.ndarray, "samples task"]
 Directions: TypeAlias = Float[np.ndarray, "directions task"]
 Speeds: TypeAlias = Float[np.ndarray, "samples directions"]
-
-
-class Samples(NamedTuple):
-    """Speeds [m/s] at positions [m] along unit vectors."""
-
-    positions: Positions
-    directions: Directions
-    speeds: Speeds
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -79,7 +71,7 @@ def fit_errors(model: SpeedModel, positions: Positions, directions: Directions, 
     )
 
 
-def checked_samples(positions: object, directions: object, speeds: object) -> Samples:
+def checked_samples(positions: object, directions: object, speeds: object) -> tuple[Positions, Directions, Speeds]:
     """Return the arrays as numbers. Raises InvalidInput unless they are speeds at positions along unit vectors."""
     places, vectors = _matrix("positions", positions), _matrix("directions", directions)
     task = places.shape[1]
@@ -100,7 +92,7 @@ def checked_samples(positions: object, directions: object, speeds: object) -> Sa
         raise InvalidInput(
             f"speeds must be positive numbers, got {values[sample, k]} at position {sample}, direction {k}"
         )
-    return Samples(places, vectors, values)
+    return places, vectors, values
 
 
 def check_determined(directions: Directions) -> None:
@@ -156,29 +148,16 @@ def fit_ellipsoids(
     maxima. Loading cvxpy takes about two seconds. Source: Kim, Choi & Jang 2021, Eq. 5, with P in place of radii and an
     angle.
 
-    Parameters
-    ----------
-    positions
-        Positions (samples, task) [m], task 2 or 3.
-    directions
-        Unit vectors (directions, task), evenly spread, for instance 32 in the plane for safe fits; opposite ones add
-        nothing.
-    speeds
-        Directional maxima (samples, directions) [m/s].
-    degree
-        Total degree of the polynomials.
-    safe
-        Flag: whether to satisfy log(fitted / true) ≤ −margin at every sample; it is not certain elsewhere.
-    margin
-        Margin of a safe fit, at least 0; 0.02 is about 2 %.
+    positions: positions (samples, task) [m], task 2 or 3
+    directions: unit vectors (directions, task), evenly spread, for instance 32 in the plane for safe fits; opposite
+        ones add nothing
+    speeds: directional maxima (samples, directions) [m/s]
+    degree: total degree of the polynomials
+    safe: whether to satisfy log(fitted / true) ≤ −margin at every sample; it is not certain elsewhere
+    margin: margin of a safe fit, at least 0; 0.02 is about 2 %
 
-    Raises
-    ------
-    InvalidInput
-        For arrays whose shapes differ, speeds that are not positive, and positions or directions that do not determine
-        the model.
-    SolverFailed
-        If the program has no solution that directions determine.
+    Raises InvalidInput for arrays whose shapes differ, speeds that are not positive, and positions or directions that
+    do not determine the model; SolverFailed if the program has no solution that directions determine.
     """
     if not finite_array("margin", margin, ()) >= 0.0 or (margin > 0.0 and not safe):
         raise InvalidInput(f"margin must be a finite number of at least 0, and 0 unless safe, got {shown(margin)}")
@@ -222,23 +201,18 @@ def fit_axes(positions: Positions, directions: Directions, speeds: Speeds) -> Ax
     design, triangular = orthogonal_design(empty, positions)
     squares, vectors = np.linalg.eigh(ellipsoids_at(directions, speeds))
     major, minor = 1.0 / np.sqrt(squares.T)
-    angles = continued_angles(positions, np.arctan2(vectors[:, 1, 0], vectors[:, 0, 0]))
+    # Each angle is the nearest, modulo π, to that of a neighbour along a shortest spanning tree.
+    angles = np.arctan2(vectors[:, 1, 0], vectors[:, 0, 0])
+    distances = 1.0 + np.linalg.norm(positions[:, None] - positions, axis=-1)  # the same tree; 0 would mean no edge
+    order, parents = breadth_first_order(minimum_spanning_tree(distances), 0, directed=False)
+    for index in order[1:]:
+        angles[index] -= np.pi * np.round((angles[index] - angles[parents[index]]) / np.pi)
     for _ in angles:  # the squared errors fall every time, or no longer change
         fitted = design @ (design.T @ angles) / len(positions)
         angles = angles + np.pi * np.round((fitted - angles) / np.pi)
     coefficients = np.linalg.solve(triangular, design.T @ np.stack([major, minor, angles], axis=1)) / len(positions)
     axes = replace(empty, coefficients=coefficients)
     return AxesEllipses(axes=axes, lower=positions.min(axis=0), upper=positions.max(axis=0))
-
-
-def continued_angles(positions: Positions, angles: Float[np.ndarray, " samples"]) -> Float[np.ndarray, " samples"]:
-    """Return angles plus multiples of π, each nearest to that of a neighbour, along a shortest spanning tree."""
-    weights = 1.0 + np.linalg.norm(positions[:, None] - positions, axis=-1)  # the same tree; 0 would mean no edge
-    order, parents = breadth_first_order(minimum_spanning_tree(weights), 0, directed=False)
-    continued = angles.copy()
-    for index in order[1:]:
-        continued[index] -= np.pi * np.round((continued[index] - continued[parents[index]]) / np.pi)
-    return continued
 
 
 def ellipsoids_at(directions: Directions, speeds: Speeds) -> Float[np.ndarray, "samples task task"]:

@@ -2,8 +2,7 @@
 
 Directional maxima are polygons (unions over postures, not convex), one at each position. A model is an ellipse or
 ellipsoid at every position, smooth in the position. Source: Kim, Choi & Jang 2021, Model-predictive-control-based
-time-optimal trajectory planning of the distributed actuation mechanism, section 3.1 and Eq. 5. ``speed_ellipsoids``
-fits them.
+time-optimal trajectory planning of the distributed actuation mechanism, section 3.1 and Eq. 5. ``speed_fit`` fits them.
 """
 
 from __future__ import annotations
@@ -160,17 +159,10 @@ class SpeedModel(Protocol):
 class PolynomialEllipsoids:
     """Ellipsoids vᵀ P v ≤ 1 with P = Q(p) / s(p)²; log s and the entries of Q are polynomials.
 
-    Attributes
-    ----------
-    lower
-        Lower corner (task,) of the box of valid positions [m].
-    upper
-        Upper corner (task,) of the box of valid positions [m].
-    polynomials
-        Polynomials of log s, s in m/s, and of the entries of the symmetric Q on and above its diagonal, row by row.
+    polynomials: polynomials of log s, s in m/s, and of the entries of the symmetric Q on and above its diagonal, row by
+        row
+    lower, upper: corners (task,) of the box of valid positions [m]
 
-    Notes
-    -----
     A fit makes Q positive definite within the box; R is not finite if Q is not positive definite.
     """
 
@@ -209,14 +201,8 @@ class AxesEllipses:
     around a position, and the polynomials a and b may fall below zero.
     Source: Kim, Choi & Jang 2021, Eq. 5.
 
-    Attributes
-    ----------
-    lower
-        Lower corner (2,) of the box of valid positions [m].
-    upper
-        Upper corner (2,) of the box of valid positions [m].
-    axes
-        Polynomials of a, b and c.
+    axes: polynomials of a, b and c
+    lower, upper: corners (2,) of the box of valid positions [m]
     """
 
     axes: Polynomials

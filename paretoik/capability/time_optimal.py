@@ -25,14 +25,12 @@ from paretoik.capability.geodesic import (
 from paretoik.capability.path_runs import PathQuery, run_path
 from paretoik.capability.speed_models import SpeedModel, check_model
 from paretoik.errors import InvalidInput, SolverFailed
-from paretoik.inputs import ArrayLike, check_choice, check_size, finite_array, shown
+from paretoik.inputs import ArrayLike, check_choice, check_size, finite_array
 from paretoik.nlp.convex_programs import IntervalSolver, Pieces
 from paretoik.tables import field_representation, html_representation
 from paretoik.task.limits import LIMIT_TOLERANCE
 
 # Plans of time-optimal control: the fastest path to the target in a few pieces, by second-order cone programs.
-# Source: Kim, Choi & Jang 2021, Eq. 6, as printed or with a common interval (see ``fastest_plan``).
-# default the pieces have one interval in common, and their limit in their middle.
 
 
 Formulation: TypeAlias = Literal["midpoint", "printed"]
@@ -56,16 +54,10 @@ OPTIONS = PlannerOptions()
 class Plan:
     """A plan from a position to the target.
 
-    Attributes
-    ----------
-    points
-        Points (pieces + 1, task) from the position to the target [m].
-    intervals
-        Times (pieces,) between the points [s].
-    velocity
-        Velocity (task,) along the first piece [m/s], as fast as the limit allows at its beginning.
-    iterations
-        Number of cone programs solved.
+    points: points (pieces + 1, task) from the position to the target [m]
+    intervals: times (pieces,) between the points [s]
+    velocity: velocity (task,) along the first piece [m/s], as fast as the limit allows at its beginning
+    iterations: number of cone programs solved
     """
 
     points: Float[np.ndarray, "points task"]
@@ -79,39 +71,22 @@ class Plan:
         return float(self.intervals.sum())
 
 
-def fastest_plan(
-    model: SpeedModel,
-    position: ArrayLike,
-    target: ArrayLike,
-    *,
-    horizon: int = 10,
-    formulation: Formulation = "midpoint",
-) -> Plan:
-    """Return the plan from a position to a target (task,) [m] with the least claimed time.
-
-    It has ``horizon`` pieces. The unknowns are the points between the pieces and the intervals. The velocity limit ‖R
-    v‖ ≤ 1 is linearised around the last path, again and again, which gives second-order cone programs; each step goes
-    as far as the true time falls.
-
-    Source: Kim, Choi & Jang 2021, Eq. 6; ``formulation="printed"`` is that equation to the letter. There every piece
-    has an interval of its own and its limit at its beginning: one long piece from a place at which the tool is quick
-    jumps over all slow places. By default the pieces have one common interval and their limit in the middle.
-
-    Raises InvalidInput for ends that are not finite or outside the model's box, a horizon below 1, an unknown
-    formulation, and a model that is not finite somewhere; SolverFailed if the iterations do not converge.
-    """
-    planner = Planner(model, horizon=horizon, formulation=formulation)
-    first, last = check_ends(model, position, target)
-    return planner.plan(planner.initial_points(first, last))
-
-
 class Planner:
-    """Plans for one model and horizon; the cone program is built once. Raises InvalidInput as ``fastest_plan``."""
+    """Plans of the least claimed time for one model, with ``horizon`` pieces; the cone program is built once.
+
+    The unknowns are the points between the pieces and the intervals. The velocity limit ‖R v‖ ≤ 1 is linearised around
+    the last path, again and again, which gives second-order cone programs; each step goes as far as the true time
+    falls.
+
+    Source: Kim, Choi & Jang 2021, Eq. 6; the formulation "printed" is that equation to the letter. There every piece
+    has an interval of its own and its limit at its beginning: one long piece from a place at which the tool is quick
+    jumps over all slow places. With "midpoint" the pieces have one common interval and their limit in the middle.
+
+    Raises InvalidInput for a horizon below 1.
+    """
 
     def __init__(self, model: SpeedModel, *, horizon: int, formulation: Formulation) -> None:
         check_size("horizon", horizon, 1)
-        if formulation not in PLACES:
-            raise InvalidInput(f"formulation must be one of {', '.join(PLACES)}, got {shown(formulation)}")
         self.model, self.horizon = model, horizon
         self._place, self._common = PLACES[formulation], formulation == "midpoint"
         self._solver = IntervalSolver(horizon, len(model.lower), common=self._common) if horizon > 1 else None
@@ -194,28 +169,16 @@ class Planner:
 class TimeOptimalRun:
     """Result of time-optimal control, sample by sample, one period apart.
 
-    Attributes
-    ----------
-    times
-        Times (n,) of the samples [s].
-    references
-        References (n, task) of the tool [m].
-    positions
-        Positions (n, task) of the tool [m].
-    velocities
-        Commanded velocities (n − 1, task) [m/s], each for one period.
-    cuts
-        Number of commands below what the controller asked for.
-    to_go
-        Claimed time (plans,) of each plan [s]; there is a plan every period until the target is less than one away.
-    seconds
-        Computing time (plans,) of each plan [s].
-    iterations
-        Number of cone programs (plans,) of each plan.
-    arrival
-        Time at which the reference reaches the target [s].
-    settled
-        Time at which the tool reaches it within the tolerance [s].
+    times: times (n,) of the samples [s]
+    references: references (n, task) of the tool [m]
+    positions: positions (n, task) of the tool [m]
+    velocities: commanded velocities (n − 1, task) [m/s], each for one period
+    cuts: number of commands below what the controller asked for
+    to_go: claimed time (plans,) of each plan [s]; there is a plan every period until the target is less than one away
+    seconds: computing time (plans,) of each plan [s]
+    iterations: number of cone programs (plans,) of each plan
+    arrival: time at which the reference reaches the target [s]
+    settled: time at which the tool reaches it within the tolerance [s]
     """
 
     times: Float[np.ndarray, " n"]
@@ -260,41 +223,24 @@ def time_optimal_control(
     and say nothing about an arm that is slower than its model.
     Source: Kim, Choi & Jang 2021, Eqs. 6 and 7, with the gain, the cut and the two ends added.
 
-    Parameters
-    ----------
-    model
-        Model of the tool's speed.
-    start
-        First reference (task,) [m].
-    target
-        Target (task,) of the tool [m].
-    horizon
-        Number of pieces of a plan, at least 1.
-    period
-        Time from one plan to the next [s].
-    gain
-        Gain of the controller [1/s], at most 1 / period.
-    tolerance
-        Distance from the target [m] at which the control ends.
-    initial
-        First position (task,) of the tool [m]; None: the start.
-    formulation
-        Formulation of the plans, "midpoint" or "printed", as in ``fastest_plan``.
-    out
-        Folder for the run: run.json, tool_path.npz with every array of the result, review.rrd, in which the tool moves
-        along its path, and picture.png.
-    overwrite
-        Flag: whether to replace a run in ``out``.
-    observe
-        Function that is called with a ``RunProgress`` while something is compiled or saved, as for ``plan``.
+    model: model of the tool's speed
+    start: first reference (task,) [m]
+    target: target (task,) of the tool [m]
+    horizon: number of pieces of a plan, at least 1
+    period: time from one plan to the next [s]
+    gain: gain of the controller [1/s], at most 1 / period
+    tolerance: distance from the target [m] at which the control ends
+    formulation: formulation of the plans, "midpoint" or "printed", as in ``Planner``
+    initial: first position (task,) of the tool [m]; None: the start
+    out: folder for the run: run.json, tool_path.npz with every array of the result, review.rrd, in which the tool moves
+        along its path, and picture.png
+    overwrite: whether to replace a run in ``out``
+    observe: function that is called with a ``RunProgress`` while something is compiled or saved, as for ``plan``
 
-    Raises
-    ------
-    InvalidInput
-        For positions that are not finite or outside the model's box, a horizon below 1, a period or tolerance not above
-        0, a gain outside (0, 1 / period], an unknown formulation, and a model that is not finite somewhere.
-    SolverFailed
-        If a plan does not converge, or the reference has not arrived after ten times the straight line's time.
+    Raises InvalidInput for positions that are not finite or outside the model's box, a horizon below 1, a period or
+    tolerance not above 0, a gain outside (0, 1 / period], an unknown formulation, and a model that is not finite
+    somewhere; SolverFailed if a plan does not converge, or the reference has not arrived after ten times the straight
+    line's time.
     """
     check_model(model)
     check_choice("formulation", formulation, get_args(Formulation))
@@ -316,41 +262,25 @@ def time_optimal_control(
         "initial": None if initial is None else tool.tolist(),
     }
     query = PathQuery(verb="time_optimal_control", model=model, start=first, target=last, settings=settings)
-    return run_path(
-        query,
-        lambda: _control(planner, first, last, tool, period=period, gain=gain, tolerance=tolerance),
-        out=out,
-        overwrite=overwrite,
-        observe=observe,
-    )
 
+    def control() -> TimeOptimalRun:
+        references, plans, seconds = _reference(planner, first, last, period)
+        positions, velocities, cuts = _track(model, tool, references, period, gain, tolerance)
+        times = period * np.arange(len(positions))
+        return TimeOptimalRun(
+            times=times,
+            references=np.vstack([references, np.tile(last, (len(positions) - len(references), 1))]),
+            positions=positions,
+            velocities=velocities,
+            cuts=cuts,
+            to_go=np.array([plan.time_to_go for plan in plans]),
+            seconds=np.array(seconds),
+            iterations=np.array([plan.iterations for plan in plans], dtype=int),
+            arrival=float(times[len(references) - 1]),
+            settled=float(times[-1]),
+        )
 
-def _control(
-    planner: Planner,
-    first: np.ndarray,
-    last: np.ndarray,
-    tool: np.ndarray,
-    *,
-    period: float,
-    gain: float,
-    tolerance: float,
-) -> TimeOptimalRun:
-    """Return the result of the control. Raises SolverFailed as ``time_optimal_control`` says."""
-    references, plans, seconds = _reference(planner, first, last, period)
-    positions, velocities, cuts = _track(planner.model, tool, references, period, gain, tolerance)
-    times = period * np.arange(len(positions))
-    return TimeOptimalRun(
-        times=times,
-        references=np.vstack([references, np.tile(last, (len(positions) - len(references), 1))]),
-        positions=positions,
-        velocities=velocities,
-        cuts=cuts,
-        to_go=np.array([plan.time_to_go for plan in plans]),
-        seconds=np.array(seconds),
-        iterations=np.array([plan.iterations for plan in plans], dtype=int),
-        arrival=float(times[len(references) - 1]),
-        settled=float(times[-1]),
-    )
+    return run_path(query, control, out=out, overwrite=overwrite, observe=observe)
 
 
 def _reference(
@@ -362,8 +292,7 @@ def _reference(
     """
     model, points = planner.model, [start]
     latest = time_limit * path_time(model, np.stack([start, target])) + period
-    plans: list[Plan] = []
-    seconds: list[float] = []
+    plans, seconds = list[Plan](), list[float]()
     while np.any(points[-1] != target):
         remaining = target - points[-1]
         if np.linalg.norm(evaluate_roots(model, points[-1])[0] @ remaining) <= period:
@@ -385,8 +314,7 @@ def _track(
     model: SpeedModel, tool: np.ndarray, references: np.ndarray, period: float, gain: float, tolerance: float
 ) -> tuple[np.ndarray, np.ndarray, int]:
     """Return positions of the tool, the commanded velocities, and how many of them were cut."""
-    positions, cuts = [tool], 0
-    velocities: list[np.ndarray] = []
+    positions, velocities, cuts = [tool], list[np.ndarray](), 0
     ahead = np.diff(references, axis=0) / period
     while len(velocities) < len(ahead) or np.linalg.norm(references[-1] - tool) > tolerance:
         now = len(velocities)

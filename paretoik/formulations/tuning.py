@@ -200,12 +200,9 @@ class Tuning(Formulation):
 
     def _follow(self, genes: Genes, indices: Int[np.ndarray, "points judged"]) -> ResolvedMotion:
         """Return the motions (points · judged, time, dof) of individuals from their starts."""
-        from paretoik.resolution.follow import follow  # here: it is slow to load
-
         method = self.method(np.repeat(genes, indices.shape[1], axis=0))
         starts = self.starts[indices.ravel()]
-        own = method.follow(self.task, starts, tolerance=self.tolerance)
-        return follow(self.task, method, starts, tolerance=self.tolerance) if own is None else own
+        return method.follow(self.task, starts, tolerance=self.tolerance)
 
     def _violations(self, motion: ResolvedMotion, points: int) -> Float[np.ndarray, "points limits"]:
         """Return each individual's largest violation of each limit from any of its starts, over the range."""

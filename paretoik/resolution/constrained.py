@@ -8,11 +8,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float, Shaped
 
-from paretoik.errors import InvalidInput, SolverFailed
+from paretoik.errors import SolverFailed
 from paretoik.nlp.convex_subproblem import solve_subproblem
 from paretoik.nlp.program import Constraints, dense_rows
-from paretoik.resolution.methods import ConstrainedQP, Criterion
-from paretoik.resolution.protocol import DAMPED, DONE, HELD, LIMITED, MISSED, StepProgram, Traces, step_program
+from paretoik.resolution.protocol import (
+    DAMPED,
+    DONE,
+    HELD,
+    LIMITED,
+    MISSED,
+    Criterion,
+    StepProgram,
+    Traces,
+    step_program,
+)
 from paretoik.tables import field_representation, html_representation
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import OPTIONS as RETRACTION_OPTIONS
@@ -105,12 +114,11 @@ def limited_step(goal: StepGoal, limits: StepLimits) -> LimitedStep:
     U, sizes, V = np.linalg.svd(weighted)
     rows, largest, smallest = len(sizes), float(sizes[0]), float(sizes[-1])
 
-    def step(damping: float, status: int, rates: np.ndarray | None = None) -> LimitedStep:
+    def step(damping: float, status: int) -> LimitedStep:
         inverse = root[:, None] * V[:rows].T * (sizes / (sizes**2 + damping**2)) @ U.T
         projector = np.eye(len(root)) - inverse @ goal.jacobian
         free = inverse @ goal.task_rates + projector @ goal.secondary
-        rates = free if rates is None else rates
-        return LimitedStep(rates=rates, free=free, projector=projector, damping=damping, status=status)
+        return LimitedStep(rates=free, free=free, projector=projector, damping=damping, status=status)
 
     if goal.damping > 0 and smallest < goal.region:
         damping = float(goal.damping * np.sqrt(1 - (smallest / goal.region) ** 2))  # Wan et al. 2018, Eq. 4
@@ -119,7 +127,7 @@ def limited_step(goal: StepGoal, limits: StepLimits) -> LimitedStep:
         damping, without = goal.damping, step(0.0, DONE)
     else:
         still = _still(root, limits)
-        return replace(step(1.0, HELD if limits.keep(still, still) else LIMITED, still), free=still)
+        return replace(step(1.0, HELD if limits.keep(still, still) else LIMITED), rates=still, free=still)
     if limits.keep(without.free, without.free):
         return without
     identity = np.eye(len(root))
@@ -200,11 +208,9 @@ class RateLimits:
         """Return the limits of a task."""
         steps, dof = np.diff(task.times), task.arm.dof
         shape, none = (len(task.times), dof, 2), np.array([-np.inf, np.inf])
-        limits = {
-            kind: np.broadcast_to(task.bounds.get(kind, none), shape)[1:] for kind in ("velocity", "acceleration")
-        }
-        position = np.broadcast_to(task.bounds.get("position", task.arm.position_limits), shape)[1:]
-        return cls(position=position, **limits, steps=steps)
+        bounds = {"velocity": none, "acceleration": none, "position": task.arm.position_limits, **task.bounds}
+        kinds = ("position", "velocity", "acceleration")
+        return cls(**{kind: np.broadcast_to(bounds[kind], shape)[1:] for kind in kinds}, steps=steps)
 
     def bounds(self, k: int, q: np.ndarray, previous: np.ndarray) -> Float[np.ndarray, "kinds *batch dof 2"]:
         """Return lower and upper bounds of rates in step k from q (*batch, dof), after ``previous`` rates."""
@@ -301,23 +307,24 @@ class _Linearisation:
 
 def follow_constrained(
     task: MotionTask,
-    method: ConstrainedQP,
+    criteria: Sequence[Criterion],
+    inverse_weights: Float[np.ndarray, " dof"],
     settings: Float[np.ndarray, "motions columns"],
     gains: Float[np.ndarray, "motions criteria 2"],
     q: Float[np.ndarray, "motions time dof"],
     traces: dict[str, np.ndarray],
+    *,
+    exact: bool,
 ) -> None:
     """Fill positions after the first and the traces; ``settings`` are feedback, region and damping of each motion.
 
-    Raises InvalidInput for joint weights that do not fit the arm.
+    ``exact`` steps are computed again about their own ends.
     """
-    criteria, dof = method.criterion_list, task.arm.dof
-    weights = np.ones(dof) if method.joint_weights is None else np.asarray(method.joint_weights, dtype=float)
-    if weights.shape != (dof,):
-        raise InvalidInput(f"ConstrainedQP: joint_weights must have shape ({dof},), got {weights.shape}")
+    dof = task.arm.dof
+    signs = np.array([each.objective.sign for each in criteria]).reshape(-1, 1)
     program = step_program(task, tuple(each.objective for each in criteria), with_distances=bool(task.obstacles))
     traces["active"] = np.zeros((*traces["velocities"].shape[:2], dof + 1), dtype=np.int8)
-    stepper = _Stepper(task, program, exact=method.feedback is None, inverse_weights=1.0 / weights)
+    stepper = _Stepper(task, program, exact=exact, inverse_weights=inverse_weights)
     for k in range(len(task.times)):
         for motion in range(len(q)):
             previous = traces["velocities"][motion, k - 1] if k else np.zeros(dof)
@@ -325,7 +332,9 @@ def follow_constrained(
             traces["errors"][motion, k] = at.errors
             if k == len(task.times) - 1:
                 continue
-            secondary, coefficients = _secondary(criteria, gains[motion, :, 0], at.criteria)
+            # Rates that decrease each criterion (Wan et al. 2018, Eq. 12); none for one that is not finite.
+            finite, gain = np.isfinite(at.criteria).all(axis=1), gains[motion, :, 0]
+            secondary = np.where(finite[:, None], -signs * gain[:, None] * at.criteria[:, 1:], 0.0)
             goal = StepGoal(
                 jacobian=at.jacobian,
                 task_rates=at.travel / stepper.limits.steps[k] + settings[motion, 0] * at.errors,
@@ -336,7 +345,7 @@ def follow_constrained(
             )
             step, active = stepper.take(k, q[motion, k], previous, at, goal)
             q[motion, k + 1] = q[motion, k] + stepper.limits.steps[k] * step.rates
-            traces["coefficients"][motion, k] = coefficients
+            traces["coefficients"][motion, k] = np.where(finite, gain, np.nan)
             traces["projected"][motion, k] = secondary @ step.projector.T
             traces["velocities"][motion, k], traces["damping"][motion, k] = step.rates, step.damping
             traces["repulsion"][motion, k], traces["status"][motion, k] = step.rates - step.free, step.status
@@ -357,7 +366,7 @@ class _Stepper:
         n, rows, count = len(q), self.task.rows, self.program.distances
         inputs = np.concatenate([q, dq, np.zeros(2 * n), self.program.table[k]])
         outputs = self.program.program(inputs[:, None])[:, 0]
-        cuts = np.cumsum([rows, rows, rows * n, len(outputs) - 2 * rows - rows * n - count * (n + 1)])
+        cuts = [rows, 2 * rows, (2 + n) * rows, len(outputs) - count * (n + 1)]
         errors, travel, jacobian, criteria, distances = np.split(outputs, cuts)
         of_distances = distances.reshape(count, n + 1)
         return _Linearisation(
@@ -395,37 +404,15 @@ class _Stepper:
             goal = replace(goal, jacobian=at.jacobian, task_rates=(at.jacobian @ moved + at.errors) / dt)
         else:
             step = replace(step, status=MISSED)
-        active = _active(step, bounds, limits)
-        broken = np.stack([bounds[..., 0] - interval[:, 1], interval[:, 0] - bounds[..., 1]], axis=-1) > _rounding(step)
+        # The limit that each joint is at, and whether a distance is at its own.
+        first, rounding = len(nearest), 1e-7 * float(np.abs([step.rates, step.free]).max())
+        distances, lower, upper = np.split(limits.slack(step.rates), [first, first + len(q)])
+        kinds = 1 + 2 * np.abs(bounds - interval).argmin(axis=0) + [0, 1]
+        active = np.where(lower <= rounding, kinds[:, 0], np.where(upper <= rounding, kinds[:, 1], 0))
+        active = np.append(active, len(ACTIVE) - 1 if (distances <= rounding).any() else 0)
+        broken = np.stack([bounds[..., 0] - interval[:, 1], interval[:, 0] - bounds[..., 1]], axis=-1) > rounding
         if broken.any():  # because of more important limits: accelerations or velocities
             step = replace(step, status=LIMITED)
             kinds = broken.transpose(1, 0, 2).reshape(len(q), -1)
             active[:-1] = np.where(kinds.any(axis=1), 1 + kinds.argmax(axis=1), active[:-1])
         return step, active
-
-
-def _secondary(
-    criteria: Sequence[Criterion], gains: np.ndarray, rows: np.ndarray
-) -> tuple[Float[np.ndarray, "criteria dof"], Float[np.ndarray, " criteria"]]:
-    """Return the rates that decrease each criterion (Wan et al. 2018, Eq. 12) and their coefficients.
-
-    A criterion that is not finite has rates 0 and a coefficient NaN.
-    """
-    finite = np.isfinite(rows).all(axis=1)
-    signs = np.array([each.objective.sign for each in criteria]).reshape(-1, 1)
-    rates = np.where(finite[:, None], -signs * gains[:, None] * rows[:, 1:], 0.0)
-    return rates, np.where(finite, gains, np.nan)
-
-
-def _rounding(step: LimitedStep) -> float:
-    """Return the slack at which a limit of rates counts as active."""
-    return 1e-7 * float(np.abs([step.rates, step.free]).max())
-
-
-def _active(step: LimitedStep, bounds: np.ndarray, limits: StepLimits) -> np.ndarray:
-    """Return the active limit of each joint, and whether a distance is active, as indices into ACTIVE."""
-    first, rounding = len(limits.lowest_rates), _rounding(step)
-    distances, lower, upper = np.split(limits.slack(step.rates), [first, first + len(step.rates)])
-    kinds = 1 + 2 * np.abs(bounds - limits.bounds).argmin(axis=0) + [0, 1]
-    active = np.where(lower <= rounding, kinds[:, 0], np.where(upper <= rounding, kinds[:, 1], 0))
-    return np.append(active, len(ACTIVE) - 1 if (distances <= rounding).any() else 0)

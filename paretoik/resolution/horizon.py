@@ -13,8 +13,7 @@ Source: Tringali & Cocuzza 2021, Eq. 4.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cache, lru_cache
-from typing import Any
+from functools import lru_cache
 
 import numpy as np
 from jaxtyping import Float
@@ -84,10 +83,11 @@ class HorizonProgram:
         targets: Float[np.ndarray, "horizon numbers"],
     ) -> HorizonSolution:
         """Return the local minimum from positions ahead."""
+        from paretoik.resolution.horizon_newton import minimise  # here: numba is slow to load
+
         inputs = self.inputs(q, posture, velocity, targets)
-        value, converged, iterations = _compiled()(
-            self.derivatives.arrays, self.hessian.arrays, *self.indices, inputs, self.horizon, self.dof, self.rows
-        )
+        evaluators = self.derivatives.arrays, self.hessian.arrays
+        value, converged, iterations = minimise(*evaluators, *self.indices, inputs, self.horizon, self.dof, self.rows)
         solution = inputs[: q.size].reshape(q.shape)
         return HorizonSolution(q=solution, value=value, converged=converged, iterations=iterations)
 
@@ -201,10 +201,3 @@ def _coefficient_matrix(pieces: int) -> np.ndarray:
     size, equalities = pieces * width, np.array(rows)
     kkt = np.block([[np.kron(np.eye(pieces), jerk), equalities.T], [equalities, np.zeros((len(rows), len(rows)))]])
     return np.linalg.inv(kkt)[:size, size : size + inhomogeneous]
-
-
-@cache
-def _compiled() -> Any:
-    from paretoik.resolution.horizon_newton import minimise  # here: numba is slow to load
-
-    return minimise

@@ -12,7 +12,7 @@ import numpy as np
 from paretoik.autodiff.interpreter import run_first
 from paretoik.compilation.numba_cache import compiled
 from paretoik.nlp.linear_algebra import cholesky, rotate_back, solve_cholesky, triangularise, weighted_square
-from paretoik.resolution.protocol import DAMPED, DONE, HELD, SHORTENED
+from paretoik.resolution.protocol import CLAMPING, DAMPED, DONE, HELD, LEAST_NORM, SHORTENED, UNWEIGHTED
 
 # Weights of joints near their position limits, and of criteria; compiled
 #
@@ -84,7 +84,6 @@ def least_norm_weight(q, lower, upper, span, previous_slope, j):
 # Steps of all methods along a path; compiled.
 
 
-UNWEIGHTED, LEAST_NORM, CLAMPING = 0, 1, 2  # kinds of joint weights
 FEEDBACK, REGION, DAMPING, BUFFER, REPULSION, BAND = 0, 1, 2, 3, 4, 5  # columns of settings
 
 

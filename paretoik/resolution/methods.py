@@ -7,9 +7,11 @@ criteria may be arrays (*batch,): one motion each.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from typing import Literal, TypeVar, get_args
+from typing import ClassVar, Literal, TypeVar, get_args
 
 import numpy as np
 from jaxtyping import Float
@@ -17,12 +19,25 @@ from jaxtyping import Float
 from paretoik.errors import InvalidInput
 from paretoik.inputs import ArrayLike, check_choice, finite_array, read_list, shown
 from paretoik.resolution.predictive import PredictiveKineticEnergy as PredictiveKineticEnergy
+from paretoik.resolution.protocol import (
+    CLAMPING,
+    HELD,
+    LEAST_NORM,
+    UNWEIGHTED,
+    ResolvedMotion,
+    broadcast_shape,
+    empty_traces,
+    number,
+    step_program,
+)
 from paretoik.resolution.protocol import Criterion as Criterion
 from paretoik.resolution.protocol import Method as Method
 from paretoik.resolution.protocol import Number as Number
 from paretoik.resolution.protocol import Parameter as Parameter
-from paretoik.resolution.protocol import number
+from paretoik.task.limits import position_ranges
+from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective
+from paretoik.task.retraction import task_errors
 
 __all__ = [
     "ConstrainedQP",
@@ -45,6 +60,7 @@ def __dir__() -> list[str]:
     return __all__
 
 
+SETTINGS = "region", "damping", "buffer", "repulsion", "band"  # columns after the feedback, 0 for methods without them
 Variant = Literal["paper", "consistent"]
 Gradient = TypeVar("Gradient", bound="GradientProjection")
 Weighted = TypeVar("Weighted", bound="WeightedGradientProjection")
@@ -60,6 +76,7 @@ class VelocityMethod(Method):
     """
 
     feedback: Number | None = None
+    _weighting: ClassVar[int] = UNWEIGHTED
 
     def __post_init__(self) -> None:
         """Check that numbers are within their ranges; ``resolve``, which knows the steps, checks the feedback."""
@@ -67,15 +84,68 @@ class VelocityMethod(Method):
         if self.feedback is not None:
             finite_array(f"{type(self).__name__}: feedback", self.feedback)
 
-    @property
-    def criterion_list(self) -> tuple[Criterion, ...]:
-        """The secondary criteria."""
-        return ()
-
     def parameters(self, times: Float[np.ndarray, " time"]) -> tuple[Parameter, ...]:
         """Return the numbers that are searched by default; the feedback's range follows from the steps."""
         highest = 1.0 / float(np.diff(times).max())
         return (Parameter("feedback", 0.02 * highest, highest), *super().parameters(times))
+
+    def follow(
+        self, task: MotionTask, start: Float[np.ndarray, "*batch dof"], *, tolerance: float | None = None
+    ) -> ResolvedMotion:
+        """Return the motions from ``start``, broadcast against the numbers; ``tolerance`` has no effect."""
+        from paretoik.resolution import kernels  # here: numba is slow to load
+
+        criteria = self.criterion_list
+        shape, settings, gains, q, traces = self._prepare(task, start)
+        program = step_program(task, tuple(each.objective for each in criteria))
+        bounds = task.bounds.get("position", task.arm.position_limits[None])
+        bounds = np.concatenate([bounds, position_ranges(task.arm, bounds)[..., None]], axis=-1)
+        scaling = [[each.objective.sign, each.reference, each.scale] for each in criteria]
+        scales = np.array(scaling).reshape(len(criteria), 3)
+        clamps = self._weighting == CLAMPING  # then criteria are normalised, and the projector may be the paper's
+        modes = self._weighting, getattr(self, "variant", "") == "paper", clamps
+        inputs = program.table, np.diff(task.times), bounds, modes, settings, gains, scales
+        outputs = (q, *traces.values())
+
+        def run(first: int, last: int) -> None:
+            arrays = program.program.arrays  # with its own workspace: one per thread
+            kernels.follow(first, last, arrays, *inputs, outputs)
+
+        threads = max(min(os.cpu_count() or 1, len(q)), 1)
+        cuts = np.linspace(0, len(q), threads + 1).astype(int).tolist()
+        with ThreadPoolExecutor(threads) as pool:
+            list(pool.map(run, cuts[:-1], cuts[1:]))
+        return ResolvedMotion.of(task, shape, q, traces)
+
+    def _prepare(
+        self, task: MotionTask, start: np.ndarray
+    ) -> tuple[tuple[int, ...], np.ndarray, np.ndarray, np.ndarray, dict[str, np.ndarray]]:
+        """Return the batch's shape, feedback and ``SETTINGS`` of each motion, gains and ranks, postures and traces.
+
+        Ranks of criteria begin at 0; postures and traces are to be filled. Raises InvalidInput if numbers do not fit
+        each other.
+        """
+        name, highest = type(self).__name__, 1.0 / float(np.diff(task.times).max())
+        criteria, dof = self.criterion_list, task.arm.dof
+        feedback = np.asarray(highest if self.feedback is None else self.feedback, dtype=float)
+        if not ((feedback >= 0) & (feedback <= highest * (1 + 1e-12))).all():
+            wish = f"feedback must be from 0 to {highest:.4g} 1/s, one over the longest step"
+            raise InvalidInput(f"{name}: {wish}, got {self.feedback}")
+        numbers = [feedback, *(np.asarray(getattr(self, each, 0.0), dtype=float) for each in SETTINGS)]
+        numbers += [np.asarray(each.gain, dtype=float) for each in criteria]
+        priorities = getattr(self, "priorities", None)
+        ranks = np.arange(len(criteria)) if priorities is None else np.argsort(np.argsort(priorities, axis=-1), axis=-1)
+        if ranks.shape[-1:] != (len(criteria),):
+            wish = f"priorities must be one for each of {len(criteria)} criteria"
+            raise InvalidInput(f"{name}: {wish}, got {ranks.shape}")
+        shape = broadcast_shape(self, start, [ranks.shape[:-1], *(each.shape for each in numbers)])
+        columns = np.stack([np.broadcast_to(each, shape).ravel() for each in numbers], axis=1)
+        settings, gains = np.split(columns, [1 + len(SETTINGS)], axis=1)
+        ranks = np.broadcast_to(ranks, (*shape, len(criteria))).reshape(gains.shape)
+        q = np.empty((len(columns), len(task.times), dof))
+        q[:, 0] = np.broadcast_to(start, (*shape, dof)).reshape(-1, dof)
+        traces = empty_traces(len(columns), len(task.times), dof, task.rows, len(criteria))
+        return shape, np.ascontiguousarray(settings), np.stack([gains, ranks.astype(float)], axis=2), q, traces
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -117,6 +187,8 @@ class WeightedLeastNorm(DampedLeastSquares):
     A joint at or past its limit stays there: nothing pushes it back. Source: Chan & Dubey 1995; Wan et al. 2018,
     Eqs. 10, 11 and 14.
     """
+
+    _weighting: ClassVar[int] = LEAST_NORM
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -179,6 +251,7 @@ class WeightedGradientProjection(GradientProjection):
     band: Number = field(default=0.3, metadata=number(below=0.5, search=(0.02, 0.48)))
     priorities: np.ndarray | None = None
     variant: Variant = "consistent"
+    _weighting: ClassVar[int] = CLAMPING
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -231,6 +304,25 @@ class ConstrainedQP(GradientProjection):
             if not (weights > 0).all():
                 raise InvalidInput(f"ConstrainedQP: joint_weights must be positive, got {weights.min():g}")
 
+    def follow(
+        self, task: MotionTask, start: Float[np.ndarray, "*batch dof"], *, tolerance: float | None = None
+    ) -> ResolvedMotion:
+        """Return the motions from ``start``, broadcast against the numbers; ``tolerance`` has no effect.
+
+        Raises InvalidInput for joint weights that do not fit the arm.
+        """
+        from paretoik.resolution.constrained import ACTIVE, ConstrainedTraces, follow_constrained  # here: slow to load
+
+        shape, settings, gains, q, traces = self._prepare(task, start)
+        dof = task.arm.dof
+        weights = np.ones(dof) if self.joint_weights is None else np.asarray(self.joint_weights, dtype=float)
+        if weights.shape != (dof,):
+            raise InvalidInput(f"ConstrainedQP: joint_weights must have shape ({dof},), got {weights.shape}")
+        exact = self.feedback is None
+        follow_constrained(task, self.criterion_list, 1.0 / weights, settings, gains, q, traces, exact=exact)
+        traces["active"] = ACTIVE[traces["active"]]
+        return ResolvedMotion.of(task, shape, q, traces, ConstrainedTraces)
+
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Nedungadi(Method):
@@ -248,3 +340,29 @@ class Nedungadi(Method):
     def __post_init__(self) -> None:
         if not (finite_array("Nedungadi: tolerance", self.tolerance) > 0).all():
             raise InvalidInput(f"Nedungadi: tolerance must be positive, got {shown(self.tolerance)}")
+
+    def follow(
+        self, task: MotionTask, start: Float[np.ndarray, "*batch dof"], *, tolerance: float | None = None
+    ) -> ResolvedMotion:
+        """Return the motions from ``start``; they stop if they run into a singularity. ``tolerance`` has no effect.
+
+        In the traces the task's part of the velocities is the shortest one, the rest is ``projected``.
+        """
+        from paretoik.resolution.variational import extremal_paths  # here: slow to load
+
+        shape = np.broadcast_shapes(start.shape[:-1], np.shape(self.tolerance))
+        start, dof, samples = np.broadcast_to(start, (*shape, task.arm.dof)), task.arm.dof, len(task.times)
+        allowed = np.broadcast_to(self.tolerance, shape).ravel()
+        q, rates = extremal_paths(task, start.reshape(-1, dof), tolerance=allowed)
+        complete = np.isfinite(q).all(axis=2)
+        last = np.where(complete, np.arange(samples), 0).max(axis=1)  # motions end at their first incomplete sample
+        index = np.minimum(np.arange(samples), last[:, None])
+        q = np.take_along_axis(q, index[..., None], axis=1)
+        dq = np.where(complete[..., None], rates, 0.0)[:, :-1]
+        traces = empty_traces(len(q), samples, dof, task.rows, 1)
+        traces["errors"][:], jacobian = task_errors(task.arm, task.tasks, q, task.targets)
+        traces["velocities"][:] = dq
+        traces["status"][~complete[:, 1:]] = HELD
+        shortest = np.linalg.pinv(jacobian[:, :-1]) @ (jacobian[:, :-1] @ dq[..., None])
+        traces["projected"][:, :, 0] = dq - shortest[..., 0]
+        return ResolvedMotion.of(task, shape, q, traces)

@@ -11,8 +11,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cache
-from typing import Any, Protocol, TypeVar, runtime_checkable
+from typing import Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -21,6 +20,7 @@ from paretoik.errors import InvalidInput
 from paretoik.inputs import finite_array, shown
 from paretoik.resolution.horizon import DEGREE, HorizonSolution, horizon_program, quartic_spline, spline_position
 from paretoik.resolution.protocol import (
+    TRACKING_TOLERANCE,
     Method,
     Number,
     Parameter,
@@ -121,6 +121,13 @@ class PredictiveKineticEnergy(Method):
             fields["update_interval"] = np.maximum(np.round(values["update_interval"] / dt), 1) * dt
         return super().with_values(fields, times)
 
+    def follow(
+        self, task: MotionTask, start: Float[np.ndarray, "*batch dof"], *, tolerance: float | None = None
+    ) -> ResolvedMotion:
+        """Return the motions from ``start``, as ``follow_predictively`` does."""
+        limit = TRACKING_TOLERANCE if tolerance is None else tolerance
+        return follow_predictively(task, self, start, tolerance=limit)
+
 
 # Predictive minimisation along a path.
 
@@ -195,25 +202,20 @@ def schedules(method: PredictiveKineticEnergy, times: np.ndarray, shape: tuple[i
     if np.ptp(np.diff(times)) > 1e-9 * dt:
         raise InvalidInput("PredictiveKineticEnergy: path must have samples evenly spaced in time, got others")
     horizon = np.broadcast_to(method.horizon, shape)
-    step = (
-        0.2 * duration / horizon if method.prediction_step is None else np.broadcast_to(method.prediction_step, shape)
-    )
-    interval = step / 2 if method.update_interval is None else np.broadcast_to(method.update_interval, shape)
-    terminal = np.broadcast_to(np.asarray(method.terminal, dtype=float), shape)
+    step = 0.2 * duration / horizon if method.prediction_step is None else method.prediction_step
+    interval = np.asarray(step) / 2 if method.update_interval is None else method.update_interval
     result = []
-    columns = (each.ravel().tolist() for each in (horizon, step, interval, terminal))
+    numbers = horizon, step, interval, np.asarray(method.terminal, dtype=float)
+    columns = (np.broadcast_to(each, shape).ravel().tolist() for each in numbers)
     for h, seconds, again, weight in zip(*columns, strict=True):
         stride, period = max(round(seconds / dt), 1), max(round(again / dt), 1)
         for name, value, samples in (("prediction_step", seconds, stride), ("update_interval", again, period)):
             if getattr(method, name) is not None and abs(value / dt - samples) > 1e-6 * samples:
-                raise InvalidInput(
-                    f"PredictiveKineticEnergy: {name} must be whole samples of {dt:g} s, got {value:g} s"
-                )
+                wish = f"{name} must be whole samples of {dt:g} s"
+                raise InvalidInput(f"PredictiveKineticEnergy: {wish}, got {value:g} s")
         if h * stride > len(times) - 1:
-            raise InvalidInput(
-                f"PredictiveKineticEnergy: horizon must be within the path's {duration:g} s, got {h} times "
-                f"{stride * dt:g} s"
-            )
+            wish = f"horizon must be within the path's {duration:g} s"
+            raise InvalidInput(f"PredictiveKineticEnergy: {wish}, got {h} times {stride * dt:g} s")
         result.append(Schedule(horizon=h, stride=stride, interval=period, terminal=weight))
     return result
 
@@ -232,15 +234,16 @@ def follow_predictively(
     If the arm is farther than ``tolerance`` [m, rad] off the path, nothing is predicted: it first returns to the path.
     Studies compare other solvers, and other splines through the positions ahead.
     """
+    from paretoik.resolution import kernels  # here: numba is slow to load
+
     numbers = (method.horizon, method.prediction_step, method.update_interval, method.terminal, method.feedback)
     shape = broadcast_shape(method, start, [np.shape(each) for each in numbers if each is not None])
     dof, times, count = task.arm.dof, task.times, int(np.prod(shape))
     plans, dt = schedules(method, times, shape), float(times[1] - times[0])
     feedback = np.broadcast_to(np.asarray(method.feedback, dtype=float), shape).ravel()
     if feedback.max() * dt > 1 + 1e-12:
-        raise InvalidInput(
-            f"PredictiveKineticEnergy: feedback must be from 0 to {1 / dt:.4g} 1/s, got {method.feedback}"
-        )
+        wish = f"feedback must be from 0 to {1 / dt:.4g} 1/s"
+        raise InvalidInput(f"PredictiveKineticEnergy: {wish}, got {method.feedback}")
     solvers = {
         each: make_solver(task, method.objective, each.horizon, each.stride * dt, each.terminal) for each in set(plans)
     }
@@ -266,7 +269,7 @@ def follow_predictively(
         ]
         secondary = (np.stack(desired) - q[:, k]) / dt
         outputs = (traces[name] for name in ("velocities", "repulsion", "projected", "status"))
-        compiled_kernels().step(k, dt, np.ascontiguousarray(jacobian.T), task_velocity, secondary, q, *outputs)
+        kernels.step(k, dt, np.ascontiguousarray(jacobian.T), task_velocity, secondary, q, *outputs)
     return ResolvedMotion.of(task, shape, q, {**traces, **_update_traces(task, predictors)}, PredictiveTraces)
 
 
@@ -338,11 +341,3 @@ def _update_traces(task: MotionTask, predictors: list[Predictor]) -> dict[str, n
             traces["values"][i, u], traces["converged"][i, u] = solution.value, solution.converged
             traces["iterations"][i, u] = solution.iterations
     return traces
-
-
-@cache
-def compiled_kernels() -> Any:
-    """Return the compiled kernels."""
-    from paretoik.resolution import kernels  # here: numba is slow to load
-
-    return kernels

@@ -89,6 +89,7 @@ def step_program(task: MotionTask, criteria: tuple[Objective, ...], *, with_dist
 
 STATUS = np.array(["done", "damped", "shortened", "held", "limited", "missed"])
 DONE, DAMPED, SHORTENED, HELD, LIMITED, MISSED = range(6)  # indices into STATUS
+UNWEIGHTED, LEAST_NORM, CLAMPING = range(3)  # kinds of joint weights
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -179,6 +180,7 @@ def empty_traces(count: int, time: int, dof: int, rows: int, criteria: int) -> d
 # Methods and their numbers.
 
 
+TRACKING_TOLERANCE = 0.01  # m or rad: a motion farther off its path has lost it
 Number: TypeAlias = float | np.ndarray
 Scale = Literal["linear", "log", "integer"]
 Tuned = TypeVar("Tuned", bound="Method")
@@ -290,14 +292,16 @@ class Method:
         for each in fields(self):
             if "below" not in each.metadata:
                 continue
-            upper, value, label = (
-                each.metadata["below"],
-                getattr(self, each.name),
-                f"{type(self).__name__}: {each.name}",
-            )
+            upper, value = each.metadata["below"], getattr(self, each.name)
+            label = f"{type(self).__name__}: {each.name}"
             values, bound = finite_array(label, value), "" if np.isinf(upper) else f" and less than {upper:g}"
             if not ((values >= 0) & (values < upper)).all():
                 raise InvalidInput(f"{label} must be 0 or more{bound}, got {shown(value)}")
+
+    @property
+    def criterion_list(self) -> tuple[Criterion, ...]:
+        """The secondary criteria; none by default."""
+        return ()
 
     def parameters(self, times: Float[np.ndarray, " time"]) -> tuple[Parameter, ...]:
         """Return the numbers that are searched by default, on a path with these sample times [s]."""
@@ -309,8 +313,8 @@ class Method:
 
         Raises InvalidInput for unknown names, and for numbers out of range.
         """
-        names = dict.fromkeys([each.name for each in self.parameters(times)])
-        names.update(dict.fromkeys(each.name for each in fields(self)))
+        searched = [each.name for each in self.parameters(times)]
+        names = dict.fromkeys([*searched, *(each.name for each in fields(self))])
         for name in values:
             if name not in names:
                 hint = likely_spelling(name, names)
@@ -320,9 +324,13 @@ class Method:
 
     def follow(
         self, task: MotionTask, start: Float[np.ndarray, "*batch dof"], *, tolerance: float | None = None
-    ) -> ResolvedMotion | None:
-        """Return the motions from ``start`` of a method that has a way of its own; None if it has none."""
-        return None
+    ) -> ResolvedMotion:
+        """Return the motions from ``start``, broadcast against the method's numbers.
+
+        ``tolerance`` [m, rad] is the distance from the path above which nothing is predicted, None for 0.01. Raises
+        InvalidInput for a method without a way to follow, and for starts and numbers that cannot be used.
+        """
+        raise InvalidInput(f"method must be one of pk.methods, such as PseudoInverse(), got {shown(self)}")
 
 
 def broadcast_shape(method: Method, start: np.ndarray, shapes: Sequence[tuple[int, ...]]) -> tuple[int, ...]:
@@ -331,10 +339,8 @@ def broadcast_shape(method: Method, start: np.ndarray, shapes: Sequence[tuple[in
     try:
         shape = np.broadcast_shapes(starts, *shapes)
     except ValueError:
-        different = ", ".join(sorted({str(one) for one in shapes if one}))
-        raise InvalidInput(
-            f"{name}: starts of shape {starts} and numbers of {different} do not fit each other"
-        ) from None
+        others = ", ".join(sorted({str(one) for one in shapes if one}))
+        raise InvalidInput(f"{name}: starts of shape {starts} and numbers of {others} do not fit each other") from None
     if 0 in shape:
         raise InvalidInput(f"{name}: arrays must have numbers, got an empty one")
     return shape

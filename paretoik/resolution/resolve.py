@@ -12,8 +12,14 @@ from jaxtyping import Float
 from paretoik.errors import EvaluationFailed, Infeasible, InvalidInput
 from paretoik.inputs import check_choice, check_seed, degrees_hint, finite_array, shown
 from paretoik.resolution.constrained import ConstrainedTraces
-from paretoik.resolution.follow import follow
-from paretoik.resolution.methods import ConstrainedQP, Criterion, Method, VelocityMethod
+from paretoik.resolution.methods import (
+    ConstrainedQP,
+    Criterion,
+    Method,
+    Nedungadi,
+    PredictiveKineticEnergy,
+    VelocityMethod,
+)
 from paretoik.resolution.protocol import ResolvedMotion
 from paretoik.robot.arm import Arm
 from paretoik.robot.kinematics import link_nodes
@@ -51,7 +57,7 @@ class Resolution:
     @property
     def criteria(self) -> Sequence[Criterion]:
         """The secondary criteria of the method."""
-        return self.method.criterion_list if isinstance(self.method, VelocityMethod) else ()
+        return self.method.criterion_list
 
 
 def resolution_of(
@@ -68,17 +74,16 @@ def resolution_of(
     seed: int,
 ) -> Resolution:
     """Return the request of ``paretoik.resolve``; raises InvalidInput, naming an unusable part, and OutOfReach."""
-    if not isinstance(method, Method):
+    if not isinstance(method, VelocityMethod | PredictiveKineticEnergy | Nedungadi):
         raise InvalidInput(f"method must be one of pk.methods, such as PseudoInverse(), got {shown(method)}")
     check_choice("unreachable", unreachable, get_args(Unreachable))
     if not finite_array("tolerance", tolerance, ()) > 0:
         raise InvalidInput(f"tolerance must be a positive distance in m or rad, got {tolerance}")
     check_seed("seed", seed)
-    criteria = method.criterion_list if isinstance(method, VelocityMethod) else ()
     task = motion_task(
         arm,
         path,
-        objectives=[each.objective for each in criteria] or [joint_travel],
+        objectives=[each.objective for each in method.criterion_list] or [joint_travel],
         limits=limits,
         obstacles=obstacles,
         link_radius=link_radius,
@@ -96,10 +101,18 @@ def resolve(resolution: Resolution) -> ResolvedMotion:
     "track".
     """
     task, criteria, tolerance = resolution.task, resolution.criteria, resolution.tolerance
-    motion = follow(task, resolution.method, resolution.starts, tolerance=tolerance)
-    if resolution.unreachable == "refuse":
-        _check_criteria(task, motion, criteria)
-        _check_tracking(task, motion, tolerance)
+    motion = resolution.method.follow(task, resolution.starts, tolerance=tolerance)
+    if resolution.unreachable == "track":
+        return motion
+    steps, count = len(task.times) - 1, max(len(criteria), 1)
+    missing = np.isnan(motion.traces.coefficients).reshape(-1, steps, count).any(axis=0)
+    if criteria and missing.any():
+        sample, index = np.argwhere(missing)[0]
+        raise EvaluationFailed(
+            f"criterion {criteria[index].objective.name} must have a finite value and gradient, got none at sample "
+            f'{sample} ({task.times[sample]:.3g} s); unreachable="track" leaves it out there'
+        )
+    _check_tracking(task, motion, tolerance)
     return motion
 
 
@@ -118,17 +131,6 @@ def _starts(task: MotionTask, start: object, seed: int) -> np.ndarray:
     if q.ndim == 0 or q.shape[-1] != task.arm.dof or not q.size:
         raise InvalidInput(f"start must be joint positions (..., {task.arm.dof}), got shape {q.shape}")
     return q
-
-
-def _check_criteria(task: MotionTask, motion: ResolvedMotion, criteria: Sequence[Criterion]) -> None:
-    """Raise EvaluationFailed if a criterion is not finite, with its first sample."""
-    missing = np.isnan(motion.traces.coefficients).reshape(-1, len(task.times) - 1, max(len(criteria), 1)).any(axis=0)
-    if criteria and missing.any():
-        sample, index = np.argwhere(missing)[0]
-        raise EvaluationFailed(
-            f"criterion {criteria[index].objective.name} must have a finite value and gradient, got none at sample "
-            f'{sample} ({task.times[sample]:.3g} s); unreachable="track" leaves it out there'
-        )
 
 
 def _check_tracking(task: MotionTask, motion: ResolvedMotion, tolerance: float) -> None:
@@ -181,9 +183,8 @@ def _check_limits(task: MotionTask, limits: Limits | None, starts: np.ndarray) -
     """Raise InvalidInput for limits that rates cannot satisfy, and for starts past limits."""
     for kind in ("torque", "power"):
         if getattr(limits, kind, None) is not None:
-            raise InvalidInput(
-                f"limits: ConstrainedQP keeps position, velocity, acceleration and clearance, got {kind}"
-            )
+            kept = "position, velocity, acceleration and clearance"
+            raise InvalidInput(f"limits: ConstrainedQP keeps {kept}, got {kind}")
     lower, upper = task.bounds.get("position", task.arm.position_limits[None])[0].T
     excess = np.maximum(starts - upper, lower - starts).max(axis=0, initial=-np.inf)
     if (excess > LIMIT_TOLERANCE).any():

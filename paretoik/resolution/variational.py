@@ -29,7 +29,7 @@ from paretoik.robot import dynamics
 from paretoik.robot.arm import Arm
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import retract_nearest, task_errors
-from paretoik.task.task import describe_errors, error_unit, path_equations
+from paretoik.task.task import describe_errors, error_unit, path_equations, path_targets
 from paretoik.task.validation import START_TOLERANCE
 
 # The equation of motion of least kinetic energy on a path, M q̈ + n = Jᵀλ with J q̇ = ẋ
@@ -114,7 +114,7 @@ def equation_of_motion(task: MotionTask) -> EquationOfMotion:
         raise InvalidInput(f"variational: every joint of the arm must move a mass, got {task.arm.name}")
     parts = max(1, -(-EQUATION_OPTIONS.knots // (len(task.times) - 1)))
     knots = np.interp(np.arange(parts * (len(task.times) - 1) + 1) / parts, np.arange(len(task.times)), task.times)
-    spline = make_interp_spline(knots, np.concatenate([each.targets(knots) for each in task.tasks], axis=1), k=5)
+    spline = make_interp_spline(knots, path_targets(task.tasks, knots), k=5)
     return EquationOfMotion(
         task=task,
         targets=(spline, spline.derivative(), spline.derivative(2)),

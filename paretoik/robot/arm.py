@@ -34,8 +34,7 @@ from paretoik.robot.body import (
     transform_body,
     type_tuple,
 )
-from paretoik.robot.chain import EARTH_GRAVITY, SerialChain, fix_joint
-from paretoik.robot.denavit_hartenberg import joint_placements
+from paretoik.robot.chain import EARTH_GRAVITY, SerialChain, fix_joint, joint_placements
 from paretoik.robot.kinematics import forward_kinematics
 from paretoik.robot.kinematics import jacobian as geometric_jacobian
 from paretoik.robot.pose import Pose, check_pose, matrix_to_quaternion, pose_batch

@@ -49,12 +49,9 @@ class Body:
             raise InvalidInput(f"{name}: centre of gravity must be three finite numbers, got {shown(center)}")
         if tensor.shape != (3, 3) or not np.all(np.isfinite(tensor)):
             raise InvalidInput(f"{name}: inertia must be 3 × 3 finite numbers, got {shown(inertia)}")
-        for part, values, unit in (
-            ("mass", mass, "kg"),
-            ("centre of gravity", position, "m"),
-            ("inertia", tensor, "kg m²"),
-        ):
-            check_magnitude(f"{name}: {part}", values, unit)
+        check_magnitude(f"{name}: mass", mass, "kg")
+        check_magnitude(f"{name}: centre of gravity", position, "m")
+        check_magnitude(f"{name}: inertia", tensor, "kg m²")
         if fault := inertia_fault(tensor):
             raise InvalidInput(f"{name}: {fault}")
         return cls(mass=mass, center=position, inertia=tensor)
@@ -136,29 +133,7 @@ TOOL_FRAME, BASE_FRAME = OWN_FRAMES = ("<tool>", "<base>")  # frames of every ar
 OTHER_NAMES = ("tool", "base")  # names of the same frames, unless a joint or link has them
 
 
-@dataclass(frozen=True, kw_only=True)
-class ArmInputOptions:
-    """Largest number of joints: more are a mistake, and their Jacobians fill the memory."""
-
-    most_joints: int = 1000
-
-
-OPTIONS = ArmInputOptions()
-
-
-def check_joints(
-    arm: str, names: tuple[str, ...], types: tuple[JointType, ...], limits: Float[np.ndarray, "dof 2"]
-) -> None:
-    """Raise InvalidInput, by the name of the ``arm``, for joints that no arm can have."""
-    if not names:
-        raise InvalidInput(f"arm {arm} must have at least one moving joint, got none")
-    if len(set(names)) != len(names):
-        raise InvalidInput(f"arm {arm}: joint names must differ, got {', '.join(names)}")
-    for joint_type in types:
-        check_choice(f"arm {arm}: joint type", joint_type, JOINT_TYPES)
-    for name, (low, high) in zip(names, np.reshape(limits, (-1, 2)), strict=False):
-        if not low <= high:
-            raise InvalidInput(f"arm {arm}, {name}: position limits must be lower ≤ upper, got {low:g}, {high:g}")
+MOST_JOINTS = 1000  # more are a mistake, and their Jacobians fill the memory
 
 
 def limit_rows(name: str, limits: object, count: int) -> Float[np.ndarray, "dof 2"]:
@@ -225,8 +200,8 @@ def type_tuple(types: object, count: int) -> tuple[JointType, ...]:
 def number_array(name: str, values: object, count: int | None, *, positive: bool = False) -> np.ndarray:
     """Return finite numbers (count,), any number but 0 without ``count``; raises InvalidInput by ``name``."""
     array = real_array(name, values)
-    if count is None and array.ndim == 1 and array.size > OPTIONS.most_joints:
-        raise InvalidInput(f"{name} must be for at most {OPTIONS.most_joints} joints, got {array.size}")
+    if count is None and array.ndim == 1 and array.size > MOST_JOINTS:
+        raise InvalidInput(f"{name} must be for at most {MOST_JOINTS} joints, got {array.size}")
     if array.ndim != 1 or (count is not None and len(array) != count) or not np.all(np.isfinite(array)):
         wish = "a list of finite numbers" if count is None else f"{count} finite numbers, one per joint"
         raise InvalidInput(f"{name} must be {wish}, got {shown(values)}")

@@ -6,25 +6,21 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TypeVar
+from typing import Literal, TypeVar
 
 import numpy as np
 from jaxtyping import Float
 
-from paretoik.arrays import Vector3, read_only
+from paretoik.arrays import Matrix3, Vector3, read_only
 from paretoik.errors import InvalidInput
-from paretoik.inputs import (
-    finite_number,
-    likely_spelling,
-    shown,
-)
+from paretoik.inputs import check_choice, finite_number, likely_spelling, shown
 from paretoik.robot.body import (
     BASE_FRAME,
+    JOINT_TYPES,
     OTHER_NAMES,
     TOOL_FRAME,
     Body,
     JointType,
-    check_joints,
     combine_bodies,
     transform_body,
 )
@@ -58,7 +54,17 @@ class SerialChain:
 
     def __post_init__(self) -> None:
         """Check names, types and limits; make the arrays read-only."""
-        check_joints(self.name, self.joint_names, self.joint_types, self.position_limits)
+        names = self.joint_names
+        if not names:
+            raise InvalidInput(f"arm {self.name} must have at least one moving joint, got none")
+        if len(set(names)) != len(names):
+            raise InvalidInput(f"arm {self.name}: joint names must differ, got {', '.join(names)}")
+        for joint_type in self.joint_types:
+            check_choice(f"arm {self.name}: joint type", joint_type, JOINT_TYPES)
+        for name, (low, high) in zip(names, np.reshape(self.position_limits, (-1, 2)), strict=False):
+            if not low <= high:
+                wish = f"arm {self.name}, {name}: position limits must be lower ≤ upper"
+                raise InvalidInput(f"{wish}, got {low:g}, {high:g}")
         limits = self.position_limits, self.velocity_limits, self.torque_limits
         for array in (self.gravity, *limits, self.acceleration_limits, self.jerk_limits):
             if array is not None:
@@ -128,7 +134,12 @@ def fix_joint(arm: AnyChain, joint: str, value: float) -> AnyChain:
     if i > 0:
         bodies[i - 1] = combine_bodies(bodies[i - 1], transform_body(bodies[i], fixed))
     del placements[i], bodies[i]
-    others = np.arange(arm.dof) != i
+    kinds = ("position_limits", "velocity_limits", "torque_limits", "acceleration_limits", "jerk_limits")
+    limits = {kind: np.delete(own, i, axis=0) for kind in kinds if (own := getattr(arm, kind)) is not None}
+    frames = {}
+    for name, frame in arm.frames.items():
+        pose = fixed @ frame.pose if frame.link == i else frame.pose
+        frames[name] = frame if frame.link < i else Frame(link=frame.link - 1, pose=pose)
     return replace(
         arm,
         joint_names=arm.joint_names[:i] + arm.joint_names[i + 1 :],
@@ -136,12 +147,8 @@ def fix_joint(arm: AnyChain, joint: str, value: float) -> AnyChain:
         placements=tuple(placements),
         bodies=tuple(bodies),
         tool=tool,
-        position_limits=arm.position_limits[others],
-        velocity_limits=arm.velocity_limits[others],
-        torque_limits=arm.torque_limits[others],
-        acceleration_limits=None if arm.acceleration_limits is None else arm.acceleration_limits[others],
-        jerk_limits=None if arm.jerk_limits is None else arm.jerk_limits[others],
-        frames={name: _without_joint(frame, i, fixed) for name, frame in arm.frames.items()},
+        frames=frames,
+        **limits,
     )
 
 
@@ -154,8 +161,38 @@ def joint_motion(joint_type: str, value: float, axis: Sequence[float] = (0.0, 0.
     return Pose(np.zeros(3))
 
 
-def _without_joint(frame: Frame, joint: int, fixed: Pose) -> Frame:
-    """Return a frame of the arm after a joint is fixed at the pose ``fixed`` on the link before."""
-    if frame.link < joint:
-        return frame
-    return Frame(link=frame.link - 1, pose=fixed @ frame.pose if frame.link == joint else frame.pose)
+# Joint frames from Denavit–Hartenberg parameters, in both conventions.
+
+
+def joint_placements(
+    *, a: np.ndarray, alpha: np.ndarray, d: np.ndarray, theta: np.ndarray, convention: Literal["modified", "standard"]
+) -> tuple[tuple[Pose, ...], tuple[Pose, ...], Pose]:
+    """Return the placement of each joint on the one before, of each link frame on its joint, and of the tool.
+
+    a, d: lengths [m], one per joint
+    alpha, theta: angles [rad], one per joint
+    convention: that of the parameters and link frames
+
+    A joint's frame has the joint's axis along z in both conventions. The joint moves along or about z, so that its
+    offsets d and theta commute with its motion. Source: Craig, Introduction to Robotics, chapter 3 (modified);
+    Siciliano et al., chapter 2 (standard).
+    """
+    count, origin = len(a), Pose(np.zeros(3))
+    along_z = [_transform(0.0, 0.0, d[i], theta[i]) for i in range(count)]
+    along_x = [_transform(a[i], alpha[i], 0.0, 0.0) for i in range(count)]
+    if convention == "modified":
+        return tuple(x @ z for x, z in zip(along_x, along_z, strict=True)), (origin,) * count, origin
+    previous = [origin, *along_x[:-1]]
+    return tuple(x @ z for x, z in zip(previous, along_z, strict=True)), tuple(along_x), along_x[-1]
+
+
+def _transform(a: float, alpha: float, d: float, theta: float) -> Pose:
+    """Return a translation by a along x and a rotation by alpha about it, then d and theta along and about z."""
+    rotation: Matrix3 = np.array(
+        [
+            [np.cos(theta), -np.sin(theta), 0.0],
+            [np.cos(alpha) * np.sin(theta), np.cos(alpha) * np.cos(theta), -np.sin(alpha)],
+            [np.sin(alpha) * np.sin(theta), np.sin(alpha) * np.cos(theta), np.cos(alpha)],
+        ]
+    )
+    return Pose.from_matrix(rotation, np.array([a, -np.sin(alpha) * d, np.cos(alpha) * d]))

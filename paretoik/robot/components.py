@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from paretoik.autodiff.tape import Expression
-from paretoik.errors import InvalidInput
 from paretoik.robot.chain import SerialChain
 
 if TYPE_CHECKING:
@@ -137,14 +136,8 @@ def evaluate_in_blocks(
     """Run ``kernel(*columns)`` over samples (*batch, dof) in blocks; return (*batch, *shape).
 
     The kernel gets each argument as a list of dof contiguous columns and returns the entries of ``shape`` in order.
-    Raises InvalidInput if an array's last axis is not the arm's dof or the batches differ.
     """
     arrays = tuple(np.asarray(array) for array in arrays)
-    for array in arrays:
-        if array.ndim == 0 or array.shape[-1] != arm.dof:
-            raise InvalidInput(f"{arm.name} has {arm.dof} joints; got an array of shape {array.shape}")
-        if array.shape != arrays[0].shape:
-            raise InvalidInput(f"joint arrays must have one shape, got {arrays[0].shape} and {array.shape}")
     batch = arrays[0].shape[:-1]
     count = int(np.prod(batch))
     flat = [array.reshape(count, arm.dof) for array in arrays]

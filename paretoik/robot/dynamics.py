@@ -35,10 +35,7 @@ from paretoik.robot.kinematics import ArmConstants, LinkConstants, arm_constants
 
 
 def inverse_dynamics(arm: SerialChain, q: Joints, dq: Joints, ddq: Joints) -> Joints:
-    """Return the joint torques (forces) τ = M q̈ + n(q, q̇) [N m, N], gravity included.
-
-    All arrays are (*batch, dof). Raises InvalidInput if they don't fit the arm.
-    """
+    """Return the joint torques (forces) τ = M q̈ + n(q, q̇) (*batch, dof) [N m, N], gravity included."""
     return evaluate_in_blocks(partial(torque_components, arm), arm, (arm.dof,), q, dq, ddq)
 
 
@@ -57,10 +54,7 @@ def torque_components(
 
 
 def inertia_matrix(arm: SerialChain, q: Joints) -> InertiaMatrices:
-    """Return M(q), (*batch, dof, dof) [kg m², kg m, kg]: its columns are the torques of unit accelerations.
-
-    Raises InvalidInput if q doesn't fit the arm.
-    """
+    """Return M(q), (*batch, dof, dof) [kg m², kg m, kg]: its columns are the torques of unit accelerations."""
     dof = arm.dof
 
     def kernel(q: Sequence[Component]) -> list[Component]:
@@ -75,10 +69,7 @@ def inertia_matrix(arm: SerialChain, q: Joints) -> InertiaMatrices:
 
 
 def kinetic_energy(arm: SerialChain, q: Joints, dq: Joints) -> Values:
-    """Return ½ q̇ᵀ M q̇ (*batch,) [J].
-
-    Raises InvalidInput if the arrays don't fit the arm.
-    """
+    """Return ½ q̇ᵀ M q̇ (*batch,) [J]."""
     return evaluate_in_blocks(partial(energy_components, arm), arm, (1,), q, dq)[..., 0]
 
 

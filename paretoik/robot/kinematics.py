@@ -33,7 +33,7 @@ from paretoik.robot.components import (
     to_vector,
     transpose,
 )
-from paretoik.robot.pose import Frame, Pose
+from paretoik.robot.pose import Frame
 
 # Constants of an arm as components.
 
@@ -64,13 +64,11 @@ class LinkConstants:
 
 @dataclass(frozen=True, kw_only=True)
 class ArmConstants:
-    """Constants of an arm, as components; ``gravity`` is given in the base frame."""
+    """Constants of an arm, as components: rotation and position of tool and base, and gravity in the base frame."""
 
     links: tuple[LinkConstants, ...]
-    tool_rotation: Matrix
-    tool_translation: Vector
-    base_rotation: Matrix
-    base_translation: Vector
+    tool: tuple[Matrix, Vector]
+    base: tuple[Matrix, Vector]
     gravity: Vector
 
 
@@ -89,16 +87,9 @@ def arm_constants(arm: SerialChain) -> ArmConstants:
         )
         for joint_type, placement, inertia in zip(arm.joint_types, arm.placements, _regroup_inertias(arm), strict=True)
     )
-    tool_rotation, tool_translation = pose_constants(arm.tool)
-    base_rotation, base_translation = pose_constants(arm.base)
-    return ArmConstants(
-        links=links,
-        tool_rotation=tool_rotation,
-        tool_translation=tool_translation,
-        base_rotation=base_rotation,
-        base_translation=base_translation,
-        gravity=to_vector(_snap(arm.base.rotation).T @ arm.gravity),
-    )
+    tool, base = ((to_matrix(_snap(pose.rotation)), to_vector(pose.position)) for pose in (arm.tool, arm.base))
+    gravity = to_vector(_snap(arm.base.rotation).T @ arm.gravity)
+    return ArmConstants(links=links, tool=tool, base=base, gravity=gravity)
 
 
 def joint_cosines_and_sines(
@@ -106,11 +97,6 @@ def joint_cosines_and_sines(
 ) -> list[tuple[Component, Component]]:
     """Return (cos q, sin q) of every rotating joint, (1, 0) of a prismatic one."""
     return [(1.0, 0.0) if link.prismatic else (np.cos(x), np.sin(x)) for link, x in zip(links, q, strict=True)]
-
-
-def pose_constants(pose: Pose) -> tuple[Matrix, Vector]:
-    """Return rotation and position of a pose as components."""
-    return to_matrix(_snap(pose.rotation)), to_vector(pose.position)
 
 
 def _regroup_inertias(arm: SerialChain) -> list[np.ndarray]:
@@ -183,7 +169,7 @@ class LinkFrames:
 def link_frames(arm: SerialChain, q: Sequence[Component]) -> LinkFrames:
     """Return the link frames of an arm at joint positions given as columns."""
     constants = arm_constants(arm)
-    rotation, origin = constants.base_rotation, constants.base_translation
+    rotation, origin = constants.base
     rotations, origins = [], []
     cosines_and_sines = joint_cosines_and_sines(constants.links, q)
     for link, value, (cosine, sine) in zip(constants.links, q, cosines_and_sines, strict=True):
@@ -203,16 +189,12 @@ def link_frames(arm: SerialChain, q: Sequence[Component]) -> LinkFrames:
 def frame_components(arm: SerialChain, links: LinkFrames, frame: Frame) -> tuple[Matrix, Vector]:
     """Return rotation and position of a frame in the world, as components."""
     constants = arm_constants(arm)
-    rotation, origin = (
-        (constants.base_rotation, constants.base_translation)
-        if frame.link < 0
-        else (links.rotations[frame.link], links.origins[frame.link])
-    )
-    offset_rotation, offset = (
-        (constants.tool_rotation, constants.tool_translation)
-        if frame.pose is arm.tool
-        else (to_matrix(frame.pose.rotation), to_vector(frame.pose.position))
-    )
+    rotation, origin = constants.base
+    if frame.link >= 0:
+        rotation, origin = links.rotations[frame.link], links.origins[frame.link]
+    offset_rotation, offset = constants.tool
+    if frame.pose is not arm.tool:
+        offset_rotation, offset = to_matrix(frame.pose.rotation), to_vector(frame.pose.position)
     return multiply(rotation, offset_rotation), add(origin, apply(rotation, offset))
 
 
@@ -233,10 +215,7 @@ def jacobian_components(
 
 
 def forward_kinematics(arm: SerialChain, q: Joints, frame: str = TOOL_FRAME) -> tuple[Rotations, Positions]:
-    """Return rotation (*batch, 3, 3) and position (*batch, 3) [m] of a frame in the world at q (*batch, dof).
-
-    Raises InvalidInput for an unknown frame or a wrong number of joints.
-    """
+    """Return rotation (*batch, 3, 3) and position (*batch, 3) [m] of a frame in the world at q (*batch, dof)."""
     on_link = arm.frame(frame)
 
     def kernel(q: Sequence[Component]) -> list[Component]:
@@ -248,10 +227,7 @@ def forward_kinematics(arm: SerialChain, q: Joints, frame: str = TOOL_FRAME) -> 
 
 
 def jacobian(arm: SerialChain, q: Joints, frame: str = TOOL_FRAME) -> Jacobians:
-    """Return the geometric Jacobian (*batch, 6, dof), linear rows first, of a frame in world axes.
-
-    Raises InvalidInput for an unknown frame or a wrong number of joints.
-    """
+    """Return the geometric Jacobian (*batch, 6, dof), linear rows first, of a frame in world axes."""
     on_link = arm.frame(frame)
 
     def kernel(q: Sequence[Component]) -> list[Component]:
@@ -271,4 +247,4 @@ def node_components(arm: SerialChain, q: Sequence[Component]) -> list[Component]
     """Return the nodes of ``link_nodes`` as components: x, y, z of each node."""
     links = link_frames(arm, q)
     tool = frame_components(arm, links, arm.frame(TOOL_FRAME))[1]
-    return [value for node in (arm_constants(arm).base_translation, *links.origins, tool) for value in node]
+    return [value for node in (arm_constants(arm).base[1], *links.origins, tool) for value in node]

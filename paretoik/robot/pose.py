@@ -44,8 +44,13 @@ class Pose:
     def __init__(self, position: ArrayLike, quaternion: ArrayLike = (1.0, 0.0, 0.0, 0.0)) -> None:
         coordinates = finite_array("pose position", position, shape=(3,))
         check_magnitude("pose position", coordinates, "m")
-        orientation = unit_quaternions("pose quaternion", finite_array("pose quaternion", quaternion, shape=(4,)))
-        _freeze(self, coordinates, orientation)
+        given = finite_array("pose quaternion", quaternion, shape=(4,))
+        with np.errstate(over="ignore"):
+            length = np.linalg.norm(given, axis=-1)
+        if np.abs(length - 1) > UNIT_TOLERANCE:
+            wish = f"pose quaternion: must have length 1 within {UNIT_TOLERANCE:g}"
+            raise InvalidInput(f"{wish}, got {given.tolist()} of length {length:.9g}")
+        freeze(self, position=coordinates, quaternion=given / length)
 
     @classmethod
     def from_xyzw(cls, position: ArrayLike, xyzw: ArrayLike) -> Pose:
@@ -153,30 +158,17 @@ class Pose:
 def pose_batch(position: Float[np.ndarray, "*batch 3"], quaternion: Float[np.ndarray, "*batch 4"]) -> Pose:
     """Return a batch of poses from finite positions and quaternions of length 1 up to rounding."""
     poses = object.__new__(Pose)
-    _freeze(poses, np.array(position), quaternion / np.linalg.norm(quaternion, axis=-1, keepdims=True))
+    unit = quaternion / np.linalg.norm(quaternion, axis=-1, keepdims=True)
+    freeze(poses, position=np.array(position), quaternion=unit)
     return poses
 
 
-def _freeze(pose: Pose, position: np.ndarray, quaternion: np.ndarray) -> None:
-    for name, value in (("position", position), ("quaternion", quaternion)):
-        value.setflags(write=False)
-        object.__setattr__(pose, name, value)
-
-
-def unit_quaternions(name: str, quaternions: Float[np.ndarray, "*batch 4"]) -> Float[np.ndarray, "*batch 4"]:
-    """Return normalised quaternions; refuse the first whose length is not within 1e-6 of 1, by ``name`` and index."""
-    with np.errstate(over="ignore"):
-        lengths = np.linalg.norm(quaternions, axis=-1, keepdims=True)
-    invalid = np.argwhere(np.abs(lengths[..., 0] - 1) > UNIT_TOLERANCE)
-    if len(invalid):
-        first = tuple(int(i) for i in invalid[0])
-        where = f" at index {first[0] if len(first) == 1 else first}" if first else ""
-        raise InvalidInput(
-            f"{name}: must have length 1 within {UNIT_TOLERANCE:g}, "
-            f"got {quaternions[first].tolist()} of length {lengths[first][0]:.9g}{where}"
-        )
-    unit: np.ndarray = quaternions / lengths
-    return unit
+def freeze(instance: object, **fields: object) -> None:
+    """Set the fields of a frozen object; arrays become read-only."""
+    for name, value in fields.items():
+        if isinstance(value, np.ndarray):
+            value.setflags(write=False)
+        object.__setattr__(instance, name, value)
 
 
 def quaternion_product(

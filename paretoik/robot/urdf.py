@@ -86,7 +86,14 @@ def select_chain(
     root, (start, end) = robot.roots[0], _ends(source, robot, base, tip)
     joints = robot.joints_below(root)
     path, above = _path(source, joints, start, end), _path(source, joints, root, start)[::-1]
-    _check_fixed(source, joints, fixed)
+    known = {joint.name: joint.limits for joint in joints if joint.type in JOINT_TYPES}
+    for name, value in fixed.items():
+        if name not in known:
+            hint = likely_spelling(name, known)
+            raise InvalidInput(f"{source}: fixed must name joints among {listed(known)}, got {shown(name)}{hint}")
+        lower, upper = known[name].lower, known[name].upper
+        if not lower <= finite_number(f"{source}: joint {name!r}", value) <= upper:
+            raise InvalidInput(f"{source}: joint {name!r} must be from {lower:g} to {upper:g}, got {value:g}")
     leaders = {joint.name: _leader(robot, joint, fixed) for joint in joints}
     free = {joint.name for joint in path if joint.type != "fixed" and not joint.mimic and joint.name not in fixed}
     moving = [joint for joint in path if joint.type != "fixed" and leaders[joint.name][0] in free]
@@ -148,7 +155,8 @@ def _ends(source: str, robot: RobotDescription, base: str | None, tip: str | Non
             hint = likely_spelling(link, robot.links)
             raise InvalidInput(f"{source}: {name} must be one of {listed(robot.links)}, got {shown(link)}{hint}")
     start = base or robot.roots[0]
-    leaves = robot.leaves_below(start)
+    below = {start, *(joint.child for joint in robot.joints_below(start))}
+    leaves = [leaf for leaf in robot.leaves if leaf in below]
     if tip is None and len(leaves) > 1:
         raise InvalidInput(f"{source}: tip must be one of the leaves {listed(leaves)}, got none")
     return start, tip or leaves[0]
@@ -165,17 +173,6 @@ def _path(source: str, joints: Sequence[JointDescription], base: str, tip: str) 
         path.append(parent_joint[link])
         link = parent_joint[link].parent
     return path[::-1]
-
-
-def _check_fixed(source: str, joints: Sequence[JointDescription], fixed: Mapping[str, float]) -> None:
-    known = {joint.name: joint.limits for joint in joints if joint.type in JOINT_TYPES}
-    for name, value in fixed.items():
-        if name not in known:
-            hint = likely_spelling(name, known)
-            raise InvalidInput(f"{source}: fixed must name joints among {listed(known)}, got {shown(name)}{hint}")
-        lower, upper = known[name].lower, known[name].upper
-        if not lower <= finite_number(f"{source}: joint {name!r}", value) <= upper:
-            raise InvalidInput(f"{source}: joint {name!r} must be from {lower:g} to {upper:g}, got {value:g}")
 
 
 def _leader(robot: RobotDescription, joint: JointDescription, fixed: Collection[str]) -> tuple[str, float, float]:
@@ -293,11 +290,14 @@ def check_robot(
     trunk = robot.trunk(robot.roots[0] if base is None else base)
     if tip is None and trunk[-1] not in robot.leaves:
         chain = select_chain(str(file), robot, base, trunk[-1], fixed, soft=soft)
-        summary.append(f"several leaves: name one as tip to see its chain{_trunk_text(chain)}")
+        moved = [joint.child for joint in chain.moving]
+        last = max((row for row, link in enumerate(chain.links) if link in moved), default=None)
+        others = "" if last is None else f", or a link that all of them hang from: {', '.join(chain.links[last:])}"
+        summary.append(f"several leaves: name one as tip to see its chain{others}")
         faults = _build_arm(robot, chain, repair_inertias)[1] if chain.moving else list_messages(chain.faults)
         every = list_messages(robot.part_faults)
-        others = [each for each in every if not any(fault.startswith(each) for fault in faults)]
-        notices = tuple(f"{each}; it matters on a chain that it is on" for each in others)
+        off = [each for each in every if not any(fault.startswith(each) for fault in faults)]
+        notices = tuple(f"{each}; it matters on a chain that it is on" for each in off)
     else:
         chain = select_chain(str(file), robot, base, tip, fixed, soft=soft)
         summary.append(f"chain {chain.base} to {chain.tip}: {len(chain.moving)} moving joints")
@@ -341,13 +341,6 @@ def _check_options(fixed: Mapping[str, float] | None, soft: bool, repair_inertia
     check_flag("soft", soft)
     check_flag("repair_inertias", repair_inertias)
     return dict(fixed or {})
-
-
-def _trunk_text(chain: Chain) -> str:
-    """Return in words the links after the last moving joint that carry all leaves and may be the tip; "" if none."""
-    moved = [joint.child for joint in chain.moving]
-    last = max((row for row, link in enumerate(chain.links) if link in moved), default=None)
-    return "" if last is None else f", or a link that all of them hang from: {', '.join(chain.links[last:])}"
 
 
 def _summarise(joint: JointDescription) -> str:

@@ -108,11 +108,6 @@ class RobotDescription:
         parents = {joint.parent for joint in self.joints.values()}
         return [link for link in self.links if link not in parents]
 
-    def leaves_below(self, link: str) -> list[str]:
-        """Return the leaves that a link carries (itself if it is one); only for a robot without faults."""
-        below = {joint.child for joint in self.joints_below(link)}
-        return [leaf for leaf in self.leaves if leaf in below or leaf == link]
-
     def trunk(self, base: str) -> list[str]:
         """Return the links from ``base`` on that carry all leaves below it; only for a robot without faults."""
         children: dict[str, list[str]] = {}
@@ -178,23 +173,17 @@ def group_messages(messages: Iterable[str]) -> list[str]:
     >>> group_messages([f"line {n}: link 'l{n}': mass must be positive, got {n}; left out" for n in range(5)])
     ["each of 5 links, 'l0', 'l1', 'l2' and 2 more: mass must be positive; left out"]
     """
-    groups = dict[tuple[str, str], list[str]]()
+    groups = dict[tuple[str, str], list[tuple[str, str, str]]]()
     for message in messages:
         match = LINK_OR_JOINT_MESSAGE.fullmatch(message)
-        key = ("", message) if match is None else (match[1], GOT_CLAUSE.sub("", match[3]))
-        groups.setdefault(key, []).append(message)
-    return [each[0] if len(each) == 1 else _group_text(*key, each) for key, each in groups.items()]
-
-
-def _group_text(kind: str, text: str, messages: Sequence[str]) -> str:
-    """Return one line for the messages of several links or joints: their whole text if it is the same, else ``text``.
-
-    Other messages are in one group only if they are equal: the line is the message.
-    """
-    matches = [match for message in messages if (match := LINK_OR_JOINT_MESSAGE.fullmatch(message))]
-    if not matches:
-        return messages[0]
-    names, texts = [match[2] for match in matches], {match[3] for match in matches}
-    first, more = names[: OPTIONS.listed_names], len(names) - OPTIONS.listed_names
-    listed = f"{', '.join(first)} and {more} more" if more > 0 else " and ".join([", ".join(first[:-1]), first[-1]])
-    return f"each of {len(names)} {kind}s, {listed}: {texts.pop() if len(texts) == 1 else text}"
+        kind, name, text = match.groups() if match else ("", "", message)
+        key = kind, GOT_CLAUSE.sub("", text) if match else text
+        groups.setdefault(key, []).append((message, name, text))
+    lines = []
+    for (kind, common), group in groups.items():
+        whole, names, texts = zip(*group, strict=True)
+        first, more = names[: OPTIONS.listed_names], len(names) - OPTIONS.listed_names
+        listed = f"{', '.join(first)} and {more} more" if more > 0 else " and ".join([", ".join(first[:-1]), first[-1]])
+        several = f"each of {len(names)} {kind}s, {listed}: {texts[0] if len(set(texts)) == 1 else common}"
+        lines.append(several if kind and len(names) > 1 else whole[0])
+    return lines

@@ -33,26 +33,23 @@ from paretoik.robot.urdf_description import (
 # Faults of the tree of links and joints, and of mimic joints.
 
 
-def find_tree_faults(
-    links: Mapping[str, LinkDescription], joints: Mapping[str, JointDescription], lines: Mapping[str, int]
-) -> list[Fault]:
-    """Return why links and joints are not one tree, each fault with its line; ``lines`` are the joints' lines."""
+def find_tree_faults(links: Mapping[str, LinkDescription], joints: Mapping[str, JointDescription]) -> list[Fault]:
+    """Return why links and joints are not one tree, each fault with its line."""
     faults: list[Fault] = []
     parent_joint: dict[str, str] = {}
     for name, joint in joints.items():
         for tag, link in (("parent", joint.parent), ("child", joint.child)):
             if link and link not in links:
-                faults.append(
-                    (lines[name], f"joint {shown(name)}: {tag} must be a link of the robot, got {shown(link)}")
-                )
+                wish = f"joint {shown(name)}: {tag} must be a link of the robot"
+                faults.append((joint.line, f"{wish}, got {shown(link)}"))
         if joint.child in parent_joint:
             two = f"{shown(parent_joint[joint.child])} and {shown(name)}"
-            faults.append((lines[name], f"link {shown(joint.child)}: must be the child of one joint, got {two}"))
+            faults.append((joint.line, f"link {shown(joint.child)}: must be the child of one joint, got {two}"))
         elif joint.child in links:
             parent_joint[joint.child] = name
     for loop in _find_loops(joints, lambda joint: parent_joint.get(joint.parent)):
         names = ", ".join(repr(name) for name in loop)
-        faults.append((lines[loop[0]], f"joints must form a tree, got the loop {names}"))
+        faults.append((joints[loop[0]].line, f"joints must form a tree, got the loop {names}"))
     roots = [link for link in links if link not in parent_joint]
     if len(roots) > 1:
         names = ", ".join(repr(root) for root in roots[:10]) + (", ..." if len(roots) > 10 else "")
@@ -60,15 +57,15 @@ def find_tree_faults(
     return faults
 
 
-def find_mimic_faults(joints: Mapping[str, JointDescription], lines: Mapping[str, int]) -> list[tuple[str, Fault]]:
+def find_mimic_faults(joints: Mapping[str, JointDescription]) -> list[tuple[str, str]]:
     """Return the name and fault of each mimic joint that follows no other joint."""
     faults = []
     for name, joint in joints.items():
         if joint.mimic and joint.mimic[0] not in joints:
             leader = shown(joint.mimic[0][:200])
-            faults.append((name, (lines[name], f"joint {shown(name)}: must mimic a joint of the robot, got {leader}")))
+            faults.append((name, f"joint {shown(name)}: must mimic a joint of the robot, got {leader}"))
     for loop in _find_loops(joints, lambda joint: joint.mimic[0] if joint.mimic else None):
-        faults += [(name, (lines[name], f"joint {name!r}: must mimic another joint, got itself")) for name in loop]
+        faults += [(name, f"joint {name!r}: must mimic another joint, got itself") for name in loop]
     return faults
 
 
@@ -246,20 +243,16 @@ def read_robot(file: Path) -> RobotDescription:
     elif count > OPTIONS.max_links:
         reader.fault(root, f"the robot must have at most {OPTIONS.max_links} links, got {count}")
     links = {name: _read_link(name, each, reader.part(f"link {name!r}")) for name, each in elements["link"].items()}
-    joints = {
-        name: _read_joint(name, each, reader, reader.part(f"joint {name!r}"))
-        for name, each in elements["joint"].items()
-    }
-    lines = {name: each.line for name, each in elements["joint"].items()}
-    for name, fault in find_mimic_faults(joints, lines):
-        joints[name] = replace(joints[name], faults=(*joints[name].faults, fault))
+    joints = {name: _read_joint(name, each, reader) for name, each in elements["joint"].items()}
+    for name, fault in find_mimic_faults(joints):
+        joints[name] = replace(joints[name], faults=(*joints[name].faults, (joints[name].line, fault)))
     if reader.with_friction:
         first = reader.with_friction[0]
         text = f"damping or friction of {len(reader.with_friction)} joints, from {first!r} on, is not modelled"
-        reader.warnings.append((lines[first], text))
+        reader.warnings.append((joints[first].line, text))
     if macros:
         reader.warnings.append((macros[0], f"{len(macros)} macros of xacro, in parts that are not read, are left out"))
-    faults = [*reader.faults, *find_tree_faults(links, joints, lines)]
+    faults = [*reader.faults, *find_tree_faults(links, joints)]
     robot = RobotDescription(
         name=root.attributes.get("name") or file.stem,
         digest=sha256(data).hexdigest(),
@@ -410,26 +403,20 @@ def _read_link(name: str, element: Element, reader: _Reader) -> LinkDescription:
     inertial = reader.child(element, "inertial")
     if inertial is None:
         return LinkDescription(name=name, faults=tuple(reader.faults))
-    origin = reader.origin(inertial)
-    mass = _read_mass(inertial, reader)
+    origin, weight = reader.origin(inertial), reader.child(inertial, "mass")
+    mass: float | None = None
+    if weight is None:
+        reader.fault(inertial, "its <inertial> must have a <mass>, got none")
+    elif value := reader.finite(weight, "value", None):
+        mass = value[0] if value[0] >= 0 else None
+        if mass is None:
+            reader.fault(weight, f"mass must not be negative, got {value[0]:g} kg")
     entries, line = _read_inertia(inertial, mass, reader)
     fault = inertia_fault(inertia_matrix(entries))
     wrong = (line, f"{reader.owner}: {fault}") if fault else None
     if origin is None or mass is None or reader.faults:
         return LinkDescription(name=name, inertia_fault=wrong, faults=tuple(reader.faults))
     return LinkDescription(name=name, mass=mass, origin=origin, inertia_entries=entries, inertia_fault=wrong)
-
-
-def _read_mass(inertial: Element, reader: _Reader) -> float | None:
-    element = reader.child(inertial, "mass")
-    if element is None:
-        reader.fault(inertial, "its <inertial> must have a <mass>, got none")
-        return None
-    value = reader.finite(element, "value", None)
-    if value is not None and value[0] < 0:
-        reader.fault(element, f"mass must not be negative, got {value[0]:g} kg")
-        return None
-    return value[0] if value else None
 
 
 def _read_inertia(inertial: Element, mass: float | None, reader: _Reader) -> tuple[Numbers, int]:
@@ -451,8 +438,9 @@ def _read_inertia(inertial: Element, mass: float | None, reader: _Reader) -> tup
     return entries, element.line
 
 
-def _read_joint(name: str, element: Element, whole: _Reader, reader: _Reader) -> JointDescription:
+def _read_joint(name: str, element: Element, whole: _Reader) -> JointDescription:
     """Return a joint; faults of its links go to the ``whole`` file, since there is then no tree."""
+    reader = whole.part(f"joint {name!r}")
     reader.no_macros(element)
     joint_type = element.attributes.get("type", "")
     types = (*JOINT_TYPES, *OTHER_TYPES)
@@ -465,11 +453,24 @@ def _read_joint(name: str, element: Element, whole: _Reader, reader: _Reader) ->
         ends[tag] = end.attributes.get("link", "") if end else ""
         if not ends[tag]:
             whole.fault(element, f"must name a {tag} link, got none", reader.owner)
-    origin = reader.origin(element)
-    axis = _read_axis(element, reader) if joint_type in (*JOINT_TYPES, "planar") else (0.0, 0.0, 1.0)
-    limits = _read_limits(joint_type, element, reader) if joint_type in JOINT_TYPES else JointLimits()
-    if joint_type in JOINT_TYPES and _has_friction(element, reader):
-        reader.with_friction.append(name)
+    origin, limits = reader.origin(element), JointLimits()
+    axis: Numbers | None = (0.0, 0.0, 1.0)
+    mimic: tuple[str, float, float] | None = None
+    if joint_type in (*JOINT_TYPES, "planar"):
+        axis = (1.0, 0.0, 0.0)  # the URDF format's default
+        if part := reader.child(element, "axis"):
+            given = reader.finite(part, "xyz", None, 3)
+            axis = None if given is None else reader.direction(part, "axis", given)
+    if joint_type in JOINT_TYPES:
+        limits = _read_limits(joint_type, element, reader)
+        if part := reader.child(element, "dynamics"):
+            friction = [reader.finite(part, each, "0") for each in ("damping", "friction")]
+            if any(value is not None and value[0] != 0.0 for value in friction):
+                reader.with_friction.append(name)
+    if part := reader.child(element, "mimic"):
+        multiplier, offset = reader.finite(part, "multiplier", "1"), reader.finite(part, "offset", "0")
+        leader = part.attributes.get("joint", "")
+        mimic = leader, multiplier[0] if multiplier else 1.0, offset[0] if offset else 0.0
     return JointDescription(
         name=name,
         type=joint_type,
@@ -478,25 +479,21 @@ def _read_joint(name: str, element: Element, whole: _Reader, reader: _Reader) ->
         origin=ORIGIN if origin is None else origin,
         axis=axis or (1.0, 0.0, 0.0),
         limits=limits,
-        mimic=_read_mimic(element, reader),
+        mimic=mimic,
         line=element.line,
         faults=tuple(reader.faults),
         misplaced=origin is None or axis is None,
     )
 
 
-def _read_axis(joint: Element, reader: _Reader) -> Numbers | None:
-    """Return the axis, scaled to length 1; None if it cannot be read."""
-    element = reader.child(joint, "axis")
-    if element is None:
-        return (1.0, 0.0, 0.0)  # the URDF format's default
-    axis = reader.finite(element, "xyz", None, 3)
-    return None if axis is None else reader.direction(element, "axis", axis)
-
-
 def _read_limits(joint_type: str, joint: Element, reader: _Reader) -> JointLimits:
     element = reader.child(joint, "limit")
-    soft = _read_soft_limits(joint, reader)
+    soft: tuple[float, float] | None = None
+    names = {"soft_lower_limit": "-inf", "soft_upper_limit": "inf"}
+    controller = reader.child(joint, "safety_controller")
+    if controller is not None and any(name in controller.attributes for name in names):
+        least, greatest = (reader.numbers(controller, name, default) for name, default in names.items())
+        soft = None if least is None or greatest is None else (least[0], greatest[0])
     if element is None:
         if joint_type != "continuous":
             reader.fault(joint, f"a {joint_type} joint must have a <limit>, got none")
@@ -520,31 +517,3 @@ def _read_limits(joint_type: str, joint: Element, reader: _Reader) -> JointLimit
     deceleration = magnitudes.pop("deceleration")
     magnitudes["acceleration"] = min(magnitudes["acceleration"], deceleration)
     return JointLimits(lower=lower, upper=upper, soft=soft, **magnitudes)
-
-
-def _read_soft_limits(joint: Element, reader: _Reader) -> tuple[float, float] | None:
-    """Return the position limits of a safety controller, infinite if one is missing; None without a controller."""
-    element = reader.child(joint, "safety_controller")
-    names = {"soft_lower_limit": "-inf", "soft_upper_limit": "inf"}
-    if element is None or not any(name in element.attributes for name in names):
-        return None
-    lower, upper = (reader.numbers(element, name, default) for name, default in names.items())
-    return None if lower is None or upper is None else (lower[0], upper[0])
-
-
-def _has_friction(joint: Element, reader: _Reader) -> bool:
-    element = reader.child(joint, "dynamics")
-    if element is None:
-        return False
-    values = [reader.finite(element, name, "0") for name in ("damping", "friction")]
-    return any(value is not None and value[0] != 0.0 for value in values)
-
-
-def _read_mimic(joint: Element, reader: _Reader) -> tuple[str, float, float] | None:
-    element = reader.child(joint, "mimic")
-    if element is None:
-        return None
-    multiplier = reader.finite(element, "multiplier", "1")
-    offset = reader.finite(element, "offset", "0")
-    leader = element.attributes.get("joint", "")
-    return leader, multiplier[0] if multiplier else 1.0, offset[0] if offset else 0.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple, Protocol, TypeAlias, get_args, runtime_checkable
+from typing import Any, NamedTuple, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -16,8 +16,7 @@ from paretoik.robot.pose import quaternion_product, quaternion_to_matrix, vector
 # Time laws: share of the path covered over time.
 
 
-TimeLaw: TypeAlias = Literal["raised-cosine", "quintic", "uniform"]
-TIME_LAWS: tuple[TimeLaw, ...] = get_args(TimeLaw)
+TIME_LAWS = ("raised-cosine", "quintic", "uniform")
 
 
 def progress(t: Float[np.ndarray, "*batch"], duration: float, law: str) -> Float[np.ndarray, "*batch"]:
@@ -29,12 +28,9 @@ def progress(t: Float[np.ndarray, "*batch"], duration: float, law: str) -> Float
     - ``"quintic"``: 10τ³ - 15τ⁴ + 6τ⁵ with τ = t/T, the least squared jerk from rest to rest; peak speed 15/(8T).
     - ``"uniform"``: τ.
 
-    Raises InvalidInput for an unknown law.
-
     >>> progress(np.array([0.0, 0.5, 1.0, 2.0]), duration=2.0, law="quintic").round(6)
     array([0.      , 0.103516, 0.5     , 1.      ])
     """
-    check_law(law)
     fraction = np.asarray(t, dtype=float) / duration
     if law == "uniform":
         return fraction
@@ -50,11 +46,7 @@ def progress(t: Float[np.ndarray, "*batch"], duration: float, law: str) -> Float
 def progress_rates(
     t: Float[np.ndarray, "*batch"], duration: float, law: str
 ) -> tuple[Float[np.ndarray, "*batch"], Float[np.ndarray, "*batch"]]:
-    """Return the first and second time derivatives [1/s, 1/s²] of ``progress`` at times ``t`` in [0, duration] [s].
-
-    Raises InvalidInput for an unknown law.
-    """
-    check_law(law)
+    """Return the first and second time derivatives [1/s, 1/s²] of ``progress`` at times ``t`` in [0, duration] [s]."""
     fraction = np.asarray(t, dtype=float) / duration
     if law == "uniform":
         return np.full_like(fraction, 1 / duration), np.zeros_like(fraction)
@@ -67,11 +59,6 @@ def progress_rates(
         speed, acceleration = 4 * from_nearer_end - np.sin(angle) / np.pi, 8 * np.sin(angle / 2) ** 2
     signs = np.where(fraction <= 0.5, 1.0, -1.0)  # s(τ) = 1 - s(1 - τ): its speed is even about the middle
     return speed / duration, signs * acceleration / duration**2
-
-
-def check_law(law: str) -> None:
-    """Raise InvalidInput for an unknown law."""
-    check_choice("timing:", law, TIME_LAWS)
 
 
 # Curves as functions of time.
@@ -106,14 +93,17 @@ CLOSURE_TOLERANCE = 1e-9  # of a path's or an arm's length, or rad: distance bel
 
 @dataclass(frozen=True, eq=False)
 class TimedCurve:
-    """A curve ``shape`` over the fraction covered (0 to 1), travelled in ``duration`` [s] by a time law."""
+    """A curve ``shape`` over the fraction covered (0 to 1), travelled in ``duration`` [s] by a time law.
+
+    Raises InvalidInput for an unknown law.
+    """
 
     shape: SmoothCurve
     duration: float
     law: str
 
     def __post_init__(self) -> None:
-        check_law(self.law)
+        check_choice("timing:", self.law, TIME_LAWS)
 
     def __call__(self, times: Times) -> Samples:
         """Return positions and orientations at times [s]."""

@@ -8,7 +8,7 @@ one matrix, ∂g/∂q D: the implicit function theorem.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -22,9 +22,7 @@ from paretoik.robot.arm import Arm
 from paretoik.robot.kinematics import joint_scales
 from paretoik.tables import field_representation, html_representation
 from paretoik.task.retraction import compiled_steps, path_evaluator, row_scales
-from paretoik.task.task import Task, path_equations, path_jacobian
-
-Frames: TypeAlias = Float[np.ndarray, "*batch instants dof rows"]
+from paretoik.task.task import Task, path_equations, path_jacobian, path_targets
 
 
 class JointState(NamedTuple):
@@ -54,9 +52,8 @@ def interpolate(q: JointPaths, time: Series, t: Times, *, cyclic: bool, order: i
 
 def target_rates(tasks: Sequence[Task], t: Times) -> tuple[Float[np.ndarray, "time numbers"], ...]:
     """Return the targets of all tasks at times t [s], and their first and second derivatives."""
-    rates = [task.target_rates(t) for task in tasks]
-    parts = [task.targets(t) for task in tasks], [first for first, _ in rates], [second for _, second in rates]
-    return tuple(np.concatenate(part, axis=1) for part in parts)
+    first, second = zip(*(task.target_rates(t) for task in tasks), strict=True)
+    return path_targets(tasks, t), np.concatenate(first, axis=1), np.concatenate(second, axis=1)
 
 
 def project_rates(

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import NamedTuple, get_args
 
 import numpy as np
 from jaxtyping import Float
 
 from paretoik.errors import InvalidInput, warn_user
 from paretoik.inputs import (
+    check_choice,
     check_function,
     check_magnitude,
     check_size,
@@ -29,17 +30,33 @@ from paretoik.robot.arm import Arm, check_arm
 from paretoik.robot.kinematics import characteristic_length, joint_scales
 from paretoik.tables import field_representation, html_representation
 from paretoik.task.motion import Motion
-from paretoik.task.objectives import Form, Function, check_form, evaluate_function, evaluate_integral
+from paretoik.task.objectives import Form, Function, evaluate_function, evaluate_integral
 
 LIMIT_TOLERANCE = 1e-9  # share of a limit or its range that counts as rounding
-LIMITED = {"position": "q", "velocity": "dq", "acceleration": "ddq", "torque": "torque", "power": "power"}  # of Motion
-JOINT_UNITS = {  # of joints that turn, and of those that slide
-    "position": ("rad", "m"),
-    "velocity": ("rad/s", "m/s"),
-    "acceleration": ("rad/s²", "m/s²"),
-    "torque": ("N m", "N"),
-    "power": ("W", "W"),
+
+
+class LimitKind(NamedTuple):
+    """A kind of joint limit.
+
+    values: field of ``Motion`` that it bounds
+    units: units of joints that turn, and of those that slide
+    declared: field of ``Arm`` with the arm's own limits, "" if an arm has none
+    """
+
+    values: str
+    units: tuple[str, str]
+    declared: str
+
+
+LIMIT_KINDS = {
+    "position": LimitKind("q", ("rad", "m"), "position_limits"),
+    "velocity": LimitKind("dq", ("rad/s", "m/s"), "velocity_limits"),
+    "acceleration": LimitKind("ddq", ("rad/s²", "m/s²"), "acceleration_limits"),
+    "torque": LimitKind("torque", ("N m", "N"), "torque_limits"),
+    "power": LimitKind("power", ("W", "W"), ""),
 }
+LIMITED = {kind: each.values for kind, each in LIMIT_KINDS.items()}
+JOINT_UNITS = {kind: each.units for kind, each in LIMIT_KINDS.items()}
 Bounds = Float[np.ndarray, "#time dof 2"]
 
 
@@ -77,7 +94,7 @@ class Limits:
     _repr_html_ = html_representation
 
     def __post_init__(self) -> None:
-        for kind in LIMITED:
+        for kind in LIMIT_KINDS:
             _check_limit(f"{kind} limit", getattr(self, kind))
         finite_number("clearance limit", self.clearance)
         if not 0 <= finite_number("margin", self.margin) < 0.5:
@@ -90,14 +107,12 @@ class Limits:
         """
         check_arm("arm", arm)
         check_size("samples", samples, 1)
-        declared = {
-            "position": arm.position_limits,
-            "velocity": arm.velocity_limits,
-            "acceleration": arm.acceleration_limits,
-            "torque": arm.torque_limits,
-        }
-        every = {kind: _bounds(kind, getattr(self, kind), declared.get(kind), arm, samples) for kind in LIMITED}
-        _warn_of_degrees(self.position, every["position"], arm.position_limits, arm)
+        every = {kind: _bounds(kind, getattr(self, kind), arm, samples) for kind in LIMIT_KINDS}
+        for j in np.flatnonzero(arm.periodic) if self.position is not None else ():
+            own = every["position"][:, j] == arm.position_limits[j]
+            if hint := degrees_hint(every["position"][:, j][~own]):
+                warn_user(f"position limit of {arm.joint_names[j]}: {hint}, and np.inf is no limit")
+                break
         inwards = self.margin * np.array([1.0, -1.0])
         return {
             kind: bounds + inwards * limit_ranges(bounds[..., 0], bounds[..., 1])[..., None] if self.margin else bounds
@@ -165,7 +180,7 @@ def constraint(
     >>> above_table.scale
     1.0
     """
-    check_form(form)
+    check_choice("form", form, get_args(Form))
     for key, text in (("unit", unit), ("name", "" if name is None else name)):
         check_text(key, text)
     lower, upper = real_number("lower", lower), real_number("upper", upper)
@@ -259,15 +274,23 @@ def _sides(name: str, value: object) -> tuple[float, float]:
     return low, high
 
 
-def _bounds(kind: str, limit: object, declared: np.ndarray | None, arm: Arm, samples: int) -> Bounds:
-    if declared is None:
-        declared = np.tile([-np.inf, np.inf], (arm.dof, 1))
-    if declared.ndim == 1:
-        declared = np.stack([-declared, declared], axis=-1)
-    if limit is None:
-        return declared[None].copy()
-    if isinstance(limit, Mapping):
-        return _by_name(kind, limit, declared, arm)[None]
+def _bounds(kind: str, limit: object, arm: Arm, samples: int) -> Bounds:
+    """Return limits of a kind as (1 or time, dof, 2); None is the arm's own, and so are joints without a name."""
+    if limit is None or isinstance(limit, Mapping):
+        declared = LIMIT_KINDS[kind].declared
+        own = getattr(arm, declared) if declared else None
+        own = np.full(arm.dof, np.inf) if own is None else own
+        bounds = own.copy() if own.ndim == 2 else np.stack([-own, own], axis=-1)
+        for joint, value in (limit or {}).items():
+            if joint not in arm.joint_names:
+                hint = likely_spelling(joint, arm.joint_names)
+                wish = f"must name joints among {listed(arm.joint_names)}"
+                raise InvalidInput(f"{kind} limit {wish}, got {shown(joint)}{hint}")
+            sides = _sides(f"{kind} limit of {joint}", value)
+            if not sides[0] <= sides[1]:
+                raise InvalidInput(f"{kind} limit of {joint} must be lower ≤ upper, got {sides[0]} and {sides[1]}")
+            bounds[arm.joint_names.index(joint)] = sides
+        return bounds[None]
     lower, upper = limit if isinstance(limit, tuple) and len(limit) == 2 else (None, limit)
     high = _side(kind, upper, arm, samples)
     low = -high if lower is None else _side(kind, lower, arm, samples)
@@ -282,18 +305,6 @@ def _bounds(kind: str, limit: object, declared: np.ndarray | None, arm: Arm, sam
     return np.stack([low, high], axis=-1)
 
 
-def _warn_of_degrees(limit: object, bounds: Bounds, declared: np.ndarray, arm: Arm) -> None:
-    """Warn of position limits (time, dof, 2) that look like degrees, except those that the arm declares."""
-    if limit is None:
-        return
-    beyond = [
-        degrees_hint(bounds[:, j][bounds[:, j] != declared[j]]) if arm.periodic[j] else "" for j in range(arm.dof)
-    ]
-    joint, hint = next(((name, hint) for name, hint in zip(arm.joint_names, beyond, strict=True) if hint), ("", ""))
-    if hint:
-        warn_user(f"position limit of {joint}: {hint}, and np.inf is no limit")
-
-
 def _side(kind: str, values: object, arm: Arm, samples: int) -> np.ndarray:
     array = real_array(f"{kind} limit", values)
     if array.shape not in ((), (arm.dof,), (samples, arm.dof)):
@@ -303,17 +314,3 @@ def _side(kind: str, values: object, arm: Arm, samples: int) -> np.ndarray:
             "tuple(arm.position_limits.T)"
         )
     return np.broadcast_to(array, (max(1, len(array) if array.ndim == 2 else 1), arm.dof))
-
-
-def _by_name(kind: str, limits: Mapping[str, Any], declared: np.ndarray, arm: Arm) -> np.ndarray:
-    bounds = declared.copy()
-    for joint, value in limits.items():
-        if joint not in arm.joint_names:
-            hint = likely_spelling(joint, arm.joint_names)
-            wish = f"must name joints among {listed(arm.joint_names)}"
-            raise InvalidInput(f"{kind} limit {wish}, got {shown(joint)}{hint}")
-        low, high = _sides(f"{kind} limit of {joint}", value)
-        if not low <= high:
-            raise InvalidInput(f"{kind} limit of {joint} must be lower ≤ upper, got {low} and {high}")
-        bounds[arm.joint_names.index(joint)] = low, high
-    return bounds

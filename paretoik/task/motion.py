@@ -41,7 +41,7 @@ from paretoik.task.sampling import (
     simpson_weights,
     with_midpoints,
 )
-from paretoik.task.task import Task
+from paretoik.task.task import Task, path_targets
 
 # Checks of a motion's parts.
 
@@ -65,18 +65,6 @@ def checked_samples(arm: Arm, q: object, time: object) -> tuple[JointPaths, np.n
         k = decreasing[0][-1] + 1
         raise InvalidInput(f"motion: times must increase, got one that does not at sample {k}")
     return positions, times
-
-
-def check_settings(motion: Motion) -> None:
-    """Raise InvalidInput for meaningless settings of a motion."""
-    check_choice("differences", motion.differences, get_args(Differences))
-    check_flag("cyclic", motion.cyclic)
-    check_flag("ends_at_rest", motion.ends_at_rest)
-    read_list("tasks", motion.tasks, Task, "a tuple of tasks")
-    check_obstacles(motion.obstacles)
-    check_link_radius(motion.link_radius)
-    if motion.derivatives is not None:
-        check_instance("derivatives", motion.derivatives, Derivatives, "Derivatives or None")
 
 
 def check_obstacles(obstacles: object) -> None:
@@ -136,7 +124,14 @@ class Motion:
 
     def __post_init__(self) -> None:
         q, time = checked_samples(self.arm, self.q, self.time)
-        check_settings(self)
+        check_choice("differences", self.differences, get_args(Differences))
+        check_flag("cyclic", self.cyclic)
+        check_flag("ends_at_rest", self.ends_at_rest)
+        read_list("tasks", self.tasks, Task, "a tuple of tasks")
+        check_obstacles(self.obstacles)
+        check_link_radius(self.link_radius)
+        if self.derivatives is not None:
+            check_instance("derivatives", self.derivatives, Derivatives, "Derivatives or None")
         if self.cyclic:
             distance = np.abs(q[..., -1, :] - q[..., 0, :])
             if (distance / joint_scales(self.arm)).max(initial=0.0) > CLOSURE_TOLERANCE:
@@ -368,8 +363,8 @@ class Motion:
     @cached_property
     def _spline_nodes(self) -> JointState:
         """State of the spline at the samples and the middles between them."""
-        _, q, derivatives = evaluate_with_midpoints(self.spline)
-        return JointState(q, derivatives.dq, derivatives.ddq)
+        _, q, rates = evaluate_with_midpoints(self.spline)
+        return JointState(q, rates.dq, rates.ddq)
 
     @cached_property
     def _nodes(self) -> JointState:
@@ -391,8 +386,7 @@ class Motion:
         return state
 
     def _project(self, q: np.ndarray, instants: np.ndarray) -> np.ndarray:
-        targets = np.concatenate([task.targets(instants) for task in self.tasks], axis=1)
-        retraction = retract_nearest(self.arm, self.tasks, q, targets)
+        retraction = retract_nearest(self.arm, self.tasks, q, path_targets(self.tasks, instants))
         if not retraction.on_path.all():
             off_path = np.unravel_index(int(np.argmin(retraction.on_path)), q.shape[:-1])
             where = f"at: the motion must follow its path, but at {instants[off_path[-1]]:g} s"
@@ -405,8 +399,8 @@ class Motion:
     @property
     def _errors(self) -> tuple[np.ndarray, np.ndarray]:
         times, inverse = np.unique(self.time, return_inverse=True)
-        targets = np.concatenate([task.targets(times) for task in self.tasks], axis=1)
-        return task_errors(self.arm, self.tasks, self.q, targets[inverse.reshape(self.time.shape)])
+        targets = path_targets(self.tasks, times)[inverse.reshape(self.time.shape)]
+        return task_errors(self.arm, self.tasks, self.q, targets)
 
     @cached_property
     def _tool_pose(self) -> tuple[np.ndarray, np.ndarray]:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -24,10 +25,9 @@ from paretoik.task.objectives import Objective
 from paretoik.task.obstacles import Obstacle, closest_pair
 from paretoik.task.path import Path
 from paretoik.task.sampling import Derivatives, Differences, quadrature_weights, simpson_weights, with_midpoints
-from paretoik.task.task import Task
+from paretoik.task.task import Task, path_targets
 
 # Motions between their samples: the projected curve on finer grids, and its largest values.
-
 
 Pieces = Float[np.ndarray, "pieces instants"]
 Columns = Float[np.ndarray, "pieces instants columns"]
@@ -140,24 +140,6 @@ def _step_bounds(times: Pieces, values: Columns) -> tuple[np.ndarray, np.ndarray
     return times[:, :-1].ravel(), times[:, 1:].ravel(), bounds.max(axis=-1, initial=0.0).ravel()
 
 
-def differentiate_pieces(values: np.ndarray, steps: np.ndarray, order: int, *, cyclic: bool) -> np.ndarray:
-    """Return derivatives of values (*batch, instants, columns) that are smooth only between knots.
-
-    Every interval has the same number of instants, its own ``steps`` apart. A knot has the mean of both sides.
-    """
-    count = (values.shape[-2] - 1) // len(steps)
-    index = count * np.arange(len(steps))[:, None] + np.arange(count + 1)
-    pieces = _difference_matrix(count + 1, order) @ values[..., index, :] / steps[:, None, None] ** order
-    derivative = np.empty_like(values)
-    derivative[..., :-1, :] = pieces[..., :-1, :].reshape(derivative[..., :-1, :].shape)
-    derivative[..., -1, :] = pieces[..., -1, -1, :]
-    inner = (pieces[..., :-1, -1, :] + pieces[..., 1:, 0, :]) / 2
-    derivative[..., count:-1:count, :] = inner
-    if cyclic:
-        derivative[..., [0, -1], :] = (pieces[..., :1, 0, :] + pieces[..., -1:, -1, :]) / 2
-    return derivative
-
-
 @cache
 def _difference_matrix(points: int, order: int) -> np.ndarray:
     """Return the matrix of derivatives, at points 1 apart, of the polynomial through the nearest points."""
@@ -257,7 +239,7 @@ class MotionTask:
     @cached_property
     def targets(self) -> Float[np.ndarray, "time numbers"]:
         """Task targets of every sample, as ``Task.targets`` gives them."""
-        return np.concatenate([task.targets(self.times) for task in self.tasks], axis=1)
+        return path_targets(self.tasks, self.times)
 
     def motion(self, q: JointPaths) -> Motion:
         """Return joint positions (*batch, time, dof) as motions of this task."""
@@ -273,19 +255,20 @@ class MotionTask:
             ends_at_rest=self.ends_at_rest,
         )
 
+    def _with_paths(self, change: Callable[[Path], Path]) -> MotionTask:
+        tasks = tuple(replace(task, path=change(task.path)) for task in self.tasks)
+        bounds = {kind: self.bounds_at(kind, tasks[0].path.times) for kind in self.bounds}
+        return replace(self, tasks=tasks, bounds=bounds)
+
     def subsample(self, samples: int) -> MotionTask:
         """Return the same task at a number of its samples, with both ends; raises InvalidInput for too many."""
-        return self._with_paths([task.path.subsample(samples) for task in self.tasks])
+        return self._with_paths(lambda path: path.subsample(samples))
 
     def truncate(self, samples: int) -> MotionTask:
         """Return the task of the first ``samples`` samples, not cyclic; raises InvalidInput for too many."""
         if samples == len(self.times):
             return self
-        return replace(self._with_paths([task.path.truncate(samples) for task in self.tasks]), cyclic=False)
-
-    def _with_paths(self, paths: Sequence[Path]) -> MotionTask:
-        tasks = tuple(replace(task, path=path) for task, path in zip(self.tasks, paths, strict=True))
-        return replace(self, tasks=tasks, bounds={kind: self.bounds_at(kind, paths[0].times) for kind in self.bounds})
+        return replace(self._with_paths(lambda path: path.truncate(samples)), cyclic=False)
 
     def standing(self, times: Times, sample: int = 0) -> MotionTask:
         """Return the task of a tool that rests at its place of a sample, at other times; not cyclic."""
@@ -295,21 +278,21 @@ class MotionTask:
 
     def resample(self, samples: int) -> MotionTask:
         """Return the same task at evenly spaced samples; limits that vary are interpolated linearly."""
-        return self._with_paths([task.path.resample(samples) for task in self.tasks])
+        return self._with_paths(lambda path: path.resample(samples))
 
     def with_midpoints(self) -> MotionTask:
         """Return the same task with a sample added in the middle of every interval; limits as for ``resample``."""
-        return self._with_paths([task.path.with_midpoints() for task in self.tasks])
+        return self._with_paths(Path.with_midpoints)
+
+    @cached_property
+    def limited_joints(self) -> dict[str, Int[np.ndarray, " limited"]]:
+        """The numbers of joints that limits of each kind bound, in the order of ``violations``."""
+        return {kind: np.flatnonzero(np.isfinite(each).any(axis=(0, 2))) for kind, each in self.bounds.items()}
 
     @cached_property
     def limit_names(self) -> tuple[str, ...]:
         """A name for each column of ``violations``."""
-        joints = tuple(
-            f"{kind} of {joint}"
-            for kind, bounds in self.bounds.items()
-            for joint, limited in zip(self.arm.joint_names, self._limited_joints(bounds), strict=True)
-            if limited
-        )
+        joints = tuple(f"{kind} of {self.arm.joint_names[j]}" for kind, js in self.limited_joints.items() for j in js)
         return joints + (("clearance",) if self.obstacles else ()) + tuple(c.name for c in self.constraints)
 
     def violations(self, motion: Motion) -> Float[np.ndarray, "*batch limits"]:
@@ -322,8 +305,8 @@ class MotionTask:
     def _limit_shares(self, motion: Motion) -> list[Float[np.ndarray, "*batch instants limits"]]:
         """Return the violations at every instant of joint limits, by kind, and of clearance."""
         columns = [
-            relative_violation(kind, self.bounds_at(kind, motion.time), motion)[..., self._limited_joints(bounds)]
-            for kind, bounds in self.bounds.items()
+            relative_violation(kind, self.bounds_at(kind, motion.time), motion)[..., joints]
+            for kind, joints in self.limited_joints.items()
         ]
         if self.obstacles:
             columns.append(((self.min_clearance - motion.clearance) / self.clearance_range)[..., None])
@@ -357,10 +340,9 @@ class MotionTask:
         0.1 %. It is correct if ``largest_between`` estimates curvatures correctly: there is no proof, but no finer grid
         found more. It is infinite if a motion leaves its path between samples.
         """
-        return np.array([self._worst_between(motion) for motion in motions])
+        peaks = [each for each in self.constraints if each.form == "peak"]
 
-    def _worst_between(self, motion: Motion) -> float:
-        def shares(times: Float[np.ndarray, "pieces instants"]) -> Float[np.ndarray, "pieces instants limits"]:
+        def shares(motion: Motion, times: Pieces) -> Columns:
             q, dq, ddq, jerk = curve_on(motion, times)
             inner = times.copy()  # a limit that begins or ends at a sample belongs to the interval that it limits
             inner[:, [0, -1]] += [1e-9, -1e-9] * (times[:, -1:] - times[:, :1])
@@ -369,11 +351,11 @@ class MotionTask:
             columns = self._limit_shares(pieces) + [each.shares(pieces)[..., None] for each in peaks]
             return np.maximum(np.concatenate([*columns, np.zeros((*times.shape, 1))], axis=-1), -1.0)  # −inf: no limit
 
-        peaks = [each for each in self.constraints if each.form == "peak"]
-        try:
-            return largest_between(shares, divide(self.times))
-        except Infeasible:
-            return np.inf
+        worst = np.full(len(motions), np.inf)
+        for i, motion in enumerate(motions):
+            with suppress(Infeasible):
+                worst[i] = largest_between(partial(shares, motion), divide(self.times))
+        return worst
 
     def discretisation_errors(self, motions: Motion) -> Float[np.ndarray, "points n_obj"]:
         """Return the errors of motions' objectives relative to those of the curves, in their own units.
@@ -428,14 +410,16 @@ class MotionTask:
 
     def worst_instant(self, limit: int, motion: Motion) -> int:
         """Return the instant at which a motion violates a limit most; −1 for a limit on the whole motion."""
-        name = self.limit_names[limit]
-        kind, _, joint = name.partition(" of ")
-        if name == "clearance":
-            return int(motion.clearance.argmin())
-        if kind not in self.bounds:
-            return -1
-        violation = relative_violation(kind, self.bounds_at(kind, motion.time), motion)
-        return int(np.argmax(violation[..., self.arm.joint_names.index(joint)]))
+        kind, joint = self._joint_limit(limit)
+        if joint >= 0:
+            violation = relative_violation(kind, self.bounds_at(kind, motion.time), motion)
+            return int(np.argmax(violation[..., joint]))
+        return int(motion.clearance.argmin()) if kind == "clearance" else -1
+
+    def _joint_limit(self, limit: int) -> tuple[str, int]:
+        """Return kind and joint of a column of ``violations``; other limits have their name and joint −1."""
+        every = [(kind, int(joint)) for kind, joints in self.limited_joints.items() for joint in joints]
+        return every[limit] if limit < len(every) else (self.limit_names[limit], -1)
 
     def worst_sample(self, limit: int, motion: Motion) -> int:
         """Return the sample nearest to the largest violation of a limit; −1 for a limit on the whole motion."""
@@ -444,12 +428,12 @@ class MotionTask:
 
     def _end(self, limit: int, motion: Motion) -> str:
         """Return in words which side of a position limit is exceeded; "" for other limits."""
-        kind, _, joint = self.limit_names[limit].partition(" of ")
-        if kind != "position" or kind not in self.bounds:
+        kind, joint = self._joint_limit(limit)
+        if kind != "position" or joint < 0:
             return ""
-        instant, j = self.worst_instant(limit, motion), self.arm.joint_names.index(joint)
-        bounds = np.broadcast_to(self.bounds_at(kind, motion.time)[..., j, :], (len(motion.time), 2))
-        return "below its lower limit" if motion.q[instant, j] < bounds[instant, 0] else "above its upper limit"
+        instant = self.worst_instant(limit, motion)
+        lower = np.broadcast_to(self.bounds_at(kind, motion.time)[..., joint, 0], len(motion.time))
+        return "below its lower limit" if motion.q[instant, joint] < lower[instant] else "above its upper limit"
 
     def _where(self, limit: int, motion: Motion, numbers: Int[np.ndarray, " time"] | None) -> str:
         """Return in words when a limit is violated most; "" for a limit on the whole motion."""
@@ -466,9 +450,6 @@ class MotionTask:
         if self.limit_names[limit] != "clearance":
             return where
         return where + ", between " + closest_pair(self.obstacles, motion.links[instant], self.link_radius)
-
-    def _limited_joints(self, bounds: Bounds) -> np.ndarray:
-        return np.isfinite(bounds).any(axis=(0, 2))
 
 
 # Evaluation of motions: objectives, limits, and causes of failures.
@@ -520,10 +501,8 @@ def _isolate(
         if len(motions) == 1:
             causes[0] = causes[0] or str(error)
             return np.full((1, len(names)), np.nan)
-        parts = [
-            _isolate(names, function, motions[i : i + 1], causes[i : i + 1], interruptible) for i in range(len(motions))
-        ]
-        return np.concatenate(parts)
+        single = [slice(i, i + 1) for i in range(len(motions))]
+        return np.concatenate([_isolate(names, function, motions[i], causes[i], interruptible) for i in single])
     values = values.reshape(len(values), -1)
     for i, row in enumerate(values):
         failed = np.flatnonzero(~np.isfinite(row))

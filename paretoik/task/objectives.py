@@ -62,7 +62,8 @@ class Objective:
         and EvaluationFailed if it raises.
         """
         name = f"objective {self.name}"
-        check_motion(name, motion)
+        if not hasattr(motion, "q"):
+            raise InvalidInput(f"{name} must get a Motion, got {type(motion).__name__}")
         if self.form == "integral":
             return evaluate_integral(name, self, motion)
         values = evaluate_function(name, self.function, motion.instants, self.form)
@@ -106,7 +107,7 @@ def objective(
     >>> wrist_effort
     Objective wrist_effort [rad²/s], integral
     """
-    check_form(form)
+    check_choice("form", form, get_args(Form))
     check_flag("maximise", maximise)
     for label, text in (("unit", unit), ("name", "" if name is None else name)):
         check_text(label, text)
@@ -119,23 +120,11 @@ def objective(
     return wrap
 
 
-def check_form(form: str) -> None:
-    """Raise InvalidInput if ``form`` is not one of the four."""
-    check_choice("form", form, get_args(Form))
-
-
-def check_motion(name: str, motion: object) -> None:
-    """Raise InvalidInput, which begins with ``name``, unless this is a Motion."""
-    if not hasattr(motion, "q"):
-        raise InvalidInput(f"{name} must get a Motion, got {type(motion).__name__}")
-
-
 def evaluate_function(name: str, function: Function, motion: Motion, form: Form) -> np.ndarray:
     """Return a function's values after checking shape and type; errors begin with ``name``.
 
     Raises EvaluationFailed if the function raises, InvalidInput if it does not return the array of its form.
     """
-    check_motion(name, motion)
     of_times = form in ("integral", "peak")
     shape = motion.q.shape[:-1] if of_times else motion.q.shape[:-2]
     wish = f"({form}) must return shape {'(*batch, time)' if of_times else '(*batch,)'}, here {shape}"
@@ -154,9 +143,14 @@ def evaluate_function(name: str, function: Function, motion: Motion, form: Form)
     if array.dtype.kind not in "fiub":
         raise InvalidInput(f"{name} must return real numbers, got {array.dtype}")
     if array.shape != shape:
+        count = int(np.prod(motion.q.shape[:-2]))
+        each = "the motion" if motion.q.ndim == 2 else f"each of {count} motion{'s' * (count != 1)}"
+        if of_times:
+            between = motion.differences == "spline" and motion.derivatives is not None
+            each = f"each of {motion.q.shape[-2]} times{' (samples and between them)' * between} of {each}"
         raise InvalidInput(
-            f"{name} {wish}, got {array.shape}: a value for {_each_value(motion, of_times=of_times)}; arrays of "
-            "motions are (*batch, time, joints), so that dq[..., 0] is of the first joint"
+            f"{name} {wish}, got {array.shape}: a value for {each}; arrays of motions are (*batch, time, joints), so "
+            "that dq[..., 0] is of the first joint"
         )
     return array.astype(float)
 
@@ -172,16 +166,6 @@ def evaluate_integral(name: str, term: Any, motion: Motion) -> np.ndarray:
     ):
         instants = motion.of_spline
     return instants.integral(evaluate_function(name, term.function, instants, "integral"))
-
-
-def _each_value(motion: Motion, *, of_times: bool) -> str:
-    """Return in words the things that a function of motions must have one value for."""
-    count = int(np.prod(motion.q.shape[:-2]))
-    motions = "the motion" if motion.q.ndim == 2 else f"each of {count} motion{'s' * (count != 1)}"
-    if not of_times:
-        return motions
-    between = motion.differences == "spline" and motion.derivatives is not None
-    return f"each of {motion.q.shape[-2]} times{' (samples and between them)' * between} of {motions}"
 
 
 @objective(unit="J s", form="integral")

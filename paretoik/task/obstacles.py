@@ -13,7 +13,7 @@ from jaxtyping import Float
 from paretoik.arrays import Vector3
 from paretoik.errors import InvalidInput
 from paretoik.inputs import ArrayLike, check_magnitude, finite_array, positive_number
-from paretoik.robot.pose import Pose, check_pose
+from paretoik.robot.pose import Pose, check_pose, freeze
 from paretoik.tables import field_representation, html_representation
 
 __all__ = ["Box", "Capsule", "Circle", "Obstacle", "Sphere"]
@@ -38,11 +38,7 @@ class Circle:
     _repr_html_ = html_representation
 
     def __init__(self, center: ArrayLike, radius: float) -> None:
-        _freeze(
-            self,
-            center=_point("circle center", center, 2),
-            radius=positive_number("circle radius", radius, "m"),
-        )
+        freeze(self, center=_point("circle center", center, 2), radius=positive_number("circle radius", radius, "m"))
 
 
 @dataclass(frozen=True, init=False, eq=False)
@@ -60,11 +56,7 @@ class Sphere:
     _repr_html_ = html_representation
 
     def __init__(self, center: ArrayLike, radius: float) -> None:
-        _freeze(
-            self,
-            center=_point("sphere center", center, 3),
-            radius=positive_number("sphere radius", radius, "m"),
-        )
+        freeze(self, center=_point("sphere center", center, 3), radius=positive_number("sphere radius", radius, "m"))
 
 
 @dataclass(frozen=True, init=False, eq=False)
@@ -83,9 +75,8 @@ class Capsule:
     _repr_html_ = html_representation
 
     def __init__(self, start: ArrayLike, end: ArrayLike, radius: float) -> None:
-        first = _point("capsule start", start, 3)
-        last = _point("capsule end", end, 3)
-        _freeze(self, start=first, end=last, radius=positive_number("capsule radius", radius, "m"))
+        ends = {"start": _point("capsule start", start, 3), "end": _point("capsule end", end, 3)}
+        freeze(self, **ends, radius=positive_number("capsule radius", radius, "m"))
 
 
 @dataclass(frozen=True, init=False, eq=False)
@@ -114,7 +105,7 @@ class Box:
             point = _point("box center", center, len(sizes))
             center = Pose(np.pad(point, (0, 3 - len(point))))
         check_pose("box center", center)
-        _freeze(self, pose=center, half_sizes=sizes)
+        freeze(self, pose=center, half_sizes=sizes)
 
 
 Obstacle: TypeAlias = Circle | Sphere | Capsule | Box
@@ -124,13 +115,6 @@ def _point(name: str, coordinates: ArrayLike, size: int) -> Float[np.ndarray, " 
     point = finite_array(name, coordinates, shape=(size,))
     check_magnitude(name, point, "m")
     return point
-
-
-def _freeze(obstacle: object, **fields: object) -> None:
-    for name, value in fields.items():
-        if isinstance(value, np.ndarray):
-            value.setflags(write=False)
-        object.__setattr__(obstacle, name, value)
 
 
 # Distances of an arm's links from obstacles
@@ -147,17 +131,15 @@ Components: TypeAlias = Sequence[Numbers]  # one array each for x, y and, in spa
 
 
 def clearance(
-    obstacles: Sequence[Obstacle], nodes: Float[np.ndarray, "*batch nodes 3"], radius: ArrayLike = 0.0
+    obstacles: Sequence[Obstacle], nodes: Float[np.ndarray, "*batch nodes 3"], radius: float = 0.0
 ) -> Float[np.ndarray, "*batch"]:
     """Return the smallest signed distance [m] (*batch,) from an arm's links to any obstacle, negative inside.
 
-    obstacles: at least one obstacle
     nodes: positions (*batch, nodes, 3) [m] of the arm's joints and tool, in order
-    radius: radius of all links [m], or one per link
+    radius: radius of all links [m]
 
     A positive clearance is the exact distance; a negative one is the depth of the deepest point of a link's axis, plus
-    the link's radius. Raises InvalidInput for no obstacles, fewer than 2 nodes, or radii that are negative or neither
-    one nor one per link.
+    the link's radius. Raises InvalidInput for no obstacles.
 
     >>> from paretoik.task.obstacles import Circle
     >>> elbow = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.5, 0.5, 0.0]])
@@ -166,22 +148,14 @@ def clearance(
     """
     if len(obstacles) == 0:
         raise InvalidInput("clearance: must be given at least one obstacle")
-    if nodes.ndim < 2 or nodes.shape[-2] < 2:
-        raise InvalidInput(f"clearance: nodes must have shape (..., 2 or more, 3), got {nodes.shape}")
-    links = nodes.shape[-2] - 1
-    radii = finite_array("link radius", radius)
-    if radii.shape not in ((), (links,)):
-        raise InvalidInput(f"link radius: must be one or one for each of the {links} links, got shape {radii.shape}")
-    if radii.min() < 0:
-        raise InvalidInput(f"link radius: must not be negative, got {radii.min():g} m")
-    distances = [signed_distance(obstacle, nodes[..., :-1, :], nodes[..., 1:, :]) - radii for obstacle in obstacles]
+    distances = [signed_distance(obstacle, nodes[..., :-1, :], nodes[..., 1:, :]) - radius for obstacle in obstacles]
     return np.asarray(reduce(np.minimum, [distance.min(axis=-1) for distance in distances]))
 
 
-def closest_pair(obstacles: Sequence[Obstacle], nodes: Float[np.ndarray, "nodes 3"], radius: ArrayLike = 0.0) -> str:
+def closest_pair(obstacles: Sequence[Obstacle], nodes: Float[np.ndarray, "nodes 3"], radius: float = 0.0) -> str:
     """Return in words which link is nearest to which obstacle, both counted from 1."""
     starts, ends = nodes[:-1], nodes[1:]
-    distances = np.stack([signed_distance(obstacle, starts, ends) for obstacle in obstacles]) - np.asarray(radius)
+    distances = np.stack([signed_distance(obstacle, starts, ends) for obstacle in obstacles]) - radius
     obstacle, link = np.unravel_index(int(np.argmin(distances)), distances.shape)
     shape = type(obstacles[int(obstacle)]).__name__.lower()
     return f"{f'link {link}' if link else 'the base'} and obstacle {int(obstacle) + 1}, a {shape}"
@@ -192,16 +166,13 @@ def signed_distance(
 ) -> Float[np.ndarray, "*batch"]:
     """Return the smallest signed distance [m] of segments to an obstacle's surface, negative inside.
 
-    Closed forms, exact up to rounding; NaN gives NaN. Raises InvalidInput for points that are not real or not 3-D.
+    Closed forms, exact up to rounding; NaN gives NaN.
 
     >>> from paretoik.task.obstacles import Box
     >>> box = Box([0.0, 0.0, 0.0], half_sizes=[0.1, 0.2, 0.3])
     >>> signed_distance(box, np.array([[1.0, 0, 0], [0.1, 0, 0.0]]), np.array([[0.5, 0, 0], [0.02, 0, 0]])).round(12)
     array([ 0.4 , -0.08])
     """
-    for points in (starts, ends):
-        if points.dtype.kind not in "iuf" or points.shape[-1:] != (3,):
-            raise InvalidInput(f"segments: must be real points (..., 3), got {points.dtype} of shape {points.shape}")
     starts, ends = np.broadcast_arrays(starts, ends)
     distances = distance_components(obstacle, _components(starts.reshape(-1, 3)), _components(ends.reshape(-1, 3)))
     return distances.reshape(starts.shape[:-1])

@@ -154,15 +154,11 @@ class Path:
 
         Raises InvalidInput for more samples than the path has, or fewer than three.
         """
-        if sample_count(samples) > self.samples:
-            raise InvalidInput(f"samples: must be at most the path's own {self.samples}, got {shown(samples)}")
-        return self._select(np.rint(np.linspace(0, self.samples - 1, samples)).astype(int))
+        return self._select(np.rint(np.linspace(0, self.samples - 1, self._count_among(samples))).astype(int))
 
     def truncate(self, samples: int) -> Path:
         """Return the path of the first ``samples`` samples; raises InvalidInput as ``subsample`` does."""
-        if sample_count(samples) > self.samples:
-            raise InvalidInput(f"samples: must be at most the path's own {self.samples}, got {samples}")
-        return self._select(np.arange(samples))
+        return self._select(np.arange(self._count_among(samples)))
 
     def standing(self, times: Times, sample: int = 0) -> Path:
         """Return the path of a tool that rests at this path's place of a sample, at other times (time,) [s]."""
@@ -175,6 +171,11 @@ class Path:
         quaternion = None if self.quaternions is None else self.quaternions[sample]
         start = self.positions[sample]
         return sample_curve(Line(start, np.zeros_like(start), quaternion, np.zeros(3)), instants)
+
+    def _count_among(self, samples: int) -> int:
+        if sample_count(samples) > self.samples:
+            raise InvalidInput(f"samples: must be at most the path's own {self.samples}, got {shown(samples)}")
+        return int(samples)
 
     def _select(self, index: np.ndarray) -> Path:
         quaternions = None if self.quaternions is None else self.quaternions[index]
@@ -315,23 +316,18 @@ def circle(
     number = finite_number("circle turns", turns)
     if not 0 < abs(number) <= OPTIONS.most_turns:
         raise InvalidInput(f"circle turns: must not be 0, and {OPTIONS.most_turns:g} at most, got {number:g}")
-    sweep = 2 * np.pi * number
-    phase = finite_number("circle start_angle", start_angle)
-    origin = center.position if isinstance(center, Pose) else _point("circle center", center)
+    phase, orientation, fact = finite_number("circle start_angle", start_angle), None, ""
     if isinstance(center, Pose):
         check_pose("circle center", center)
-        axes = center.rotation.T[:2]
-    elif len(origin) == 2:
-        axes = np.eye(2)
+        origin, axes, orientation = center.position, center.rotation.T[:2], center.quaternion
+        fact = "a pose, which has its own plane"
+    elif len(origin := _point("circle center", center)) == 2:
+        axes, fact = np.eye(2), "a 2-D point"
     else:
         axes = _plane_axes((0.0, 0.0, 1.0) if normal is None else normal)
-    if normal is not None and (isinstance(center, Pose) or len(origin) == 2):
-        center_kind = "a pose, which has its own plane" if isinstance(center, Pose) else "a 2-D point"
-        raise InvalidInput(
-            f"circle normal: must be None unless the center is a 3-D point, got a normal and {center_kind}"
-        )
-    orientation = center.quaternion if isinstance(center, Pose) else None
-    shape = Circle(origin, radius * axes, phase, sweep, orientation)
+    if normal is not None and fact:
+        raise InvalidInput(f"circle normal: must be None unless the center is a 3-D point, got a normal and {fact}")
+    shape = Circle(origin, radius * axes, phase, 2 * np.pi * number, orientation)
     return sample_curve(TimedCurve(shape, times[-1], timing), times)
 
 
@@ -473,8 +469,7 @@ def _plane_axes(normal: ArrayLike) -> Float[np.ndarray, "2 3"]:
     if length == 0:
         raise InvalidInput("circle normal: must not be zero, got 0 0 0")
     direction /= length
-    along_x = np.abs(direction[0]) > 1 - 1e-9
-    first = np.eye(3)[1 if along_x else 0]
+    first = np.eye(3)[1 if np.abs(direction[0]) > 1 - 1e-9 else 0]  # x, or y if the normal is along x
     first = first - direction * (first @ direction)
     first /= np.linalg.norm(first)
     return np.stack([first, np.cross(direction, first)])

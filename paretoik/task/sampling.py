@@ -24,7 +24,14 @@ Instants: TypeAlias = Float[np.ndarray, "*#batch time"]
 def first_derivative(values: Samples, time: Instants, differences: Differences, *, cyclic: bool) -> Samples:
     """Return the first time derivatives of values (*batch, time, columns) at their samples."""
     if differences == "central":
-        return _central_first_derivative(values, time, cyclic=cyclic)
+        change, step = _steps(values, time, cyclic=cyclic)
+        slope, before, after = change / step, step[..., :-1, :], step[..., 1:, :]
+        inner: Samples = (slope[..., :-1, :] * after + slope[..., 1:, :] * before) / (before + after)
+        if cyclic:
+            return inner
+        first = 2 * slope[..., :1, :] - inner[..., :1, :]
+        last = 2 * slope[..., -1:, :] - inner[..., -1:, :]
+        return np.concatenate([first, inner, last], axis=-2)
     velocity = np.empty_like(values)
     velocity[..., 1:, :] = np.diff(values, axis=-2) / np.diff(time)[..., None]
     velocity[..., 0, :] = velocity[..., -1, :] if cyclic else 0.0
@@ -67,18 +74,6 @@ def with_midpoints(time: Series) -> Series:
     dense[..., ::2] = time
     dense[..., 1::2] = (time[..., 1:] + time[..., :-1]) / 2
     return dense
-
-
-def _central_first_derivative(values: Samples, time: Instants, *, cyclic: bool) -> Samples:
-    change, step = _steps(values, time, cyclic=cyclic)
-    slope = change / step
-    before, after = step[..., :-1, :], step[..., 1:, :]
-    inner: Samples = (slope[..., :-1, :] * after + slope[..., 1:, :] * before) / (before + after)
-    if cyclic:
-        return inner
-    first = 2 * slope[..., :1, :] - inner[..., :1, :]
-    last = 2 * slope[..., -1:, :] - inner[..., -1:, :]
-    return np.concatenate([first, inner, last], axis=-2)
 
 
 def _steps(values: Samples, time: Instants, *, cyclic: bool) -> tuple[np.ndarray, np.ndarray]:
@@ -166,13 +161,8 @@ class Derivatives:
             values.setflags(write=False)
 
     def __getitem__(self, index: int | slice | np.ndarray) -> Derivatives:
-        return Derivatives(
-            dq=self.dq[index],
-            ddq=self.ddq[index],
-            jerk=self.jerk[index],
-            velocity_bounds=self.velocity_bounds[index],
-            spline=None if self.spline is None else tuple(part[index] for part in self.spline),
-        )
+        rates = {name: getattr(self, name)[index] for name in ("dq", "ddq", "jerk", "velocity_bounds")}
+        return Derivatives(**rates, spline=self.spline and tuple(part[index] for part in self.spline))
 
 
 def evaluate_with_midpoints(spline: Spline) -> tuple[Instants, Samples, Derivatives]:
@@ -192,7 +182,11 @@ def evaluate_with_midpoints(spline: Spline) -> tuple[Instants, Samples, Derivati
 
 def fit_spline(q: Samples, time: Instants, *, cyclic: bool, ends_at_rest: bool) -> Spline:
     """Return the spline of samples; see above."""
-    knots = _extended_knots(time, cyclic=cyclic)
+    # two more knots at each end, from the cycle or mirrored
+    step = np.diff(time)
+    before, after = (step[..., -2:], step[..., :2]) if cyclic else (step[..., 1::-1], step[..., :-3:-1])
+    first = time[..., :1] - np.cumsum(before[..., ::-1], axis=-1)[..., ::-1]
+    knots = np.concatenate([first, time, time[..., -1:] + np.cumsum(after, axis=-1)], axis=-1)
     control = _control_points(q, knots, cyclic=cyclic, ends_at_rest=ends_at_rest)
     position, velocity, acceleration, slopes = _values_at_knots(control, knots)
     return Spline(
@@ -222,14 +216,6 @@ def _interleave(samples: np.ndarray, middles: np.ndarray) -> np.ndarray:
     dense = np.empty((*samples.shape[:-2], 2 * samples.shape[-2] - 1, samples.shape[-1]))
     dense[..., ::2, :], dense[..., 1::2, :] = samples, middles
     return dense
-
-
-def _extended_knots(time: Instants, *, cyclic: bool) -> np.ndarray:
-    """Return the times with two more at each end, from the cycle or mirrored."""
-    step = np.diff(time)
-    before, after = (step[..., -2:], step[..., :2]) if cyclic else (step[..., 1::-1], step[..., :-3:-1])
-    first = time[..., :1] - np.cumsum(before[..., ::-1], axis=-1)[..., ::-1]
-    return np.concatenate([first, time, time[..., -1:] + np.cumsum(after, axis=-1)], axis=-1)
 
 
 def _control_points(q: Samples, knots: np.ndarray, *, cyclic: bool, ends_at_rest: bool) -> np.ndarray:

@@ -38,7 +38,8 @@ def bend_signs(arm: Arm, q: Float[np.ndarray, "*batch dof"]) -> Int[np.ndarray, 
     product = np.sum(np.cross(before, after) * here, axis=-1)
     links = np.diff(origins, axis=-2) / characteristic_length(arm)
     turn = np.sum(np.cross(links[..., :-1, :], links[..., 1:, :]) * axes[..., 1:, :], axis=-1)
-    parallel = _always_parallel(arm)
+    around = _axes(arm, np.arange(1.0, arm.dof + 1))  # at an arbitrary posture, parallel axes are so at all
+    parallel = np.all(np.abs(np.cross(around[:-2], around[2:])) < SINE_TOLERANCE, axis=-1)
     inner = np.where(parallel, turn[..., : arm.dof - 2], product)
     last = turn[..., arm.dof - 2 :] if parallel[-1] else np.zeros((*q.shape[:-1], 0))
     signed = np.concatenate([inner, last], axis=-1)
@@ -52,25 +53,15 @@ def branch_labels(motion: Motion) -> list[str]:
     the sign at the end.
     """
     signs = bend_signs(motion.arm, motion.q)
-    constant = np.logical_or((signs >= 0).all(axis=-2), (signs <= 0).all(axis=-2))
-    return [
-        "".join(
-            ("" if is_constant else "~") + "-0+"[sign + 1] for sign, is_constant in zip(ends, constant_all, strict=True)
-        )
-        for ends, constant_all in zip(signs[..., -1, :], np.atleast_2d(constant), strict=True)
-    ]
+    passes = (signs > 0).any(axis=-2) & (signs < 0).any(axis=-2)
+    letters = np.char.add(np.where(passes, "~", ""), np.array(["-", "0", "+"])[signs[..., -1, :] + 1])
+    return ["".join(row) for row in letters.tolist()]
 
 
 def _axes(arm: Arm, q: np.ndarray) -> np.ndarray:
     """Return the direction of every joint's axis in the world (*batch, dof, 3)."""
     columns = np.swapaxes(jacobian(arm, q), -1, -2)
     return np.where(arm.periodic[:, None], columns[..., 3:], columns[..., :3])
-
-
-def _always_parallel(arm: Arm) -> np.ndarray:
-    """Return for every inner joint whether the axes on both sides are parallel at all postures."""
-    axes = _axes(arm, np.arange(1.0, arm.dof + 1))  # an arbitrary posture
-    return np.all(np.abs(np.cross(axes[:-2], axes[2:])) < SINE_TOLERANCE, axis=-1)
 
 
 # Self-motion curves of postures at redundancy one, cut into evenly spaced nodes
@@ -280,18 +271,12 @@ def build_charts(task: MotionTask, base: Float[np.ndarray, "bases time dof"]) ->
     for i in range(1, base.shape[1]):  # parallel transport: each basis as near as possible to the one before
         left, _, right = np.linalg.svd(np.swapaxes(null_space[:, i], -1, -2) @ null_space[:, i - 1])
         null_space[:, i] = null_space[:, i] @ (left @ right)
-    if task.cyclic:
-        null_space = _close_frames(null_space, task.times / task.times[-1])
+    if task.cyclic:  # bases are turned evenly over time so that they close with the motion
+        from scipy.linalg import expm, logm  # here: only cyclic motions need it
+
+        share = task.times / task.times[-1]
+        for b, basis in enumerate(null_space):
+            turn = np.real(logm(basis[-1].T @ basis[0]))
+            null_space[b] = basis @ np.stack([expm(part * (turn - turn.T) / 2) for part in share])
+        null_space[:, -1] = null_space[:, 0]
     return Charts(base=base, null_space=null_space, row_space=row_space_basis(jacobian))
-
-
-def _close_frames(null_space: np.ndarray, share: np.ndarray) -> np.ndarray:
-    """Return bases turned evenly over time so that they close with the motion."""
-    from scipy.linalg import expm, logm  # here: only cyclic motions need it
-
-    closed = null_space.copy()
-    for b, basis in enumerate(null_space):
-        turn = np.real(logm(basis[-1].T @ basis[0]))
-        closed[b] = basis @ np.stack([expm(part * (turn - turn.T) / 2) for part in share])
-    closed[:, -1] = closed[:, 0]
-    return closed

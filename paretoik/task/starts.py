@@ -61,15 +61,18 @@ def _solve_from_random_starts(
     iterations: int = POSTURE_OPTIONS.iterations,
 ) -> tuple[Float[np.ndarray, "count dof"], Float[np.ndarray, "count rows"]]:
     """Return a posture near each of ``samples``, from a random start, and its relative task errors."""
-    q = rng.uniform(*_sampling_range(task), size=(len(samples), task.arm.dof))
+    lower, upper = task.arm.position_limits.T
+    width = np.where(task.arm.periodic, 2 * np.pi, 2 * joint_scales(task.arm))
+    low = np.where(np.isfinite(lower), lower, np.where(np.isfinite(upper), upper - width, -width / 2))
+    high = np.where(np.isfinite(upper), upper, low + width)
+    q = rng.uniform(low, high, size=(len(samples), task.arm.dof))
     targets = task.targets[samples]
     active = np.arange(len(samples))
     for step in range(iterations):
         error, jacobian = relative_errors(task.arm, task.tasks, q[active], targets[active])
         size = np.linalg.norm(error, axis=1)
-        damping = POSTURE_OPTIONS.damping * size**2 + (
-            POSTURE_OPTIONS.first_damping if step < POSTURE_OPTIONS.damped_iterations else 1e-12
-        )
+        least = POSTURE_OPTIONS.first_damping if step < POSTURE_OPTIONS.damped_iterations else 1e-12
+        damping = POSTURE_OPTIONS.damping * size**2 + least
         if step >= POSTURE_OPTIONS.iterations:
             damping = size  # perhaps out of reach: with less damping it would oscillate about the nearest point
         square = jacobian @ np.swapaxes(jacobian, -1, -2) + damping[:, None, None] * np.eye(task.rows)
@@ -82,13 +85,6 @@ def _solve_from_random_starts(
     turning = task.arm.periodic & ~np.isfinite(task.arm.position_limits).all(axis=1)
     q[:, turning] = (q[:, turning] + np.pi) % (2 * np.pi) - np.pi
     return q, relative_errors(task.arm, task.tasks, q, targets)[0]
-
-
-def _sampling_range(task: MotionTask) -> tuple[np.ndarray, np.ndarray]:
-    lower, upper = task.arm.position_limits.T
-    width = np.where(task.arm.periodic, 2 * np.pi, 2 * joint_scales(task.arm))
-    low = np.where(np.isfinite(lower), lower, np.where(np.isfinite(upper), upper - width, -width / 2))
-    return low, np.where(np.isfinite(upper), upper, low + width)
 
 
 def reach_error(task: MotionTask, rng: np.random.Generator, near: int) -> OutOfReach | Infeasible:
@@ -118,18 +114,15 @@ def _describe_error(task: MotionTask, sample: int, error: Float[np.ndarray, " ro
     """Return in words the distance of the nearest posture found from a sample, for the task with the largest error."""
     errors, row, column = [], 0, 0
     for part in task.tasks:
-        size = 2 if part.axes in ("xy", "xy+angle") else 3
+        size = part.position_rows
         target, residual = task.targets[sample, column : column + size], error[row : row + part.rows]
         errors.append((float(np.linalg.norm(residual)), target, residual[:size], residual[size:]))
         row, column = row + part.rows, column + part.target_size
     _, target, off, turn = max(errors, key=lambda entry: entry[0])
     rotation = f", there turned {np.linalg.norm(turn):.3g} rad away" if len(turn) else ""
     distance, length = float(np.linalg.norm(off)), characteristic_length(task.arm)
-    units = (
-        f"; the arm is {length:.3g} m long: is the path in metres?"
-        if distance > POSTURE_OPTIONS.other_units * length
-        else ""
-    )
+    units = f"; the arm is {length:.3g} m long: is the path in metres?"
+    units *= distance > POSTURE_OPTIONS.other_units * length
     return (
         f"{(np.round(target, 6) + 0.0).tolist()} m is {distance:.3g} m from the nearest point found, "
         f"{(np.round(target - off, 6) + 0.0).tolist()} m{rotation}{units}"
@@ -200,13 +193,13 @@ def rollout_starts(task: MotionTask, count: int, rng: np.random.Generator) -> Fl
 
 
 def _roll_out(task: MotionTask, count: int, rng: np.random.Generator) -> Float[np.ndarray, "found time dof"]:
-    start = _sample_first_postures(task, count, rng)
+    start = _first_postures(task, count, rng)
     if len(start) == 0:
         raise reach_error(task, rng, 0)
     q, last_sample = _integrate(task, start, rng, np.zeros((len(start), len(task.times) - 1)))
     if not len(q):
         raise reach_error(task, rng, last_sample)
-    q, on_path = _retract_to_path(task, _remove_drift(task, q) if task.cyclic else q)
+    q, on_path = _retract_to_path(task, q)
     complete = on_path.all(axis=1)
     if not complete.any():
         raise reach_error(task, rng, int(np.argmin(on_path, axis=1).max()))
@@ -230,12 +223,9 @@ def travelling_starts(task: MotionTask, count: int, rng: np.random.Generator) ->
             -(((share - rng.uniform(0.0, 1.0, shape)) / rng.uniform(*MOTION_OPTIONS.travel_width, shape)) ** 2) / 2
         )
         pace = distance * profile / profile.sum(axis=1, keepdims=True)
-    start = _sample_first_postures(task, count, rng)
+    start = _first_postures(task, count, rng)
     q, _ = _integrate(task, start, rng, pace[: len(start)])
-    q, on_path = _retract_to_path(task, _remove_drift(task, q) if task.cyclic else q)
-    if task.start is not None:
-        q[:, 0] = task.start
-    return q[on_path.all(axis=1)]
+    return _on_path(task, q)
 
 
 def perturbed_starts(
@@ -260,10 +250,7 @@ def perturbed_starts(
         displacement = first * (1 - share)[:, None] * (task.start is None) + last * share[:, None]
     rows = row_space_basis(relative_errors(task.arm, task.tasks, q, task.targets)[1])
     displacement = displacement - np.einsum("ptdk,ptek,pte->ptd", rows, rows, displacement)
-    retracted, on_path = _retract_to_path(task, q + displacement * joint_scales(task.arm), np.abs(np.diff(q, axis=1)))
-    if task.start is not None:
-        retracted[:, 0] = task.start
-    return retracted[on_path.all(axis=1)]
+    return _on_path(task, q + displacement * joint_scales(task.arm), np.abs(np.diff(q, axis=1)))
 
 
 def recombined_starts(
@@ -283,14 +270,10 @@ def recombined_starts(
     unlimited = task.arm.periodic & ~np.isfinite(task.arm.position_limits).any(axis=1)
     difference = others - q - np.where(unlimited, turns, 0.0)
     steps = np.maximum(np.abs(np.diff(q, axis=1)), np.abs(np.diff(others, axis=1)))
-    crossing = q + (progress**2 * (3 - 2 * progress))[..., None] * difference
-    retracted, on_path = _retract_to_path(task, crossing, steps)
-    if task.start is not None:
-        retracted[:, 0] = task.start
-    return retracted[on_path.all(axis=1)]
+    return _on_path(task, q + (progress**2 * (3 - 2 * progress))[..., None] * difference, steps)
 
 
-def _sample_first_postures(task: MotionTask, count: int, rng: np.random.Generator) -> Float[np.ndarray, "found dof"]:
+def _first_postures(task: MotionTask, count: int, rng: np.random.Generator) -> Float[np.ndarray, "found dof"]:
     return sample_postures(task, count, rng) if task.start is None else np.tile(task.start, (count, 1))
 
 
@@ -300,12 +283,14 @@ def _integrate(
     rng: np.random.Generator,
     pace: Float[np.ndarray, "count steps"],
 ) -> tuple[Float[np.ndarray, "found time dof"], int]:
-    """Return motions near the path, and the sample that the last of them reached.
+    """Return motions near the path, closed if it is cyclic, and the sample that the last of them reached.
 
     Each sample has one Newton step, which also corrects the error of the step before, and a step of ``pace`` [rad, the
     arm's length] along the self-motion.
     """
-    inverses = _sample_inverse_weights(len(start), task.arm.dof, rng)
+    basis = np.linalg.qr(rng.normal(size=(len(start), task.arm.dof, task.arm.dof)))[0]
+    eigenvalues = rng.uniform(0.02, 1.0, size=start.shape)  # of the joints' weights, which are random
+    inverses = (basis / eigenvalues[:, None, :]) @ np.swapaxes(basis, -1, -2)
     heading = rng.normal(size=start.shape)
     q = np.empty((len(start), len(task.times), task.arm.dof))
     q[:, 0] = start
@@ -317,33 +302,29 @@ def _integrate(
         spread = inverses[alive] @ np.swapaxes(jacobian, -1, -2)
         with np.errstate(all="ignore"):  # at a singularity steps become infinite, and the jump ends the roll-out
             move = (spread @ solve_small_systems(jacobian @ spread, error)[0][..., None])[..., 0]
-        if pace.any():
-            heading[alive] = _project_to_self_motion(row_space_basis(jacobian), heading[alive])
+        if pace.any():  # headings are projected to the nearest directions of self-motion
+            rows = row_space_basis(jacobian)
+            tangent = heading[alive] - np.einsum("pdk,pek,pe->pd", rows, rows, heading[alive])
+            heading[alive] = tangent / np.maximum(np.linalg.norm(tangent, axis=1, keepdims=True), 1e-12)
             move += pace[alive, i - 1, None] * heading[alive]
         q[alive, i] = here + move * joint_scales(task.arm)
         alive[alive] = np.abs(move).max(axis=1) <= MOTION_OPTIONS.longest_jump
         if not alive.any():
             return q[:0], i
-    return q[alive], len(task.times) - 1
+    q = q[alive]
+    if task.cyclic:  # the drift is removed evenly over time
+        drift = q[:, -1:] - q[:, :1]
+        drift = np.where(task.arm.periodic, (drift + np.pi) % (2 * np.pi) - np.pi, drift)
+        q = q - (task.times / task.times[-1])[None, :, None] * drift
+    return q, len(task.times) - 1
 
 
-def _project_to_self_motion(rows: np.ndarray, heading: np.ndarray) -> np.ndarray:
-    """Return unit directions of self-motion (count, dof) nearest to headings; ``rows`` move the tool."""
-    tangent = heading - np.einsum("pdk,pek,pe->pd", rows, rows, heading)
-    return tangent / np.maximum(np.linalg.norm(tangent, axis=1, keepdims=True), 1e-12)
-
-
-def _sample_inverse_weights(count: int, dof: int, rng: np.random.Generator) -> Float[np.ndarray, "count dof dof"]:
-    basis = np.linalg.qr(rng.normal(size=(count, dof, dof)))[0]
-    eigenvalues = rng.uniform(0.02, 1.0, size=(count, dof))
-    return (basis / eigenvalues[:, None, :]) @ np.swapaxes(basis, -1, -2)
-
-
-def _remove_drift(task: MotionTask, q: JointPaths) -> JointPaths:
-    """Return motions that end in their start posture: their drift is removed evenly over time."""
-    drift = q[:, -1:] - q[:, :1]
-    drift = np.where(task.arm.periodic, (drift + np.pi) % (2 * np.pi) - np.pi, drift)
-    return q - (task.times / task.times[-1])[None, :, None] * drift
+def _on_path(task: MotionTask, q: JointPaths, steps: np.ndarray | float = 0.0) -> Float[np.ndarray, "found time dof"]:
+    """Return motions retracted to the path, from the task's own start if it has one, if all of them is on it."""
+    q, on_path = _retract_to_path(task, q, steps)
+    if task.start is not None:
+        q[:, 0] = task.start
+    return q[on_path.all(axis=1)]
 
 
 def _retract_to_path(

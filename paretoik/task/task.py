@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from jaxtyping import Float
@@ -74,15 +74,13 @@ def orientation_error(axes: str, rotation: Matrix, desired: Matrix) -> Vector:
     return x, y, z
 
 
-def _angle_over_sine(sine: Component, cosine: Component) -> Component:
+def _angle_over_sine(sine: Component, cosine: Component) -> Any:
     small = np.less(sine, SINE_TOLERANCE)
-    ratio: Component = where(small, 1.0, np.arctan2(sine, cosine) / where(small, 1.0, sine))
-    return ratio
+    return where(small, 1.0, np.arctan2(sine, cosine) / where(small, 1.0, sine))
 
 
-def _is_half_turn(sine: Component, cosine: Component) -> Component:
-    condition: Component = np.multiply(np.less(sine, SINE_TOLERANCE), np.less(cosine, 0.0))
-    return condition
+def _is_half_turn(sine: Component, cosine: Component) -> Any:
+    return np.multiply(np.less(sine, SINE_TOLERANCE), np.less(cosine, 0.0))
 
 
 def _half_turn(between: Matrix) -> Vector:
@@ -107,17 +105,7 @@ Axes = Literal["xy", "xy+angle", "xyz", "xyz+z-axis", "pose"]
 ROWS: dict[str, int] = {"xy": 2, "xy+angle": 3, "xyz": 3, "xyz+z-axis": 5, "pose": 6}
 
 
-@dataclass(frozen=True, kw_only=True)
-class TaskOptions:
-    """Largest rise of a frame that keeps its height, as a share of the arm's length [m/m].
-
-    Angles with four decimals in a URDF tilt its axes by up to 5e-5 rad.
-    """
-
-    height_tolerance: float = 1e-4
-
-
-OPTIONS = TaskOptions()
+HEIGHT_TOLERANCE = 1e-4  # of the arm's length, of a frame that keeps its height: a URDF's angles may have four decimals
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,8 +188,7 @@ class Task:
         """Return the targets at times t [s]: position, then the rotation matrix by rows, if any."""
         positions, quaternions = self.path.at(t)
         columns = [positions[:, : self.position_rows]]
-        if self.has_orientation:
-            assert quaternions is not None
+        if quaternions is not None and self.has_orientation:
             columns.append(quaternion_to_matrix(quaternions).reshape(-1, 9))
         return np.concatenate(columns, axis=1)
 
@@ -210,9 +197,7 @@ class Task:
         rates = self.path.rates(t)
         size = self.position_rows
         first, second = [rates.velocity[:, :size]], [rates.acceleration[:, :size]]
-        if self.has_orientation:
-            assert rates.angular_velocity is not None
-            assert rates.angular_acceleration is not None
+        if rates.angular_velocity is not None and rates.angular_acceleration is not None and self.has_orientation:
             rotation = self.targets(t)[:, size:].reshape(-1, 3, 3)
             turning = _cross_matrices(rates.angular_velocity)
             # Siciliano et al., Eq. 3.4: Ṙ = [ω] R, so that R̈ = ([ω̇] + [ω]²) R.
@@ -236,10 +221,8 @@ class Task:
             if self.axes == "xyz+z-axis":
                 axis, cosine = np.cross(rotations[..., 2], later[..., 2]), (rotations[..., 2] * later[..., 2]).sum(-1)
                 sine = np.linalg.norm(axis, axis=-1)
-                angle_over_sine = np.where(
-                    sine < SINE_TOLERANCE, 1.0, np.arctan2(sine, cosine) / np.maximum(sine, SINE_TOLERANCE)
-                )
-                columns.append(angle_over_sine[:, None] * axis)
+                angle_over_sine = np.arctan2(sine, cosine) / np.maximum(sine, SINE_TOLERANCE)
+                columns.append(np.where(sine < SINE_TOLERANCE, 1.0, angle_over_sine)[:, None] * axis)
             else:
                 columns.append(rotation_vector(later @ rotations.swapaxes(-1, -2)))
         return np.concatenate(columns, axis=1)
@@ -318,6 +301,11 @@ def describe_errors(tasks: Sequence[Task], errors: Float[np.ndarray, " rows"]) -
     return " and ".join(f"{error:.3g} {unit}" for unit, error in largest.items())
 
 
+def path_targets(tasks: Sequence[Task], t: Times) -> Float[np.ndarray, "time numbers"]:
+    """Return the ``targets`` of all tasks at times t [s], side by side."""
+    return np.concatenate([task.targets(t) for task in tasks], axis=1)
+
+
 def path_errors(arm: Arm, tasks: Sequence[Task], q: Components, targets: Components) -> list[Component]:
     """Return the errors of all tasks at joint positions and targets, as components."""
     return _over_tasks(Task.errors, arm, tasks, q, targets)
@@ -351,7 +339,7 @@ def _keeps_height(arm: Arm, frame: str) -> bool:
     """
     q = np.sin(np.arange(1.0, 4.0 * arm.dof + 1.0)).reshape(4, arm.dof) * joint_scales(arm)
     heights = arm.pose(q, frame=frame).position[:, 2]
-    return bool(np.ptp(heights) <= OPTIONS.height_tolerance * characteristic_length(arm))
+    return bool(np.ptp(heights) <= HEIGHT_TOLERANCE * characteristic_length(arm))
 
 
 @lru_cache(maxsize=64)

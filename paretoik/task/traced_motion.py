@@ -142,7 +142,16 @@ class TracedMotion:
     @cached_property
     def manipulability(self) -> TracedArray:
         """As ``Motion.manipulability``, but without a kink: only there rounding below 0 is cut off."""
-        flat = self._by_sample(lambda q, *_: path_jacobian(self.arm, self.tasks, q) or self._tool_jacobian(q))
+
+        def entries(q: list[Component], *_: object) -> list[Component]:
+            if self.tasks:
+                return path_jacobian(self.arm, self.tasks, q)
+            links, frame = link_frames(self.arm, q), self.arm.frame(TOOL_FRAME)
+            columns = jacobian_components(self.arm, links, frame, frame_components(self.arm, links, frame)[1])
+            rows = [(0, 0), (0, 1)] if self.arm.is_planar else [(part, axis) for part in (0, 1) for axis in range(3)]
+            return [column[part][axis] for part, axis in rows for column in columns]
+
+        flat = self._by_sample(entries)
         jacobian = self._reshape(flat, -1, self.arm.dof)
         measure: TracedArray = np.sqrt(np.linalg.det(jacobian @ jacobian.swapaxes(-1, -2)))
         return measure
@@ -175,13 +184,6 @@ class TracedMotion:
             raise NotLocal("looks at times, which depend on all samples")
         return list(self.steps.entries)
 
-    def _tool_jacobian(self, q: list[Component]) -> list[Component]:
-        """Return the entries of the tool's Jacobian by rows: those of position in the plane, else all."""
-        links, frame = link_frames(self.arm, q), self.arm.frame(TOOL_FRAME)
-        columns = jacobian_components(self.arm, links, frame, frame_components(self.arm, links, frame)[1])
-        rows = [(0, 0), (0, 1)] if self.arm.is_planar else [(part, axis) for part in (0, 1) for axis in range(3)]
-        return [column[part][axis] for part, axis in rows for column in columns]
-
     def _tool(self, q: list[Component]) -> Any:
         return frame_components(self.arm, link_frames(self.arm, q), self.arm.frame(TOOL_FRAME))
 
@@ -189,8 +191,7 @@ class TracedMotion:
         joints = [part.entries.reshape(-1, self.arm.dof) for part in (self.q, self.dq, self.ddq)]
         rows = [kernel(*(list(part[i]) for part in joints)) for i in range(len(joints[0]))]
         values = np.empty((len(rows), len(rows[0])), dtype=object)
-        for i, row in enumerate(rows):
-            values[i] = row
+        values[:] = rows
         return TracedArray(self.trace, values.reshape(*self.q.entries.shape[:-1], -1), shared=True)
 
     def _reshape(self, flat: TracedArray, *shape: int) -> TracedArray:
@@ -228,18 +229,13 @@ def trace_sample(
     duration: divisor of means over time [s], None for the task's duration
     own_times: whether motions have only the task's arm and number of samples; the duration is then the last input
     """
-    trace = Trace(len(task.instants))
     seconds = float(np.ptp(task.times)) if duration is None else duration
-    q, dq, ddq, jerk = (_inputs(trace, scales, task.arm.dof) for _ in range(4))
-    if own_times:
-        return TracedMotion(task, trace, q, dq, ddq, jerk, None, _inputs(trace, 1.0))
-    return TracedMotion(task, trace, q, dq, ddq, jerk, seconds)
+    return _trace_inputs(task, Trace(len(task.instants)), (), scales, seconds, () if own_times else None)
 
 
 def trace_sample_again(motion: TracedMotion, scales: Float[np.ndarray, " dof"] | float = 1.0) -> TracedMotion:
     """Return one sample of another motion of the task on the same tape, with its own inputs."""
-    q, dq, ddq, jerk = (_inputs(motion.trace, scales, motion.arm.dof) for _ in range(4))
-    return TracedMotion(motion.task, motion.trace, q, dq, ddq, jerk, motion.seconds)
+    return _trace_inputs(motion.task, motion.trace, (), scales, motion.seconds, None)
 
 
 def trace_motion(
@@ -249,16 +245,28 @@ def trace_motion(
 
     With ``own_times`` its intervals are the last inputs.
     """
-    trace = Trace(None)
-    q, dq, ddq, jerk = (_inputs(trace, scales, len(task.instants), task.arm.dof) for _ in range(4))
-    if own_times:
-        return TracedMotion(task, trace, q, dq, ddq, jerk, None, _inputs(trace, 1.0, len(task.instants) - 1))
-    return TracedMotion(task, trace, q, dq, ddq, jerk, float(np.ptp(task.times)))
+    count = len(task.instants)
+    steps = (count - 1,) if own_times else None
+    return _trace_inputs(task, Trace(None), (count,), scales, float(np.ptp(task.times)), steps)
 
 
-def _inputs(trace: Trace, scales: Float[np.ndarray, " dof"] | float, *shape: int) -> TracedArray:
-    scaled: Any = scales * trace.inputs(*shape)
-    return TracedArray(trace, scaled.entries, shared=True)
+def _trace_inputs(
+    task: Any,
+    trace: Trace,
+    shape: tuple[int, ...],
+    scales: Float[np.ndarray, " dof"] | float,
+    seconds: float | None,
+    steps: tuple[int, ...] | None,
+) -> TracedMotion:
+    """Return a motion of new inputs: joints and rates of a ``shape``, then ``steps`` of its own times if any."""
+
+    def inputs(factor: Any, *size: int) -> TracedArray:
+        return TracedArray(trace, (factor * trace.inputs(*size)).entries, shared=True)
+
+    q, dq, ddq, jerk = (inputs(scales, *shape, task.arm.dof) for _ in range(4))
+    if steps is None:
+        return TracedMotion(task, trace, q, dq, ddq, jerk, seconds)
+    return TracedMotion(task, trace, q, dq, ddq, jerk, None, inputs(1.0, *steps))
 
 
 def trace_motion_function(
@@ -288,26 +296,22 @@ def trace_sample_function(motion: TracedMotion, name: str, function: Callable[[A
 
     Raises, by ``name``, InvalidInput for a function without derivatives, EvaluationFailed for one that raises.
     """
+    tape = motion.trace.tape
     try:
         with user_function(name), limited_call(name):
             value = function(motion)
-        return _sample_value(motion, value)
+        array = value if isinstance(value, TracedArray) else np.asarray(value)
+        if array.dtype.kind not in "fiub":
+            raise InvalidInput(f"must return real numbers, got {array.dtype if array.ndim else repr(value)}")
+        if isinstance(array, TracedArray) and array.entries.shape == ():
+            return Expression(tape, as_entry(tape, array.entries))
+        if isinstance(array, np.ndarray) and array.shape in ((), (motion.trace.samples,)):
+            return motion.trace.parameter(array) if array.ndim else float(array)
+        raise InvalidInput(f"must return one number a sample where derivatives are taken, got shape {array.shape}")
     except NotLocal:
         return None
     except InvalidInput as error:
         raise InvalidInput(f"{name}: {error}") from None
-
-
-def _sample_value(motion: TracedMotion, value: Any) -> Expression | float:
-    tape = motion.trace.tape
-    array = value if isinstance(value, TracedArray) else np.asarray(value)
-    if array.dtype.kind not in "fiub":
-        raise InvalidInput(f"must return real numbers, got {array.dtype if array.ndim else repr(value)}")
-    if isinstance(array, TracedArray) and array.entries.shape == ():
-        return Expression(tape, as_entry(tape, array.entries))
-    if isinstance(array, np.ndarray) and array.shape in ((), (motion.trace.samples,)):
-        return motion.trace.parameter(array) if array.ndim else float(array)
-    raise InvalidInput(f"must return one number a sample where derivatives are taken, got shape {array.shape}")
 
 
 class OneInterval(NamedTuple):

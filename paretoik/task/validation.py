@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import get_args
 
 import numpy as np
@@ -25,16 +25,7 @@ from paretoik.task.sampling import Differences
 from paretoik.task.task import Task, row_units
 
 START_TOLERANCE = 1e-6  # of the arm's length, and rad: largest distance of a start that is moved onto the path
-
-
-@dataclass(frozen=True, kw_only=True)
-class PlaneOptions:
-    """Largest tilt of poses, and of frames that follow them, out of the plane of a planar arm."""
-
-    tilt_tolerance: float = 1e-4  # rad: twice the error of angles with four decimals
-
-
-OPTIONS = PlaneOptions()
+TILT_TOLERANCE = 1e-4  # rad, of poses out of a planar arm's plane: twice the error of angles with four decimals
 
 
 def motion_task(
@@ -59,25 +50,31 @@ def motion_task(
     check_arm("arm", arm)
     check_flag("cyclic", cyclic)
     check_choice("differences", differences, get_args(Differences))
-    every_task = [_as_task(one) for one in (tasks if isinstance(tasks, list | tuple) else [tasks])]
-    followed = tuple(one.resolve_axes(arm) for one in every_task)
-    for one in every_task:
-        _check_plane(arm, one)
-    _check_tasks(arm, followed, redundant)
-    _check_objectives_and_limits(objectives, constraints, limits)
-    _check_obstacles(obstacles, link_radius)
+    followed = _followed_tasks(arm, tasks, redundant)
+    _check_decorated("objective", objectives, Objective)
+    _check_decorated("constraint", constraints, Constraint)
+    if not objectives:
+        raise InvalidInput("objectives must be at least one, got none")
+    if limits is not None and not isinstance(limits, Limits):
+        raise InvalidInput(f"limits must be Limits(...), got {shown(limits)}")
+    check_obstacles(obstacles)
+    check_link_radius(link_radius)
     if cyclic and not all(task.path.is_closed for task in followed):
         raise InvalidInput("path must be closed if cyclic=True, got one that does not end where it starts")
     if end_velocity is not None and (finite_number("end_velocity", end_velocity) != 0 or cyclic):
         raise InvalidInput(f"end_velocity must be None (free) or 0 on an open motion, got {shown(end_velocity)}")
     if end_velocity is not None:
         _check_paths_end_at_rest(followed)
-    bounds = (limits or Limits()).bounds(arm, followed[0].path.samples)
+    given = limits or Limits()
+    bounds = given.bounds(arm, followed[0].path.samples)
     allowed = bounds.get("position", np.tile([-np.inf, np.inf], (1, arm.dof, 1)))
     widest = np.stack([allowed[..., 0].min(axis=0), allowed[..., 1].max(axis=0)], axis=-1)
     arm = replace(arm, position_limits=widest)
     if lacks_masses(arm):
-        _check_limits_without_masses(arm, limits)
+        for kind in ("torque", "power"):
+            if getattr(given, kind) is not None and np.isfinite(given.bounds(arm, 3).get(kind, np.inf)).any():
+                wish = f"{kind} limit: the arm must have masses"
+                raise InvalidInput(f"{wish}, got {arm.name}, which has links without")
         bounds.pop("torque", None)  # the arm's own limit: its torques are unknown
     task = MotionTask(
         arm=arm,
@@ -87,7 +84,7 @@ def motion_task(
         bounds=bounds,
         obstacles=tuple(obstacles),
         link_radius=link_radius,
-        min_clearance=(limits or Limits()).clearance,
+        min_clearance=given.clearance,
         start=None if isinstance(start, str) and start == "free" else _start_posture(arm, start),
         ends_at_rest=end_velocity is not None,
         cyclic=cyclic,
@@ -101,12 +98,6 @@ def motion_task(
     return task
 
 
-def _as_task(value: object) -> Task:
-    if not isinstance(value, Path | Task):
-        raise InvalidInput(f"path must be a Path, a Task or several of them, got {shown(value)}")
-    return Task(value) if isinstance(value, Path) else value
-
-
 def _check_plane(arm: Arm, task: Task) -> None:
     """Raise InvalidInput if a path without axes leaves the plane of a planar arm, where no frame follows it.
 
@@ -115,7 +106,7 @@ def _check_plane(arm: Arm, task: Task) -> None:
     if not arm.is_planar:
         return
     normal = arm.base.rotation[:, 2]
-    if abs(normal[2]) < OPTIONS.tilt_tolerance:
+    if abs(normal[2]) < TILT_TOLERANCE:
         raise InvalidInput(
             f"path: the arm's plane must not be vertical, as x and y lead it, got {arm.name} in one with the "
             f"normal ({_coordinates(normal)}); a level one with mounted(gravity=(0, -9.81, 0)) weighs the same"
@@ -125,8 +116,12 @@ def _check_plane(arm: Arm, task: Task) -> None:
         return
     frame = arm.pose(np.zeros(arm.dof), frame=task.frame)
     tolerance = START_TOLERANCE * characteristic_length(arm)
-    is_level = float(np.hypot(*normal[:2])) <= OPTIONS.tilt_tolerance
-    wish = f"path must have {'points' if path.quaternions is None else 'poses'} in {_plane_text(arm, frame, is_level)}"
+    is_level = float(np.hypot(*normal[:2])) <= TILT_TOLERANCE
+    plane = f"the plane z = {_coordinates(frame.position[2:])} m of {arm.name}"
+    if not is_level:
+        through = f"through ({_coordinates(frame.position)}) m with the normal ({_coordinates(normal)})"
+        plane = f"the plane of {arm.name}, {through}"
+    wish = f"path must have {'points' if path.quaternions is None else 'poses'} in {plane}"
     if path.quaternions is not None:
         _check_tilt(arm, frame, path.quaternions, wish)
     distance = (points - frame.position) @ (np.sign(normal[2]) * normal)
@@ -147,18 +142,10 @@ def _check_tilt(arm: Arm, frame: Pose, quaternions: Float[np.ndarray, "samples 4
     twist = relative[:, 1:] @ normal
     swing = np.linalg.norm(relative[:, 1:] - twist[:, None] * normal, axis=1)
     tilt = 2.0 * np.arctan2(swing, np.hypot(relative[:, 0], twist)).max()
-    if tilt > OPTIONS.tilt_tolerance:
+    if tilt > TILT_TOLERANCE:
         raise InvalidInput(f"{wish}, or axes='xy', got one tilted out of it by {tilt:.3g} rad")
-    if abs(normal[2]) < OPTIONS.tilt_tolerance:
+    if abs(normal[2]) < TILT_TOLERANCE:
         raise InvalidInput(f"{wish}, with a z axis that leaves it, or axes='xy', got poses whose z axis lies in it")
-
-
-def _plane_text(arm: Arm, frame: Pose, is_level: bool) -> str:
-    """Return in words the plane that a frame of a planar arm moves in."""
-    if is_level:
-        return f"the plane z = {_coordinates(frame.position[2:])} m of {arm.name}"
-    point, normal = _coordinates(frame.position), _coordinates(arm.base.rotation[:, 2])
-    return f"the plane of {arm.name}, through ({point}) m with the normal ({normal})"
 
 
 def _coordinates(vector: Float[np.ndarray, " coordinates"]) -> str:
@@ -166,7 +153,16 @@ def _coordinates(vector: Float[np.ndarray, " coordinates"]) -> str:
     return ", ".join(f"{round(value, 12) + 0.0:.6g}" for value in vector.tolist())
 
 
-def _check_tasks(arm: Arm, tasks: tuple[Task, ...], redundant: bool) -> None:
+def _followed_tasks(arm: Arm, given: Path | Task | Sequence[Path | Task], redundant: bool) -> tuple[Task, ...]:
+    """Return the tasks, checked, each with its axes."""
+    every = []
+    for one in given if isinstance(given, list | tuple) else [given]:
+        if not isinstance(one, Path | Task):
+            raise InvalidInput(f"path must be a Path, a Task or several of them, got {shown(one)}")
+        every.append(Task(one) if isinstance(one, Path) else one)
+    tasks = tuple(one.resolve_axes(arm) for one in every)
+    for one in every:
+        _check_plane(arm, one)
     if not tasks:
         raise InvalidInput("path must be at least one path or task, got none")
     times = tasks[0].path.times
@@ -180,22 +176,7 @@ def _check_tasks(arm: Arm, tasks: tuple[Task, ...], redundant: bool) -> None:
             f"path: {arm.name} {wish}, got {arm.dof} joints for {rows} equations; there must be more joints "
             "or fewer axes"
         )
-
-
-def _check_objectives_and_limits(
-    objectives: Sequence[Objective], constraints: Sequence[Constraint], limits: Limits | None
-) -> None:
-    _check_decorated("objective", objectives, Objective)
-    _check_decorated("constraint", constraints, Constraint)
-    if not objectives:
-        raise InvalidInput("objectives must be at least one, got none")
-    if limits is not None and not isinstance(limits, Limits):
-        raise InvalidInput(f"limits must be Limits(...), got {shown(limits)}")
-
-
-def _check_obstacles(obstacles: Sequence[Obstacle], link_radius: float) -> None:
-    check_obstacles(obstacles)
-    check_link_radius(link_radius)
+    return tasks
 
 
 def _check_immovable_links(task: MotionTask) -> None:
@@ -233,13 +214,6 @@ def lacks_masses(arm: Arm) -> bool:
     """Return whether an arm's torques and energies are meaningless: no link, or not each link of a URDF, has mass."""
     masses = [body.mass for body in arm.bodies]
     return not any(masses) or (arm.source is not None and not all(masses[:-1]))
-
-
-def _check_limits_without_masses(arm: Arm, limits: Limits | None) -> None:
-    for kind in ("torque", "power"):
-        limit = getattr(limits, kind, None)
-        if limit is not None and np.isfinite(limits.bounds(arm, 3).get(kind, np.inf)).any():  # type: ignore[union-attr]
-            raise InvalidInput(f"{kind} limit: the arm must have masses, got {arm.name}, which has links without")
 
 
 def _check_functions_without_masses(task: MotionTask) -> None:
@@ -283,22 +257,16 @@ def _start_posture(arm: Arm, start: object) -> np.ndarray:
     return q
 
 
-def _reason_of_degrees(arm: Arm, start: np.ndarray) -> str:
-    hint = degrees_hint(start[arm.periodic])
-    return hint and f"; {hint}"
-
-
 def _check_start(task: MotionTask, start: np.ndarray) -> None:
-    error, scales = (
-        np.abs(task_errors(task.arm, task.tasks, start, task.targets[0])[0]),
-        row_scales(task.arm, task.tasks),
-    )
+    """Raise InvalidInput for a start off the path's first sample or beyond its limits."""
+    error = np.abs(task_errors(task.arm, task.tasks, start, task.targets[0])[0])
+    scales = row_scales(task.arm, task.tasks)
     worst = int(np.argmax(error / scales))
     if error[worst] > START_TOLERANCE * scales[worst]:
-        unit = row_units(task.tasks)[worst]
+        unit, hint = row_units(task.tasks)[worst], degrees_hint(start[task.arm.periodic])
         raise InvalidInput(
             f"start must be at most {START_TOLERANCE * scales[worst]:.3g} {unit} off the path's first sample, got "
-            f"{error[worst]:.3g} {unit}{_reason_of_degrees(task.arm, start)}"
+            f"{error[worst]:.3g} {unit}{hint and f'; {hint}'}"
         )
     if "position" in task.bounds:
         lower, upper = task.bounds["position"][0].T

@@ -8,7 +8,8 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.capability.geodesic import FastestPath, fastest_path, path_time
-from paretoik.capability.time_optimal import Plan, TimeOptimalRun, fastest_plan, time_optimal_control
+from paretoik.capability.speed_models import SpeedModel
+from paretoik.capability.time_optimal import Formulation, Plan, Planner, TimeOptimalRun, time_optimal_control
 from paretoik.errors import ParetoikError
 from studies.kim_2021.profiles import evenly
 from studies.kim_2021.setting import MECHANISMS, POSITIONS, UNPRINTED, beside_paper, paper, speeds
@@ -63,10 +64,7 @@ def trajectory(surrogates: Surrogates, *, period: float = PERIOD, samples: int =
         run=run,
         geodesic=fastest_path(model, START, TARGET),
         printed=time_optimal_control(model, START, TARGET, horizon=HORIZON, period=period, formulation="printed"),
-        plans={
-            "printed": fastest_plan(model, START, TARGET, horizon=HORIZON, formulation="printed"),
-            "midpoint": fastest_plan(model, START, TARGET, horizon=HORIZON),
-        },
+        plans={"printed": fastest_plan(model, formulation="printed"), "midpoint": fastest_plan(model)},
         possible=possible_time(surrogates.mechanism, references(run), samples),
         paper_model=paper_model,
         paper_possible=np.nan
@@ -74,6 +72,12 @@ def trajectory(surrogates: Surrogates, *, period: float = PERIOD, samples: int =
         else possible_time(surrogates.mechanism, references(paper_model), samples),
         paper_fault=fault,
     )
+
+
+def fastest_plan(model: SpeedModel, *, formulation: Formulation = "midpoint") -> Plan:
+    """Return the plan of least claimed time from p4 to p6."""
+    planner = Planner(model, horizon=HORIZON, formulation=formulation)
+    return planner.plan(planner.initial_points(np.array(START), np.array(TARGET)))
 
 
 def references(run: TimeOptimalRun) -> Float[np.ndarray, "n 2"]:

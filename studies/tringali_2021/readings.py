@@ -13,9 +13,9 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 import paretoik as pk
-from paretoik.resolution.follow import TRACKING_TOLERANCE
 from paretoik.resolution.horizon import DEGREE, HorizonSolution, horizon_program, quartic_spline
 from paretoik.resolution.predictive import HorizonSolver, MakeSolver, MakeSpline, follow_predictively
+from paretoik.resolution.protocol import TRACKING_TOLERANCE
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective
 from problems import tringali_2021

@@ -9,9 +9,9 @@ import numpy as np
 from scipy.optimize import minimize
 
 import paretoik as pk
-from paretoik.resolution.follow import TRACKING_TOLERANCE
 from paretoik.resolution.horizon import HorizonProgram, HorizonSolution, horizon_program
 from paretoik.resolution.predictive import PredictiveTraces, follow_predictively
+from paretoik.resolution.protocol import TRACKING_TOLERANCE
 from paretoik.task.motion_task import MotionTask
 from problems import tringali_2021
 from problems.tringali_2021 import START

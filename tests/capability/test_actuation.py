@@ -9,12 +9,11 @@ from hypothesis import strategies as st
 
 from paretoik.capability.actuation import (
     SHAPES,
+    DistributedActuation,
     JointActuation,
     MotorCurve,
     angle_range,
-    broadcast,
     check_actuation,
-    check_geometry,
     kim_sliders,
 )
 from paretoik.capability.joint_capability import joint_speeds
@@ -150,11 +149,11 @@ def test_a_rods_angles_are_those_of_all_pairs_of_sliders():
 
 
 def test_a_number_is_every_joints_and_may_not_be_written():
-    bounds = broadcast("front_bounds", (0.1, 0.2), (3, 2))
-    np.testing.assert_array_equal(bounds, [[0.1, 0.2]] * 3)
+    bounds = of_geometry(front_bounds=(0.05, 0.07)).front_bounds
+    np.testing.assert_array_equal(bounds, [[0.05, 0.07]] * 2)
     assert not bounds.flags.writeable
-    with pytest.raises(InvalidInput, match=r"distributed actuation: rod must have shape \(3,\), got \(2,\)"):
-        broadcast("rod", [0.1, 0.2], (3,))
+    with pytest.raises(InvalidInput, match=r"distributed actuation: rod must have shape \(2,\), got \(3,\)"):
+        of_geometry(rod=[0.1, 0.2, 0.3])
 
 
 GEOMETRY = {
@@ -165,6 +164,11 @@ GEOMETRY = {
     "front_bounds": np.array([[0.03, 0.08], [0.03, 0.09]]),
     "back_bounds": np.array([[0.03, 0.2], [0.03, 0.2]]),
 }
+
+
+def of_geometry(**changed):
+    front = MotorCurve(stall=[1.0, 1.0], fastest=[1.0, 1.0])
+    return DistributedActuation(front=front, **{**GEOMETRY, **changed})
 
 
 @pytest.mark.parametrize(
@@ -179,8 +183,7 @@ GEOMETRY = {
     ],
 )
 def test_geometry_that_cannot_be_is_refused_with_its_joint(name, value, wish):
-    check_geometry(**GEOMETRY)
     wrong = GEOMETRY[name].copy()
     wrong[1] = value
     with pytest.raises(InvalidInput, match=f"joint 2: {wish}, got"):
-        check_geometry(**{**GEOMETRY, name: wrong})
+        of_geometry(**{name: wrong})

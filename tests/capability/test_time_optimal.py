@@ -10,9 +10,14 @@ import pytest
 
 from paretoik.capability import time_optimal as planner
 from paretoik.capability.geodesic import fastest_path, path_time
-from paretoik.capability.time_optimal import fastest_plan, time_optimal_control
+from paretoik.capability.time_optimal import Planner, time_optimal_control
 from paretoik.errors import InvalidInput, SolverFailed
 from tests.capability.test_geodesic import Even, HalfPlane, Ridge, Turned, Waves, ends, lattice_time
+
+
+def fastest_plan(model, start, target, horizon=10, formulation="midpoint"):
+    looking_ahead = Planner(model, horizon=horizon, formulation=formulation)
+    return looking_ahead.plan(looking_ahead.initial_points(np.asarray(start), np.asarray(target)))
 
 
 @pytest.mark.parametrize("task", [2, 3])

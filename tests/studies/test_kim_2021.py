@@ -11,7 +11,6 @@ import pytest
 import paretoik as pk
 from paretoik.capability.directional import unit_directions
 from paretoik.capability.geodesic import path_time
-from paretoik.capability.time_optimal import fastest_plan
 from paretoik.robot.kinematics import forward_kinematics
 from studies.kim_2021 import __main__ as study
 from studies.kim_2021.continuous import continuous, resolved
@@ -26,7 +25,16 @@ from studies.kim_2021.racing import PEERS
 from studies.kim_2021.sensitivity import Assumptions, floor_rows, gains
 from studies.kim_2021.setting import MECHANISMS, POSITIONS, actuation_of, beside_paper, paper, speeds
 from studies.kim_2021.surrogates import AS_PAPER, all_surrogates, surrogate_rows
-from studies.kim_2021.trajectories import START, TARGET, cheating, figure_8, possible_time, references, trajectory
+from studies.kim_2021.trajectories import (
+    START,
+    TARGET,
+    cheating,
+    fastest_plan,
+    figure_8,
+    possible_time,
+    references,
+    trajectory,
+)
 from studies.kim_2021.without_jumps import straight_rows
 
 
@@ -200,7 +208,7 @@ def test_a_step_by_peers_is_the_same_program(models, peer):
     position = ca.SX.sym("p", 2)
     written = ca.Function("root", [position], [root(model.polynomials, position)])
     np.testing.assert_allclose(written(POSITIONS["p2"]), model.roots(POSITIONS["p2"])[0], rtol=1e-9)
-    plan = fastest_plan(model, START, TARGET)
+    plan = fastest_plan(model)
     time, success = looking_ahead(model, 10, peer).solved(plan.points, plan.time_to_go)
     assert success
     assert time == pytest.approx(plan.time_to_go, rel=1e-5)

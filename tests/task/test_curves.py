@@ -163,7 +163,7 @@ def test_quintic_is_the_polynomial_of_least_jerk():
 
 def test_an_unknown_law_is_refused_with_the_names_of_the_known():
     with pytest.raises(InvalidInput, match=r"raised-cosine, quintic, uniform, got 'cubic'"):
-        progress(np.array([0.1]), 1.0, "cubic")
+        TimedCurve(CIRCLE, 1.0, "cubic")
 
 
 @given(laws, durations, st.floats(0.001, 0.999))
