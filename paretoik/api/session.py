@@ -160,8 +160,8 @@ def open_verb(
         try:
             yield observer, interruption
         except Interrupted as stop:
-            is_ctrl_c = interruption.signal in (None, SIGINT)  # None if the signal came to another thread's verb
-            end = KeyboardInterrupt() if is_ctrl_c else SystemExit(interruption.exit_code)
+            came = interruption.signal  # None if the signal came to another thread's verb
+            end = KeyboardInterrupt() if came is None or came == SIGINT else SystemExit(128 + came)
             for note in getattr(stop, "__notes__", ()):
                 end.add_note(note)
             raise end from None

@@ -211,7 +211,7 @@ class Digester:
                 return joined("class", *self._named(class_parts(value)))
             case MethodType() | property() | staticmethod() | classmethod() | cached_property():
                 names = "__func__", "__self__", "fget", "fset", "fdel", "func"
-                return joined(type(value).__name__, *(self.digest(getattr(value, name, None)) for name in names))
+                return joined(str(type(value).__name__), *(self.digest(getattr(value, name, None)) for name in names))
         if isinstance(value, np.random.Generator | np.random.RandomState | np.random.BitGenerator | random.Random):
             return joined("chance", library_name(type(value)).encode())
         function = None if own else underlying(value)  # a user's object may contain more

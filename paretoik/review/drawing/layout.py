@@ -189,7 +189,8 @@ class Layout:
         notes = [rrb.TextDocumentView(origin=LEFT_OUT, name="left out")] if self.note else []
         texts, columns = [*self.texts, *notes], (_column(front, charts), _column(self.arm, self.joints))
         words = fitting_tabs(texts, VIEWS.columns[2]) if texts else None
-        present = [each for each in zip((*columns, words), VIEWS.columns, strict=True) if each[0] is not None]
+        shares = zip((*columns, words), VIEWS.columns, strict=True)
+        present = [(column, width) for column, width in shares if column is not None]
         views = rrb.Horizontal(*(column for column, _ in present), column_shares=[width for _, width in present])
         looped: dict[str, Any] = {}
         if self.start is not None:  # a viewer begins at the start of what it loops over
