@@ -34,7 +34,7 @@ def named_numbers(
     merged: Mapping[str, Any] = merge_named(kind, mapping, keywords, "numbers", "{'energy': 0.3}")
     for name, value in merged.items():
         try:
-            is_number = isinstance(value, Real) and not isinstance(value, bool) and np.isfinite(float(value))
+            is_number = not isinstance(value, bool) and isinstance(value, Real) and np.isfinite(float(value))
         except OverflowError:  # an integer that no float can hold
             is_number = False
         if not is_number or (value < 0 and not signed):

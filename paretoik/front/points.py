@@ -417,7 +417,7 @@ def take(front: Front, rows: Int[np.ndarray, " rows"]) -> Front:
     largest = largest_id(front)
     note = {} if largest in front.ids[rows] else {LARGEST_ID: largest}
     whole = {name: getattr(front, name) for name in ("ids", "objectives", *PARTS)}
-    parts = {name: each if each is None else each[rows] for name, each in whole.items()}
+    parts: dict[str, Any] = {name: each if each is None else each[rows] for name, each in whole.items()}
     return attach(replace(front, **parts, provenance={**front.provenance, **note}), front.folder)
 
 
