@@ -62,9 +62,9 @@ class _Bare(ast.NodeTransformer):
     def visit(self, node: Any) -> Any:
         if isinstance(node, ast.Pass) or (isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)):
             return None
-        if isinstance(node, ast.AnnAssign) and node.value is None:
-            return None
         if isinstance(node, ast.AnnAssign):
+            if node.value is None:
+                return None
             node = ast.Assign([node.target], node.value, lineno=node.lineno)
         for name in {"returns", "annotation"} & vars(node).keys():
             setattr(node, name, None)
