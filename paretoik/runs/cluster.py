@@ -213,8 +213,8 @@ def _connect(address: str, options: ClusterOptions) -> Any:
             raise Interrupted
     error = connected.exception()
     if error is not None:
-        refusal = error.strerror if isinstance(error, OSError) else None
-        fact = f"nobody listens there ({refusal})" if refusal else cause_of(error)
+        reason = getattr(error, "strerror", None)
+        fact = f"nobody listens there ({reason})" if reason else cause_of(error)
         raise InvalidInput(f"cluster must be the address of a Dask scheduler, got {address}: {fact}") from error
     return connected.result()
 

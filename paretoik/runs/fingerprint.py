@@ -192,7 +192,8 @@ class Digester:
                 return joined("other", repr(value).encode())
 
     def _compound(self, value: Any) -> bytes:
-        own = [] if is_library(type(value).__module__) else [self.digest(type(value))]  # a collection class of a user
+        kind: type = type(value)
+        own = [] if is_library(kind.__module__) else [self.digest(kind)]  # a collection class of a user
         match value:
             case np.ndarray():
                 return self._array(value)
@@ -211,19 +212,19 @@ class Digester:
                 return joined("class", *self._named(class_parts(value)))
             case MethodType() | property() | staticmethod() | classmethod() | cached_property():
                 names = "__func__", "__self__", "fget", "fset", "fdel", "func"
-                return joined(str(type(value).__name__), *(self.digest(getattr(value, name, None)) for name in names))
+                return joined(kind.__name__, *(self.digest(getattr(value, name, None)) for name in names))
         if isinstance(value, np.random.Generator | np.random.RandomState | np.random.BitGenerator | random.Random):
-            return joined("chance", library_name(type(value)).encode())
+            return joined("chance", library_name(kind).encode())
         function = None if own else underlying(value)  # a user's object may contain more
         if function is not None:
             code, values = function_parts(function)
             return joined("function", code.encode(errors="surrogatepass"), *self._named(values))
         if isinstance(value, BuiltinFunctionType | np.ufunc):
             return joined("function", library_name(value).encode())
-        state, computed = object_state(value), getattr(type(value), "computed_attributes", ())
+        state, computed = object_state(value), getattr(kind, "computed_attributes", ())
         exact = self._named({name: each for name, each in state.items() if name not in computed})
         rounded = Digester(rounded=True)._named({name: each for name, each in state.items() if name in computed})
-        return joined("object", self.digest(type(value)), *exact, *rounded)
+        return joined("object", self.digest(kind), *exact, *rounded)
 
     def _array(self, value: Any) -> bytes:
         array, shape = np.asarray(value), str(value.shape).encode()
