@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Float, Int
 
 from paretoik.api.certified_front import OPTIONS as CERTIFIED
 from paretoik.api.certified_front import LaterTime, certified_front, later_stages, no_worse, reserve_later
@@ -281,7 +281,7 @@ def _refine_and_certify(
 
 def _completed(
     completion: Completion, later: LaterTime, x: Points, ids: Ids, ranges: Values, observe: Observer | None
-) -> tuple[Points, Ids, Values]:
+) -> tuple[Float[np.ndarray, " completed *point"], Int[np.ndarray, " completed"], Values]:
     """Return points with those of a completion, their ids and ranges; as they are if the planner finds nothing."""
     formulation, solver, began = later.formulation, later.solver, computing_clock()
 
