@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float
 from moocore import is_nondominated
 from numpy.typing import ArrayLike
 
@@ -115,7 +116,7 @@ class Archive:
         G: Constraints | None,
         generation: int,
         *,
-        H: Constraints | None = None,
+        H: Float[np.ndarray, "points n_equalities"] | None = None,
         causes: Mapping[int, str] | None = None,
     ) -> None:
         """Add evaluated points; ``causes``: reasons of failed evaluations, by id."""

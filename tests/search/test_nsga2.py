@@ -108,7 +108,7 @@ def test_any_sampling_is_topped_up_to_the_population(sampling):
 
 
 def test_misspelt_options_are_refused():
-    with pytest.raises(InvalidInput, match="popsize"):
+    with pytest.raises(TypeError, match="popsize"):
         MaxiMinNSGA2(popsize=10)
     with pytest.raises(InvalidInput, match="minimize must get only options of pymoo, got 'sede'"):
         minimize(Parabolas(), MaxiMinNSGA2(pop_size=10), ("n_gen", 2), sede=1)
