@@ -187,10 +187,10 @@ class Layout:
         if front is None and charts:
             front, charts = charts[0], charts[1:]
         notes = [rrb.TextDocumentView(origin=LEFT_OUT, name="left out")] if self.note else []
-        texts, columns = [*self.texts, *notes], (_column(front, charts), _column(self.arm, self.joints))
+        texts = [*self.texts, *notes]
         words = fitting_tabs(texts, VIEWS.columns[2]) if texts else None
-        shares = zip((*columns, words), VIEWS.columns, strict=True)
-        present = [(column, width) for column, width in shares if column is not None]
+        columns = (_column(front, charts), _column(self.arm, self.joints), words)
+        present = [(each, width) for each, width in zip(columns, VIEWS.columns, strict=True) if each is not None]
         views = rrb.Horizontal(*(column for column, _ in present), column_shares=[width for _, width in present])
         looped: dict[str, Any] = {}
         if self.start is not None:  # a viewer begins at the start of what it loops over
