@@ -115,7 +115,7 @@ class Archive:
         G: Constraints | None,
         generation: int,
         *,
-        H: Constraints | None = None,
+        H: Floats | None = None,
         causes: Mapping[int, str] | None = None,
     ) -> None:
         """Add evaluated points; ``causes``: reasons of failed evaluations, by id."""
