@@ -40,7 +40,7 @@ class KillerOptions:
 
 
 OPTIONS = KillerOptions()
-EVALUATION = "search/generation_evaluation.py", "closed_loop/step_evolution.py"
+EVALUATION, STEPS = ("evaluate_candidates", "evaluate_again"), "closed_loop/step_evolution.py"
 SEARCH = "search/ask_tell.py", "search/islands.py"
 REFINEMENT = "paretoik/pareto/", "paretoik/trajectory/", "paretoik/nlp/"
 CHANGES = os.O_WRONLY | os.O_RDWR | os.O_CREAT
@@ -144,7 +144,7 @@ def _phase_of(frame: FrameType | None) -> Phase:
     phase: Phase = "else"
     while frame is not None:
         file = frame.f_code.co_filename
-        if file.endswith(EVALUATION):
+        if file.endswith(STEPS) or frame.f_code.co_name in EVALUATION:
             phase = "evaluate"
         elif file.endswith(SEARCH) and frame.f_code.co_name == "ask":
             phase = "ask"
