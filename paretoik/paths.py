@@ -13,11 +13,16 @@ from paretoik.inputs import likely_spelling
 def shell_command(*words: str | PurePath) -> str:
     """Return a command in a line, quoted for POSIX shells; a path is never taken for an option.
 
+    Characters that would steer a terminal are written as escapes, so that such a command names no file.
+
     >>> print(shell_command("paretoik", "show", PurePath("-x y")))
     paretoik show './-x y'
     """
     options = [isinstance(word, PurePath) and str(word).startswith("-") for word in words]
-    return shlex.join(f"./{word}" if is_option else str(word) for word, is_option in zip(words, options, strict=True))
+    command = shlex.join(
+        f"./{word}" if is_option else str(word) for word, is_option in zip(words, options, strict=True)
+    )
+    return "".join(each if each.isprintable() else each.encode("unicode_escape").decode() for each in command)
 
 
 def missing_file(path: Path) -> str:

@@ -165,7 +165,14 @@ class JointSpeeds:
 
 
 def joint_speeds(actuation: Actuation, q: Joints, torque: Joints) -> JointSpeeds:
-    """Return the speeds of joints under a torque, sliders at their best; all (*batch, dof)."""
+    """Return the speeds of joints under a torque, sliders at their best; all (*batch, dof).
+
+    Raises InvalidInput if the shapes of the arrays differ.
+    """
+    if np.shape(q) != np.shape(torque) or np.shape(q)[-1:] != (actuation.dof,):
+        raise InvalidInput(
+            f"q and torque must have shape (..., {actuation.dof}), got {np.shape(q)} and {np.shape(torque)}"
+        )
     high, low = (_joint_maxima(actuation, q, load, actuators.SPEED) for load in (torque, -torque))
     return JointSpeeds(low=-low[..., 0], high=high[..., 0], front_low=low[..., 1], front_high=high[..., 1])
 

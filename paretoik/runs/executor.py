@@ -57,7 +57,7 @@ def _entries(computed_by: object) -> list[dict[str, Any]]:
 def _reproducible(entries: Sequence[Mapping[str, Any]]) -> str:
     if any(each.get("machines") == [] for each in entries):
         return UNKNOWN
-    makes = {make["processor"] for each in entries for make in (each, *each.get("machines", ()))}
+    makes = {make.get("processor") for each in entries for make in (each, *each.get("machines", ()))}
     return SAME if len(makes) == 1 else TOLERANCE
 
 

@@ -118,6 +118,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             plant(copy, fault)
             passes, which = run_tests(copy, fault.tests)
             file.write_text(whole, encoding="utf-8")
+            tell(f"{'LOST' if passes else 'caught'}: {which}")
             rows.append(
                 Row(
                     table="planted faults, caught by the default tests of their own folder",

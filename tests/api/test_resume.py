@@ -76,7 +76,7 @@ def flip_a_bit(folder: Path, frame: int) -> None:
     journal, places = folder / CHECKPOINT / JOURNAL, [0]
     content = bytearray(journal.read_bytes())
     while places[-1] < len(content):
-        places.append(places[-1] + HEAD.size + HEAD.unpack_from(content, places[-1])[1])
+        places.append(places[-1] + HEAD.size + HEAD.unpack_from(content, places[-1])[2])
     begin, end = places[:-1][frame], places[1:][frame]
     content[(begin + end) // 2] ^= 1
     journal.write_bytes(content)

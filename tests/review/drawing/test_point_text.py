@@ -60,7 +60,7 @@ def test_the_only_point_of_a_step_is_in_the_middle_with_a_note_that_it_has_no_ra
     assert "no range" in text_of(steps, one)
     several = generation([[1.0, 2.0], [2.0, 3.0]], chosen=np.array([1.0, 2.0]))
     assert "no range" not in text_of(steps, several)
-    place = steps.canvases(one.front)[0].place
+    place = Scatter(scene=steps, shown=one.front).canvases[0].place
     np.testing.assert_allclose(chosen_place(steps, one, tmp_path / "one.rrd"), place(np.array([0.5, 0.5])), rtol=1e-5)
     corner = place(np.array([0.0, 0.0]))
     np.testing.assert_allclose(chosen_place(steps, several, tmp_path / "several.rrd"), corner, rtol=1e-5)
