@@ -1,4 +1,4 @@
-"""Workers of a Dask cluster: tasks go to its scheduler, and what a lost worker had is computed by others.
+"""Workers of a Dask cluster: tasks go to its scheduler, and workers that die or fall silent are noticed.
 
 The client decides everything: which items make a task, what is tried again, and when it is given up.
 """
@@ -7,55 +7,26 @@ from __future__ import annotations
 
 import asyncio
 import hashlib
-import socket
 import time
 import uuid
 from collections import deque
-from collections.abc import Awaitable, Callable, Iterator, Sequence
-from concurrent.futures import Future, wait
+from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
+from concurrent.futures import wait
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import partial
 from importlib.util import find_spec
-from math import inf
 from queue import Empty, SimpleQueue
-from threading import Thread
 from typing import Any
 
-from paretoik.errors import InvalidInput, SolverFailed, warn_user
+from paretoik.errors import InvalidInput, warn_user
 from paretoik.inputs import cause_of
-from paretoik.runs.cluster_task import Computed, Origin, Task, run_task
+from paretoik.runs.cluster_scheduler import OPTIONS, ClusterOptions, ClusterWatch, connect
+from paretoik.runs.cluster_task import Computed, Origin, Refused, Task, itself, run_task
 from paretoik.runs.distribution import Function, Lost, Reply, pickled
 from paretoik.runs.machine import processor, software
 from paretoik.stop_flag import STOP, Interrupted
 
 CANCELLED = ("cancelled", "lost")  # Dask's words for a future that its scheduler no longer knows
-
-
-@dataclass(frozen=True, kw_only=True)
-class ClusterOptions:
-    """How tasks are made, and how long a silence is tolerated [s].
-
-    portion, overhead: seconds of work in a task, and more seconds per thread, as every task passes through one
-        scheduler and one client; a task is never larger than an even share of the items left
-    shares: shares per thread that the items left are divided into
-    ahead: tasks per thread at the scheduler
-    interval, watch: time between two looks for a signal, and at the workers
-    connection: time for somebody to listen at the address; a longer silence of scheduler and workers is reported
-    patience: time for the scheduler to answer, to come back, and to have a worker
-    """
-
-    portion: float = 0.5
-    overhead: float = 0.002
-    shares: int = 2
-    ahead: int = 2
-    interval: float = 0.1
-    watch: float = 2.0
-    connection: float = 5.0
-    patience: float = 60.0
-
-
-OPTIONS = ClusterOptions()
 
 
 class Cluster:
@@ -69,11 +40,9 @@ class Cluster:
             raise InvalidInput('cluster: Dask must be installed (pip install "paretoik[cluster]"), got none')
         self.address, self.options = address, options
         self._warnings: set[str] = set()
-        self.client = _connect(address, options)
+        self.client = connect(address, options, self.tell)
         self.run, self.tasks, self.threads = uuid.uuid4().hex, 0, 0
-        self._looked = -inf  # when workers were looked for
-        self._missing: float | None = None  # since when there are none
-        self.look()
+        ClusterWatch(self, options).count_threads()
         # The shared object itself, as bytes, and its future at the scheduler.
         self._shared: tuple[Any, bytes, Any] = None, b"", None
         self.origins: set[Origin] = set()  # of the results that have come
@@ -85,10 +54,16 @@ class Cluster:
 
     def description(self) -> dict[str, Any]:
         """Return who has computed, as an entry of `run.json`: machines and workers by make of processor."""
-        machines = []
-        for make in sorted({origin.processor for origin in self.origins}):
-            places = [origin.machine for origin in self.origins if origin.processor == make]
-            machines.append({"processor": " ".join(make), "machines": len(set(places)), "workers": len(places)})
+        makes = sorted({origin.processor for origin in self.origins})
+        groups = [[origin for origin in self.origins if origin.processor == make] for make in makes]
+        machines = [
+            {
+                "processor": " ".join(group[0].processor),
+                "machines": len({origin.machine for origin in group}),
+                "workers": len(group),
+            }
+            for group in groups
+        ]
         return {"by": "Dask cluster", "machines": machines}
 
     def close(self) -> None:
@@ -116,7 +91,7 @@ class Cluster:
         shared, content, future = self._shared
         if future is None or future.status in CANCELLED:
             key = f"paretoik-shared-{hashlib.sha256(content).hexdigest()}"
-            future = self.client.submit(bytes, content, key=key)  # a task, so that workers that replace others get it
+            future = self.client.submit(itself, content, key=key)
             self._shared = shared, content, future
         return future
 
@@ -152,28 +127,6 @@ class Cluster:
                 raise Interrupted if STOP[0] else TimeoutError
         return future.result()
 
-    def look(self) -> None:
-        """Count the threads of all workers if that was some time ago.
-
-        Tells when there are none for a while; raises SolverFailed if none come back, or nobody answers.
-        """
-        now, missing = time.monotonic(), "scheduler"
-        if now - self._looked < self.options.watch:
-            return
-        if self.client.status == "running":
-            missing = "answer from the scheduler"
-            with suppress(Exception):  # a broken connection can raise anything
-                self.threads = sum(self.wait_for(self.client.scheduler.ncores, 5 * self.options.interval).values())
-                missing = "" if self.threads else "worker"
-        self._looked = time.monotonic()
-        self._missing = (self._missing or now) if missing else None
-        gone = 0.0 if self._missing is None else now - self._missing
-        if gone > self.options.patience:
-            text = f"cluster: no {missing} at {self.address} for {self.options.patience:g} s"
-            raise SolverFailed(f"{text}; resume continues the run")
-        if gone > self.options.connection:
-            self.tell(f"no {missing} at {self.address}; one is waited for, {self.options.patience:g} s at most")
-
     def tell(self, text: str) -> None:
         """Warn once per text."""
         if text not in self._warnings:
@@ -181,49 +134,11 @@ class Cluster:
             warn_user(f"cluster: {text}")
 
 
-def _connect(address: str, options: ClusterOptions) -> Any:
-    """Return Dask's client of the scheduler at an address.
-
-    Raises InvalidInput if nobody listens there or no scheduler answers, Interrupted soon after a signal.
-    """
-    from distributed import Client
-    from distributed.comm import get_address_host_port
-
-    connected: Future[Any] = Future()
-
-    def connect() -> None:
-        deadline = time.monotonic() + options.connection
-        try:
-            while True:  # the scheduler may be starting
-                try:
-                    socket.create_connection(get_address_host_port(address), timeout=options.connection).close()
-                    break
-                except OSError:
-                    if time.monotonic() > deadline:
-                        raise
-                time.sleep(options.interval)
-            # The timeout is also the one for reconnecting: a client that gave up never comes back.
-            connected.set_result(Client(address, timeout=options.patience, set_as_default=False, name="paretoik"))
-        except Exception as error:  # an address, or the server there, can make Dask raise anything
-            connected.set_exception(error)
-
-    Thread(target=connect, daemon=True).start()  # because Dask waits without looking for signals
-    while not wait([connected], timeout=options.interval).done:
-        if STOP[0]:
-            raise Interrupted
-    error = connected.exception()
-    if error is not None:
-        reason = getattr(error, "strerror", None)
-        fact = f"nobody listens there ({reason})" if reason else cause_of(error)
-        raise InvalidInput(f"cluster must be the address of a Dask scheduler, got {address}: {fact}") from error
-    return connected.result()
-
-
 class _Round:
     """The items of one call, on their way through the cluster."""
 
     def __init__(self, cluster: Cluster, function: bytes, items: Sequence[Any], seconds: float | None) -> None:
-        self.cluster, self.options = cluster, cluster.options
+        self.cluster, self.options, self.watch = cluster, cluster.options, ClusterWatch(cluster, cluster.options)
         self.function, self.items, self.seconds = function, items, seconds
         self.pending = deque(range(len(items)))
         self.suspects = deque[int]()  # items on which workers ended: each is tried again with no other running
@@ -231,15 +146,26 @@ class _Round:
         self.ended: SimpleQueue[Any] = SimpleQueue()
         self.answered, self.computed = 0, 0.0
         self.owners = 0  # number of threads when the shared object was last spread
+        self.patience = 5 * self.options.interval  # for a result that is on its way; it grows while none comes
+        self.late: Any = None  # the task whose result did not come in time
 
     def replies(self) -> Iterator[tuple[int, Reply]]:
+        self.watch.count_threads()
         while self.answered < len(self.items):
             if STOP[0]:
                 raise Interrupted  # the scheduler drops futures that no client holds
-            self.cluster.look()
             self._submit()
-            with suppress(Empty):
-                yield from self._received(self.ended.get(timeout=self.options.interval))
+            ended = self._wait()
+            results = self._gather(ended)
+            for future in ended:
+                if self.late is None:
+                    yield from self._received(future, results)
+                else:
+                    self.ended.put(future)
+            if self.late is not None:  # the others come first the next time
+                self.ended.put(self.late)
+                self.late = None
+            self.watch.look()
 
     def _submit(self) -> None:
         """Send tasks as far ahead as allowed; send suspects one by one when all others are done."""
@@ -267,22 +193,36 @@ class _Round:
         self.running[future] = places
         future.add_done_callback(self.ended.put)
 
-    def _received(self, future: Any) -> Iterator[tuple[int, Reply]]:
+    def _wait(self) -> list[Any]:
+        """Return the tasks that have ended; none if none ends for a while."""
+        ended = list[Any]()
+        with suppress(Empty):
+            ended.append(self.ended.get(timeout=self.options.interval))
+            while True:
+                ended.append(self.ended.get_nowait())
+        return ended
+
+    def _gather(self, futures: Sequence[Any]) -> dict[Any, Any]:
+        """Return the results of tasks, fetched together to save round trips; None if one fails."""
+        finished = [future for future in futures if future.status == "finished"]
+        fetch = partial(self.cluster.client.gather, finished, asynchronous=True)
+        with suppress(Exception):  # each one is then fetched by itself
+            results = self.cluster.wait_for(fetch, self.patience) if len(finished) > 1 else ()
+            return dict(zip(finished, results, strict=False))
+        return {}
+
+    def _received(self, future: Any, results: Mapping[Any, Any]) -> Iterator[tuple[int, Reply]]:
         """Yield the replies of a task that ended; if it has none, let others compute its items."""
         try:
-            result = self.cluster.wait_for(future._result, self.options.patience)
-        except TimeoutError:  # the worker with the result is busy, or gone and it is computed again
-            self.ended.put(future)
-            return
+            result = results[future] if future in results else self.cluster.wait_for(future._result, self.patience)
         except Exception as error:
             yield from self._failed(future, error)
             return
+        self.patience = 5 * self.options.interval
         del self.running[future]
-        if not isinstance(result, Computed):
-            raise InvalidInput(f"cluster: on every worker {result}")
-        self.cluster.origins.add(result.origin)
-        if result.origin.processor != processor():
-            self.cluster.tell("workers have another make of processor: the run is reproducible to tolerance alone")
+        if isinstance(result, Refused):
+            raise InvalidInput(f"cluster: on every worker {result.reason}")
+        self._check(result)
         for place, reply in result.replies:
             self.answered += 1
             self.computed += getattr(reply, "seconds", 0.0)
@@ -291,6 +231,9 @@ class _Round:
     def _failed(self, future: Any, error: Exception) -> Iterator[tuple[int, Reply]]:
         from distributed import KilledWorker
 
+        if isinstance(error, TimeoutError):  # the worker with the result is busy, or gone and it is computed again
+            self.patience, self.late = min(2 * self.patience, self.options.frozen), future
+            return
         alone, places = len(self.running) == 1, self.running.pop(future)
         if future.status in CANCELLED:  # its scheduler is gone
             self.pending.extendleft(reversed(places))
@@ -301,3 +244,8 @@ class _Round:
             yield places[0], Lost(cause=f"{error.allowed_failures + 1} workers ended on it")
         else:
             self.suspects.extend(places)
+
+    def _check(self, result: Computed) -> None:
+        self.cluster.origins.add(result.origin)
+        if result.origin.processor != processor():
+            self.cluster.tell("workers have another make of processor: the run is reproducible to tolerance alone")

@@ -12,12 +12,13 @@ from dataclasses import replace
 import pytest
 
 from paretoik.errors import InvalidInput, SolverFailed
-from paretoik.runs.cluster import OPTIONS, Cluster
+from paretoik.runs.cluster import Cluster
+from paretoik.runs.cluster_scheduler import OPTIONS
 from paretoik.runs.distribution import Done, Lost, Raised
 from paretoik.runs.machine import processor
 from studies.benchmarks.scaling.local_cluster import local_cluster
 from tests.runs import work
-from tests.runs.test_processes import check_that_a_signal_ends, values, wait_until
+from tests.runs.test_processes import check_that_a_signal_ends, is_alive, values, wait_until
 
 pytest.importorskip("distributed", reason="Dask is not installed: pip install paretoik[cluster]")
 pytestmark = pytest.mark.filterwarnings("ignore:cluster. no worker at .* is waited for")
@@ -117,7 +118,7 @@ def test_workers_that_never_come_are_waited_for_a_while(tmp_path):
         (signal.SIGKILL, r"no scheduler at tcp://.*; one is waited for", r"no scheduler at tcp://.* for 3 s"),
         (
             signal.SIGSTOP,
-            r"no answer from the scheduler at tcp://.*; one is waited for, 3 s at most",
+            r"the scheduler at tcp://.* has not answered for 1 s, .*; it is waited for, 3 s at most",
             r"no answer from the scheduler at tcp://.* for 3 s",
         ),
     ],
@@ -148,12 +149,11 @@ def frozen(process, seconds):
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore:cluster. no answer")
 def test_a_scheduler_that_is_slow_to_answer_is_waited_for(tmp_path):
     options = replace(OPTIONS, watch=0.2, connection=1.0)
-    slow = r"cluster: no answer from the scheduler at tcp://.*; one is waited for, 60 s at most"
+    slow = r"cluster: the scheduler at tcp://.* has not answered for \d s, .*; it is waited for, 60 s at most"
     with local_cluster(tmp_path, 1) as busy:
-        with frozen(busy.scheduler.pid, 4.0):
+        with frozen(busy.scheduler.pid, 4.0), pytest.warns(RuntimeWarning, match=slow):
             cluster = Cluster(busy.address, options)
         with closing(cluster):
             assert values(cluster.replies(work.scaled, 2.0, [1.0])) == {0: 2.0}
@@ -182,3 +182,21 @@ def test_a_scheduler_that_comes_back_is_given_what_is_left(tmp_path):
             rest = values(replies)
         assert len(rest) == 29
         assert first.value not in set(rest.values())
+
+
+@pytest.mark.slow
+def test_a_worker_that_freezes_is_left_out_and_others_do_its_work(tmp_path):
+    options = replace(OPTIONS, watch=0.2, frozen=3.0)
+    with local_cluster(tmp_path, 2) as half, closing(Cluster(half.address, options)) as cluster:
+        assert wait_until(lambda: len(cluster.client.nthreads()) == 2, 60.0)
+        processes = sorted(set(values(cluster.replies(work.process, None, range(40))).values()))
+        replies = cluster.replies(work.slow_process, None, range(40))
+        next(replies)
+        os.kill(processes[0], signal.SIGSTOP)
+        try:
+            with pytest.warns(RuntimeWarning, match=r"cluster: the worker at tcp://.* was silent for 3 s and is left"):
+                rest = values(replies)
+        finally:
+            os.kill(processes[0], signal.SIGCONT)
+        assert len(rest) == 39
+        assert is_alive(processes[1])
