@@ -15,7 +15,8 @@ from paretoik.api.progress import Observer, RunProgress, count_observer
 from paretoik.arrays import Genes, Ids, Point, Points
 from paretoik.compilation_notices import computing_clock
 from paretoik.errors import ParetoikError
-from paretoik.formulations.protocol import Differentiable, Individuals, added_samples, exceeded_between, task_of
+from paretoik.formulations.formulation import certify_individuals
+from paretoik.formulations.protocol import Differentiable, Individuals, added_samples, task_of
 from paretoik.front.certificates import Certificates
 from paretoik.front.front import Front
 from paretoik.front.indicators import ranges_of
@@ -228,7 +229,7 @@ def certified_front(
     if before is not None:
         individuals = no_worse(formulation, individuals, before, ranges)
     rows = front_rows(individuals.objectives / ranges)
-    certified = partial(_certify_points, problem, ranges, solver, observe, later)
+    certified = partial(_certify_points, formulation, ranges, solver, observe, later)
     points = certified(individuals.x[rows], None if individuals.genes is None else individuals.genes[rows])
     points = _leave_saddles(formulation, points, certified, ranges, solver)
     if before is not None:
@@ -260,7 +261,7 @@ def certified_front(
 
 
 def _certify_points(
-    problem: Any,
+    formulation: Differentiable,
     ranges: Float[np.ndarray, " n_obj"],
     solver: Solver,
     observe: Observer | None,
@@ -269,22 +270,13 @@ def _certify_points(
     genes: Genes | None = None,
 ) -> _CertifiedPoints:
     """Return points certified, after their limits are tightened where they exceed them between samples."""
-    formulation: Differentiable = problem
     per_certificate = None if later is None else later.per_certificate
     shown = count_observer(observe, "tightening", later=per_certificate, uniform=True, following="certification")
     with reserve_later(len(x)):
         held, programs = formulation.hold_between(x, ranges, solver=solver, observe=shown)
     individuals = formulation.individuals(held, genes)
-    certificates, better = certify(
-        programs,
-        individuals.x,
-        ranges=ranges,
-        signs=np.where(formulation.maximised, -1.0, 1.0),
-        violation_between=individuals.violation_between,
-        exceeded=exceeded_between(problem, individuals),
-        discretisation=individuals.discretisation,
-        observe=count_observer(observe, "certification", uniform=True),
-    )
+    counted = count_observer(observe, "certification", uniform=True)
+    certificates, better = certify_individuals(formulation, programs, individuals, ranges, counted)
     return _CertifiedPoints(individuals=individuals, certificates=certificates, better=better)
 
 

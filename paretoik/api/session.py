@@ -250,7 +250,7 @@ class Session:
         """Entries of the run, with who has computed until now."""
         return {**self.entries, "computed": computed(self.former)}
 
-    # What is seen of the run.
+    # Progress and recording.
 
     @property
     def is_watched(self) -> bool:
@@ -307,7 +307,7 @@ class Session:
             text = f"{self.folder}: not all views of this run could be made, which changes no result: {cause_of(fault)}"
             warn_user(text)
 
-    # What is kept of the run.
+    # Drafts and the result.
 
     def save_draft(self, front: Front) -> None:
         """Save a front in case a later stage fails."""

@@ -1,4 +1,4 @@
-"""What the engine takes: obstacles as rows, evaluators traced from objectives and the arm, and its workspace."""
+"""Data of the engine: obstacles as rows, evaluators traced from objectives and the arm, and its workspace."""
 
 from __future__ import annotations
 

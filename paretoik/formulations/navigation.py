@@ -11,15 +11,15 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.errors import Infeasible, InvalidInput
+from paretoik.formulations.formulation import certify_individuals
 from paretoik.formulations.motions import points_between, restore_motions
-from paretoik.formulations.protocol import Differentiable, Individuals, ProblemParts, exceeded_between
+from paretoik.formulations.protocol import Differentiable, Individuals, ProblemParts
 from paretoik.front.certificates import Certificates, concatenate
 from paretoik.front.choice import Prediction
 from paretoik.front.front import Front
 from paretoik.front.navigation import NavigationRequest
 from paretoik.front.points import NAVIGATIONS, StoredJoints, StoredMotions, largest_id, take, widths_of
 from paretoik.nlp.program import Program
-from paretoik.pareto.certificates import certify
 from paretoik.pareto.continuation import Optimum, can_follow, guess_optimum
 from paretoik.pareto.continuation import predict as predict_optimum
 from paretoik.pareto.navigation import Aim, Destination, FrontPoints, Wish, move, reach
@@ -267,15 +267,7 @@ def _certified(formulation: Differentiable, destination: Destination, aim: Aim) 
             between = formulation.individuals(np.stack([again, x])).violation_between
             x = again if between[0] <= max(OPTIONS.between, between[1]) else x
         individual = formulation.individuals(x[None])
-        certificate, better = certify(
-            program,
-            individual.x,
-            ranges=ranges,
-            signs=np.where(formulation.maximised, -1.0, 1.0),
-            violation_between=individual.violation_between,
-            exceeded=exceeded_between(formulation, individual),
-            discretisation=individual.discretisation,
-        )
+        certificate, better = certify_individuals(formulation, program, individual, ranges)
         if better[0] is None:
             break
         improved = reach(formulation.program(), better[0], goal)

@@ -34,7 +34,6 @@ from paretoik.front.choice import Preference
 from paretoik.front.front import Front
 from paretoik.front.points import ADDED_SAMPLES, check_names
 from paretoik.inputs import user_function
-from paretoik.task.limits import LIMIT_TOLERANCE
 
 if TYPE_CHECKING:
     from paretoik.nlp.program import Program, Solver
@@ -181,21 +180,6 @@ def added_samples(problem: Any) -> dict[str, dict[str, int]]:
     """Return the provenance entry with the old and new numbers of samples, if refinement added some."""
     given = ProblemParts(problem).finer_than
     return {} if given is None else {ADDED_SAMPLES: {"path": len(given.task.times), "used": len(problem.task.times)}}
-
-
-def exceeded_between(problem: Any, individuals: Individuals) -> list[str]:
-    """Return the limit that each individual exceeds between samples, as text.
-
-    It is "" without any, or if nothing is promised. Only splines promise it: motions of finite differences satisfy
-    limits at their samples.
-    """
-    task = task_of(problem)
-    if task is None or task.differences != "spline" or individuals.motions is None:
-        return [""] * len(individuals.x)
-    return [
-        "" if violation <= LIMIT_TOLERANCE else task.describe_between(individuals.motions[i : i + 1])
-        for i, violation in enumerate(individuals.violation_between)
-    ]
 
 
 # Limits that an individual breaks, in words.

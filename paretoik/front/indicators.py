@@ -42,8 +42,8 @@ def hypervolume(F: Objectives, reference: Values | Sequence[float]) -> float:
     import moocore
 
     limit = _check_reference(F, reference)
-    counts = np.isfinite(F).all(axis=1) & np.less(F, limit).all(axis=1)
-    return float(moocore.hypervolume(F[counts], limit)) if counts.any() else 0.0
+    finite = F[np.isfinite(F).all(axis=1)]
+    return float(moocore.hypervolume(finite, limit)) if len(finite) else 0.0
 
 
 def estimate_hypervolume(F: Objectives, reference: Values, width: Values) -> float:

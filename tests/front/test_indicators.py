@@ -64,6 +64,11 @@ def test_a_tolerance_drops_points_within_that_share_of_the_range_and_keeps_the_f
     assert non_dominated(F, tolerance=1e-7).tolist() == [True, False, True, True]
 
 
+def test_a_tolerance_keeps_points_that_are_near_in_one_objective_only():
+    F = np.array([[0.0, 1.0], [0.005, 0.5], [1.0, 0.0]])
+    assert non_dominated(F, tolerance=0.01).all()
+
+
 @pytest.mark.parametrize("tolerance", [-1e-9, float("nan"), float("inf")])
 def test_a_tolerance_that_is_no_share_is_refused(tolerance):
     with pytest.raises(InvalidInput, match="tolerance must be a finite number >= 0"):
