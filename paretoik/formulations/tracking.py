@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float, Int
 
-from paretoik.arrays import Genes, JointPaths, Values
+from paretoik.arrays import Genes, JointPaths, Objectives, Values
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.formulations.encoding import Encoding, choose_coefficients, encoding
 from paretoik.formulations.formulation import Formulation, check_motions, of_genes, task_text
@@ -66,15 +66,16 @@ class TrackingOptions:
 OPTIONS = TrackingOptions()
 
 
-def sample_rollouts(task: MotionTask, rng: np.random.Generator) -> JointPaths:
-    """Return roll-outs sorted by violation of limits, then by non-domination."""
+def sample_rollouts(task: MotionTask, rng: np.random.Generator) -> tuple[JointPaths, Objectives, np.ndarray]:
+    """Return roll-outs sorted by violation of limits, then by non-domination; F and causes as ``evaluate_motions``."""
     count = OPTIONS.most * OPTIONS.samples // len(task.times)
     q = rollout_starts(task, min(max(count, OPTIONS.least), OPTIONS.most), rng)
-    F, limits, _ = evaluate_motions(task, task.motion(q))
+    F, limits, causes = evaluate_motions(task, task.motion(q))
     violation = np.maximum(np.nan_to_num(limits, nan=1e3), 0).sum(axis=1).round(6)
     finite = np.where(np.isfinite(F), F, np.nanmax(np.where(np.isfinite(F), F, np.nan), axis=0, initial=0.0))
     rank = np.sum(np.all(finite[None] <= finite[:, None], axis=-1), axis=1)
-    return q[np.lexsort((rank, violation))]
+    order = np.lexsort((rank, violation))
+    return q[order], F[order], causes[order]
 
 
 def choose_bases(task: MotionTask, rollouts: JointPaths, count: int) -> Float[np.ndarray, "bases time dof"]:
@@ -173,7 +174,7 @@ class Tracking(Formulation, Differentiable):
     encoding: Encoding
     finer_than: Tracking | None = None
     computed_attributes = ("_rollouts", "encoding")
-    search_attributes = ("_encoded_with",)  # ``encoding``, which is made from them, is in fingerprints
+    search_attributes = ("_encoded_with", "_rollout_values")  # what is made from them is in fingerprints, or follows
     species_gene = 0  # the gene that selects the base motion
     follows_path = True
     navigate = navigate
@@ -227,7 +228,7 @@ class Tracking(Formulation, Differentiable):
         """Make the genes of motions at the samples of the task."""
         coefficients, bases, seed = self._encoded_with
         coefficients = choose_coefficients(coefficients, len(self.task.times))
-        self._rollouts = sample_rollouts(self.task, np.random.default_rng(seed))
+        self._rollouts, *self._rollout_values = sample_rollouts(self.task, np.random.default_rng(seed))
         self.encoding = encoding(self.task, choose_bases(self.task, self._rollouts, bases), coefficients)
         self.n_species = self.encoding.bases
         super().__init__(*self.encoding.bounds)
@@ -356,7 +357,7 @@ class Tracking(Formulation, Differentiable):
     ) -> MotionColdSearch:
         """Return how optima are found without initial points: each objective planned, starts refined level by level."""
         with explained_interruption(self.task, self._rollouts, None):
-            examine_functions(self.task, self.task.motion(self._rollouts))
+            examine_functions(self.task, self.task.motion(self._rollouts), *self._rollout_values)
         return MotionColdSearch(
             task=self.task, rollouts=self._rollouts, starts=starts, seed=seed, solver=solver, observe=observe
         )
@@ -373,7 +374,7 @@ class Tracking(Formulation, Differentiable):
         """Return the distinct local optima of the one objective. Raises as ``find_optima`` does."""
         q = None if initial is None else positions_on_path(self.task, initial)
         with explained_interruption(self.task, self._rollouts, observe) as show:
-            examine_functions(self.task, self.task.motion(self._rollouts))
+            examine_functions(self.task, self.task.motion(self._rollouts), *self._rollout_values)
             plan = find_optima(
                 self.task,
                 starts=starts,

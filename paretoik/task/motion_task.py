@@ -455,9 +455,17 @@ class MotionTask:
 # Evaluation of motions: objectives, limits, and causes of failures.
 
 
-def examine_functions(task: MotionTask, motions: Motion) -> None:
-    """Warn of objectives that are constant or random; raises as ``require_values``."""
-    F, again = require_values(task, motions), evaluate_motions(task, motions[:1])[0]
+def examine_functions(
+    task: MotionTask, motions: Motion, F: Objectives | None = None, causes: np.ndarray | None = None
+) -> None:
+    """Warn of objectives that are constant or random; raises as ``require_values``.
+
+    F, causes: those of ``evaluate_motions`` if they are known
+    """
+    if F is None or causes is None:
+        F, _, causes = evaluate_motions(task, motions)
+    _require_value(causes)
+    again = evaluate_motions(task, motions[:1])[0]
     signs = np.array([each.sign for each in task.objectives])
     warn_of_odd_objectives([each.name for each in task.objectives], F * signs, again * signs)
 
@@ -465,9 +473,13 @@ def examine_functions(task: MotionTask, motions: Motion) -> None:
 def require_values(task: MotionTask, motions: Motion) -> Objectives:
     """Return F of motions as ``evaluate_motions``; raise EvaluationFailed, with the first cause, if all failed."""
     F, _, causes = evaluate_motions(task, motions)
+    _require_value(causes)
+    return F
+
+
+def _require_value(causes: np.ndarray) -> None:
     if all(causes):
         raise EvaluationFailed(f"every evaluation failed, the first with: {causes[0]}")
-    return F
 
 
 def evaluate_motions(

@@ -164,7 +164,8 @@ def require_feasible(task: MotionTask, rollouts: JointPaths, observe: ObserveLev
 
 def _violations(level: MotionTask, q: JointPaths) -> Float[np.ndarray, " motions"]:
     """Return the worst violation of each motion as a share of its range; NaN if a function has no value."""
-    return np.asarray(evaluate_motions(level, level.motion(q))[1].max(axis=1, initial=0.0))
+    _, violations, _ = evaluate_motions(replace(level, objectives=()), level.motion(q))
+    return np.asarray(violations.max(axis=1, initial=0.0))
 
 
 def _limits_program(level: MotionTask) -> MotionProgram | None:
