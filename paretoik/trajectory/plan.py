@@ -39,6 +39,7 @@ from paretoik.task.limits import LIMIT_TOLERANCE
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask, evaluate_motions
 from paretoik.task.self_motion import branch_labels
+from paretoik.trajectory.functions import trace_functions
 from paretoik.trajectory.infeasibility import infeasible_error, require_feasible
 from paretoik.trajectory.levels import (
     LevelProgress,
@@ -157,17 +158,19 @@ def find_optima(
     assert len(task.objectives) == 1, "a plan has one objective"
     if solver != "auto":  # before any work
         check_solver(motion_program(task), solver)
-    given = np.empty((0, len(task.times), task.arm.dof)) if initial is None else initial
-    program = motion_program(task, objective_scales(task, given) if len(given) else None)
-    initial_solutions = minimise_from(program, given, np.ones(1), solver=solver)
-    initial_solutions = initial_solutions[initial_solutions.violation <= FEASIBLE]
+    trace_functions(task, np.ones(1))  # refuses functions without a derivative
+    given: Solutions | None = None  # minimised initial motions, if some are feasible
+    if initial is not None and len(initial):
+        program = motion_program(task, objective_scales(task, initial))
+        ends = minimise_from(program, initial, np.ones(1), solver=solver)
+        given = ends[ends.violation <= FEASIBLE] if (ends.violation <= FEASIBLE).any() else None
     try:
         solutions, levels, count = _search(task, starts, seed, initial, solver, observe, rollouts)
     except (EvaluationFailed, Infeasible, SolverFailed, Interrupted):
-        if not len(initial_solutions):
+        if given is None:
             raise
-        solutions, levels, count = initial_solutions, (), len(initial_solutions)
-    solutions = _merge(task, solutions, initial_solutions) if len(initial_solutions) else solutions
+        solutions, levels, count = given, (), len(given)
+    solutions = solutions if given is None else _merge(task, solutions, given)
     return _plan(task, solutions, initial, levels, count, solver)
 
 
