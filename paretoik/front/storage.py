@@ -166,7 +166,8 @@ def _table_bytes(front: FrontData) -> bytes:
     missing, certificates = pa.nulls(len(front), pa.float64()), front.certificates
     columns, units = {"id": pa.array(front.ids)}, dict(zip(front.names, front.units, strict=True))
     columns |= {name: pa.array(values) for name, values in zip(front.names, front.objectives.T, strict=True)}
-    columns["violation"] = missing if front.violation is None else pa.array(front.violation)
+    violation = certificates.violation if front.violation is None and certificates is not None else front.violation
+    columns["violation"] = missing if violation is None else pa.array(violation)
     if certificates is None:
         columns |= dict.fromkeys(CERTIFICATE_COLUMNS, missing)
         columns |= dict.fromkeys(CERTIFICATE_TEXTS, pa.nulls(len(front), pa.string()))

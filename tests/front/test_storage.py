@@ -87,6 +87,20 @@ def test_a_front_without_motions_and_genes_needs_no_file_for_them(tmp_path):
     assert loaded.violation is None
 
 
+def test_a_front_with_certificates_but_without_violations_is_kept_too(tmp_path):
+    certificates = minima(np.full((1, 2), 0.5), -np.ones((1, 2, 2)), np.zeros(1))
+    bare = Front(
+        ids=np.array([3]),
+        objectives=np.ones((1, 2)),
+        names=["a", "b"],
+        units=["", ""],
+        maximised=[False] * 2,
+        certificates=certificates,
+    )
+    bare.save(tmp_path)
+    np.testing.assert_array_equal(Front.load(tmp_path).certificates.violation, certificates.violation)
+
+
 def test_an_empty_front_is_kept_too(tmp_path):
     none = np.empty((0, 2))
     Front(ids=np.empty(0, int), objectives=none, names=["a", "b"], units=["", ""], maximised=[False] * 2).save(tmp_path)
