@@ -279,4 +279,5 @@ def build_charts(task: MotionTask, base: Float[np.ndarray, "bases time dof"]) ->
             turn = np.real(logm(basis[-1].T @ basis[0]))
             null_space[b] = basis @ np.stack([expm(part * (turn - turn.T) / 2) for part in share])
         null_space[:, -1] = null_space[:, 0]
-    return Charts(base=base, null_space=null_space, row_space=row_space_basis(jacobian))
+    # Contiguous, as a worker unpickles it: sums over views have another order, and other last bits.
+    return Charts(base=base, null_space=np.ascontiguousarray(null_space), row_space=row_space_basis(jacobian))
