@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Int
 
 from paretoik.robot.kinematics import joint_scales
 from paretoik.trajectory import motion_kernel as _steps  # noqa: F401  the steps of solvers on these arrays
@@ -22,7 +21,23 @@ def motion_kernel(program: MotionTerms) -> MotionKernel:
     row = np.where(row >= variables, row - auxiliary, row)
     row_peaks = np.full(rows, -1, dtype=np.int64)
     row_peaks[program.epigraph_rows] = program.epigraph_peaks
-    kinks, nesting = _kinks(program)
+    # input, variable, sign and first tie of every slack, innermost first, and the depth of nested kinks
+    count, first_tie = program.slacks, program.sums + len(program.rows) + len(program.epigraph_rows)
+    function, variable = program.evaluators.gradient_sparsity.rows, program.evaluators.gradient_sparsity.columns
+    inner = [set[int]() for _ in range(count)]
+    for tie, column in zip(function - first_tie, variable - program.rates, strict=True):
+        if tie >= 0 and 0 <= column < count and column != tie // 2:
+            inner[tie // 2].add(int(column))
+    order, depths = list[int](), dict[int, int]()
+    while len(order) < count:
+        for j in range(count):
+            if j not in depths and inner[j] <= depths.keys():
+                depths[j] = 1 + max((depths[k] for k in inner[j]), default=0)
+                order.append(j)
+    table = [
+        (program.slack_inputs[j], program.rates + j, program.evaluators.signs[j], first_tie + 2 * j) for j in order
+    ]
+    kinks, nesting = np.array(table, dtype=np.int64).reshape(-1, 4), max(depths.values(), default=0)
     return MotionKernel(
         value=evaluators.value.arrays,
         slope=evaluators.gradient.arrays,
@@ -57,23 +72,3 @@ def motion_kernel(program: MotionTerms) -> MotionKernel:
         nesting=nesting,
         smoothing=float(len(kinks) * len(program.task.instants)),
     )
-
-
-def _kinks(program: MotionTerms) -> tuple[Int[np.ndarray, "kinks 4"], int]:
-    """Return input, variable, sign and first tie of every slack, innermost first, and the depth of nested kinks."""
-    count, first_tie = program.slacks, program.sums + len(program.rows) + len(program.epigraph_rows)
-    function, variable = program.evaluators.gradient_sparsity.rows, program.evaluators.gradient_sparsity.columns
-    inner = [set[int]() for _ in range(count)]
-    for tie, column in zip(function - first_tie, variable - program.rates, strict=True):
-        if tie >= 0 and 0 <= column < count and column != tie // 2:
-            inner[tie // 2].add(int(column))
-    order, depths = list[int](), dict[int, int]()
-    while len(order) < count:
-        for j in range(count):
-            if j not in depths and inner[j] <= depths.keys():
-                depths[j] = 1 + max((depths[k] for k in inner[j]), default=0)
-                order.append(j)
-    table = [
-        (program.slack_inputs[j], program.rates + j, program.evaluators.signs[j], first_tie + 2 * j) for j in order
-    ]
-    return np.array(table, dtype=np.int64).reshape(-1, 4), max(depths.values(), default=0)

@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from paretoik.autodiff.differentiation import dependencies, gradient, hessian, tangents
 from paretoik.autodiff.evaluator import compile_evaluator
-from paretoik.autodiff.kinks import Reformulation, reformulate_choices, reformulate_kinks, remaining_kinks
+from paretoik.autodiff.kinks import reformulate_choices, reformulate_kinks, remaining_kinks
 from paretoik.autodiff.operations import Op
 from paretoik.autodiff.tape import Expression, Tape, as_entry
 from paretoik.errors import InvalidInput
@@ -70,7 +70,15 @@ def motion_program(task: MotionTask, scales: Sequence[float] | np.ndarray | None
     functions = trace_functions(task, 1.0 / divisors)
     tape, parameters = functions.motion.trace.tape, functions.motion.trace.parameters
     instants, n = len(task.instants), task.arm.dof
-    orders, kinked = _orders(functions)
+    # how many orders of position, velocity, acceleration and jerk functions and limits need, at least 2. The second
+    # value is whether some need those of the spline
+    task, tape = functions.task, functions.motion.trace.tape
+    n, kinds = task.arm.dof, [*functions.sums, *functions.rows, *functions.epigraph_rows]
+    numbers = [tape.entries[i][1] for i in dependencies(tape, kinds) if tape.entries[i][0] is Op.INPUT]
+    local = [i % (4 * n) // n for i in numbers if i < 8 * n]
+    local += [ORDERS.index(kind) for kind in task.bounds if kind in ORDERS]
+    wholes = [int(i) // (n * len(task.instants)) for each in functions.whole_functions for i in each.columns]
+    orders, kinked = 1 + max([1, *local, *wholes]), any(4 * n <= i < 8 * n for i in numbers)
     evaluators = _evaluators(functions, _path_equations(functions, orders))
     inputs = np.zeros((evaluators.inputs, instants))
     for i, values in parameters.items():
@@ -80,12 +88,21 @@ def motion_program(task: MotionTask, scales: Sequence[float] | np.ndarray | None
     states = np.concatenate([np.arange(orders * n), *([4 * n + np.arange(orders * n)] if kinked else [])])
     free = len(states) - orders * n + len(evaluators.auxiliary)
     limited, sides, limits, ranges = _limits(task, orders, free, bounds)
+    # evaluators with derivatives sorted by the variables: inputs ``states``, then v and σ
+    place = np.zeros(8 * n + len(evaluators.auxiliary), dtype=np.int64)
+    place[np.append(states, np.arange(8 * n, len(place)))] = np.arange(len(states) + len(evaluators.auxiliary))
+    first, second = evaluators.gradient_sparsity, evaluators.hessian_sparsity
+    placed = replace(
+        evaluators,
+        gradient_sparsity=Sparsity(rows=first.rows, columns=place[first.columns]),
+        hessian_sparsity=Sparsity(rows=place[second.rows], columns=place[second.columns]),
+    )
     return MotionProgram(
         task=task,
         scales=divisors,
         stencil=stencil(task, orders),
         totals=tuple(functions.totals),
-        evaluators=_place_variables(evaluators, states, n),
+        evaluators=placed,
         inputs=inputs,
         variables=np.append(states, evaluators.auxiliary),
         peaks=len(functions.epigraph_variables),
@@ -122,7 +139,26 @@ def _evaluators(functions: Functions, path: list[int]) -> Evaluators:
 def _differentiate(functions: Functions, path: list[int]) -> Evaluators:
     """Return compiled values, gradients and Hessian by all four orders, v and σ."""
     tape, n = functions.motion.trace.tape, functions.motion.arm.dof
-    smooth = _reformulate(functions)
+    # sums, rows and epigraph rows without the kinks that matter
+    tape, rng = functions.motion.trace.tape, np.random.default_rng(0)
+    probes = np.zeros((len(tape.inputs), OPTIONS.probes))
+    dof = functions.motion.arm.dof
+    for order, deviation in enumerate(OPTIONS.probe_range):
+        size = deviation / functions.motion.duration**order
+        for first in (order * dof, (4 + order) * dof):
+            probes[first : first + dof] = size * rng.normal(size=(dof, OPTIONS.probes))
+    for i, values in functions.motion.trace.parameters.items():
+        probes[tape.entries[i][1]] = rng.choice(values, OPTIONS.probes)
+    sides = [1] * len(functions.sums)
+    for bounds in functions.bounds:
+        low, high = np.isfinite(bounds[:, :2]).any(axis=0)
+        sides.append(int(high) - int(low))
+    sides += [-1] * len(functions.epigraph_rows)
+    names = function_names(functions.totals, functions.names, functions.epigraph_peaks)
+    smooth_choices = functions.distances
+    every = [*functions.sums, *functions.rows, *functions.epigraph_rows]
+    reformulation = reformulate_choices(tape, every, names, probes, smooth_choices)
+    smooth = reformulate_kinks(tape, reformulation, sides, probes, smooth_choices)
     entries = [*smooth.functions, *smooth.constraints]
     kinks = remaining_kinks(tape, smooth, functions.distances)
     task = functions.task
@@ -163,29 +199,6 @@ def _weighted_sum(tape: Tape, entries: list[int]) -> int:
     return as_entry(tape, sum((m * Expression(tape, f) for m, f in zip(factors, entries, strict=True)), 0.0))
 
 
-def _reformulate(functions: Functions) -> Reformulation:
-    """Return sums, rows and epigraph rows without the kinks that matter."""
-    tape, rng = functions.motion.trace.tape, np.random.default_rng(0)
-    probes = np.zeros((len(tape.inputs), OPTIONS.probes))
-    dof = functions.motion.arm.dof
-    for order, deviation in enumerate(OPTIONS.probe_range):
-        size = deviation / functions.motion.duration**order
-        for first in (order * dof, (4 + order) * dof):
-            probes[first : first + dof] = size * rng.normal(size=(dof, OPTIONS.probes))
-    for i, values in functions.motion.trace.parameters.items():
-        probes[tape.entries[i][1]] = rng.choice(values, OPTIONS.probes)
-    sides = [1] * len(functions.sums)
-    for bounds in functions.bounds:
-        low, high = np.isfinite(bounds[:, :2]).any(axis=0)
-        sides.append(int(high) - int(low))
-    sides += [-1] * len(functions.epigraph_rows)
-    names = function_names(functions.totals, functions.names, functions.epigraph_peaks)
-    smooth_choices = functions.distances
-    entries = [*functions.sums, *functions.rows, *functions.epigraph_rows]
-    reformulation = reformulate_choices(tape, entries, names, probes, smooth_choices)
-    return reformulate_kinks(tape, reformulation, sides, probes, smooth_choices)
-
-
 def _path_equations(functions: Functions, orders: int) -> list[int]:
     """Return the path equations of an instant; for a spline also the derivatives that functions depend on."""
     motion, task = functions.motion, functions.task
@@ -203,20 +216,6 @@ def _path_equations(functions: Functions, orders: int) -> list[int]:
     first = tangents(tape, equations, moving)
     second = tangents(tape, first, moving | dict(zip([*dq, *dx], [*ddq, *ddx], strict=True)))
     return [entry for part in (equations, first, second)[:orders] for entry in part]
-
-
-def _orders(functions: Functions) -> tuple[int, bool]:
-    """Return how many orders of position, velocity, acceleration and jerk functions and limits need, at least 2.
-
-    The second value is whether some need those of the spline.
-    """
-    task, tape = functions.task, functions.motion.trace.tape
-    n, entries = task.arm.dof, [*functions.sums, *functions.rows, *functions.epigraph_rows]
-    inputs = [tape.entries[i][1] for i in dependencies(tape, entries) if tape.entries[i][0] is Op.INPUT]
-    local = [i % (4 * n) // n for i in inputs if i < 8 * n]
-    local += [ORDERS.index(kind) for kind in task.bounds if kind in ORDERS]
-    wholes = [int(i) // (n * len(task.instants)) for each in functions.whole_functions for i in each.columns]
-    return 1 + max([1, *local, *wholes]), any(4 * n <= i < 8 * n for i in inputs)
 
 
 def _limits(
@@ -247,18 +246,6 @@ def _limits(
         which, instant, side = which[moves], instant[moves], side[moves]
     ranges = table[instant, which, 2]
     return np.stack([which, instant], axis=1), 1.0 - 2.0 * side, both[instant, which, side], ranges
-
-
-def _place_variables(evaluators: Evaluators, states: np.ndarray, dof: int) -> Evaluators:
-    """Return evaluators with derivatives sorted by the variables: inputs ``states``, then v and σ."""
-    place = np.zeros(8 * dof + len(evaluators.auxiliary), dtype=np.int64)
-    place[np.append(states, np.arange(8 * dof, len(place)))] = np.arange(len(states) + len(evaluators.auxiliary))
-    first, second = evaluators.gradient_sparsity, evaluators.hessian_sparsity
-    return replace(
-        evaluators,
-        gradient_sparsity=Sparsity(rows=first.rows, columns=place[first.columns]),
-        hessian_sparsity=Sparsity(rows=place[second.rows], columns=place[second.columns]),
-    )
 
 
 def _sparsity(places: list[tuple[int, int]]) -> Sparsity:
