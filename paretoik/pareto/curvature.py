@@ -73,7 +73,26 @@ def curvature_at(
     counts = result.weights >= OPTIONS.multiplier
     strong = result.multipliers > least_multipliers(constraints, result.multipliers)
     weak = ~strong & (constraints.values <= OPTIONS.active)
-    hessian, cone_rows = _lagrangian(program, at, result, ranges)
+    # the Hessian (columns, columns) of the Lagrangian with lengths of cones, and the rows that fix those. On the
+    # critical cone a cone's column changes with its length
+    count, finite = len(ranges), np.isfinite(program.upper)
+    elastic, bounds, ties = np.split(result.multipliers, [at.elastic, at.elastic + np.count_nonzero(finite)])
+    weights = np.zeros(len(program.upper))
+    weights[:count] = result.weights / ranges
+    weights[finite] += bounds
+    hessian = at.hessian(weights, np.concatenate([elastic, ties]), result.cone_multipliers).toarray()
+    cone_rows = list[np.ndarray]()
+    for cone, multiplier in zip(at.cones, result.cone_multipliers, strict=True):
+        size, slopes = float(np.linalg.norm(cone.values)), cone.rows.toarray()
+        top, second = np.zeros((1, at.columns)), np.zeros((at.columns, at.columns))
+        top[0, cone.column] = 1.0
+        if size <= OPTIONS.active:  # a length of zero can only grow
+            cone_rows.append(np.concatenate([top, slopes]))
+        else:
+            slope = (cone.values / size)[None] @ slopes
+            cone_rows.append(top - slope)
+            second = (slopes.T @ slopes - slope.T @ slope) / size  # of the length
+        hessian += np.linalg.norm(multiplier) * second
     fixed = np.concatenate([gradients[counts], constraints.jacobian[strong].toarray(), *cone_rows])
     edges = np.concatenate([constraints.jacobian[weak].toarray(), -gradients[~counts]])  # no direction may lower these
     direction, curvature = _least_curved(fixed, hessian, at)
@@ -132,34 +151,6 @@ def _least_curved(fixed: np.ndarray, hessian: np.ndarray, at: Linearisation) -> 
     values, vectors = np.linalg.eigh(projected)
     direction: np.ndarray = tangent @ vectors[:, 0]
     return direction, float(values[0] * unit**2)
-
-
-def _lagrangian(
-    program: Program, at: Linearisation, result: Criticality, ranges: np.ndarray
-) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Return the Hessian (columns, columns) of the Lagrangian with lengths of cones, and the rows that fix those.
-
-    On the critical cone a cone's column changes with its length.
-    """
-    count, finite = len(ranges), np.isfinite(program.upper)
-    elastic, bounds, ties = np.split(result.multipliers, [at.elastic, at.elastic + np.count_nonzero(finite)])
-    weights = np.zeros(len(program.upper))
-    weights[:count] = result.weights / ranges
-    weights[finite] += bounds
-    hessian = at.hessian(weights, np.concatenate([elastic, ties]), result.cone_multipliers).toarray()
-    rows = list[np.ndarray]()
-    for cone, multiplier in zip(at.cones, result.cone_multipliers, strict=True):
-        size, slopes = float(np.linalg.norm(cone.values)), cone.rows.toarray()
-        top, second = np.zeros((1, at.columns)), np.zeros((at.columns, at.columns))
-        top[0, cone.column] = 1.0
-        if size <= OPTIONS.active:  # a length of zero can only grow
-            rows.append(np.concatenate([top, slopes]))
-        else:
-            slope = (cone.values / size)[None] @ slopes
-            rows.append(top - slope)
-            second = (slopes.T @ slopes - slope.T @ slope) / size  # of the length
-        hessian += np.linalg.norm(multiplier) * second
-    return hessian, rows
 
 
 def null_space(
