@@ -213,22 +213,18 @@ def _begin(kernel, work, it, options, barrier, x, rows, upper):
     set_smoothing(kernel, work, barrier.mu)
     violation = restore(kernel, work, x)
     evaluate_all(kernel, work, x, rows, upper, it.bounds, it.objectives, it.c)
-    infeasible = options.filter_infeasible * max(1.0, _begin_slacks(kernel, barrier, it, options))
-    if not all_finite(it.objectives, it.c):
-        return NOT_FINITE, np.inf, infeasible
-    return (VIOLATED, violation, infeasible) if violation > 0.0 else (ITERATION_LIMIT, np.inf, infeasible)
-
-
-@compiled
-def _begin_slacks(kernel, barrier, it, options):
-    """Write the first slacks and multipliers; return the sum of residuals."""
+    # the first slacks and multipliers
     if kernel.implied_slacks:
         reset_slacks(it.c, barrier.mu, barrier.penalty, it.s, it.t, it.r)
     else:
         shortest = min(options.least_slack, np.sqrt(barrier.mu))
         begin_slacks(it.c, barrier.mu, barrier.penalty, shortest, it.s, it.t, it.r)
     central_multipliers(it.s, barrier.mu, barrier.penalty, it.z)
-    return residual_sum(it.r, options)
+    residuals = residual_sum(it.r, options)
+    infeasible = options.filter_infeasible * max(1.0, residuals)
+    if not all_finite(it.objectives, it.c):
+        return NOT_FINITE, np.inf, infeasible
+    return (VIOLATED, violation, infeasible) if violation > 0.0 else (ITERATION_LIMIT, np.inf, infeasible)
 
 
 @compiled

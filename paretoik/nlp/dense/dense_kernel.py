@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from paretoik.autodiff.evaluator import BLOCK_SIZE
-from paretoik.compilation.numba_cache import compiled
 from paretoik.nlp.banded import kernel as steps
 from paretoik.nlp.banded.kernel import implement
 from paretoik.nlp.dense.dense_rows import (
@@ -178,7 +177,14 @@ def assemble(kernel, work, stiffness, A, B, C):
     largest = 0.0
     for i in range(n):
         largest = max(largest, abs(hessian[i, i]))
-    _add_stiffness(kernel, work.first, stiffness, hessian)
+    # add ∂cᵀ diag(stiffness) ∂c to the lower half
+    for i in range(kernel.inequalities):
+        for a in range(kernel.begin_row[i], kernel.begin_row[i + 1]):
+            one = kernel.by_row[a]
+            column, scaled = kernel.first_column[one], stiffness[i] * work.first[one]
+            for b in range(kernel.begin_row[i], a + 1):
+                other = kernel.by_row[b]
+                hessian[column, kernel.first_column[other]] += scaled * work.first[other]
     for i in range(n):
         for j in range(i):
             hessian[j, i] = hessian[i, j]
@@ -187,18 +193,6 @@ def assemble(kernel, work, stiffness, A, B, C):
         for j in range(i + 1):
             A[i, i - j] = hessian[m + i, m + j]
     return max(largest, 1e-3)
-
-
-@compiled
-def _add_stiffness(kernel, first, stiffness, hessian):
-    """Add ∂cᵀ diag(stiffness) ∂c to the lower half."""
-    for i in range(kernel.inequalities):
-        for a in range(kernel.begin_row[i], kernel.begin_row[i + 1]):
-            one = kernel.by_row[a]
-            column, scaled = kernel.first_column[one], stiffness[i] * first[one]
-            for b in range(kernel.begin_row[i], a + 1):
-                other = kernel.by_row[b]
-                hessian[column, kernel.first_column[other]] += scaled * first[other]
 
 
 @implement(steps.expand_step, DenseKernel)
