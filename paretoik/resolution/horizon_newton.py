@@ -56,13 +56,27 @@ def minimise(derivatives, hessian, row, column, inputs, horizon, dof, rows):
         value, largest = outputs[0, 0], 0.0
         gradient = flat[1 : 1 + size]
         J = flat[1 + size + count :].reshape((horizon, rows, dof))
-        _least_squares_multipliers(J, factors, gradient, variables[first_multiplier : first_multiplier + count], work)
+        # the multipliers ν that minimise ‖∇f + Jᵀν‖ (Nocedal & Wright, Eq. 18.21)
+        for k in range(horizon):
+            for i in range(rows):
+                total = 0.0
+                for j in range(dof):
+                    total -= J[k, i, j] * gradient[k * dof + j]
+                work[i] = total
+            solve_cholesky(factors[k], work)
+            for i in range(rows):
+                variables[first_multiplier + k * rows + i] = work[i]
         for k in range(horizon):
             block = basis[k * dof : (k + 1) * dof, k * (dof - rows) : (k + 1) * (dof - rows)]
             _null_basis(J[k], factors[k], work, block)
         for j in range(size):
             largest = max(largest, abs(gradient[j]))
-        residual = _reduce_gradient(gradient, basis, slope)
+        residual = 0.0
+        for a in range(basis.shape[1]):
+            slope[a] = 0.0
+            for j in range(basis.shape[0]):
+                slope[a] += basis[j, a] * gradient[j]
+            residual = max(residual, abs(slope[a]))
         if residual <= OPTIONS.stationarity * largest:
             return value, True, iteration
         run(hessian, inputs, entries)
@@ -180,32 +194,6 @@ def _null_basis(J, factor, work, basis):
                 product += basis[k, a] * projected[k, j]
             for k in range(dof):
                 projected[k, j] -= product * basis[k, a]
-
-
-@compiled
-def _least_squares_multipliers(J, factors, gradient, multipliers, work):
-    """Write the multipliers that minimise ‖∇f + Jᵀν‖. Source: Nocedal & Wright, Eq. 18.21."""
-    horizon, rows, dof = J.shape
-    for k in range(horizon):
-        for i in range(rows):
-            total = 0.0
-            for j in range(dof):
-                total -= J[k, i, j] * gradient[k * dof + j]
-            work[i] = total
-        solve_cholesky(factors[k], work)
-        for i in range(rows):
-            multipliers[k * rows + i] = work[i]
-
-
-@compiled
-def _reduce_gradient(gradient, basis, reduced):
-    largest = 0.0
-    for a in range(basis.shape[1]):
-        reduced[a] = 0.0
-        for j in range(basis.shape[0]):
-            reduced[a] += basis[j, a] * gradient[j]
-        largest = max(largest, abs(reduced[a]))
-    return largest
 
 
 @compiled
