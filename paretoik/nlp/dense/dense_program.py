@@ -47,7 +47,7 @@ class DenseProgram:
     @property
     def kernel(self) -> Any:
         """The program for compiled solvers."""
-        from paretoik.nlp.dense.dense_arrays import dense_kernel  # here: numba
+        from paretoik.nlp.dense.dense_kernel import dense_kernel  # here: numba
 
         return dense_kernel(self.rows, self.costs)
 
