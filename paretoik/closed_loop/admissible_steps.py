@@ -102,17 +102,18 @@ def _outside(coordinate, half_size):
 
 
 @compiled
-def _slope(fraction, ax, ay, az, dx, dy, dz, hx, hy, hz):
+def _slope(fraction, start, step, half):
     """Return half the derivative of the squared distance from a box along a segment."""
+    (ax, ay, az), (dx, dy, dz), (hx, hy, hz) = start, step, half
     x, y, z = ax + fraction * dx, ay + fraction * dy, az + fraction * dz
     return _outside(x, hx) * dx + _outside(y, hy) * dy + _outside(z, hz) * dz
 
 
 @compiled
-def _narrow(bracket, fraction, ax, ay, az, dx, dy, dz, hx, hy, hz):
+def _narrow(bracket, fraction, start, step, half):
     """Return the bracket of a segment's nearest place, with the slopes at its ends, narrowed at a fraction."""
     low, low_slope, high, high_slope = bracket
-    slope = _slope(fraction, ax, ay, az, dx, dy, dz, hx, hy, hz)
+    slope = _slope(fraction, start, step, half)
     falls, rises = (slope <= 0.0) & (fraction > low), (slope >= 0.0) & (fraction < high)
     low, low_slope = (fraction if falls else low), (slope if falls else low_slope)
     high, high_slope = (fraction if rises else high), (slope if rises else high_slope)
@@ -122,7 +123,7 @@ def _narrow(bracket, fraction, ax, ay, az, dx, dy, dz, hx, hy, hz):
 @compiled
 def _to_box(box, nodes, row, count, distances):
     """Write the distance from a box: the derivative of its square, linear between the box's planes, is zero there."""
-    hx, hy, hz = box[SECOND], box[SECOND + 1], box[SECOND + 2]
+    half = hx, hy, hz = box[SECOND], box[SECOND + 1], box[SECOND + 2]
     cx, cy, cz = box[FIRST], box[FIRST + 1], box[FIRST + 2]
     xx, xy, xz, yx, yy = box[AXES], box[AXES + 1], box[AXES + 2], box[AXES + 3], box[AXES + 4]
     yz, zx, zy, zz = box[AXES + 5], box[AXES + 6], box[AXES + 7], box[AXES + 8]
@@ -133,15 +134,16 @@ def _to_box(box, nodes, row, count, distances):
         x, y, z = x1[k] - cx, y1[k] - cy, z1[k] - cz
         dx, dy, dz = xx * x + xy * y + xz * z - ax, yx * x + yy * y + yz * z - ay, zx * x + zy * y + zz * z - az
         low, high = 0.0, 1.0
-        low_slope = _slope(0.0, ax, ay, az, dx, dy, dz, hx, hy, hz)
-        high_slope = _slope(1.0, ax, ay, az, dx, dy, dz, hx, hy, hz)
+        start, step = (ax, ay, az), (dx, dy, dz)
+        low_slope = _slope(0.0, start, step, half)
+        high_slope = _slope(1.0, start, step, half)
         bracket = low, low_slope, high, high_slope
-        bracket = _narrow(bracket, _fraction((-hx - ax) * dx, dx * dx), ax, ay, az, dx, dy, dz, hx, hy, hz)
-        bracket = _narrow(bracket, _fraction((hx - ax) * dx, dx * dx), ax, ay, az, dx, dy, dz, hx, hy, hz)
-        bracket = _narrow(bracket, _fraction((-hy - ay) * dy, dy * dy), ax, ay, az, dx, dy, dz, hx, hy, hz)
-        bracket = _narrow(bracket, _fraction((hy - ay) * dy, dy * dy), ax, ay, az, dx, dy, dz, hx, hy, hz)
-        bracket = _narrow(bracket, _fraction((-hz - az) * dz, dz * dz), ax, ay, az, dx, dy, dz, hx, hy, hz)
-        bracket = _narrow(bracket, _fraction((hz - az) * dz, dz * dz), ax, ay, az, dx, dy, dz, hx, hy, hz)
+        bracket = _narrow(bracket, _fraction((-hx - ax) * dx, dx * dx), start, step, half)
+        bracket = _narrow(bracket, _fraction((hx - ax) * dx, dx * dx), start, step, half)
+        bracket = _narrow(bracket, _fraction((-hy - ay) * dy, dy * dy), start, step, half)
+        bracket = _narrow(bracket, _fraction((hy - ay) * dy, dy * dy), start, step, half)
+        bracket = _narrow(bracket, _fraction((-hz - az) * dz, dz * dz), start, step, half)
+        bracket = _narrow(bracket, _fraction((hz - az) * dz, dz * dz), start, step, half)
         low, low_slope, high, high_slope = bracket
         steepening = high_slope - low_slope  # 0 if both are within the box: then their middle is deep in it
         share = _fraction(-low_slope, steepening)

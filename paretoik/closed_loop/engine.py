@@ -140,12 +140,12 @@ def search(seed, step, generations, options, start, objectives, constraints, wor
         for m in range(w.F.shape[0]):
             w.F[m, k] = np.inf
     single_rank, bound, row = False, options.gene_bound, start.null_space.shape[0] + 1
-    crossover, mutation = options.crossover_probability, options.mutation_probability
+    probabilities = options.crossover_probability, options.mutation_probability
     for generation in range(generations + 1):
         count = w.order.shape[0]
         if generation > 0:
             count = generate_offspring(
-                w.state, w.genes, w.order, w.fitness, w.F, row, crossover, mutation, -bound, bound, w.children
+                w.state, w.genes, w.order, w.fitness, w.F, row, probabilities, (-bound, bound), w.children
             )
         replaces = generation == 0 or not constraints.swept
         evaluate(start, options, objectives, constraints, clearance, count, w, replaces, single_rank)
@@ -175,26 +175,7 @@ def evaluate(start, options, objectives, constraints, clearance, count, w, repla
         w.pending[k] = k
     if replaces and (clearance < np.inf or constraints.bounded):
         _redraw_inadmissible(start, options, constraints, clearance, count, w)
-    # the objectives of children from their joint positions; a child fails if one is not finite
-    inputs, outputs, n = w.inputs, w.outputs, start.previous.shape[0]
-    for j in range(n):
-        for order in range(1, objectives.orders):
-            before = start.previous[j] if order == 1 else start.rates[order - 2, j]
-            rate, value, dt = inputs[order * n + j], inputs[(order - 1) * n + j], start.dt
-            for k in range(count):
-                rate[k] = (value[k] - before) / dt
-    run_first(objectives.arrays, inputs, outputs, count)
-    failures = np.int64(0)
-    for m in range(F.shape[0]):
-        values, children = outputs[m], F[m, parents:]
-        for k in range(count):
-            children[k] = values[k]
-            failures += np.int64(not abs(values[k]) < np.inf)
-    if failures > 0:
-        for m in range(F.shape[0]):
-            for k in range(count):
-                if not abs(outputs[m, k]) < np.inf:
-                    _fail(F, parents + k)
+    _evaluate_objectives(start, objectives, count, w)
     if single_rank:
         locate(F, parents, count, w.selection.places, w.selection.dominated)
     if replaces:
@@ -213,6 +194,30 @@ def _configure(genes, q, count, start, constraints, w):
     """Write the joint positions (dof, batch) of ``count`` chromosomes (genes, batch); bounds may change their genes."""
     decode(genes, count, start, w.linear_systems, q)
     shorten(genes, q, count, start, constraints, w)
+
+
+@compiled
+def _evaluate_objectives(start, objectives, count, w):
+    """Write the objectives of children from their joint positions; a child fails if one is not finite."""
+    F, inputs, outputs, parents, n = w.F, w.inputs, w.outputs, w.order.shape[0], start.previous.shape[0]
+    for j in range(n):
+        for order in range(1, objectives.orders):
+            before = start.previous[j] if order == 1 else start.rates[order - 2, j]
+            rate, value, dt = inputs[order * n + j], inputs[(order - 1) * n + j], start.dt
+            for k in range(count):
+                rate[k] = (value[k] - before) / dt
+    run_first(objectives.arrays, inputs, outputs, count)
+    failures = np.int64(0)
+    for m in range(F.shape[0]):
+        values, children = outputs[m], F[m, parents:]
+        for k in range(count):
+            children[k] = values[k]
+            failures += np.int64(not abs(values[k]) < np.inf)
+    if failures > 0:
+        for m in range(F.shape[0]):
+            for k in range(count):
+                if not abs(outputs[m, k]) < np.inf:
+                    _fail(F, parents + k)
 
 
 @compiled

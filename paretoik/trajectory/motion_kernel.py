@@ -362,6 +362,7 @@ def assemble(kernel, work, stiffness, A, B, C):
     run(kernel.track_curvature, work.path_inputs, work.track_seconds)
     self_motion_steps.add_path_hessian(work.track_seconds, work.tangent, kernel.first_unknown, A, C)
     sum_stiffness(kernel, work, stiffness)
+    stencil = kernel.neighbours, kernel.coefficients, kernel.first_unknown
     for s in range(samples):
         clear(phi)
         # add the Hessian of one sample by u
@@ -386,20 +387,7 @@ def assemble(kernel, work, stiffness, A, B, C):
                     for b in range(variables):
                         block[a, b] += scaled * row[b]
         curve_states.add_twist(work.curve, s, phi[states:, states:])
-        self_motion_steps.add_hessian(
-            s,
-            phi,
-            kernel.neighbours,
-            kernel.coefficients,
-            work.tangent,
-            work.curve.chain,
-            kernel.first_unknown,
-            local,
-            half,
-            A,
-            B,
-            C,
-        )
+        self_motion_steps.add_hessian(s, phi, stencil, work.tangent, work.curve.chain, local, half, (A, B, C))
     assemble_peaks(kernel, work, A, B, C)
     largest = 0.0
     for i in range(A.shape[0]):
