@@ -211,23 +211,7 @@ class RestartPolicy:
         if self.rounds < OPTIONS.rounds:
             if _expected_better(hits, self.count, int(self.independent.sum())) > OPTIONS.expected:
                 sample = sample_starts if self.rounds % 2 else sample_travelling  # of all kinds in every other round
-                # the starts except those of branches that failed repeatedly
-                q = sample(self.level, self.count, self.rng)
-                if solutions.converged.all() or not len(q):
-                    starts = q
-                else:
-                    for unlabelled in filter(len, self.starts):
-                        self.labels += branch_labels(self.level.motion(unlabelled))
-                    self.starts = []
-                    labels, failed = np.array(self.labels), ~solutions.converged
-                    doomed = [
-                        name
-                        for name in np.unique(labels[failed])
-                        if (labels == name).sum() >= OPTIONS.doomed and failed[labels == name].all()
-                    ]
-                    keep: Bool[np.ndarray, " starts"] = ~np.isin(branch_labels(self.level.motion(q)), doomed)
-                    starts = q[keep]
-                independent.append(starts)
+                independent.append(self._without_doomed(sample(self.level, self.count, self.rng), solutions))
             many = len(optima) >= OPTIONS.many
             self.several = _unseen(hits) > OPTIONS.unseen if self.level.redundancy > 1 else many
             if self.several and self.failures <= OPTIONS.patience:
@@ -256,6 +240,22 @@ class RestartPolicy:
             rows.append(int(i))
             hits.append(int(self.independent[same].sum()))
         return np.array(rows), np.array(hits)
+
+    def _without_doomed(self, q: np.ndarray, solutions: Solutions) -> Float[np.ndarray, "starts samples dof"]:
+        """Return the starts except those of branches that failed repeatedly."""
+        if solutions.converged.all() or not len(q):
+            return q
+        for unlabelled in filter(len, self.starts):
+            self.labels += branch_labels(self.level.motion(unlabelled))
+        self.starts = []
+        labels, failed = np.array(self.labels), ~solutions.converged
+        doomed = [
+            name
+            for name in np.unique(labels[failed])
+            if (labels == name).sum() >= OPTIONS.doomed and failed[labels == name].all()
+        ]
+        keep: Bool[np.ndarray, " starts"] = ~np.isin(branch_labels(self.level.motion(q)), doomed)
+        return q[keep]
 
     def _grid(self) -> Float[np.ndarray, "paths samples dof"]:
         self.grid_tried = True
