@@ -87,6 +87,7 @@ def resolution_of(
         limits=limits,
         obstacles=obstacles,
         link_radius=link_radius,
+        differences="backward",
     )
     starts = _starts(task, start, seed)
     if isinstance(method, ConstrainedQP):

@@ -30,7 +30,7 @@ from paretoik.task.objectives import Objective, evaluate_function
 from paretoik.task.obstacles import Obstacle, signed_distance
 from paretoik.task.path import Path
 from paretoik.task.retraction import row_scales, task_errors
-from paretoik.task.sampling import Differences
+from paretoik.task.sampling import DIFFERENCES, Differences
 from paretoik.task.task import Task, row_units
 
 START_TOLERANCE = 1e-6  # of the arm's length, and rad: largest distance of a start that is moved onto the path
@@ -49,7 +49,7 @@ def motion_task(
     start: object = "free",
     end_velocity: float | None = None,
     cyclic: bool = False,
-    differences: Differences = "backward",
+    differences: Differences = DIFFERENCES,
     redundant: bool = True,
 ) -> MotionTask:
     """Return the motion task of all parts of a problem, checked.
