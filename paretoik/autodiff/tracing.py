@@ -179,7 +179,7 @@ class TracedArray(NDArrayOperatorsMixin):
             result.is_boolean = name in BOOLEAN
         if out is None:
             return result
-        # ``out`` with a result assigned; raise InvalidInput if other arrays might share its memory
+        # the result is assigned to ``out``, which must share its memory with no other array
         if not isinstance(out, TracedArray) or out.shared or out.shape != result.shape:
             raise InvalidInput(
                 f"np.{name} would change an array in place that others see; use x = x + y instead of x += y"

@@ -219,8 +219,7 @@ def find_inadmissible(count, start, constraints, clearance, options, w):
 
     ``clearance`` is the result of ``clearance_at_start``. Balls around the obstacles are tested first.
     """
-    # reject pending steps beyond their bounds; write those that may meet an obstacle as candidates. Return the numbers
-    # of both
+    # pending steps beyond their bounds are rejected; those that may meet an obstacle become candidates
     rejected, near, n = 0, 0, start.previous.shape[0]
     for i in range(count):
         k = w.pending[i]
@@ -240,7 +239,7 @@ def find_inadmissible(count, start, constraints, clearance, options, w):
             near += 1
     if near == 0:
         return rejected
-    # keep the candidates that the balls around obstacles do not clear; write their distances, return how many
+    # only candidates that the balls around obstacles do not clear are kept, with their distances
     run_first(constraints.nodes, w.configurations, w.nodes, near)
     _evaluate_excess(constraints.bounding, constraints.required, near, w)
     close = 0
@@ -294,9 +293,8 @@ def _sweep(count, start, clearance, constraints, options, w):
         run_first(constraints.nodes, w.configurations, w.nodes, batch)
         _evaluate_excess(constraints.obstacles, constraints.required, batch, w)
         for i in range(batch):
-            # push the halves of a popped interval that are not proven clear; return how many intervals then wait.
-            # ``middle`` is the distance in its middle. If it is not positive, or halves would be too short, the travel
-            # of the candidate becomes negative
+            # the halves of a popped interval that are not proven clear wait. If the distance in its middle is not
+            # positive, or halves would be too short, the travel of the candidate becomes negative
             middle = w.distances[i]
             candidate, begin, width = np.int64(popped[0, i]), popped[1, i], 0.5 * popped[2, i]
             first, last, travel = popped[3, i], popped[4, i], w.travel[candidate]

@@ -260,7 +260,7 @@ def survive(w, children, single_rank):
     F, order, s = w.F, w.order, w.selection
     count = order.shape[0]
     if F.shape[0] > 2:
-        # select by three and more objectives, failed points if others are too few; fitness is by order of choice
+        # three and more objectives: failed points only if others are too few; fitness is by order of choice
         rank_points(F, s.rank, s.spare)
         selected = select_by_distance(
             F, s.rank, count, s.front, s.fitness, s.scaled, s.nearest, s.spare, s.begins, s.objectives
@@ -276,8 +276,8 @@ def survive(w, children, single_rank):
             tied = k > 0 and s.rank[s.front[k]] == s.rank[s.front[k - 1]] and s.fitness[k] == s.fitness[k - 1]
             w.fitness[k] = w.fitness[k - 1] if tied else -float(k)
     else:
-        # select by two objectives; return whether all survivors are of the first rank. If the parents are of a single
-        # rank, new children that none dominates are tried first: mostly they suffice
+        # two objectives: if the parents are of a single rank, new children that none dominates are tried first, which
+        # mostly suffice
         length, total, tries = 0, 0, single_rank
         while True:
             new = children

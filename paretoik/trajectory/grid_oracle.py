@@ -317,7 +317,7 @@ def _select_paths(
             chosen = distance > OPTIONS.distinct if far else not is_known
             if len(indices) < classes and chosen:
                 with suppress(Infeasible):  # leaves the path between its own samples
-                    # a motion on all samples; raise Infeasible if it leaves the path between its own
+                    # on all samples, unless it leaves the path between its own
                     motion = motions[k]
                     if len(motion.time) == len(task.times):
                         selected[int(k)] = motion.q

@@ -76,7 +76,7 @@ def solve_from(A, B, C, gradient, columns, entries, dense, values, multipliers, 
     curvature becomes negative.
     """
     entries, dense, values, scale = entries.copy(), dense.copy(), values.copy(), max(norm(gradient), 1e-300)
-    # divide constraints by the lengths of their rows; return the lengths
+    # constraints are divided by the lengths of their rows
     limits = len(entries)
     lengths = np.empty(len(values))
     for i in range(len(values)):

@@ -325,7 +325,7 @@ def factorise_working_set(program, work, scale):
     rho = factorise_augmented_hessian(program, work.hessian, work.is_active, scale)
     if rho < 0.0:
         return False
-    # append all active rows to an empty Schur complement: ``_append`` for many rows at a time
+    # all active rows enter an empty Schur complement at a time
     place = 0
     for i in range(len(work.is_active)):
         if work.is_active[i]:
@@ -425,7 +425,7 @@ def add_constraint(program, work, row):
     work.is_active[row] = True
     work.counts[CHANGES] += 1
     if work.position[row] < 0:
-        # append a row to the Schur complement
+        # the row enters the Schur complement
         count = work.counts[ROWS]
         vector = work.solved[count]
         write_row(program, row, vector)
@@ -443,7 +443,7 @@ def drop_constraint(work, row):
     work.is_active[row] = False
     work.counts[CHANGES] += 1
     if work.stiffness[place] == 0.0:
-        # remove a row from the Schur complement; the last row takes its place
+        # the row leaves the Schur complement; the last row takes its place
         last = work.counts[ROWS] - 1
         work.position[work.rows[place]] = -1
         if place != last:
