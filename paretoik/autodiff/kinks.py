@@ -227,7 +227,15 @@ def reformulate_choices(
             if tape.entries[node][0] is not Op.WHERE or node in replacements or node in excluded:
                 continue
             _, condition, first, second = tape.entries[node]
-            boundary = _boundary(tape, condition, probes)
+            # inputs at which a condition changes, by bisection between pairs of probes
+            holds = compile_evaluator(tape, [condition])
+            true = holds(probes)[0] != 0
+            pairs = min(int(true.sum()), int((~true).sum()))
+            boundary, outside = probes[:, true][:, :pairs], probes[:, ~true][:, :pairs]
+            for _ in range(OPTIONS.bisections):
+                middle = (boundary + outside) / 2
+                is_inside = holds(middle)[0] != 0
+                boundary, outside = np.where(is_inside, middle, boundary), np.where(is_inside, outside, middle)
             if boundary.shape[1] == 0:
                 continue
             jumps = np.abs(np.subtract(*compile_evaluator(tape, [first, second])(boundary)))
@@ -264,21 +272,6 @@ def remaining_kinks(
             if op in NONSMOOTH:
                 kinks |= {(k, a, tape.constant(0.0) if op is Op.ABSOLUTE else b): None for k in sorted(owner)}
     return list(kinks)
-
-
-def _boundary(
-    tape: Tape, condition: int, probes: Float[np.ndarray, "inputs points"]
-) -> Float[np.ndarray, "inputs pairs"]:
-    """Return inputs at which a condition changes, by bisection between pairs of probes."""
-    holds = compile_evaluator(tape, [condition])
-    true = holds(probes)[0] != 0
-    pairs = min(int(true.sum()), int((~true).sum()))
-    inside, outside = probes[:, true][:, :pairs], probes[:, ~true][:, :pairs]
-    for _ in range(OPTIONS.bisections):
-        middle = (inside + outside) / 2
-        is_inside = holds(middle)[0] != 0
-        inside, outside = np.where(is_inside, middle, inside), np.where(is_inside, outside, middle)
-    return inside
 
 
 def _is_convex_kink(

@@ -65,9 +65,33 @@ class Tape:
 
     def _simplify(self, op: Op, first: int, second: int, third: int) -> int | None:
         if op is Op.MULTIPLY or (op is Op.MASKED_MULTIPLY and (first in self.values or second in self.values)):
-            return self._simplify_product(first, second)
+            for one, other in ((first, second), (second, first)):
+                value = self.values.get(one)
+                if value == 0.0:
+                    return one
+                if value == 1.0:
+                    return other
+                if value == -1.0:
+                    return self.apply(Op.NEGATE, other)
+                if first == second and self.entries[one][0] is Op.SQUARE_ROOT:
+                    return self.entries[one][1]
+                if first == second and self.entries[one][0] is Op.ABSOLUTE:
+                    return self.apply(Op.MULTIPLY, self.entries[one][1], self.entries[one][1])
+                if self.entries[one][0] is Op.NEGATE:
+                    return self.apply(Op.NEGATE, self.apply(Op.MULTIPLY, self.entries[one][1], other))
+            return None
         if op is Op.ADD or op is Op.SUBTRACT:
-            return self._simplify_sum(op, first, second)
+            if self.values.get(second) == 0.0:
+                return first
+            if self.values.get(first) == 0.0:
+                return second if op is Op.ADD else self.apply(Op.NEGATE, second)
+            if op is Op.SUBTRACT and first == second:
+                return self.constant(0.0)
+            if self.entries[second][0] is Op.NEGATE:
+                return self.apply(Op.SUBTRACT if op is Op.ADD else Op.ADD, first, self.entries[second][1])
+            if op is Op.ADD and self.entries[first][0] is Op.NEGATE:
+                return self.apply(Op.SUBTRACT, second, self.entries[first][1])
+            return None
         if op is Op.DIVIDE:
             if self.values.get(first) == 0.0:
                 return first
@@ -80,52 +104,19 @@ class Tape:
                 return second
             if first in self.values:
                 return second if self.values[first] else third
-            return self._simplify_where(first, second, third)
+            # the maximum, minimum or absolute value that a choice by comparison equals; else None
+            op, low, high, _ = self.entries[first]
+            if op not in (Op.LESS, Op.LESS_EQUAL):
+                return None
+            if (second, third) in ((low, high), (high, low)):
+                return self.apply(Op.MINIMUM if second == low else Op.MAXIMUM, low, high)
+            for zero, value, positive in ((low, high, second), (high, low, third)):
+                negative = third if positive == second else second
+                if self.values.get(zero) == 0.0 and positive == value and negative == self.apply(Op.NEGATE, value):
+                    return self.apply(Op.ABSOLUTE, value)
+            return None
         if op in (Op.MAXIMUM, Op.MINIMUM) and first == second:
             return first
-        return None
-
-    def _simplify_where(self, condition: int, first: int, second: int) -> int | None:
-        """Return the maximum, minimum or absolute value that a choice by comparison equals; else None."""
-        op, low, high, _ = self.entries[condition]
-        if op not in (Op.LESS, Op.LESS_EQUAL):
-            return None
-        if (first, second) in ((low, high), (high, low)):
-            return self.apply(Op.MINIMUM if first == low else Op.MAXIMUM, low, high)
-        for zero, value, positive in ((low, high, first), (high, low, second)):
-            negative = second if positive == first else first
-            if self.values.get(zero) == 0.0 and positive == value and negative == self.apply(Op.NEGATE, value):
-                return self.apply(Op.ABSOLUTE, value)
-        return None
-
-    def _simplify_product(self, first: int, second: int) -> int | None:
-        for one, other in ((first, second), (second, first)):
-            value = self.values.get(one)
-            if value == 0.0:
-                return one
-            if value == 1.0:
-                return other
-            if value == -1.0:
-                return self.apply(Op.NEGATE, other)
-            if first == second and self.entries[one][0] is Op.SQUARE_ROOT:
-                return self.entries[one][1]
-            if first == second and self.entries[one][0] is Op.ABSOLUTE:
-                return self.apply(Op.MULTIPLY, self.entries[one][1], self.entries[one][1])
-            if self.entries[one][0] is Op.NEGATE:
-                return self.apply(Op.NEGATE, self.apply(Op.MULTIPLY, self.entries[one][1], other))
-        return None
-
-    def _simplify_sum(self, op: Op, first: int, second: int) -> int | None:
-        if self.values.get(second) == 0.0:
-            return first
-        if self.values.get(first) == 0.0:
-            return second if op is Op.ADD else self.apply(Op.NEGATE, second)
-        if op is Op.SUBTRACT and first == second:
-            return self.constant(0.0)
-        if self.entries[second][0] is Op.NEGATE:
-            return self.apply(Op.SUBTRACT if op is Op.ADD else Op.ADD, first, self.entries[second][1])
-        if op is Op.ADD and self.entries[first][0] is Op.NEGATE:
-            return self.apply(Op.SUBTRACT, second, self.entries[first][1])
         return None
 
 

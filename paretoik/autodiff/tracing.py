@@ -170,11 +170,22 @@ class TracedArray(NDArrayOperatorsMixin):
         if name == "matmul":
             result = matmul(*inputs)
         else:
-            if name == "add" and all(_is_boolean(value) for value in inputs):
+            if name == "add" and all(
+                value.is_boolean if isinstance(value, TracedArray) else np.asarray(value).dtype == bool
+                for value in inputs
+            ):
                 name = "logical_or"
             result = apply_elementwise(self.source, lambda *parts: apply_ufunc(self.source.tape, name, parts), *inputs)
             result.is_boolean = name in BOOLEAN
-        return result if out is None else _assign_out(name, out, result)
+        if out is None:
+            return result
+        # the result is assigned to ``out``, which must share its memory with no other array
+        if not isinstance(out, TracedArray) or out.shared or out.shape != result.shape:
+            raise InvalidInput(
+                f"np.{name} would change an array in place that others see; use x = x + y instead of x += y"
+            )
+        out.entries, out.is_boolean = result.entries, result.is_boolean
+        return out
 
     def __array_function__(self, function: Callable[..., Any], types: Any, args: Any, settings: Any) -> Any:
         """Apply a NumPy function of arrays.
@@ -277,18 +288,6 @@ def _check_settings(function: str, settings: dict[str, Any], *supported: str) ->
     for name in settings:
         if name not in supported:
             raise InvalidInput(f"{function}({name}=...) has no derivative here")
-
-
-def _is_boolean(value: Any) -> bool:
-    return value.is_boolean if isinstance(value, TracedArray) else np.asarray(value).dtype == bool
-
-
-def _assign_out(name: str, out: Any, result: TracedArray) -> TracedArray:
-    """Return ``out`` with a result assigned; raise InvalidInput if other arrays might share its memory."""
-    if not isinstance(out, TracedArray) or out.shared or out.shape != result.shape:
-        raise InvalidInput(f"np.{name} would change an array in place that others see; use x = x + y instead of x += y")
-    out.entries, out.is_boolean = result.entries, result.is_boolean
-    return out
 
 
 REDUCIBLE = frozenset({np.add, np.multiply, np.maximum, np.minimum})

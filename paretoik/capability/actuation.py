@@ -258,25 +258,22 @@ class DistributedActuation:
                 wish = f"distributed actuation: {name} must have shape {shape}"
                 raise InvalidInput(f"{wish}, got {values.shape}") from None
             freeze(self, **{name: values})
-        self._check_geometry()
-        _ = self.angle_bounds  # raises if sliders reach no angle
 
-    def _check_geometry(self) -> None:
-        """Raise InvalidInput, naming the joint, for impossible lengths, bounds and angles."""
-
+        # impossible lengths, bounds and angles are refused by the joint's name
         def refuse(wrong: np.ndarray, wish: str, fact: np.ndarray) -> None:
             if wrong.any():
                 j = int(np.argmax(wrong))
                 raise InvalidInput(f"distributed actuation, joint {j + 1}: {wish}, got {fact[j].tolist()}")
 
-        rod, least = self.rod, self.least_angle
-        refuse((rod <= 0) | (rod > LONGEST), f"rod must be longer than 0 and at most {LONGEST:g} m", rod)
+        length, least = self.rod, self.least_angle
+        refuse((length <= 0) | (length > LONGEST), f"rod must be longer than 0 and at most {LONGEST:g} m", length)
         refuse(~np.isin(self.bend, (-1.0, 1.0)), "bend must be 1 or −1", self.bend)
         refuse((least <= 0) | (least >= np.pi), "least_angle must be between 0 and π", least)
-        for name, pairs in (("front", self.front_bounds), ("back", self.back_bounds)):
-            wrong = (pairs[:, 0] <= 0) | (pairs[:, 0] > pairs[:, 1]) | (pairs[:, 1] > LONGEST)
-            refuse(wrong, f"{name} bounds must be 0 < lower ≤ upper", pairs)
-        refuse(self.front_bounds[:, 1] > rod, "front bounds must be at most the rod's length", self.front_bounds)
+        for name, couples in (("front", self.front_bounds), ("back", self.back_bounds)):
+            wrong = (couples[:, 0] <= 0) | (couples[:, 0] > couples[:, 1]) | (couples[:, 1] > LONGEST)
+            refuse(wrong, f"{name} bounds must be 0 < lower ≤ upper", couples)
+        refuse(self.front_bounds[:, 1] > length, "front bounds must be at most the rod's length", self.front_bounds)
+        _ = self.angle_bounds  # raises if sliders reach no angle
 
     @property
     def dof(self) -> int:

@@ -190,7 +190,24 @@ def joint_maximum(row, q, torque, quantity, ends):
             low, high = _bearable_stretch(slider, sine, cosine, torque, low, high)
             if low != low:
                 continue
-            value, front = _stretch_maximum(slider, sine, cosine, torque, quantity, low, high)
+            # (value, front slider) of the maximum in a stretch that can bear the torque. Places are evenly spaced; the
+            # maximum is refined about each place that is not below its neighbours
+            step = (high - low) / OPTIONS.pieces
+            top, top_front = slider_value(slider, sine, cosine, torque, low, quantity), low
+            before, value = -np.inf, top
+            for k in range(OPTIONS.pieces + 1):
+                after = -np.inf
+                if k < OPTIONS.pieces:
+                    after = slider_value(slider, sine, cosine, torque, low + (k + 1) * step, quantity)
+                if before <= value >= after:
+                    first, last = low + max(k - 1, 0) * step, low + min(k + 1, OPTIONS.pieces) * step
+                    refined, front = _refined_maximum(slider, sine, cosine, torque, quantity, first, last)
+                    if value > refined:
+                        refined, front = value, low + k * step
+                    if refined > top:
+                        top, top_front = refined, front
+                before, value = value, after
+            value, front = top, top_front
         if not value <= best:
             best, best_front = value, front
     return best, best_front
@@ -216,30 +233,6 @@ def _bearable_stretch(slider, sine, cosine, torque, low, high):
         if not (low_bears, high_bears)[k]:
             ends[k] = bisect(_torque_reserve, arguments, inside, ends[k], OPTIONS.bisections)
     return ends[0], ends[1]
-
-
-@compiled
-def _stretch_maximum(slider, sine, cosine, torque, quantity, low, high):
-    """Return (value, front slider) of the maximum in a stretch that can bear the torque.
-
-    Places are evenly spaced; the maximum is refined about each place that is not below its neighbours.
-    """
-    step = (high - low) / OPTIONS.pieces
-    best, best_front = slider_value(slider, sine, cosine, torque, low, quantity), low
-    before, value = -np.inf, best
-    for k in range(OPTIONS.pieces + 1):
-        after = -np.inf
-        if k < OPTIONS.pieces:
-            after = slider_value(slider, sine, cosine, torque, low + (k + 1) * step, quantity)
-        if before <= value >= after:
-            first, last = low + max(k - 1, 0) * step, low + min(k + 1, OPTIONS.pieces) * step
-            refined, front = _refined_maximum(slider, sine, cosine, torque, quantity, first, last)
-            if value > refined:
-                refined, front = value, low + k * step
-            if refined > best:
-                best, best_front = refined, front
-        before, value = value, after
-    return best, best_front
 
 
 @compiled

@@ -248,22 +248,6 @@ def _negative_value_at(place, arguments):
 
 
 @compiled
-def _refined_maximum(curve, low, high, direction, problem, q, work, value):
-    """Return (value, place) of the maximum along one direction between two places."""
-    arguments = (curve, direction, problem, q, work, value)
-    minimum, place = golden_section(_negative_value_at, arguments, low, high, OPTIONS.sections)
-    return -minimum, place
-
-
-@compiled
-def _feasible_place(curve, low, high, problem, q, work):
-    """Return (slack, place) of the largest slack between two places, or of the first that is not negative."""
-    arguments = (curve, problem, q, work)
-    minimum, place = golden_section(_negative_slack_at, arguments, low, high, OPTIONS.sections, np.inf, 0.0)
-    return -minimum, place
-
-
-@compiled
 def _feasible_end(curve, inside, outside, problem, q, work):
     """Return the feasible place nearest to an infeasible one."""
     return bisect(_slack_at, (curve, problem, q, work), inside, outside, OPTIONS.bisections)
@@ -298,7 +282,12 @@ def _write_places(curve, grid_values, problem, q, work, places, grid_index):
                 places[count + 1], grid_index[count + 1] = here + step, OUTSIDE
                 count += 2
         elif before < 0.0 and after < 0.0 and slacks[i] >= before and slacks[i] >= after:
-            slack, middle = _feasible_place(curve, here - step, here + step, problem, q, work)
+            # (slack, place) of the largest slack between two places, or of the first that is not negative
+            arguments = (curve, problem, q, work)
+            minimum, middle = golden_section(
+                _negative_slack_at, arguments, here - step, here + step, OPTIONS.sections, np.inf, 0.0
+            )
+            slack = -minimum
             if slack >= 0.0:
                 low = _feasible_end(curve, middle, here - step, problem, q, work)
                 high = _feasible_end(curve, middle, here + step, problem, q, work)
@@ -366,7 +355,10 @@ def _update_maximum(curve, places, place_values, direction, problem, q, work, va
         low = places[i - 1] - (2.0 * np.pi if i == 0 else 0.0) if place_values[i - 1] >= 0.0 else places[i]
         high = places[after] + (2.0 * np.pi if after == 0 else 0.0) if place_values[after] >= 0.0 else places[i]
         low, high = max(low, places[i] - step), min(high, places[i] + step)
-        refined, place = _refined_maximum(curve, low, high, direction, problem, q, work, one)
+        # (value, place) of the maximum along one direction between two places
+        arguments = (curve, direction, problem, q, work, one)
+        minimum, place = golden_section(_negative_value_at, arguments, low, high, OPTIONS.sections)
+        refined = -minimum
         if tops[k] > refined:
             refined, place = tops[k], places[i]
         if refined > value[0]:

@@ -229,7 +229,7 @@ def restrict_to_rods(arm: Arm, actuation: Actuation) -> Arm:
 def stationary_task(arm: Arm, position: Float[np.ndarray, " task"]) -> MotionTask:
     """Return the task of a tool that stays at its place."""
     path = sample_curve(Line(position, np.zeros_like(position), None, np.zeros(3)), np.array([0.0, 0.5, 1.0]))
-    return motion_task(arm, path, objectives=[joint_travel], redundant=False)
+    return motion_task(arm, path, objectives=[joint_travel], differences="backward", redundant=False)
 
 
 def limit_excess(arm: Arm, q: Joints) -> Joints:

@@ -31,7 +31,21 @@ def evaluate_distances(obstacles, nodes, count, distances):
         obstacle = obstacles[i]
         for row in range(0, nodes.shape[0] - 3, 3):
             if obstacle[KIND] == POINT:
-                _to_point(obstacle, nodes, row, count, distances)
+                x, y, flat = obstacle[FIRST], obstacle[FIRST + 1], obstacle[AXES + 8]
+                z, radius = flat * obstacle[FIRST + 2], obstacle[RADIUS]
+                x0, y0, z0, x1, y1, z1 = (
+                    nodes[row],
+                    nodes[row + 1],
+                    nodes[row + 2],
+                    nodes[row + 3],
+                    nodes[row + 4],
+                    nodes[row + 5],
+                )
+                for k in range(count):
+                    ax, ay, az = x0[k], y0[k], flat * z0[k]
+                    dx, dy, dz = x1[k] - ax, y1[k] - ay, flat * z1[k] - az
+                    distance = np.sqrt(_squared_distance(x, y, z, ax, ay, az, dx, dy, dz)) - radius
+                    distances[k] = distance if distance < distances[k] else distances[k]
             elif obstacle[KIND] == SEGMENT:
                 _to_segment(obstacle, nodes, row, count, distances)
             else:
@@ -53,18 +67,6 @@ def _squared_distance(px, py, pz, ax, ay, az, dx, dy, dz):
     fraction = _fraction(x * dx + y * dy + z * dz, dx * dx + dy * dy + dz * dz)
     x, y, z = x - fraction * dx, y - fraction * dy, z - fraction * dz
     return x * x + y * y + z * z
-
-
-@compiled
-def _to_point(point, nodes, row, count, distances):
-    x, y, flat = point[FIRST], point[FIRST + 1], point[AXES + 8]
-    z, radius = flat * point[FIRST + 2], point[RADIUS]
-    x0, y0, z0, x1, y1, z1 = nodes[row], nodes[row + 1], nodes[row + 2], nodes[row + 3], nodes[row + 4], nodes[row + 5]
-    for k in range(count):
-        ax, ay, az = x0[k], y0[k], flat * z0[k]
-        dx, dy, dz = x1[k] - ax, y1[k] - ay, flat * z1[k] - az
-        distance = np.sqrt(_squared_distance(x, y, z, ax, ay, az, dx, dy, dz)) - radius
-        distances[k] = distance if distance < distances[k] else distances[k]
 
 
 @compiled
@@ -100,17 +102,18 @@ def _outside(coordinate, half_size):
 
 
 @compiled
-def _slope(fraction, ax, ay, az, dx, dy, dz, hx, hy, hz):
+def _slope(fraction, start, step, half):
     """Return half the derivative of the squared distance from a box along a segment."""
+    (ax, ay, az), (dx, dy, dz), (hx, hy, hz) = start, step, half
     x, y, z = ax + fraction * dx, ay + fraction * dy, az + fraction * dz
     return _outside(x, hx) * dx + _outside(y, hy) * dy + _outside(z, hz) * dz
 
 
 @compiled
-def _narrow(bracket, fraction, ax, ay, az, dx, dy, dz, hx, hy, hz):
+def _narrow(bracket, fraction, start, step, half):
     """Return the bracket of a segment's nearest place, with the slopes at its ends, narrowed at a fraction."""
     low, low_slope, high, high_slope = bracket
-    slope = _slope(fraction, ax, ay, az, dx, dy, dz, hx, hy, hz)
+    slope = _slope(fraction, start, step, half)
     falls, rises = (slope <= 0.0) & (fraction > low), (slope >= 0.0) & (fraction < high)
     low, low_slope = (fraction if falls else low), (slope if falls else low_slope)
     high, high_slope = (fraction if rises else high), (slope if rises else high_slope)
@@ -120,7 +123,7 @@ def _narrow(bracket, fraction, ax, ay, az, dx, dy, dz, hx, hy, hz):
 @compiled
 def _to_box(box, nodes, row, count, distances):
     """Write the distance from a box: the derivative of its square, linear between the box's planes, is zero there."""
-    hx, hy, hz = box[SECOND], box[SECOND + 1], box[SECOND + 2]
+    half = hx, hy, hz = box[SECOND], box[SECOND + 1], box[SECOND + 2]
     cx, cy, cz = box[FIRST], box[FIRST + 1], box[FIRST + 2]
     xx, xy, xz, yx, yy = box[AXES], box[AXES + 1], box[AXES + 2], box[AXES + 3], box[AXES + 4]
     yz, zx, zy, zz = box[AXES + 5], box[AXES + 6], box[AXES + 7], box[AXES + 8]
@@ -131,15 +134,16 @@ def _to_box(box, nodes, row, count, distances):
         x, y, z = x1[k] - cx, y1[k] - cy, z1[k] - cz
         dx, dy, dz = xx * x + xy * y + xz * z - ax, yx * x + yy * y + yz * z - ay, zx * x + zy * y + zz * z - az
         low, high = 0.0, 1.0
-        low_slope = _slope(0.0, ax, ay, az, dx, dy, dz, hx, hy, hz)
-        high_slope = _slope(1.0, ax, ay, az, dx, dy, dz, hx, hy, hz)
+        start, step = (ax, ay, az), (dx, dy, dz)
+        low_slope = _slope(0.0, start, step, half)
+        high_slope = _slope(1.0, start, step, half)
         bracket = low, low_slope, high, high_slope
-        bracket = _narrow(bracket, _fraction((-hx - ax) * dx, dx * dx), ax, ay, az, dx, dy, dz, hx, hy, hz)
-        bracket = _narrow(bracket, _fraction((hx - ax) * dx, dx * dx), ax, ay, az, dx, dy, dz, hx, hy, hz)
-        bracket = _narrow(bracket, _fraction((-hy - ay) * dy, dy * dy), ax, ay, az, dx, dy, dz, hx, hy, hz)
-        bracket = _narrow(bracket, _fraction((hy - ay) * dy, dy * dy), ax, ay, az, dx, dy, dz, hx, hy, hz)
-        bracket = _narrow(bracket, _fraction((-hz - az) * dz, dz * dz), ax, ay, az, dx, dy, dz, hx, hy, hz)
-        bracket = _narrow(bracket, _fraction((hz - az) * dz, dz * dz), ax, ay, az, dx, dy, dz, hx, hy, hz)
+        bracket = _narrow(bracket, _fraction((-hx - ax) * dx, dx * dx), start, step, half)
+        bracket = _narrow(bracket, _fraction((hx - ax) * dx, dx * dx), start, step, half)
+        bracket = _narrow(bracket, _fraction((-hy - ay) * dy, dy * dy), start, step, half)
+        bracket = _narrow(bracket, _fraction((hy - ay) * dy, dy * dy), start, step, half)
+        bracket = _narrow(bracket, _fraction((-hz - az) * dz, dz * dz), start, step, half)
+        bracket = _narrow(bracket, _fraction((hz - az) * dz, dz * dz), start, step, half)
         low, low_slope, high, high_slope = bracket
         steepening = high_slope - low_slope  # 0 if both are within the box: then their middle is deep in it
         share = _fraction(-low_slope, steepening)
@@ -193,25 +197,20 @@ def shorten(genes, positions, count, start, constraints, w):
     for k in range(count):
         shortened += np.int64(scale[k] < 1.0)
     if shortened > 0:
-        _scale_self_motion(genes, positions, count, start, scale)
-
-
-@compiled
-def _scale_self_motion(genes, positions, count, start, scale):
-    """Scale the self-motion of steps, and change their genes to match."""
-    n = start.previous.shape[0]
-    for j in range(n):
-        q, base = positions[j], start.previous[j] + start.particular[j]
-        for k in range(count):
-            scaled = base + scale[k] * (q[k] - base)
-            q[k] = scaled if scale[k] < 1.0 else q[k]
-    for row in range(0, genes.shape[0], n + 1):
-        target = genes[row + n]
+        # scale the self-motion of steps, and change their genes to match
+        n = start.previous.shape[0]
         for j in range(n):
-            gene, q, previous = genes[row + j], positions[j], start.previous[j]
+            q, base = positions[j], start.previous[j] + start.particular[j]
             for k in range(count):
-                total = (0.0 if j == 0 else target[k]) + gene[k] * (q[k] - previous)
-                target[k] = total if scale[k] < 1.0 else target[k]
+                scaled = base + scale[k] * (q[k] - base)
+                q[k] = scaled if scale[k] < 1.0 else q[k]
+        for row in range(0, genes.shape[0], n + 1):
+            target = genes[row + n]
+            for j in range(n):
+                gene, q, previous = genes[row + j], positions[j], start.previous[j]
+                for k in range(count):
+                    total = (0.0 if j == 0 else target[k]) + gene[k] * (q[k] - previous)
+                    target[k] = total if scale[k] < 1.0 else target[k]
 
 
 @compiled
@@ -220,34 +219,7 @@ def find_inadmissible(count, start, constraints, clearance, options, w):
 
     ``clearance`` is the result of ``clearance_at_start``. Balls around the obstacles are tested first.
     """
-    rejected, near = _check_bounds(count, start, constraints, clearance, options, w)
-    if near == 0:
-        return rejected
-    close = _check_balls(near, constraints, clearance, w)
-    doubtful = 0
-    for i in range(close):
-        if not w.distances[i] > constraints.standoff:
-            w.pending[rejected] = w.candidates[i]
-            rejected += 1
-        elif constraints.swept and clearance + w.distances[i] <= w.travel[i]:
-            w.candidates[doubtful], w.travel[doubtful] = w.candidates[i], w.travel[i]
-            w.intervals[4, doubtful] = w.distances[i]
-            doubtful += 1
-    if doubtful > 0:
-        _sweep(doubtful, start, clearance, constraints, options, w)
-    for i in range(doubtful):
-        if w.travel[i] < 0.0:
-            w.pending[rejected] = w.candidates[i]
-            rejected += 1
-    return rejected
-
-
-@compiled
-def _check_bounds(count, start, constraints, clearance, options, w):
-    """Reject pending steps beyond their bounds; write those that may meet an obstacle as candidates.
-
-    Return the numbers of both.
-    """
+    # pending steps beyond their bounds are rejected; those that may meet an obstacle become candidates
     rejected, near, n = 0, 0, start.previous.shape[0]
     for i in range(count):
         k = w.pending[i]
@@ -265,12 +237,9 @@ def _check_bounds(count, start, constraints, clearance, options, w):
                 w.configurations[j, near] = w.inputs[j, k]
             w.candidates[near], w.travel[near] = k, travel
             near += 1
-    return rejected, near
-
-
-@compiled
-def _check_balls(near, constraints, clearance, w):
-    """Keep the candidates that the balls around obstacles do not clear; write their distances, return how many."""
+    if near == 0:
+        return rejected
+    # only candidates that the balls around obstacles do not clear are kept, with their distances
     run_first(constraints.nodes, w.configurations, w.nodes, near)
     _evaluate_excess(constraints.bounding, constraints.required, near, w)
     close = 0
@@ -282,7 +251,22 @@ def _check_balls(near, constraints, clearance, w):
                 w.nodes[m, close] = w.nodes[m, i]
             close += 1
     _evaluate_excess(constraints.obstacles, constraints.required, close, w)
-    return close
+    doubtful = 0
+    for i in range(close):
+        if not w.distances[i] > constraints.standoff:
+            w.pending[rejected] = w.candidates[i]
+            rejected += 1
+        elif constraints.swept and clearance + w.distances[i] <= w.travel[i]:
+            w.candidates[doubtful], w.travel[doubtful] = w.candidates[i], w.travel[i]
+            w.intervals[4, doubtful] = w.distances[i]
+            doubtful += 1
+    if doubtful > 0:
+        _sweep(doubtful, start, clearance, constraints, options, w)
+    for i in range(doubtful):
+        if w.travel[i] < 0.0:
+            w.pending[rejected] = w.candidates[i]
+            rejected += 1
+    return rejected
 
 
 @compiled
@@ -309,31 +293,22 @@ def _sweep(count, start, clearance, constraints, options, w):
         run_first(constraints.nodes, w.configurations, w.nodes, batch)
         _evaluate_excess(constraints.obstacles, constraints.required, batch, w)
         for i in range(batch):
-            waiting = _halve(popped, i, w.distances[i], waiting, options.shortest_interval, intervals, w.travel)
-
-
-@compiled
-def _halve(popped, i, middle, waiting, shortest, intervals, travels):
-    """Push the halves of a popped interval that are not proven clear; return how many intervals then wait.
-
-    ``middle`` is the distance in its middle. If it is not positive, or halves would be too short, the travel of the
-    candidate becomes negative.
-    """
-    candidate, begin, width = np.int64(popped[0, i]), popped[1, i], 0.5 * popped[2, i]
-    first, last, travel = popped[3, i], popped[4, i], travels[candidate]
-    if travel < 0.0:
-        return waiting
-    first_clear, second_clear = first + middle > travel * width, middle + last > travel * width
-    if not middle > 0.0 or (not (first_clear and second_clear) and width <= shortest):
-        travels[candidate] = -1.0
-        return waiting
-    if not first_clear:
-        _push(intervals, waiting, candidate, begin, width, first, middle)
-        waiting += 1
-    if not second_clear:
-        _push(intervals, waiting, candidate, begin + width, width, middle, last)
-        waiting += 1
-    return waiting
+            # the halves of a popped interval that are not proven clear wait. If the distance in its middle is not
+            # positive, or halves would be too short, the travel of the candidate becomes negative
+            middle = w.distances[i]
+            candidate, begin, width = np.int64(popped[0, i]), popped[1, i], 0.5 * popped[2, i]
+            first, last, travel = popped[3, i], popped[4, i], w.travel[candidate]
+            if not (travel < 0.0):
+                first_clear, second_clear = first + middle > travel * width, middle + last > travel * width
+                if not middle > 0.0 or (not (first_clear and second_clear) and width <= options.shortest_interval):
+                    w.travel[candidate] = -1.0
+                else:
+                    if not first_clear:
+                        _push(intervals, waiting, candidate, begin, width, first, middle)
+                        waiting += 1
+                    if not second_clear:
+                        _push(intervals, waiting, candidate, begin + width, width, middle, last)
+                        waiting += 1
 
 
 @compiled

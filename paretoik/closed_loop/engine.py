@@ -92,31 +92,26 @@ def _solve(systems, r, count):
             x[k], y[k] = (e * d - b * f) / determinant, (a * f - e * c) / determinant
     else:
         for k in range(count):
-            _eliminate(systems, r, k)
-
-
-@compiled
-def _eliminate(systems, r, k):
-    """Solve one system by Gaussian elimination with partial pivoting."""
-    for column in range(r):
-        pivot = column
-        for i in range(column + 1, r):
-            if abs(systems[i * r + column, k]) > abs(systems[pivot * r + column, k]):
-                pivot = i
-        for j in range(r):
-            here, there = column * r + j, pivot * r + j
-            systems[here, k], systems[there, k] = systems[there, k], systems[here, k]
-        here, there = r * r + column, r * r + pivot
-        systems[here, k], systems[there, k] = systems[there, k], systems[here, k]
-        for i in range(column + 1, r):
-            factor = systems[i * r + column, k] / systems[column * r + column, k]
-            for j in range(column, r):
-                systems[i * r + j, k] -= factor * systems[column * r + j, k]
-            systems[r * r + i, k] -= factor * systems[r * r + column, k]
-    for i in range(r - 1, -1, -1):
-        for j in range(i + 1, r):
-            systems[r * r + i, k] -= systems[i * r + j, k] * systems[r * r + j, k]
-        systems[r * r + i, k] /= systems[i * r + i, k]
+            # solve one system by Gaussian elimination with partial pivoting
+            for column in range(r):
+                pivot = column
+                for i in range(column + 1, r):
+                    if abs(systems[i * r + column, k]) > abs(systems[pivot * r + column, k]):
+                        pivot = i
+                for j in range(r):
+                    here, there = column * r + j, pivot * r + j
+                    systems[here, k], systems[there, k] = systems[there, k], systems[here, k]
+                here, there = r * r + column, r * r + pivot
+                systems[here, k], systems[there, k] = systems[there, k], systems[here, k]
+                for i in range(column + 1, r):
+                    factor = systems[i * r + column, k] / systems[column * r + column, k]
+                    for j in range(column, r):
+                        systems[i * r + j, k] -= factor * systems[column * r + j, k]
+                    systems[r * r + i, k] -= factor * systems[r * r + column, k]
+            for i in range(r - 1, -1, -1):
+                for j in range(i + 1, r):
+                    systems[r * r + i, k] -= systems[i * r + j, k] * systems[r * r + j, k]
+                systems[r * r + i, k] /= systems[i * r + i, k]
 
 
 # The search of a control step: NSGA-II with MaxiMin.
@@ -133,38 +128,7 @@ def search(seed, step, generations, options, start, objectives, constraints, wor
     constraints, w = refer(constraints), refer(workspace)
     seed_stream(w.state, seed, step)
     clearance = clearance_at_start(start, constraints, w)
-    _initialise(warm_start, options, w)
-    single_rank, bound, row = False, options.gene_bound, start.null_space.shape[0] + 1
-    crossover, mutation = options.crossover_probability, options.mutation_probability
-    for generation in range(generations + 1):
-        count = w.order.shape[0]
-        if generation > 0:
-            count = generate_offspring(
-                w.state, w.genes, w.order, w.fitness, w.F, row, crossover, mutation, -bound, bound, w.children
-            )
-        replaces = generation == 0 or not constraints.swept
-        evaluate(start, options, objectives, constraints, clearance, count, w, replaces, single_rank)
-        single_rank = survive(w, count, single_rank)
-        if generation < history.F.shape[0]:
-            _keep(w, history.genes[generation], history.F[generation])
-    alive = 0
-    for k in range(w.order.shape[0]):
-        if w.F[0, k] < np.inf:
-            alive += 1
-    return alive
-
-
-@compiled
-def _keep(w, genes, F):
-    """Write the parents' genes (individuals, genes) and objectives (individuals, n_obj)."""
-    for k in range(w.order.shape[0]):
-        genes[k] = w.genes[w.order[k]]
-        F[k] = w.F[:, k]
-
-
-@compiled
-def _initialise(warm_start, options, w):
-    """Fill the children with random chromosomes or the population in the workspace; mark all parents as failed."""
+    # fill the children with random chromosomes or the population in the workspace; mark all parents as failed
     for k in range(w.order.shape[0]):
         if warm_start:
             for j in range(w.children.shape[0]):
@@ -175,6 +139,27 @@ def _initialise(warm_start, options, w):
         w.order[k] = k
         for m in range(w.F.shape[0]):
             w.F[m, k] = np.inf
+    single_rank, bound, row = False, options.gene_bound, start.null_space.shape[0] + 1
+    probabilities = options.crossover_probability, options.mutation_probability
+    for generation in range(generations + 1):
+        count = w.order.shape[0]
+        if generation > 0:
+            count = generate_offspring(
+                w.state, w.genes, w.order, w.fitness, w.F, row, probabilities, (-bound, bound), w.children
+            )
+        replaces = generation == 0 or not constraints.swept
+        evaluate(start, options, objectives, constraints, clearance, count, w, replaces, single_rank)
+        single_rank = survive(w, count, single_rank)
+        if generation < history.F.shape[0]:
+            # the parents' genes (individuals, genes) and objectives (individuals, n_obj)
+            for k in range(w.order.shape[0]):
+                history.genes[generation][k] = w.genes[w.order[k]]
+                history.F[generation][k] = w.F[:, k]
+    alive = 0
+    for k in range(w.order.shape[0]):
+        if w.F[0, k] < np.inf:
+            alive += 1
+    return alive
 
 
 @compiled
@@ -228,12 +213,11 @@ def _evaluate_objectives(start, objectives, count, w):
         for k in range(count):
             children[k] = values[k]
             failures += np.int64(not abs(values[k]) < np.inf)
-    if failures == 0:
-        return
-    for m in range(F.shape[0]):
-        for k in range(count):
-            if not abs(outputs[m, k]) < np.inf:
-                _fail(F, parents + k)
+    if failures > 0:
+        for m in range(F.shape[0]):
+            for k in range(count):
+                if not abs(outputs[m, k]) < np.inf:
+                    _fail(F, parents + k)
 
 
 @compiled
@@ -274,62 +258,51 @@ def survive(w, children, single_rank):
     With two objectives, the survivors are in order of the first.
     """
     F, order, s = w.F, w.order, w.selection
+    count = order.shape[0]
     if F.shape[0] > 2:
-        _select_of_many(F, order.shape[0], w.fitness, s)
+        # three and more objectives: failed points only if others are too few; fitness is by order of choice
+        rank_points(F, s.rank, s.spare)
+        selected = select_by_distance(
+            F, s.rank, count, s.front, s.fitness, s.scaled, s.nearest, s.spare, s.begins, s.objectives
+        )
+        for k in range(F.shape[1]):
+            if selected < count and s.rank[k] == F.shape[1]:
+                s.front[selected], s.fitness[selected] = k, 0.0
+                selected += 1
+        for m in range(F.shape[0]):
+            for k in range(count):
+                s.objectives[m, k] = F[m, s.front[k]]
+        for k in range(count):
+            tied = k > 0 and s.rank[s.front[k]] == s.rank[s.front[k - 1]] and s.fitness[k] == s.fitness[k - 1]
+            w.fitness[k] = w.fitness[k - 1] if tied else -float(k)
     else:
-        single_rank = _select_of_two(F, order.shape[0], children, single_rank, w.fitness, s)
+        # two objectives: if the parents are of a single rank, new children that none dominates are tried first, which
+        # mostly suffice
+        length, total, tries = 0, 0, single_rank
+        while True:
+            new = children
+            if not tries:  # otherwise ``evaluate`` has located them
+                new = count
+                locate(F, count, new, s.places, s.dominated)
+            total = merge_children(F, count, new, tries, s)
+            length = first_front(s.points, total, s.values, s.front, s.objectives)
+            if length >= count or not tries:
+                break
+            tries = False
+        if length >= count:
+            insertion_distances(s.objectives, length, s.x, s.y, s.fitness, s.stack)
+            keep_farthest(s.front, s.objectives, s.fitness, length, count, s.x, s.y)
+        else:
+            rank_sorted(s.values, total, s.rank, s.scaled)
+            select_by_rank(total, count, s)
+        for k in range(count):
+            w.fitness[k] = s.fitness[k]
+        single_rank = length >= count
     for m in range(F.shape[0]):
-        for k in range(order.shape[0]):
+        for k in range(count):
             F[m, k] = s.objectives[m, k]
     _replace_parents(w.genes, order, w.children, s.front, s.chosen, s.spare)
     return single_rank
-
-
-@compiled
-def _select_of_two(F, count, children, single_rank, fitness, s):
-    """Select by two objectives; return whether all survivors are of the first rank.
-
-    If the parents are of a single rank, new children that none dominates are tried first: mostly they suffice.
-    """
-    length, total, tries = 0, 0, single_rank
-    while True:
-        new = children
-        if not tries:  # otherwise ``evaluate`` has located them
-            new = count
-            locate(F, count, new, s.places, s.dominated)
-        total = merge_children(F, count, new, tries, s)
-        length = first_front(s.points, total, s.values, s.front, s.objectives)
-        if length >= count or not tries:
-            break
-        tries = False
-    if length >= count:
-        insertion_distances(s.objectives, length, s.x, s.y, s.fitness, s.stack)
-        keep_farthest(s.front, s.objectives, s.fitness, length, count, s.x, s.y)
-    else:
-        rank_sorted(s.values, total, s.rank, s.scaled)
-        select_by_rank(total, count, s)
-    for k in range(count):
-        fitness[k] = s.fitness[k]
-    return length >= count
-
-
-@compiled
-def _select_of_many(F, count, fitness, s):
-    """Select by three and more objectives, failed points if others are too few; fitness is by order of choice."""
-    rank_points(F, s.rank, s.spare)
-    selected = select_by_distance(
-        F, s.rank, count, s.front, s.fitness, s.scaled, s.nearest, s.spare, s.begins, s.objectives
-    )
-    for k in range(F.shape[1]):
-        if selected < count and s.rank[k] == F.shape[1]:
-            s.front[selected], s.fitness[selected] = k, 0.0
-            selected += 1
-    for m in range(F.shape[0]):
-        for k in range(count):
-            s.objectives[m, k] = F[m, s.front[k]]
-    for k in range(count):
-        tied = k > 0 and s.rank[s.front[k]] == s.rank[s.front[k - 1]] and s.fitness[k] == s.fitness[k - 1]
-        fitness[k] = fitness[k - 1] if tied else -float(k)
 
 
 @compiled

@@ -25,9 +25,33 @@ def search_posture(seed, options, lower, upper, evaluator, w):
     _sort(w.parent_values, w)
     for _ in range(1, options.generations):
         for k in range(0, count, 2):
-            _mate(k, options, lower, upper, w)
+            # the children k and k + 1 of two parents; the last child of an odd number has no sibling
+            dof, count = w.parents.shape
+            mother, father = _select(w), _select(w)
+            crosses = uniform(w.state) < options.crossover_probability
+            bits = next_bits(w.state)
+            cut = dof if not crosses else (1 + upper_integer(bits, dof - 1) if dof > 1 else upper_integer(bits, 2))
+            for child in range(k, min(k + 2, count)):
+                for j in range(dof):
+                    w.children[j, child] = w.parents[j, mother if j < cut else father]
+                if uniform(w.state) < options.mutation_probability:
+                    j = upper_integer(next_bits(w.state), dof)
+                    w.children[j, child] = lower[j] + (upper[j] - lower[j]) * uniform(w.state)
+                mother, father = father, mother
         run_first(evaluator, w.children, w.child_values, count)
-        _keep_elite(w)
+        # make the children the parents; the best parent replaces the worst child
+        dof, count = w.parents.shape
+        best = w.order[0]
+        _sort(w.child_values, w)
+        worst = w.order[count - 1]
+        for k in range(count):
+            if k == best:  # the elite keeps its column; the child there moves to the worst one's
+                continue
+            child = best if k == worst else k
+            for j in range(dof):
+                w.parents[j, k] = w.children[j, child]
+            for m in range(2):
+                w.parent_values[m, k] = w.child_values[m, child]
         _sort(w.parent_values, w)
     return w.parent_values[0, w.order[0]]
 
@@ -44,23 +68,6 @@ def _sort(values, w):
 
 
 @compiled
-def _mate(k, options, lower, upper, w):
-    """Write the children k and k + 1 of two parents; the last child of an odd number has no sibling."""
-    dof, count = w.parents.shape
-    mother, father = _select(w), _select(w)
-    crosses = uniform(w.state) < options.crossover_probability
-    bits = next_bits(w.state)
-    cut = dof if not crosses else (1 + upper_integer(bits, dof - 1) if dof > 1 else upper_integer(bits, 2))
-    for child in range(k, min(k + 2, count)):
-        for j in range(dof):
-            w.children[j, child] = w.parents[j, mother if j < cut else father]
-        if uniform(w.state) < options.mutation_probability:
-            j = upper_integer(next_bits(w.state), dof)
-            w.children[j, child] = lower[j] + (upper[j] - lower[j]) * uniform(w.state)
-        mother, father = father, mother
-
-
-@compiled
 def _select(w):
     """Return an individual by rank weighting: the k-th best of N with probability 2 (N − k + 1) / (N (N + 1)).
 
@@ -70,20 +77,3 @@ def _select(w):
     b = 2.0 * count + 1.0
     place = np.int64(0.5 * (b - np.sqrt(b * b - 4.0 * uniform(w.state) * count * (count + 1.0))))
     return w.order[min(place, count - 1)]
-
-
-@compiled
-def _keep_elite(w):
-    """Make the children the parents; the best parent replaces the worst child."""
-    dof, count = w.parents.shape
-    best = w.order[0]
-    _sort(w.child_values, w)
-    worst = w.order[count - 1]
-    for k in range(count):
-        if k == best:  # the elite keeps its column; the child there moves to the worst one's
-            continue
-        child = best if k == worst else k
-        for j in range(dof):
-            w.parents[j, k] = w.children[j, child]
-        for m in range(2):
-            w.parent_values[m, k] = w.child_values[m, child]

@@ -239,6 +239,7 @@ class ClosedLoop:
             limits=limits,
             obstacles=obstacles,
             link_radius=link_radius,
+            differences="backward",
         )
         steps = np.diff(self.task.times)
         if np.ptp(steps) > 1e-9 * steps.mean():  # rounding

@@ -179,7 +179,13 @@ class ControlStep(Formulation):
         self.objectives = check_objectives(objectives)
         check_limits(limits, supported=("position", "velocity", "clearance"), where="in a control step")
         whole = motion_task(
-            arm, path, objectives=[joint_travel], limits=limits, obstacles=obstacles, link_radius=link_radius
+            arm,
+            path,
+            objectives=[joint_travel],
+            limits=limits,
+            obstacles=obstacles,
+            link_radius=link_radius,
+            differences="backward",
         )
         check_size("sample", sample, 1)
         if sample >= len(whole.times):

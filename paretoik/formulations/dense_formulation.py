@@ -42,7 +42,14 @@ def function_task(
 
     Motions have as many samples as the path. Raises InvalidInput, naming the function, if one is not usable.
     """
-    checked = motion_task(arm, path, objectives=objectives or [joint_travel], constraints=constraints, redundant=False)
+    checked = motion_task(
+        arm,
+        path,
+        objectives=objectives or [joint_travel],
+        constraints=constraints,
+        differences="backward",
+        redundant=False,
+    )
     return replace(checked, arm=arm, objectives=tuple(objectives), bounds={})
 
 

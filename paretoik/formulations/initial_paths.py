@@ -158,7 +158,7 @@ def _follow_lines(
             raise _with_message(f"{name}: {fault}", fault) from fault
     faults = list[OutOfReach | Infeasible]()
     for path in lines:
-        task = motion_task(arm, path, objectives=[joint_travel])
+        task = motion_task(arm, path, objectives=[joint_travel], differences="backward")
         try:
             return task, np.concatenate(
                 [rollout_starts(task, OPTIONS.rollouts, rng), travelling_starts(task, OPTIONS.rollouts, rng)]

@@ -94,6 +94,7 @@ class Posture(Formulation):
             limits=limits,
             obstacles=obstacles,
             link_radius=link_radius,
+            differences="backward",
             redundant=False,
         ).standing(np.linspace(0.0, 1.0, 3))
         at_rest = {kind: bounds for kind, bounds in checked.bounds.items() if kind == "torque"}

@@ -38,7 +38,7 @@ from paretoik.task.objectives import Objective
 from paretoik.task.obstacles import Obstacle
 from paretoik.task.path import Path
 from paretoik.task.retraction import relative_errors, task_errors
-from paretoik.task.sampling import Differences
+from paretoik.task.sampling import DIFFERENCES, Differences
 from paretoik.task.self_motion import branch_labels
 from paretoik.task.starts import rollout_starts
 from paretoik.task.task import Task, describe_errors
@@ -193,7 +193,7 @@ class Tracking(Formulation, Differentiable):
         start: object = "free",
         end_velocity: float | None = None,
         cyclic: bool = False,
-        differences: Differences = "spline",
+        differences: Differences = DIFFERENCES,
         coefficients: int | None = None,
         bases: int = 12,
         seed: int = 0,

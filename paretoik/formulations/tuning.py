@@ -132,7 +132,13 @@ class Tuning(Formulation):
             tolerance = positive_number("tolerance", tolerance, "m or rad")
         check_seed("seed", seed)
         self.task: MotionTask = motion_task(
-            arm, path, objectives=objectives, constraints=constraints, obstacles=obstacles, link_radius=link_radius
+            arm,
+            path,
+            objectives=objectives,
+            constraints=constraints,
+            obstacles=obstacles,
+            link_radius=link_radius,
+            differences="backward",
         )
         self.name_objectives(objectives)
         self.constraint_names = (*(("tracking",) if tolerance is not None else ()), *(c.name for c in constraints))

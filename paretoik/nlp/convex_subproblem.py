@@ -30,7 +30,7 @@ from typing import Any, NamedTuple
 
 import clarabel
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 from scipy import sparse
 
 from paretoik.errors import SolverFailed
@@ -254,7 +254,15 @@ class ConvexSubproblem:
         mask[: self._rows] = False
         mask[near] = True
         vector = np.append(1.0, numbers)[self._order]
-        A, b = self._cut(self._matrix @ vector, mask)
+        # a and b of the rows in a ``mask``; cvxpy's rows are A x + b
+        entries = self._matrix @ vector
+        chosen = mask[self._indices]
+        row = (np.cumsum(mask) - 1)[self._indices[chosen]]
+        indptr = np.append(0, np.cumsum(chosen))[self._indptr]
+        entries, last = entries[chosen], indptr[-2]
+        b = np.zeros(np.count_nonzero(mask))
+        b[row[last:]] = entries[last:]
+        A = sparse.csc_matrix((-entries[:last], row[:last], indptr[:-1]), shape=(len(b), self._variables))
         linear = len(b) - self._equalities - sum(self._cones)
         cones: list[Any] = [
             *([clarabel.ZeroConeT(self._equalities)] if self._equalities else []),
@@ -279,16 +287,6 @@ class ConvexSubproblem:
             multipliers=multipliers,
             cone_multipliers=constraints.cone_multipliers(dual[len(dual) - cone_rows :]),
         )
-
-    def _cut(self, entries: np.ndarray, mask: Bool[np.ndarray, " rows"]) -> tuple[sparse.csc_matrix, np.ndarray]:
-        """Return A and b of the rows in a ``mask``; cvxpy's rows are A x + b."""
-        chosen = mask[self._indices]
-        row = (np.cumsum(mask) - 1)[self._indices[chosen]]
-        indptr = np.append(0, np.cumsum(chosen))[self._indptr]
-        entries, last = entries[chosen], indptr[-2]
-        b = np.zeros(np.count_nonzero(mask))
-        b[row[last:]] = entries[last:]
-        return sparse.csc_matrix((-entries[:last], row[:last], indptr[:-1]), shape=(len(b), self._variables)), b
 
     def _quadratic(self, hessian: sparse.csr_array | None) -> sparse.csc_matrix:
         """Return P: the upper triangle of the Hessian, if any, in the rows and columns of d."""

@@ -165,14 +165,33 @@ def move(
     arrived = followed is not None and followed.share >= 1.0
     others = neighbours
     if followed is not None and arrived:
-        others = _rivals(program, front, followed.optimum.x, neighbours, goal, between)
+        # the best known point better than x, else the neighbours in other valleys
+        count = front.objectives.shape[1]
+        merit = float(goal.weights @ program.evaluate(followed.optimum.x)[0])
+        merits = front.objectives @ goal.weights[:count]
+        feasible = (front.objectives @ goal.rows[:, :count].T <= goal.upper + FEASIBLE).all(axis=1)
+        better = np.flatnonzero(feasible & (merits < merit + OPTIONS.better))
+        if len(better):
+            others = [int(better[np.argmin(merits[better])])]
+        else:
+            ranges = np.ptp(front.objectives, axis=0)
+            others = [i for i in neighbours if has_barrier(program, followed.optimum.x, front.x[i], between, ranges)]
     branches = [followed, *(_follow(program, front, i, goal) for i in others)]
     candidates = [each.optimum.x for each in branches if each is not None and each.share >= 1.0]
     best = _best(program, candidates, goal)
     # solve again if the move leaves its branch, also from behind a jump
     leaves = not arrived or best is not candidates[0]
     if leaves:
-        starts = _starts(front, start, aim, followed, neighbours if best is None else [], between)
+        # a solver's starts: the branch's end, the start, neighbours and points between
+        starts = [front.x[start]]
+        if followed is not None and 0.0 < followed.share < 1.0:
+            starts.insert(0, followed.optimum.x)
+        gains = _gains(front, aim)
+        for i in neighbours if best is None else []:
+            starts.append(front.x[i])
+            share = aim.wish.by / max(float(gains[i]), 1e-300)
+            if share < 1.0:
+                starts += list(between(front.x[start], front.x[i], np.array([share])))
         candidates += _solve(program, starts, goal, OPTIONS.barriers, solver)
     behind, is_curve = _behind(front, start, aim), len(aim.ranges) == 2  # points of a surface have no order
     if leaves or (is_curve and (others or has_barrier(program, front.x[start], front.x[behind], between, aim.ranges))):
@@ -244,36 +263,6 @@ def _gains(front: FrontPoints, aim: Aim) -> Float[np.ndarray, " points"]:
     """Return the gains of known points over the start in the improved objective, as shares of its range."""
     k = aim.wish.improve
     return np.asarray((aim.start[k] - front.objectives[:, k]) / aim.ranges[k])
-
-
-def _rivals(
-    program: Program, front: FrontPoints, x: Point, neighbours: list[int], goal: Goal, between: Between
-) -> list[int]:
-    """Return the best known point better than x, else the neighbours in other valleys."""
-    count = front.objectives.shape[1]
-    merit, merits = float(goal.weights @ program.evaluate(x)[0]), front.objectives @ goal.weights[:count]
-    feasible = (front.objectives @ goal.rows[:, :count].T <= goal.upper + FEASIBLE).all(axis=1)
-    better = np.flatnonzero(feasible & (merits < merit + OPTIONS.better))
-    if len(better):
-        return [int(better[np.argmin(merits[better])])]
-    ranges = np.ptp(front.objectives, axis=0)
-    return [i for i in neighbours if has_barrier(program, x, front.x[i], between, ranges)]
-
-
-def _starts(
-    front: FrontPoints, start: int, aim: Aim, followed: Continuation | None, neighbours: list[int], between: Between
-) -> list[Point]:
-    """Return a solver's starts: the branch's end, the start, neighbours and points between."""
-    starts = [front.x[start]]
-    if followed is not None and 0.0 < followed.share < 1.0:
-        starts.insert(0, followed.optimum.x)
-    gains = _gains(front, aim)
-    for i in neighbours:
-        starts.append(front.x[i])
-        share = aim.wish.by / max(float(gains[i]), 1e-300)
-        if share < 1.0:
-            starts += list(between(front.x[start], front.x[i], np.array([share])))
-    return starts
 
 
 def _behind(front: FrontPoints, start: int, aim: Aim) -> int:

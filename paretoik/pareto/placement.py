@@ -241,48 +241,41 @@ def next_targets(gaps: Sequence[Gap], values: Float[np.ndarray, "points 2"], poi
     if not gaps:
         return []
     missing = points - len(values)
-    targets = _missing_targets(gaps, missing) if missing > 0 else _replacements(gaps, values, points)
+    if missing > 0:
+        # the best place in every gap that gets points; each missing point goes to the largest gain
+        totals, full = np.zeros(len(gaps), dtype=int), OPTIONS.places + 2
+        gains = np.array([gap.subsets.volume(3) for gap in gaps])
+        for _ in range(missing):
+            k = int(np.argmax(gains))
+            totals[k] += 1
+            now, more = (min(2 + int(totals[k]) + extra, full) for extra in (0, 1))
+            gains[k] = gaps[k].subsets.volume(more) - gaps[k].subsets.volume(now)
+        targets = list[Target]()
+        for i in np.flatnonzero(totals).tolist():
+            curve = gaps[i].places
+            rows = gaps[i].subsets.rows(min(2 + int(totals[i]), full))[1:-1]
+            gain = (curve[-1, 0] - curve[rows, 0]) * (curve[0, 1] - curve[rows, 1])
+            best = int(np.argmax(gain))
+            targets.append(Target(gap=i, values=curve[rows[best]], gain=float(gain[best])))
+    else:
+        # the places in the best subset of non-dominated points and places in order; the gap of each, −1 for a point
+        step = -(-OPTIONS.places * len(gaps) // OPTIONS.total)
+        inner = [gap.places[1 + step // 2 : -1 : step] for gap in gaps]
+        owners = np.concatenate([np.full(len(values), -1), *(np.full(len(each), i) for i, each in enumerate(inner))])
+        places = np.concatenate([values, *inner])
+        order = np.lexsort((places[:, 1], places[:, 0]))
+        lowest = np.minimum.accumulate(np.append(np.inf, places[order, 1]))[:-1]
+        order = order[places[order, 1] < lowest]
+        candidates, owners = places[order], owners[order]
+        enough = OPTIONS.gain * sum(gap.area for gap in gaps)
+        chosen = best_rows(candidates, points, np.where(owners >= 0, enough, 0.0))
+        targets = [
+            Target(
+                gap=int(owners[row]),
+                values=candidates[row],
+                gain=float((candidates[after, 0] - candidates[row, 0]) * (candidates[before, 1] - candidates[row, 1])),
+            )
+            for before, row, after in zip(chosen[:-2], chosen[1:-1], chosen[2:], strict=True)
+            if owners[row] >= 0
+        ]
     return sorted(targets, key=lambda target: -target.gain)
-
-
-def _missing_targets(gaps: Sequence[Gap], missing: int) -> list[Target]:
-    """Return the best place in every gap that gets points; each missing point goes to the largest gain."""
-    totals, full = np.zeros(len(gaps), dtype=int), OPTIONS.places + 2
-    gains = np.array([gap.subsets.volume(3) for gap in gaps])
-    for _ in range(missing):
-        k = int(np.argmax(gains))
-        totals[k] += 1
-        points, more = (min(2 + int(totals[k]) + extra, full) for extra in (0, 1))
-        gains[k] = gaps[k].subsets.volume(more) - gaps[k].subsets.volume(points)
-    targets = list[Target]()
-    for i in np.flatnonzero(totals).tolist():
-        places = gaps[i].places
-        rows = gaps[i].subsets.rows(min(2 + int(totals[i]), full))[1:-1]
-        gain = (places[-1, 0] - places[rows, 0]) * (places[0, 1] - places[rows, 1])
-        best = int(np.argmax(gain))
-        targets.append(Target(gap=i, values=places[rows[best]], gain=float(gain[best])))
-    return targets
-
-
-def _replacements(gaps: Sequence[Gap], values: Float[np.ndarray, "points 2"], points: int) -> list[Target]:
-    """Return the places in the best subset of points and places."""
-    # the non-dominated points and places in order, and the gap of each (−1 for a point)
-    step = -(-OPTIONS.places * len(gaps) // OPTIONS.total)
-    inner = [gap.places[1 + step // 2 : -1 : step] for gap in gaps]
-    owners = np.concatenate([np.full(len(values), -1), *(np.full(len(each), i) for i, each in enumerate(inner))])
-    places = np.concatenate([values, *inner])
-    order = np.lexsort((places[:, 1], places[:, 0]))
-    lowest = np.minimum.accumulate(np.append(np.inf, places[order, 1]))[:-1]
-    order = order[places[order, 1] < lowest]
-    candidates, owners = places[order], owners[order]
-    enough = OPTIONS.gain * sum(gap.area for gap in gaps)
-    chosen = best_rows(candidates, points, np.where(owners >= 0, enough, 0.0))
-    return [
-        Target(
-            gap=int(owners[row]),
-            values=candidates[row],
-            gain=float((candidates[after, 0] - candidates[row, 0]) * (candidates[before, 1] - candidates[row, 1])),
-        )
-        for before, row, after in zip(chosen[:-2], chosen[1:-1], chosen[2:], strict=True)
-        if owners[row] >= 0
-    ]

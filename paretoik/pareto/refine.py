@@ -182,7 +182,20 @@ def _refine_here(
         points, converged = x[rows], np.zeros(len(rows), dtype=bool)
         try:
             _refine_rows(program, points, converged, attempts, n_obj, solver)
-            _leave_weak_optima(program, points, attempts[1], solver)
+            # replace weak optima, where an objective has no weight, in place, by points that gain at no cost
+            below = attempts[1]
+            n_obj = len(below.rows)
+            weak = np.flatnonzero(weights_at(program, points, n_obj).min(axis=1, initial=1.0) < OPTIONS.no_weight)
+            if len(weak):
+                before = evaluate_points(program, points[weak])
+                upper = before.objectives @ below.rows.T
+                solutions = minimise(
+                    program, points[weak], below.weights, upper, below.options, rows=below.rows, solver=solver
+                )
+                gain = (before.objectives - solutions.objectives)[:, :n_obj].max(axis=1)
+                better = _no_worse(program, points[weak], solutions, n_obj) & (solutions.violation <= OPTIONS.violation)
+                accepted = better & (gain > OPTIONS.gain)
+                points[weak[accepted]] = solutions.x[accepted]
         except Interrupted as signal:
             interruption.append(signal)
         yield from stored.items()
@@ -271,24 +284,6 @@ def _refine_rows(
         if solver != "sqp" and can_follow(program):
             for i in better[~converged[better]]:
                 _correct(program, x, converged, int(i), attempt)
-
-
-def _leave_weak_optima(program: Program, x: Points, below: _Attempt, solver: Solver) -> None:
-    """Replace weak optima, where an objective has no weight, in place, by points that gain at no cost.
-
-    Raises Interrupted after a signal.
-    """
-    n_obj = len(below.rows)
-    rows = np.flatnonzero(weights_at(program, x, n_obj).min(axis=1, initial=1.0) < OPTIONS.no_weight)
-    if not len(rows):
-        return
-    before = evaluate_points(program, x[rows])
-    upper = before.objectives @ below.rows.T
-    solutions = minimise(program, x[rows], below.weights, upper, below.options, rows=below.rows, solver=solver)
-    gain = (before.objectives - solutions.objectives)[:, :n_obj].max(axis=1)
-    better = _no_worse(program, x[rows], solutions, n_obj) & (solutions.violation <= OPTIONS.violation)
-    accepted = better & (gain > OPTIONS.gain)
-    x[rows[accepted]] = solutions.x[accepted]
 
 
 def _keep(

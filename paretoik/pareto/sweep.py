@@ -263,7 +263,13 @@ class Sweep:
         self.cold_points, self.further = cold_points, further / 2
         while True:
             rows = self.front()
-            pairs, gaps = self._gaps(rows)
+            # the gaps that may contain new points, between neighbours and on the hull, and their ends. If tangents of
+            # hull neighbours agree, there may be a branch below the points between them
+            hull = [(int(rows[i]), int(rows[j])) for i, j in hull_pairs(self._values[rows])]
+            pairs = [*pairwise(rows.tolist()), *hull]
+            pairs = [pair for pair in pairs if len(self.tried.get(pair, ())) < self.n_obj]
+            pairs = [pair for pair in pairs if pair not in hull or not self._gap(pair).contradicts]
+            gaps = [self._gap(pair) for pair in pairs]
             targets = next_targets(gaps, self._values[rows], self.points)
             if enough := len(rows) >= self.points:
                 self.phase = "gap filling"
@@ -277,7 +283,22 @@ class Sweep:
             for target in targets if enough else targets[:1]:
                 pair = pairs[target.gap]
                 if len(self.tried.get(pair, ())) < self.n_obj:
-                    self._place(pair, gaps[target.gap], target, cold if self.cold_points > 0 else None)
+                    # minimise to a target across the longer untried side of a gap
+                    ends, levels = self._values[list(pair)], self._levels(pair, target)
+                    main, upper = levels[0].main, levels[0].upper
+                    weights = main_weights(self.n_obj, np.array([main]), OPTIONS.weight)
+                    solutions = self.solve(levels[:1])
+                    corner = ends.max(axis=0)
+                    expected = (1 - OPTIONS.falls_short) * np.prod(corner - target.values)
+                    if gaps[target.gap].contradicts or not self._gain(solutions, corner) >= expected:
+                        solutions = concatenate([solutions, self.solve(levels[1:])])
+                    solutions = solutions[solutions.converged]
+                    if self.cold_points > 0:
+                        optima = cold.optima_below(self.program, main, upper, OPTIONS.weight)
+                        if optima is not None:
+                            solutions = concatenate([solutions, optima[optima.converged][: OPTIONS.cold_optima]])
+                    if not self._add_new(solutions, weights, corner) or self._gain(solutions, corner) < expected / 2:
+                        self.tried.setdefault(pair, []).append(main)
                     self.cold_points -= 1
                     self.further -= enough
 
@@ -302,38 +323,11 @@ class Sweep:
             weights = main_weights(2, np.array([main]), OPTIONS.weight)
             self._add_new(solutions[solutions.converged], weights, levels[0].upper)
 
-    def _gaps(self, rows: Int[np.ndarray, " front"]) -> tuple[list[tuple[int, int]], list[Gap]]:
-        """Return the gaps that may contain new points, between neighbours and on the hull, and their ends.
-
-        If tangents of hull neighbours agree, there may be a branch below the points between them.
-        """
-        hull = [(int(rows[i]), int(rows[j])) for i, j in hull_pairs(self._values[rows])]
-        pairs = [*pairwise(rows.tolist()), *hull]
-        pairs = [pair for pair in pairs if len(self.tried.get(pair, ())) < self.n_obj]
-        pairs = [pair for pair in pairs if pair not in hull or not self._gap(pair).contradicts]
-        return pairs, [self._gap(pair) for pair in pairs]
-
     def _gap(self, pair: tuple[int, int]) -> Gap:
         """Return the gap between two rows; rows never change."""
         if pair not in self.gaps:
             self.gaps[pair] = gap_between(self._values[list(pair)], self.weights[list(pair)])
         return self.gaps[pair]
-
-    def _place(self, pair: tuple[int, int], gap: Gap, target: Target, cold: ColdSearch | None) -> None:
-        """Minimise to a target across the longer untried side of a gap."""
-        ends, levels = self._values[list(pair)], self._levels(pair, target)
-        main, upper = levels[0].main, levels[0].upper
-        weights = main_weights(self.n_obj, np.array([main]), OPTIONS.weight)
-        solutions = self.solve(levels[:1])
-        expected, corner = (1 - OPTIONS.falls_short) * np.prod(ends.max(axis=0) - target.values), ends.max(axis=0)
-        if gap.contradicts or not self._gain(solutions, corner) >= expected:
-            solutions = concatenate([solutions, self.solve(levels[1:])])
-        solutions = solutions[solutions.converged]
-        optima = None if cold is None else cold.optima_below(self.program, main, upper, OPTIONS.weight)
-        if optima is not None:
-            solutions = concatenate([solutions, optima[optima.converged][: OPTIONS.cold_optima]])
-        if not self._add_new(solutions, weights, corner) or self._gain(solutions, corner) < expected / 2:
-            self.tried.setdefault(pair, []).append(main)
 
     def _levels(self, pair: tuple[int, int], target: Target) -> list[Level]:
         """Return the levels to a target across a gap's longer untried side, nearer end first."""

@@ -41,7 +41,7 @@ def minimise(derivatives, hessian, row, column, inputs, horizon, dof, rows):
     indefinite reduced Hessian is regularised. Source: Nocedal & Wright, Numerical Optimization, algorithm 3.3 and
     section 16.2; Gabay 1982.
     """
-    size, count, free = horizon * dof, horizon * rows, horizon * (dof - rows)
+    size, count, free, shape = horizon * dof, horizon * rows, horizon * (dof - rows), (horizon, dof, rows)
     first_multiplier = inputs.shape[0] - dof - count
     outputs = np.empty((1 + size + count + count * dof, 1))
     flat, variables = outputs.reshape(outputs.shape[0]), inputs.reshape(inputs.shape[0])
@@ -50,19 +50,33 @@ def minimise(derivatives, hessian, row, column, inputs, horizon, dof, rows):
     reduced, factor = np.empty((free, free)), np.empty((free, free))
     direction, slope = np.empty(free), np.empty(free)
     factors, work = np.empty((horizon, rows, rows)), np.empty(rows)
-    if not _retract(derivatives, inputs, outputs, factors, work, horizon, dof, rows):
+    if not _retract(derivatives, inputs, outputs, factors, work, shape):
         return outputs[0, 0], False, 0
     for iteration in range(OPTIONS.iterations):
         value, largest = outputs[0, 0], 0.0
         gradient = flat[1 : 1 + size]
         J = flat[1 + size + count :].reshape((horizon, rows, dof))
-        _least_squares_multipliers(J, factors, gradient, variables[first_multiplier : first_multiplier + count], work)
+        # the multipliers ν that minimise ‖∇f + Jᵀν‖ (Nocedal & Wright, Eq. 18.21)
+        for k in range(horizon):
+            for i in range(rows):
+                total = 0.0
+                for j in range(dof):
+                    total -= J[k, i, j] * gradient[k * dof + j]
+                work[i] = total
+            solve_cholesky(factors[k], work)
+            for i in range(rows):
+                variables[first_multiplier + k * rows + i] = work[i]
         for k in range(horizon):
             block = basis[k * dof : (k + 1) * dof, k * (dof - rows) : (k + 1) * (dof - rows)]
             _null_basis(J[k], factors[k], work, block)
         for j in range(size):
             largest = max(largest, abs(gradient[j]))
-        residual = _reduce_gradient(gradient, basis, slope)
+        residual = 0.0
+        for a in range(basis.shape[1]):
+            slope[a] = 0.0
+            for j in range(basis.shape[0]):
+                slope[a] += basis[j, a] * gradient[j]
+            residual = max(residual, abs(slope[a]))
         if residual <= OPTIONS.stationarity * largest:
             return value, True, iteration
         run(hessian, inputs, entries)
@@ -80,15 +94,14 @@ def minimise(derivatives, hessian, row, column, inputs, horizon, dof, rows):
             step[j] = 0.0
             for a in range(free):
                 step[j] -= basis[j, a] * direction[a]
-        if not _line_search(
-            derivatives, inputs, outputs, step, value, decrease, factors, work, horizon, dof, rows
-        ):  # rounding hides any further descent
+        if not _line_search(derivatives, inputs, outputs, step, value, decrease, factors, work, shape):
+            # rounding hides any further descent
             return value, residual <= OPTIONS.stalled_stationarity * largest, iteration
     return outputs[0, 0], False, OPTIONS.iterations
 
 
 @compiled
-def _line_search(derivatives, inputs, outputs, step, value, decrease, factors, work, horizon, dof, rows):
+def _line_search(derivatives, inputs, outputs, step, value, decrease, factors, work, shape):
     """Take the longest step of a shrinking sequence with sufficient decrease; return whether there is one.
 
     Without one the positions do not change.
@@ -102,7 +115,7 @@ def _line_search(derivatives, inputs, outputs, step, value, decrease, factors, w
     while True:
         for j in range(size):
             inputs[j, 0] = start[j] + length * step[j]
-        feasible = _retract(derivatives, inputs, outputs, factors, work, horizon, dof, rows)
+        feasible = _retract(derivatives, inputs, outputs, factors, work, shape)
         upper = value - OPTIONS.sufficient_decrease * length * decrease + 1e-14 * abs(value)
         if feasible and outputs[0, 0] <= upper:
             return True
@@ -115,11 +128,12 @@ def _line_search(derivatives, inputs, outputs, step, value, decrease, factors, w
 
 
 @compiled
-def _retract(derivatives, inputs, outputs, factors, work, horizon, dof, rows):
+def _retract(derivatives, inputs, outputs, factors, work, shape):
     """Correct positions onto the path by Newton's method with shortest steps; return whether it converges.
 
     ``outputs`` are those of the program at the positions, ``factors`` the Cholesky factors of every sample's J Jᵀ.
     """
+    horizon, dof, rows = shape
     size, count = horizon * dof, horizon * rows
     square, previous, flat = np.empty((rows, rows)), np.inf, outputs.reshape(outputs.shape[0])
     unweighted = np.ones(dof)
@@ -180,32 +194,6 @@ def _null_basis(J, factor, work, basis):
                 product += basis[k, a] * projected[k, j]
             for k in range(dof):
                 projected[k, j] -= product * basis[k, a]
-
-
-@compiled
-def _least_squares_multipliers(J, factors, gradient, multipliers, work):
-    """Write the multipliers that minimise ‖∇f + Jᵀν‖. Source: Nocedal & Wright, Eq. 18.21."""
-    horizon, rows, dof = J.shape
-    for k in range(horizon):
-        for i in range(rows):
-            total = 0.0
-            for j in range(dof):
-                total -= J[k, i, j] * gradient[k * dof + j]
-            work[i] = total
-        solve_cholesky(factors[k], work)
-        for i in range(rows):
-            multipliers[k * rows + i] = work[i]
-
-
-@compiled
-def _reduce_gradient(gradient, basis, reduced):
-    largest = 0.0
-    for a in range(basis.shape[1]):
-        reduced[a] = 0.0
-        for j in range(basis.shape[0]):
-            reduced[a] += basis[j, a] * gradient[j]
-        largest = max(largest, abs(reduced[a]))
-    return largest
 
 
 @compiled

@@ -88,17 +88,17 @@ FEEDBACK, REGION, DAMPING, BUFFER, REPULSION, BAND = 0, 1, 2, 3, 4, 5  # columns
 
 
 @compiled
-def follow(first, last, parts, table, steps, limits, modes, settings, gains, scaling, traces):
+def follow(first, last, parts, table, steps, limits, method, traces):
     """Follow the motions ``first`` to ``last`` of a batch; all results are in ``traces``.
 
     table: data (time, rows) of the step program
     steps: times between samples (time − 1)
     limits: lower limit, upper limit and range (1 or time, dof, 3)
-    modes: kind of joint weights, whether the projector is the paper's, whether criteria are normalised
-    settings: numbers of the method (motions, columns)
-    gains: gain and rank of each criterion, 0 for the first (motions, criteria, 2)
-    scaling: sign (−1 if maximised), reference and scale of each criterion (criteria, 3)
+    method: modes (kind of joint weights, whether the projector is the paper's, whether criteria are normalised),
+        settings (motions, columns), gain and rank of each criterion, 0 for the first (motions, criteria, 2), and sign
+        (−1 if maximised), reference and scale of each criterion (criteria, 3)
     """
+    modes, settings, gains, scaling = method
     q, errors, damping, weights, coefficients, repulsion, projected, velocities, status = traces
     time, n = q.shape[1], q.shape[2]
     rows, criteria = errors.shape[2], scaling.shape[0]
@@ -122,10 +122,8 @@ def follow(first, last, parts, table, steps, limits, modes, settings, gains, sca
                 continue
             dt, at = steps[k], min(k, limits.shape[0] - 1)
             _read_task(outputs[:, local], dt, settings[motion, FEEDBACK], v, J)
-            if weighting == LEAST_NORM:
-                _weight_by_norm(q[motion, k], limits[at], previous_slope[local], D, E, weights[motion, k])
-            elif weighting == CLAMPING:
-                _clamp(q[motion, k], limits[at], settings[motion], D, E, repulsive, weights[motion, k])
+            slope, joints = previous_slope[local], (D, E, repulsive)
+            _weigh_joints(weighting, q[motion, k], limits[at], settings[motion], slope, joints, weights[motion, k])
             weighted_square(J, D, A)
             squared = squared_damping(A, settings[motion, REGION], settings[motion, DAMPING], factor, work)
             for i in range(rows):
@@ -135,9 +133,8 @@ def follow(first, last, parts, table, steps, limits, modes, settings, gains, sca
             if not cholesky(A, factor):
                 repulsion[motion, k] = repulsive
                 velocities[motion, k] = repulsive
-                _limit_step(motion, k, _largest_move(dt, repulsive), velocities, repulsion, projected, status)
+                _take_step(motion, k, dt, _largest_move(dt, repulsive), q, velocities, repulsion, projected, status)
                 status[motion, k] = HELD
-                _advance(motion, k, dt, q, velocities)
                 continue
             if weighting == UNWEIGHTED or squared > 0.0:
                 solve_cholesky(factor, v)
@@ -158,8 +155,7 @@ def follow(first, last, parts, table, steps, limits, modes, settings, gains, sca
                 _project(J, D, E, factor, printed, z, v, projected[motion, k, c])
                 _add(velocities[motion, k], projected[motion, k, c])
             largest = _largest_move(dt, velocities[motion, k])
-            _limit_step(motion, k, largest, velocities, repulsion, projected, status)
-            _advance(motion, k, dt, q, velocities)
+            _take_step(motion, k, dt, largest, q, velocities, repulsion, projected, status)
 
 
 @compiled
@@ -236,23 +232,23 @@ def _largest_move(dt, velocities):
 
 
 @compiled
-def _weight_by_norm(q, limits, previous_slope, D, E, weights):
-    """Write the inverse weights of the weighted least norm, and the weights."""
-    for j in range(q.shape[0]):
-        E[j] = least_norm_weight(q[j], limits[j, 0], limits[j, 1], limits[j, 2], previous_slope, j)
-        weights[j] = 1.0 / E[j]
-        D[j] = E[j]
+def _weigh_joints(weighting, q, limits, settings, previous_slope, joints, weights):
+    """Write joint weights: those of the weighted least norm, or clamping weights with a repulsion from limits.
 
-
-@compiled
-def _clamp(q, limits, settings, D, E, repulsive, weights):
-    """Write the clamping weights and the repulsion from position limits. Source: Wan et al. 2018, Eqs. 15 to 20."""
-    for j in range(q.shape[0]):
-        depth = buffer_depth(q[j], limits[j, 0], limits[j, 1], settings[BUFFER] * limits[j, 2])
-        E[j] = clamping_weight(depth)
-        repulsive[j] = -(1.0 - E[j]) * depth * settings[REPULSION] if limits[j, 2] > 0.0 else 0.0
-        weights[j] = E[j]
-        D[j] = E[j] * E[j]
+    ``joints`` are D, E and the repulsion. Source: Wan et al. 2018, Eqs. 15 to 20.
+    """
+    D, E, repulsive = joints
+    for j in range(q.shape[0] if weighting != UNWEIGHTED else 0):
+        lower, upper, span = limits[j, 0], limits[j, 1], limits[j, 2]
+        if weighting == LEAST_NORM:
+            D[j] = E[j] = least_norm_weight(q[j], lower, upper, span, previous_slope, j)
+            weights[j] = 1.0 / E[j]
+        else:
+            depth = buffer_depth(q[j], lower, upper, settings[BUFFER] * span)
+            E[j] = clamping_weight(depth)
+            repulsive[j] = -(1.0 - E[j]) * depth * settings[REPULSION] if span > 0.0 else 0.0
+            weights[j] = E[j]
+            D[j] = E[j] * E[j]
 
 
 @compiled
@@ -307,28 +303,22 @@ def step(k, dt, jacobian, task_velocity, secondary, q, velocities, repulsion, pr
                     shortest += J[i, j] * task_only[i]
                 velocities[motion, k, j], projected[motion, k, 0, j] = velocity, velocity - shortest
                 largest = np.maximum(largest, abs(dt * velocity))  # NaN stays
-        _limit_step(motion, k, largest, velocities, repulsion, projected, status)
-        _advance(motion, k, dt, q, velocities)
+        _take_step(motion, k, dt, largest, q, velocities, repulsion, projected, status)
 
 
 @compiled
-def _limit_step(motion, k, largest, velocities, repulsion, projected, status):
-    """Shorten a step whose largest move is too long; take no step if it is not finite."""
+def _take_step(motion, k, dt, largest, q, velocities, repulsion, projected, status):
+    """Take a step, shortened if its largest move is too long; take none if it is not finite."""
     limit = 1.0  # rad or m: largest move of a joint in one step; a Jacobian is useless farther away
-    if largest < np.inf and largest <= limit:
-        return
-    stops = not largest < np.inf
-    status[motion, k] = HELD if stops else SHORTENED
-    share = 0.0 if stops else limit / largest
-    for j in range(velocities.shape[2]):
-        velocities[motion, k, j] = 0.0 if stops else share * velocities[motion, k, j]
-        repulsion[motion, k, j] = 0.0 if stops else share * repulsion[motion, k, j]
-        for c in range(projected.shape[2]):
-            projected[motion, k, c, j] = 0.0 if stops else share * projected[motion, k, c, j]
-
-
-@compiled
-def _advance(motion, k, dt, q, velocities):
+    if not (largest < np.inf and largest <= limit):
+        stops = not largest < np.inf
+        status[motion, k] = HELD if stops else SHORTENED
+        share = 0.0 if stops else limit / largest
+        for j in range(velocities.shape[2]):
+            velocities[motion, k, j] = 0.0 if stops else share * velocities[motion, k, j]
+            repulsion[motion, k, j] = 0.0 if stops else share * repulsion[motion, k, j]
+            for c in range(projected.shape[2]):
+                projected[motion, k, c, j] = 0.0 if stops else share * projected[motion, k, c, j]
     for j in range(q.shape[2]):
         q[motion, k + 1, j] = q[motion, k, j] + dt * velocities[motion, k, j]
 

@@ -104,7 +104,7 @@ class VelocityMethod(Method):
         scales = np.array(scaling).reshape(len(criteria), 3)
         clamps = self._weighting == CLAMPING  # then criteria are normalised, and the projector may be the paper's
         modes = self._weighting, getattr(self, "variant", "") == "paper", clamps
-        inputs = program.table, np.diff(task.times), bounds, modes, settings, gains, scales
+        inputs = program.table, np.diff(task.times), bounds, (modes, settings, gains, scales)
         outputs = (q, *traces.values())
 
         def run(first: int, last: int) -> None:

@@ -292,27 +292,24 @@ class Predictor:
         elif self._due and self._due[0] <= k:
             last, self._due = self._due[-1], [update for update in self._due if update > k]
             if k <= last:
-                self._update(k, q, dq, ddq)
+                begin = time.perf_counter()
+                horizon, stride = self.schedule.horizon, self.schedule.stride
+                targets = self.task.targets[k + stride * np.arange(1, horizon + 1)]
+                if len(self._spline):
+                    instants = (k - self._origin) / stride + np.arange(1, horizon + 1)
+                    guess = np.stack([spline_position(self._spline, t) for t in instants.tolist()])
+                else:
+                    guess = self._initial_guess(q, targets)
+                solution = self.solver.solve(guess, q, dq, targets)
+                if not solution.converged and len(self._spline):
+                    solution = self.solver.solve(self._initial_guess(q, targets), q, dq, targets)
+                if solution.converged or not len(self._spline):
+                    unit = stride * float(self.task.times[1] - self.task.times[0])
+                    points = np.concatenate([q[None], solution.q])
+                    self._origin, self._spline = k, self.make_spline(points, unit * dq, unit**2 * ddq)
+                self.updates.append((k, solution, time.perf_counter() - begin))
         t = (k + 1 - self._origin) / self.schedule.stride
         return spline_position(self._spline, t) if t <= len(self._spline) else q
-
-    def _update(self, k: int, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> None:
-        begin = time.perf_counter()
-        horizon, stride = self.schedule.horizon, self.schedule.stride
-        targets = self.task.targets[k + stride * np.arange(1, horizon + 1)]
-        if len(self._spline):
-            instants = (k - self._origin) / stride + np.arange(1, horizon + 1)
-            guess = np.stack([spline_position(self._spline, t) for t in instants.tolist()])
-        else:
-            guess = self._initial_guess(q, targets)
-        solution = self.solver.solve(guess, q, dq, targets)
-        if not solution.converged and len(self._spline):
-            solution = self.solver.solve(self._initial_guess(q, targets), q, dq, targets)
-        if solution.converged or not len(self._spline):
-            unit = stride * float(self.task.times[1] - self.task.times[0])
-            points = np.concatenate([q[None], solution.q])
-            self._origin, self._spline = k, self.make_spline(points, unit * dq, unit**2 * ddq)
-        self.updates.append((k, solution, time.perf_counter() - begin))
 
     def _initial_guess(self, q: np.ndarray, targets: np.ndarray) -> np.ndarray:
         """Return positions along the path, each the nearest to the one before."""

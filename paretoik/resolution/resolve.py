@@ -87,10 +87,31 @@ def resolution_of(
         limits=limits,
         obstacles=obstacles,
         link_radius=link_radius,
+        differences="backward",
     )
     starts = _starts(task, start, seed)
     if isinstance(method, ConstrainedQP):
-        _check_limits(task, limits, starts.reshape(-1, arm.dof)[: None if unreachable == "refuse" else 0])
+        # limits that rates cannot satisfy, and starts past limits, are refused
+        first = starts.reshape(-1, arm.dof)[: None if unreachable == "refuse" else 0]
+        for kind in ("torque", "power"):
+            if getattr(limits, kind, None) is not None:
+                kept = "position, velocity, acceleration and clearance"
+                raise InvalidInput(f"limits: ConstrainedQP keeps {kept}, got {kind}")
+        lower, upper = task.bounds.get("position", task.arm.position_limits[None])[0].T
+        excess = np.maximum(first - upper, lower - first).max(axis=0, initial=-np.inf)
+        if (excess > LIMIT_TOLERANCE).any():
+            joint = int(excess.argmax())
+            raise InvalidInput(
+                "start: joints must be within their position limits for ConstrainedQP, got "
+                f'{task.arm.joint_names[joint]} {excess[joint]:.3g} past one; unreachable="track" brings it back'
+            )
+        if task.obstacles and first.size:
+            smallest = float(clearance(task.obstacles, link_nodes(task.arm, first), task.link_radius).min())
+            if smallest < task.min_clearance - LIMIT_TOLERANCE:
+                raise InvalidInput(
+                    f"start: links must be {task.min_clearance:g} m clear of obstacles for ConstrainedQP, got "
+                    f'{smallest:.3g} m; unreachable="track" moves away from them'
+                )
     return Resolution(task=task, method=method, starts=starts, unreachable=unreachable, tolerance=tolerance)
 
 
@@ -158,7 +179,17 @@ def _check_tracking(task: MotionTask, motion: ResolvedMotion, tolerance: float) 
             f'or unreachable="track" given, got {distance}{f"; {hint}" if hint else ""}'
         )
     cause = LOST_STEPS[str(status[i, sample - 1])] if broken[i, sample] else f"{distance} off the path"
-    active = _active_limits(task, motion, i, sample) if status[i, before] == "limited" else ""
+    if status[i, before] == "limited":
+        # in words the active limits of a constrained step to a sample
+        assert isinstance(motion.traces, ConstrainedTraces)
+        limits = motion.traces.active.reshape(-1, *motion.traces.active.shape[-2:])[i, sample - 1]
+        words = [f"{limit} of {joint}" for limit, joint in zip(limits, task.arm.joint_names, strict=False) if limit]
+        if limits[-1]:
+            links = motion.links.reshape(-1, *motion.links.shape[-3:])[i, sample]
+            words.append(f"clearance between {closest_pair(task.obstacles, links, task.link_radius)}")
+        active = " and ".join(words)
+    else:
+        active = ""
     cause += f": {active}" if active else ""
     raise Infeasible(
         f"resolve: {name}{cause} at sample {sample} ({task.times[sample]:.3g} s), where the Jacobian's condition "
@@ -166,37 +197,3 @@ def _check_tracking(task: MotionTask, motion: ResolvedMotion, tolerance: float) 
         motion=motion,
         limit=active,
     )
-
-
-def _active_limits(task: MotionTask, motion: ResolvedMotion, index: int, sample: int) -> str:
-    """Return in words the active limits of a constrained step to a sample."""
-    assert isinstance(motion.traces, ConstrainedTraces)
-    active = motion.traces.active.reshape(-1, *motion.traces.active.shape[-2:])[index, sample - 1]
-    words = [f"{limit} of {joint}" for limit, joint in zip(active, task.arm.joint_names, strict=False) if limit]
-    if active[-1]:
-        links = motion.links.reshape(-1, *motion.links.shape[-3:])[index, sample]
-        words.append(f"clearance between {closest_pair(task.obstacles, links, task.link_radius)}")
-    return " and ".join(words)
-
-
-def _check_limits(task: MotionTask, limits: Limits | None, starts: np.ndarray) -> None:
-    """Raise InvalidInput for limits that rates cannot satisfy, and for starts past limits."""
-    for kind in ("torque", "power"):
-        if getattr(limits, kind, None) is not None:
-            kept = "position, velocity, acceleration and clearance"
-            raise InvalidInput(f"limits: ConstrainedQP keeps {kept}, got {kind}")
-    lower, upper = task.bounds.get("position", task.arm.position_limits[None])[0].T
-    excess = np.maximum(starts - upper, lower - starts).max(axis=0, initial=-np.inf)
-    if (excess > LIMIT_TOLERANCE).any():
-        joint = int(excess.argmax())
-        raise InvalidInput(
-            f"start: joints must be within their position limits for ConstrainedQP, got {task.arm.joint_names[joint]} "
-            f'{excess[joint]:.3g} past one; unreachable="track" brings it back'
-        )
-    if task.obstacles and starts.size:
-        smallest = float(clearance(task.obstacles, link_nodes(task.arm, starts), task.link_radius).min())
-        if smallest < task.min_clearance - LIMIT_TOLERANCE:
-            raise InvalidInput(
-                f"start: links must be {task.min_clearance:g} m clear of obstacles for ConstrainedQP, got "
-                f'{smallest:.3g} m; unreachable="track" moves away from them'
-            )

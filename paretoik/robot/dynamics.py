@@ -143,7 +143,14 @@ def _newton_euler(
                 plus(omega_rate[2], ddq[i]),
             )
             omega = (omega[0], omega[1], plus(omega[2], dq[i]))
-        gradient = _acceleration_gradient(omega, omega_rate)
+        # [ω̇]× + [ω]×[ω]×; times a point of the link it is that point's acceleration relative to the origin
+        x, y, z = omega
+        xx, yy, zz, xy, xz, yz = times(x, x), times(y, y), times(z, z), times(x, y), times(x, z), times(y, z)
+        gradient = (
+            (times(-1.0, plus(yy, zz)), minus(xy, omega_rate[2]), plus(xz, omega_rate[1])),
+            (plus(xy, omega_rate[2]), times(-1.0, plus(xx, zz)), minus(yz, omega_rate[0])),
+            (minus(xz, omega_rate[1]), plus(yz, omega_rate[0]), times(-1.0, plus(xx, yy))),
+        )
         forces.append(add(scale(acceleration, link.mass), apply(gradient, link.first_moment)))
         moments.append(_moment(link, gradient, acceleration))
         origins.append(origin)
@@ -158,17 +165,6 @@ def _newton_euler(
             )
             moment = add(moment, cross(origins[i], force))
     return torque
-
-
-def _acceleration_gradient(omega: Vector, omega_rate: Vector) -> Matrix:
-    """Return [ω̇]× + [ω]×[ω]×; times a point of the link it is that point's acceleration relative to the origin."""
-    x, y, z = omega
-    xx, yy, zz, xy, xz, yz = times(x, x), times(y, y), times(z, z), times(x, y), times(x, z), times(y, z)
-    return (
-        (times(-1.0, plus(yy, zz)), minus(xy, omega_rate[2]), plus(xz, omega_rate[1])),
-        (plus(xy, omega_rate[2]), times(-1.0, plus(xx, zz)), minus(yz, omega_rate[0])),
-        (minus(xz, omega_rate[1]), plus(yz, omega_rate[0]), times(-1.0, plus(xx, yy))),
-    )
 
 
 def _moment(link: LinkConstants, gradient: Matrix, acceleration: Vector) -> Vector:

@@ -13,7 +13,7 @@ from typing import Literal
 
 import numpy as np
 
-from paretoik.arrays import Matrix3, Vector3
+from paretoik.arrays import Matrix3
 from paretoik.errors import InvalidInput, InvalidRobot
 from paretoik.inputs import (
     check_choice,
@@ -433,7 +433,12 @@ def _place_links(chain: Chain) -> tuple[dict[str, Frame], tuple[Pose, ...]]:
         if joint.child in frames or parent is None:
             continue
         if joint.name in numbers:
-            turn = _rotation_of_z(np.array(joint.axis))
+            # a rotation that takes z to ``axis``, of length 1; exact if that is a coordinate axis
+            axis = np.array(joint.axis)
+            smallest = int(np.argmin(np.abs(axis)))
+            x = np.eye(3)[smallest] - axis[smallest] * axis
+            x /= np.linalg.norm(x)
+            turn = Pose.from_matrix(np.column_stack([x, np.cross(axis, x), axis]))
             placements.append(parent.pose @ joint.origin @ turn)
             frames[joint.child] = Frame(link=numbers[joint.name], pose=turn.inverse())
         elif not joint.misplaced or joint.child in chain.links:
@@ -477,12 +482,3 @@ def _merge_links(
     if suspects and inertia_fault(body.inertia):
         return body, tell(suspects, "repair_inertias=True (--repair-inertias) makes its principal moments {}"), notices
     return body, [], [*notices, *tell(suspects, "the body that it is a part of has a real one")]
-
-
-def _rotation_of_z(axis: Vector3) -> Pose:
-    """Return a rotation that takes z to ``axis``, of length 1; exact if that is a coordinate axis."""
-    smallest = int(np.argmin(np.abs(axis)))
-    x = np.eye(3)[smallest] - axis[smallest] * axis
-    x /= np.linalg.norm(x)
-    rotation: Matrix3 = np.column_stack([x, np.cross(axis, x), axis])
-    return Pose.from_matrix(rotation)

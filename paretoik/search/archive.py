@@ -126,23 +126,8 @@ class Archive:
         G = np.column_stack((G, np.abs(H) - slack))
         new = Members(ids, X, F, G, np.full(len(ids), generation, dtype=np.int64))[np.argsort(ids)]
         violation = violations(new.F, new.G, tolerance=tolerance)
-        self._count_failures(new, causes or {})
-        best = int(np.argmin(violation))
-        if np.isfinite(violation[best]) and violation[best] < self._smallest_violation:
-            self._least_violating, self._smallest_violation = new[best : best + 1], float(violation[best])
-
-        # Feasible new points that are non-dominated and no duplicates enter; old points that they dominate leave.
-        old, new = new[:0] if self.members is None else self.members, new[violation <= 0.0]
-        new = new[is_nondominated(np.concatenate((old.F, new.F)), keep_weakly=False)[len(old) :]]
-        new = new[~_duplicates(old.F, new.F)]
-        both = old + new
-        if len(new):
-            both = both[is_nondominated(both.F, keep_weakly=False)]
-        self.members = both if len(both) <= self._capacity else both[_thin(both.F, self._capacity // 2)]
-
-    def _count_failures(self, new: Members, causes: Mapping[int, str]) -> None:
         for row in np.flatnonzero(~np.isfinite(new.F).all(axis=1) | np.isnan(new.G).any(axis=1)):
-            first = self.failed.first_cause or causes.get(int(new.ids[row]))
+            first = self.failed.first_cause or (causes or {}).get(int(new.ids[row]))
             if not first:
                 bad = np.flatnonzero(~np.isfinite(new.F[row]))
                 if bad.size:
@@ -151,16 +136,25 @@ class Archive:
                 else:
                     first = f"constraint {np.flatnonzero(np.isnan(new.G[row]))[0] + 1} is nan"
             self.failed = Failures(self.failed.count + 1, first)
+        best = int(np.argmin(violation))
+        if np.isfinite(violation[best]) and violation[best] < self._smallest_violation:
+            self._least_violating, self._smallest_violation = new[best : best + 1], float(violation[best])
 
-
-def _duplicates(old: Floats, new: Floats) -> Mask:
-    """Return which of ``new`` repeat an old point or an earlier new one, within the tolerance."""
-    points = np.concatenate((old, new))
-    close = np.tri(len(new), len(points), len(old) - 1, dtype=bool)  # only older ones count
-    for axis in range(new.shape[1] if len(new) else 0):
-        reach = OPTIONS.distance_tolerance * np.ptp(points[:, axis])
-        np.logical_and(close, np.abs(points[:, axis] - new[:, axis, None]) <= reach, out=close)
-    return np.asarray(close.any(axis=1))
+        # Feasible new points that are non-dominated and no duplicates enter; old points that they dominate leave.
+        old, new = new[:0] if self.members is None else self.members, new[violation <= 0.0]
+        new = new[is_nondominated(np.concatenate((old.F, new.F)), keep_weakly=False)[len(old) :]]
+        # which of ``new`` repeat an old point or an earlier new one, within the tolerance
+        points = np.concatenate((old.F, new.F))
+        close = np.tri(len(new.F), len(points), len(old.F) - 1, dtype=bool)  # only older ones count
+        for axis in range(new.F.shape[1] if len(new.F) else 0):
+            reach = OPTIONS.distance_tolerance * np.ptp(points[:, axis])
+            np.logical_and(close, np.abs(points[:, axis] - new.F[:, axis, None]) <= reach, out=close)
+        repeated = np.asarray(close.any(axis=1))
+        new = new[~repeated]
+        both = old + new
+        if len(new):
+            both = both[is_nondominated(both.F, keep_weakly=False)]
+        self.members = both if len(both) <= self._capacity else both[_thin(both.F, self._capacity // 2)]
 
 
 def _thin(F: Floats, count: int) -> Integers:

@@ -275,21 +275,18 @@ class Search:
         self._evaluations += len(ids)
         self._candidates = self._infills = self._outcome = None
         if self._stage < self._stages and self._generation == (self._stage + 1) * self._anchors:
-            self._next_stage()
-
-    def _next_stage(self) -> None:
-        """Start the next objective from the same genes, or all objectives from the best of each."""
-        best = column(self._algorithm.pop, "X")[: self._size // (4 * self._stages)]
-        self._anchor_genes = np.concatenate((self._anchor_genes, best))
-        self._stage += 1
-        initial, members = self._initial, self.archive.members
-        if self._stage == self._stages:
-            initial = self._anchor_genes
-            if members is not None:
-                spread = survivors(members.F, np.zeros(len(members)), self._size // 2).index
-                initial = np.concatenate((members.X[spread], initial))
-            initial = np.unique(initial, axis=0)
-        self._algorithm = self._new_algorithm(initial)
+            # start the next objective from the same genes, or all objectives from the best of each
+            best = column(self._algorithm.pop, "X")[: self._size // (4 * self._stages)]
+            self._anchor_genes = np.concatenate((self._anchor_genes, best))
+            self._stage += 1
+            initial, members = self._initial, self.archive.members
+            if self._stage == self._stages:
+                initial = self._anchor_genes
+                if members is not None:
+                    spread = survivors(members.F, np.zeros(len(members)), self._size // 2).index
+                    initial = np.concatenate((members.X[spread], initial))
+                initial = np.unique(initial, axis=0)
+            self._algorithm = self._new_algorithm(initial)
 
     def _new_algorithm(self, initial: ArrayLike | None) -> Any:
         """Return a new algorithm that is ready to be asked; every stage has its own random numbers."""

@@ -59,18 +59,15 @@ class _CheckedEvaluation:
         type(self.problem)._evaluate(self.problem, x, out, *arguments, **named)
         for name in ("F", "G", "H"):
             for values in out[name] if isinstance(out.get(name), list | tuple) else [out.get(name)]:
-                self._check_real(name, values)
-
-    def _check_real(self, name: str, values: Any) -> None:
-        """Raise InvalidInput for masked, complex and textual values; pymoo checks their shape."""
-        wish = f"problem {type(self.problem).__name__}: {name} must be real numbers"
-        try:
-            kind = np.asarray(values).dtype.kind
-        except Exception as error:  # a foreign array may raise anything
-            raise InvalidInput(f"{wish}, got {cause_of(error)}") from None
-        if np.ma.is_masked(values) or kind not in "fiubO":
-            fact = "masked ones" if np.ma.is_masked(values) else "complex ones" if kind == "c" else "text"
-            raise InvalidInput(f"{wish}, got {fact}")
+                # masked, complex and textual values are refused; pymoo checks the shape of others
+                wish = f"problem {type(self.problem).__name__}: {name} must be real numbers"
+                try:
+                    kind = np.asarray(values).dtype.kind
+                except Exception as error:  # a foreign array may raise anything
+                    raise InvalidInput(f"{wish}, got {cause_of(error)}") from None
+                if np.ma.is_masked(values) or kind not in "fiubO":
+                    fact = "masked ones" if np.ma.is_masked(values) else "complex ones" if kind == "c" else "text"
+                    raise InvalidInput(f"{wish}, got {fact}")
 
 
 def evaluate_rows(problem: Any, evaluate: Evaluate, X: Genes) -> Outcome:
@@ -312,7 +309,19 @@ def evolve(
     started = computing_clock()
     try:
         while True:
-            _one_generation(search, evaluation)
+            candidates = search.ask()
+            ids = candidates.ids
+            outcome = evaluate_candidates(search, candidates, evaluation)
+            causes = {int(ids[row]): cause for row, cause in outcome.causes.items()}
+            search.tell(ids, outcome.F, outcome.G, H=outcome.H, causes=causes)
+            if candidates.generation == 0 and search.failed.count == len(ids):
+                raise EvaluationFailed(
+                    f"first generation must have at least one number, got {len(ids)} failed evaluations, "
+                    f"the first with: {search.failed.first_cause}"
+                )
+            if candidates.generation == 0:
+                again, signs = evaluate_again(search, candidates, evaluation), np.where(search.maximised, -1.0, 1.0)
+                warn_of_odd_objectives(search.names, outcome.F * signs, again * signs)
             progress = _progress(search, past, computing_clock() - started)
             if observe is not None:
                 observe(progress)
@@ -325,22 +334,6 @@ def evolve(
             past = (*past, progress.front)[-memory:] if memory else ()
     except KeyboardInterrupt:
         return "interrupted"
-
-
-def _one_generation(search: Search | Islands, evaluation: Evaluation) -> None:
-    candidates = search.ask()
-    ids = candidates.ids
-    outcome = evaluate_candidates(search, candidates, evaluation)
-    causes = {int(ids[row]): cause for row, cause in outcome.causes.items()}
-    search.tell(ids, outcome.F, outcome.G, H=outcome.H, causes=causes)
-    if candidates.generation == 0 and search.failed.count == len(ids):
-        raise EvaluationFailed(
-            f"first generation must have at least one number, got {len(ids)} failed evaluations, "
-            f"the first with: {search.failed.first_cause}"
-        )
-    if candidates.generation == 0:
-        again, signs = evaluate_again(search, candidates, evaluation), np.where(search.maximised, -1.0, 1.0)
-        warn_of_odd_objectives(search.names, outcome.F * signs, again * signs)
 
 
 def _progress(search: Search | Islands, past: tuple[Floats, ...], seconds: float) -> Progress:

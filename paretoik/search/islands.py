@@ -127,15 +127,16 @@ class Islands:
         self.evaluations, self._candidates = self.evaluations + len(ids), None
         if self.generation >= self._first_epoch and self.generation % self._epoch == 0:
             # Migrants of every island go to the next, where they replace as many offspring.
-            migrants = [self._migrants_of(search) for search in self._searches]
+            migrants = list[Genes]()
+            for search in self._searches:
+                # genes of points spread over an island's front, in the order of their ids
+                members = search.archive.members
+                if members is None:
+                    migrant = np.empty((0, self.problem.n_var))
+                else:
+                    if len(members) > self._migrants:
+                        members = members[survivors(members.F, np.zeros(len(members)), self._migrants).index]
+                    migrant = np.asarray(members.X[np.argsort(members.ids)])
+                migrants.append(migrant)
             for i, search in enumerate(self._searches):
                 search.suggest(migrants[i - 1])
-
-    def _migrants_of(self, search: Search) -> Genes:
-        """Return genes of points spread over an island's front, in the order of their ids."""
-        members = search.archive.members
-        if members is None:
-            return np.empty((0, self.problem.n_var))
-        if len(members) > self._migrants:
-            members = members[survivors(members.F, np.zeros(len(members)), self._migrants).index]
-        return np.asarray(members.X[np.argsort(members.ids)])

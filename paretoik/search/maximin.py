@@ -239,7 +239,14 @@ def survivors(
         nondominated = ~dominates(front[None], F[candidates][:, None]).any(axis=1)
         reserved = candidates[nondominated][: int(infeasible_share * count)]
     places = min(feasible.size, count - reserved.size)
-    Z, is_beyond = _normalised(F[feasible], ranks, ranges)
+    # feasible points' objectives scaled by their first rank or ``ranges``, and which are beyond
+    values = F[feasible]
+    Z, is_beyond = values, np.zeros(len(values), dtype=bool)
+    if len(values):
+        first = values[ranks == 0]
+        ideal, nadir = (first.min(axis=0), first.max(axis=0)) if ranges is None else (ranges[0], ranges[1])
+        is_beyond = np.zeros(len(values), dtype=bool) if ranges is None else np.less(nadir, values).any(axis=1)
+        Z = scaled(values, ideal, nadir)
     chosen, distance = _by_maximin(Z, ranks, is_beyond, places)
     if species is not None and places:
         chosen, distance = _with_species(chosen, distance, ranks, species[feasible])
@@ -252,16 +259,6 @@ def survivors(
         normalised=Z[chosen],
         is_beyond=is_beyond[chosen],
     )
-
-
-def _normalised(F: Floats, ranks: Integers, ranges: Floats | None) -> tuple[Floats, Mask]:
-    """Return feasible points' objectives scaled by their first rank or ``ranges``, and which are beyond."""
-    if not len(F):
-        return F, np.zeros(0, dtype=bool)
-    first = F[ranks == 0]
-    ideal, nadir = (first.min(axis=0), first.max(axis=0)) if ranges is None else (ranges[0], ranges[1])
-    is_beyond = np.zeros(len(F), dtype=bool) if ranges is None else np.less(nadir, F).any(axis=1)
-    return scaled(F, ideal, nadir), is_beyond
 
 
 def _by_maximin(Z: Floats, ranks: Integers, is_beyond: Mask, count: int) -> tuple[Integers, Floats]:

@@ -47,7 +47,18 @@ def select_by_rank(count, capacity, s):
         for i in range(size):
             s.x[i], s.y[i] = values[0, members[i]], values[1, members[i]]
         _insert_members(s.x, s.y, x_scale, y_scale, size, nearest, s.distance, s.stack)
-        _keep_members(members, size, places, s.distance, rank, fitness, split, s.x, s.y)
+        # mark the members of a rank that are inserted first, and write their fitness
+        distance = s.distance
+        smallest = quickselect(distance, size, size - places, s.x, s.y)
+        ties = places
+        for i in range(size):
+            ties -= np.int64(distance[i] > smallest)
+        for i in range(size):
+            if distance[i] > smallest or (distance[i] == smallest and ties > 0):
+                ties -= np.int64(distance[i] == smallest)
+                rank[members[i]] = -1
+                share = distance[i] / (2.0 * (1.0 + distance[i])) if distance[i] < np.inf else 0.5
+                fitness[members[i]] = share - split
     for i in range(places if split == count else 0):  # failed points fill the remaining places
         rank[members[i]], fitness[members[i]] = -1, -split
     position = 0
@@ -92,21 +103,6 @@ def _insert_members(x, y, x_scale, y_scale, size, nearest, distance, stack):
         stretches += np.int64(best > begin)
         stack[stretches, 0], stack[stretches, 1] = best + 1, end
         stretches += np.int64(end > best + 1)
-
-
-@compiled
-def _keep_members(members, size, capacity, distance, rank, fitness, split, spare, other):
-    """Mark the members of a rank that are inserted first, and write their fitness."""
-    smallest = quickselect(distance, size, size - capacity, spare, other)
-    ties = capacity
-    for i in range(size):
-        ties -= np.int64(distance[i] > smallest)
-    for i in range(size):
-        if distance[i] > smallest or (distance[i] == smallest and ties > 0):
-            ties -= np.int64(distance[i] == smallest)
-            rank[members[i]] = -1
-            share = distance[i] / (2.0 * (1.0 + distance[i])) if distance[i] < np.inf else 0.5
-            fitness[members[i]] = share - split
 
 
 @compiled
@@ -272,14 +268,40 @@ def select_by_distance(F, rank, capacity, chosen, distance, Z, nearest, members,
     Write their indices and squared insertion distances; failed points are not chosen.
     """
     objectives, total = F.shape
-    _normalise(F, rank, Z)
-    _group_by_rank(rank, members, begins)
+    # objectives scaled by the ideal and nadir of the first rank
+    objectives, total = F.shape
+    for m in range(objectives):
+        ideal, nadir = np.inf, -np.inf
+        for k in range(total):
+            if rank[k] == 0:
+                ideal, nadir = min(ideal, F[m, k]), max(nadir, F[m, k])
+        for k in range(total):
+            scaled = nadir - ideal > RANGE_TOLERANCE and rank[k] < total
+            Z[m, k] = (F[m, k] - ideal) / (nadir - ideal) if scaled else 0.0
+    # the points sorted by rank; ``begins[r]`` is then the end of rank r
+    total = rank.shape[0]
+    for k in range(total + 2):
+        begins[k] = 0
+    for k in range(total):
+        begins[rank[k] + 1] += 1
+    for k in range(total):
+        begins[k + 1] += begins[k]
+    for k in range(total):
+        members[begins[rank[k]]] = k
+        begins[rank[k]] += 1
     count, first, current = 0, 0, 0
     while count < capacity and current < total and begins[current] > first:
         size = begins[current] - first
         group = members[first : first + size]
         for i in range(size):
-            nearest[i] = _distance_to_chosen(chosen_Z, count, Z, group[i])
+            # the squared distance of a point to the nearest chosen one
+            smallest = np.inf
+            for k in range(count):
+                squared = 0.0
+                for m in range(chosen_Z.shape[0]):
+                    squared += (chosen_Z[m, k] - Z[m, group[i]]) ** 2
+                smallest = min(smallest, squared)
+            nearest[i] = smallest
         places = min(size, capacity - count)
         started = _choose_extremes(Z, group, places, chosen, distance, nearest) if current == 0 else 0
         for k in range(count + started, count + places):
@@ -297,47 +319,6 @@ def select_by_distance(F, rank, capacity, chosen, distance, Z, nearest, members,
         first += size
         current += 1
     return count
-
-
-@compiled
-def _normalise(F, rank, Z):
-    """Write objectives scaled by the ideal and nadir of the first rank."""
-    objectives, total = F.shape
-    for m in range(objectives):
-        ideal, nadir = np.inf, -np.inf
-        for k in range(total):
-            if rank[k] == 0:
-                ideal, nadir = min(ideal, F[m, k]), max(nadir, F[m, k])
-        for k in range(total):
-            scaled = nadir - ideal > RANGE_TOLERANCE and rank[k] < total
-            Z[m, k] = (F[m, k] - ideal) / (nadir - ideal) if scaled else 0.0
-
-
-@compiled
-def _group_by_rank(rank, members, begins):
-    """Write the points sorted by rank; ``begins[r]`` is then the end of rank r."""
-    total = rank.shape[0]
-    for k in range(total + 2):
-        begins[k] = 0
-    for k in range(total):
-        begins[rank[k] + 1] += 1
-    for k in range(total):
-        begins[k + 1] += begins[k]
-    for k in range(total):
-        members[begins[rank[k]]] = k
-        begins[rank[k]] += 1
-
-
-@compiled
-def _distance_to_chosen(chosen_Z, count, Z, point):
-    """Return the squared distance of a point to the nearest chosen one."""
-    smallest = np.inf
-    for k in range(count):
-        squared = 0.0
-        for m in range(chosen_Z.shape[0]):
-            squared += (chosen_Z[m, k] - Z[m, point]) ** 2
-        smallest = min(smallest, squared)
-    return smallest
 
 
 @compiled

@@ -126,29 +126,7 @@ class BranchwiseMating:
         gene = getattr(problem, "species_gene", None)
         if gene is not None:
             children[..., gene] = couples[: len(children), :, gene]
-        return self._mutate(problem, reach, children.reshape(-1, problem.n_var), gene, rng)
-
-    def _select_parents(self, parents: Parents, matings: int, rng: np.random.Generator) -> Integers:
-        pool = np.concatenate([rng.permutation(len(parents.X)) for _ in range(-(-2 * matings // len(parents.X)))])
-        rivals = self._spread_over_species(parents.species, pool[: 2 * matings].reshape(2, matings), rng)
-        first = self._select_winners(parents, rivals[0], rivals[1], rng)
-        others = _draw_from_species(parents.species, np.concatenate((first, first)), rng)
-        if self.crossover.n_parents == 3:
-            return np.stack((first, others[:matings], others[matings:]))
-        return np.stack((first, self._select_winners(parents, others[:matings], others[matings:], rng)))
-
-    def _spread_over_species(self, species: Integers, rivals: Integers, rng: np.random.Generator) -> Integers:
-        """Return the rivals (2, matings), some of them within one species; each species is equally likely."""
-        labels, members = np.unique(species, return_index=True)
-        if len(labels) == 1:
-            return rivals
-        even = np.less(rng.random(rivals.shape[1]), OPTIONS.even_share)
-        individuals = members[rng.integers(0, len(labels), size=int(even.sum()))]
-        for rival in rivals:
-            rival[even] = _draw_from_species(species, individuals, rng)
-        return rivals
-
-    def _mutate(self, problem: Any, reach: Any, X: Genes, gene: int | None, rng: np.random.Generator) -> Genes:
+        X = children.reshape(-1, problem.n_var)
         mutated = np.array(self.mutation._do(reach, X, random_state=rng))
         unchanged = rng.random(len(X)) > get(self.mutation.prob)
         mutated[unchanged] = X[unchanged]
@@ -164,6 +142,21 @@ class BranchwiseMating:
             else:
                 mutated[migrants, gene] = labels + 0.5
         return mutated
+
+    def _select_parents(self, parents: Parents, matings: int, rng: np.random.Generator) -> Integers:
+        pool = np.concatenate([rng.permutation(len(parents.X)) for _ in range(-(-2 * matings // len(parents.X)))])
+        rivals = pool[: 2 * matings].reshape(2, matings)
+        labels, members = np.unique(parents.species, return_index=True)
+        if len(labels) > 1:  # some rivals are of one species; each species is equally likely
+            even = np.less(rng.random(matings), OPTIONS.even_share)
+            individuals = members[rng.integers(0, len(labels), size=int(even.sum()))]
+            for rival in rivals:
+                rival[even] = _draw_from_species(parents.species, individuals, rng)
+        first = self._select_winners(parents, rivals[0], rivals[1], rng)
+        others = _draw_from_species(parents.species, np.concatenate((first, first)), rng)
+        if self.crossover.n_parents == 3:
+            return np.stack((first, others[:matings], others[matings:]))
+        return np.stack((first, self._select_winners(parents, others[:matings], others[matings:], rng)))
 
     def _select_winners(self, parents: Parents, a: Integers, b: Integers, rng: np.random.Generator) -> Integers:
         """Return the index of each pair's better one: less violation, better rank, larger spacing, random."""

@@ -94,15 +94,17 @@ def _decide(bits, probability):
 
 
 @compiled
-def generate_offspring(
-    state, genes, order, fitness, F, row_size, crossover_probability, mutation_probability, lower, upper, children
-):
+def generate_offspring(state, genes, order, fitness, F, row_size, probabilities, bounds, children):
     """Write the offspring of ``genes`` (rows, genes) to ``children`` (genes, places); return the number of new ones.
+
+    probabilities: those of crossover and of mutation
+    bounds: lower and upper bound of replaced genes
 
     Crossover acts on rows of ``row_size`` genes. Children at the end that are not new are copies of a parent and have
     its objectives: ``F`` (objectives, points) has those of the parents by place, then those of the children. Random
     decisions use arithmetic instead of branches, which a processor cannot predict.
     """
+    (crossover_probability, mutation_probability), (lower, upper) = probabilities, bounds
     size, count, parents = np.uint64(genes.shape[1]), np.uint64(children.shape[1]), np.uint64(order.shape[0])
     length = np.uint64(row_size)
     rows, pairs, unpaired = size // length, count >> ONE, count & ONE

@@ -95,7 +95,23 @@ class Limits:
 
     def __post_init__(self) -> None:
         for kind in LIMIT_KINDS:
-            _check_limit(f"{kind} limit", getattr(self, kind))
+            # an impossible limit is refused by its name
+            name = f"{kind} limit"
+            limit = getattr(self, kind)
+            if isinstance(limit, Mapping):
+                for joint, value in limit.items():
+                    _sides(f"{name} of {joint if isinstance(joint, str) else shown(joint)}", value)
+            elif limit is not None:
+                for side in limit if isinstance(limit, tuple) and len(limit) == 2 else (limit,):
+                    values = real_array(name, side)
+                    if values.size == 0 or values.ndim > 2:
+                        raise InvalidInput(
+                            f"{name} must be one number, one per joint or (samples, joints), got shape {values.shape}"
+                        )
+                    if np.isnan(values).any():
+                        joint = f" of joint {np.argwhere(np.isnan(values))[0][-1] + 1}" if values.ndim else ""
+                        raise InvalidInput(f"{name}{joint} must be lower ≤ upper, got nan")
+                    check_magnitude(name, values, "")
         finite_number("clearance limit", self.clearance)
         if not 0 <= finite_number("margin", self.margin) < 0.5:
             raise InvalidInput(f"margin must be a fraction of at least 0 and less than 0.5, got {shown(self.margin)}")
@@ -243,24 +259,6 @@ def position_ranges(arm: Arm, limits: Float[np.ndarray, "*times dof 2"]) -> Floa
     span = limits[..., 1] - limits[..., 0]
     one_sided = np.isfinite(limits).any(axis=-1) & np.isinf(span)
     return np.where(one_sided, np.where(arm.periodic, 2 * np.pi, joint_scales(arm)), span)
-
-
-def _check_limit(name: str, limit: object) -> None:
-    """Raise InvalidInput, by ``name``, for an impossible limit."""
-    if isinstance(limit, Mapping):
-        for joint, value in limit.items():
-            _sides(f"{name} of {joint if isinstance(joint, str) else shown(joint)}", value)
-    elif limit is not None:
-        for side in limit if isinstance(limit, tuple) and len(limit) == 2 else (limit,):
-            values = real_array(name, side)
-            if values.size == 0 or values.ndim > 2:
-                raise InvalidInput(
-                    f"{name} must be one number, one per joint or (samples, joints), got shape {values.shape}"
-                )
-            if np.isnan(values).any():
-                joint = f" of joint {np.argwhere(np.isnan(values))[0][-1] + 1}" if values.ndim else ""
-                raise InvalidInput(f"{name}{joint} must be lower ≤ upper, got nan")
-            check_magnitude(name, values, "")
 
 
 def _sides(name: str, value: object) -> tuple[float, float]:

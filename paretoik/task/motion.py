@@ -30,6 +30,7 @@ from paretoik.task.joint_curve import JointState, interpolate, project_rates, ta
 from paretoik.task.obstacles import Obstacle, clearance
 from paretoik.task.retraction import ON_PATH_TOLERANCE, retract_nearest, task_errors
 from paretoik.task.sampling import (
+    DIFFERENCES,
     Derivatives,
     Differences,
     Spline,
@@ -117,7 +118,7 @@ class Motion:
     tasks: tuple[Task, ...] = ()
     obstacles: tuple[Obstacle, ...] = ()
     link_radius: float = 0.0
-    differences: Differences = "backward"
+    differences: Differences = DIFFERENCES
     cyclic: bool = False
     ends_at_rest: bool = False
     derivatives: Derivatives | None = None

@@ -26,8 +26,6 @@ from paretoik.tables import html_representation
 from paretoik.task.curves import CLOSURE_TOLERANCE, Circle, Curve, Line, Rates, SmoothCurve, TimedCurve, interpolate
 from paretoik.task.sampling import with_midpoints
 
-DIFFERENCE_STEP = 1e-4  # share of the duration, for paths whose curve has no derivatives
-
 Points: TypeAlias = Float[np.ndarray, "time axes"]
 Quaternions: TypeAlias = Float[np.ndarray, "time 4"]
 
@@ -114,20 +112,19 @@ class Path:
         instants = self._instants(t)
         if instants.ndim != 1:
             raise InvalidInput(f"path: times t must be one row of numbers, got shape {instants.shape}")
-        return self.curve.rates(instants) if isinstance(self.curve, SmoothCurve) else self._differences(instants)
-
-    def _differences(self, t: Times) -> Rates:
-        """Return finite differences of the path, one-sided near an end."""
-        step = DIFFERENCE_STEP * self.duration
-        first = np.select([t < 2 * step, t > self.duration - 2 * step], [0, -4], -2)
+        if isinstance(self.curve, SmoothCurve):
+            return self.curve.rates(instants)
+        # finite differences of the path, one-sided near an end
+        step = OPTIONS.difference_step * self.duration
+        first = np.select([instants < 2 * step, instants > self.duration - 2 * step], [0, -4], -2)
         index = first[:, None] + np.arange(5)
-        positions, quaternions = self.at(t[:, None] + step * index)
+        positions, quaternions = self.at(instants[:, None] + step * index)
         polynomials = np.linalg.inv(index[..., None] ** np.arange(5.0))  # rows: coefficients of powers of a step
         slopes = polynomials[:, 1:3] * (np.array([1.0, 2.0]) / step ** np.array([1, 2]))[:, None]
         linear = slopes @ positions
         if quaternions is None:
             return Rates(linear[:, 0], linear[:, 1], None, None)
-        now = self.at(t)[1]
+        now = self.at(instants)[1]
         assert now is not None
         turned = rotation_vector(quaternion_to_matrix(quaternions) @ quaternion_to_matrix(now)[:, None].mT)
         angular = slopes @ turned
@@ -227,6 +224,7 @@ def rotation_angles(quaternions: np.ndarray) -> np.ndarray:
 class PathOptions:
     """Bounds of paths, and thresholds of warnings about taught points."""
 
+    difference_step: float = 1e-4  # share of the duration, for paths whose curve has no derivatives
     most_turns: float = 1e6  # turns of a circle; positions are then exact to 1e-9 of the radius
     near: float = 0.01  # share of the distances around; a smaller distance of two points gives a warning
     around: int = 3  # distances before and after
@@ -324,7 +322,16 @@ def circle(
     elif len(origin := _point("circle center", center)) == 2:
         axes, fact = np.eye(2), "a 2-D point"
     else:
-        axes = _plane_axes((0.0, 0.0, 1.0) if normal is None else normal)
+        # x and y of the circle's plane
+        direction = finite_array("circle normal", (0.0, 0.0, 1.0) if normal is None else normal, shape=(3,))
+        length = float(np.linalg.norm(direction))
+        if length == 0:
+            raise InvalidInput("circle normal: must not be zero, got 0 0 0")
+        direction /= length
+        first = np.eye(3)[1 if np.abs(direction[0]) > 1 - 1e-9 else 0]  # x, or y if the normal is along x
+        first = first - direction * (first @ direction)
+        first /= np.linalg.norm(first)
+        axes = np.stack([first, np.cross(direction, first)])
     if normal is not None and fact:
         raise InvalidInput(f"circle normal: must be None unless the center is a 3-D point, got a normal and {fact}")
     shape = Circle(origin, radius * axes, phase, 2 * np.pi * number, orientation)
@@ -461,15 +468,3 @@ def _points_or_poses(name: str, values: Sequence[Pose] | Pose | ArrayLike) -> tu
         raise InvalidInput(f"{name}: must be poses or an array of points (n, 2) or (n, 3), got shape {points.shape}")
     check_magnitude(name, points, "m")
     return points, None
-
-
-def _plane_axes(normal: ArrayLike) -> Float[np.ndarray, "2 3"]:
-    direction = finite_array("circle normal", normal, shape=(3,))
-    length = float(np.linalg.norm(direction))
-    if length == 0:
-        raise InvalidInput("circle normal: must not be zero, got 0 0 0")
-    direction /= length
-    first = np.eye(3)[1 if np.abs(direction[0]) > 1 - 1e-9 else 0]  # x, or y if the normal is along x
-    first = first - direction * (first @ direction)
-    first /= np.linalg.norm(first)
-    return np.stack([first, np.cross(direction, first)])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from paretoik.autodiff.interpreter import run, run_block
-from paretoik.compilation.numba_cache import compiled, inlined
+from paretoik.compilation.numba_cache import compiled
 
 
 @compiled(what="the retraction onto paths", seconds=2)
@@ -46,46 +46,30 @@ def newton(arrays, targets, directions, scales, settings, q, errors, same_sheet)
         unfinished = 0
         for lane in range(active):
             s = sample_of[lane]
-            size = _newton_system(workspace, outputs, lane, directions, scales, s, matrix, step)
+            # the matrix J · directions, the errors, and the largest of them divided by scales; NaN if one is NaN
+            size = 0.0
+            for i in range(rows):
+                step[i] = workspace[outputs[i], lane]
+                size = max(size, abs(step[i]) / scales[i]) if step[i] == step[i] else np.nan
+                for k in range(rows):
+                    total = 0.0
+                    for j in range(n):
+                        total += workspace[outputs[rows + i * n + j], lane] * directions[s, j, k]
+                    matrix[i, k] = total
             same_sheet[s] = solve(matrix, step) > 0
             errors[s] = size
             iterations[lane] += 1
             if not size > tolerance:
                 continue
-            _move(q, directions, s, step, max_step)
+            # a step along the directions, each entry at most max_step; NaN counts as 0
+            for k in range(rows):
+                length = min(max(step[k], -max_step), max_step) if step[k] == step[k] else 0.0
+                for j in range(n):
+                    q[s, j] += directions[s, j, k] * length
             if iterations[lane] < max_iterations:
                 sample_of[unfinished], iterations[unfinished] = s, iterations[lane]
                 unfinished += 1
         active = unfinished
-
-
-@inlined  # calls of the two steps would cost a fifth of newton's time
-def _newton_system(workspace, outputs, lane, directions, scales, s, matrix, right):
-    """Write J · directions and the errors of sample s, in one lane; return the largest error, NaN if one is NaN.
-
-    Its size is that of errors divided by ``scales``.
-    """
-    _, n, rows = directions.shape
-    size = 0.0
-    for i in range(rows):
-        right[i] = workspace[outputs[i], lane]
-        size = max(size, abs(right[i]) / scales[i]) if right[i] == right[i] else np.nan
-        for k in range(rows):
-            total = 0.0
-            for j in range(n):
-                total += workspace[outputs[rows + i * n + j], lane] * directions[s, j, k]
-            matrix[i, k] = total
-    return size
-
-
-@inlined
-def _move(q, directions, s, step, max_step):
-    """Move sample s by a step along its directions, each entry at most ``max_step``; NaN counts as 0."""
-    _, n, rows = directions.shape
-    for k in range(rows):
-        length = min(max(step[k], -max_step), max_step) if step[k] == step[k] else 0.0
-        for j in range(n):
-            q[s, j] += directions[s, j, k] * length
 
 
 @compiled

@@ -17,6 +17,7 @@ from jaxtyping import Float
 from paretoik.arrays import Series
 
 Differences: TypeAlias = Literal["backward", "central", "spline"]
+DIFFERENCES: Differences = "spline"  # default of motions and of problems
 Samples: TypeAlias = Float[np.ndarray, "*batch time columns"]
 Instants: TypeAlias = Float[np.ndarray, "*#batch time"]
 

@@ -21,9 +21,6 @@ from paretoik.task.starts import posture_distance, reach_error, sample_postures,
 # Branches: signs of bent joints as labels of motions.
 
 
-SINE_TOLERANCE = 1e-9  # sine of the angle below which axes count as parallel, or a joint as straight
-
-
 def bend_signs(arm: Arm, q: Float[np.ndarray, "*batch dof"]) -> Int[np.ndarray, "*batch inner"]:
     """Return the sign of every inner joint's bend, 0 if it is straight: shoulder, elbow, wrist.
 
@@ -39,11 +36,11 @@ def bend_signs(arm: Arm, q: Float[np.ndarray, "*batch dof"]) -> Int[np.ndarray, 
     links = np.diff(origins, axis=-2) / characteristic_length(arm)
     turn = np.sum(np.cross(links[..., :-1, :], links[..., 1:, :]) * axes[..., 1:, :], axis=-1)
     around = _axes(arm, np.arange(1.0, arm.dof + 1))  # at an arbitrary posture, parallel axes are so at all
-    parallel = np.all(np.abs(np.cross(around[:-2], around[2:])) < SINE_TOLERANCE, axis=-1)
+    parallel = np.all(np.abs(np.cross(around[:-2], around[2:])) < OPTIONS.parallel, axis=-1)
     inner = np.where(parallel, turn[..., : arm.dof - 2], product)
     last = turn[..., arm.dof - 2 :] if parallel[-1] else np.zeros((*q.shape[:-1], 0))
     signed = np.concatenate([inner, last], axis=-1)
-    return np.where(np.abs(signed) < SINE_TOLERANCE, 0, np.sign(signed)).astype(int)
+    return np.where(np.abs(signed) < OPTIONS.parallel, 0, np.sign(signed)).astype(int)
 
 
 def branch_labels(motion: Motion) -> list[str]:
@@ -71,8 +68,9 @@ def _axes(arm: Arm, q: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, kw_only=True)
 class CurveOptions:
-    """Settings of tracing curves and cutting them into nodes, in rad, slides in arm lengths."""
+    """Settings of branches, and of tracing curves and cutting them into nodes, in rad, slides in arm lengths."""
 
+    parallel: float = 1e-9  # sine of the angle below which axes count as parallel, or a joint as straight
     step_length: float = 0.1  # of the predictor
     turn: float = 0.9  # least cosine between the directions of two steps
     steps: int = 1200  # largest number of steps of a curve
@@ -127,46 +125,44 @@ def trace_curves(task: MotionTask, seeds: list[np.ndarray]) -> list[list[Curve]]
     curves: list[list[Curve]] = [[] for _ in seeds]
     remaining = list(seeds)
     while rows := [i for i, q in enumerate(remaining) if len(q)]:
-        traced = _trace_once(task, np.array(rows), np.stack([remaining[i][0] for i in rows]))
+        # one curve per posture, by predictor and corrector, until it closes, stops or is too long
+        samples = np.array(rows)
+        begin = np.stack([remaining[i][0] for i in rows])
+        q, (heading, targets, steep) = begin.copy(), self_motion_frames(task, samples, begin)
+        metric = joint_scales(task.arm) ** -2.0
+        first, step_length = heading.copy(), np.full(len(q), OPTIONS.step_length)
+        active, count = np.arange(len(q)), np.zeros(len(q))
+        steps = [(active, q.copy(), heading.copy())]
+        for _ in range(OPTIONS.steps):
+            check_interruption()
+            reach = step_length[active]
+            trial = retract(
+                task.arm, task.tasks, q[active] + reach[:, None] * heading[active], targets[active], steep[active]
+            )
+            ahead, _, across = self_motion_frames(task, samples[active], trial.q)
+            turn = (ahead * heading[active]) @ metric
+            accepted = trial.on_path & (np.abs(turn) > OPTIONS.turn)
+            moved = active[accepted]
+            ahead *= np.sign(turn)[:, None]
+            q[moved], steep[moved], heading[moved] = trial.q[accepted], across[accepted], ahead[accepted]
+            count[moved] += 1
+            back = wrap_difference(begin[active] - q[active], task.arm.periodic)
+            closed = accepted & (np.sqrt(back**2 @ metric) < 0.6 * reach) & (count[active] > 3)
+            closed &= (heading[active] * first[active]) @ metric > OPTIONS.turn
+            q[active[closed]] += back[closed]
+            heading[active[closed]] = first[active[closed]]  # the node that the curve began at
+            steps.append((moved, q[moved], heading[moved]))
+            step_length[active] = np.where(accepted, np.minimum(1.5 * reach, OPTIONS.step_length), reach / 2)
+            active = active[~closed & (step_length[active] > 1e-4)]
+            if not len(active):
+                break
+        numbers, places, directions = (np.concatenate(parts) for parts in zip(*steps, strict=True))
+        traced = [(places[numbers == k], directions[numbers == k]) for k in range(len(q))]
         for i, (q, directions) in zip(rows, traced, strict=True):
             curves[i].append((q, directions))
             distance = posture_distance(task.arm, remaining[i][:, None], q).min(axis=1)
             remaining[i] = remaining[i][distance > 0.75 * OPTIONS.step_length]
     return curves
-
-
-def _trace_once(task: MotionTask, samples: np.ndarray, begin: np.ndarray) -> list[Curve]:
-    """Return one curve per posture, by predictor and corrector, until it closes, stops or is too long."""
-    q, (heading, targets, steep) = begin.copy(), self_motion_frames(task, samples, begin)
-    metric = joint_scales(task.arm) ** -2.0
-    first, step_length = heading.copy(), np.full(len(q), OPTIONS.step_length)
-    active, count = np.arange(len(q)), np.zeros(len(q))
-    steps = [(active, q.copy(), heading.copy())]
-    for _ in range(OPTIONS.steps):
-        check_interruption()
-        reach = step_length[active]
-        trial = retract(
-            task.arm, task.tasks, q[active] + reach[:, None] * heading[active], targets[active], steep[active]
-        )
-        ahead, _, across = self_motion_frames(task, samples[active], trial.q)
-        turn = (ahead * heading[active]) @ metric
-        accepted = trial.on_path & (np.abs(turn) > OPTIONS.turn)
-        moved = active[accepted]
-        ahead *= np.sign(turn)[:, None]
-        q[moved], steep[moved], heading[moved] = trial.q[accepted], across[accepted], ahead[accepted]
-        count[moved] += 1
-        back = wrap_difference(begin[active] - q[active], task.arm.periodic)
-        closed = accepted & (np.sqrt(back**2 @ metric) < 0.6 * reach) & (count[active] > 3)
-        closed &= (heading[active] * first[active]) @ metric > OPTIONS.turn
-        q[active[closed]] += back[closed]
-        heading[active[closed]] = first[active[closed]]  # the node that the curve began at
-        steps.append((moved, q[moved], heading[moved]))
-        step_length[active] = np.where(accepted, np.minimum(1.5 * reach, OPTIONS.step_length), reach / 2)
-        active = active[~closed & (step_length[active] > 1e-4)]
-        if not len(active):
-            break
-    rows, places, directions = (np.concatenate(parts) for parts in zip(*steps, strict=True))
-    return [(places[rows == k], directions[rows == k]) for k in range(len(q))]
 
 
 def node_spacing(arm: Arm, curves: list[list[Curve]], windows: np.ndarray, *, second: bool) -> float:

@@ -105,9 +105,6 @@ Axes = Literal["xy", "xy+angle", "xyz", "xyz+z-axis", "pose"]
 ROWS: dict[str, int] = {"xy": 2, "xy+angle": 3, "xyz": 3, "xyz+z-axis": 5, "pose": 6}
 
 
-HEIGHT_TOLERANCE = 1e-4  # of the arm's length, of a frame that keeps its height: a URDF's angles may have four decimals
-
-
 @dataclass(frozen=True, eq=False)
 class Task:
     """A frame of the arm that follows a path.
@@ -150,9 +147,11 @@ class Task:
         arm.frame(self.frame)
         oriented = self.path.quaternions is not None
         flat = self.axes is None and not arm.is_planar and self.path.positions.shape[-1] == 2
-        if flat and _keeps_height(arm, self.frame):
-            return replace(self, axes="xy")
         if flat:
+            # no joint moves the frame up or down at some random postures, but for angles with four decimals in a URDF
+            q = np.sin(np.arange(1.0, 4.0 * arm.dof + 1.0)).reshape(4, arm.dof) * joint_scales(arm)
+            if np.ptp(arm.pose(q, frame=self.frame).position[:, 2]) <= 1e-4 * characteristic_length(arm):
+                return replace(self, axes="xy")
             raise InvalidInput(
                 f"path must have 3-D points, as {arm.name} moves in space, got 2-D ones; pk.Task(path, axes='xy') "
                 "leaves z free"
@@ -330,16 +329,6 @@ def _over_tasks(
         values += components(task, arm, links, targets[first : first + task.target_size])
         first += task.target_size
     return values
-
-
-def _keeps_height(arm: Arm, frame: str) -> bool:
-    """Return whether no joint moves a frame up or down at some random postures.
-
-    They are within 1 rad, or one arm length of a slide.
-    """
-    q = np.sin(np.arange(1.0, 4.0 * arm.dof + 1.0)).reshape(4, arm.dof) * joint_scales(arm)
-    heights = arm.pose(q, frame=frame).position[:, 2]
-    return bool(np.ptp(heights) <= HEIGHT_TOLERANCE * characteristic_length(arm))
 
 
 @lru_cache(maxsize=64)

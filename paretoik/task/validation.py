@@ -10,10 +10,19 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.errors import InvalidInput
-from paretoik.inputs import check_choice, check_flag, degrees_hint, finite_number, read_list, real_array, shown
+from paretoik.inputs import (
+    check_choice,
+    check_flag,
+    check_instance,
+    degrees_hint,
+    finite_number,
+    read_list,
+    real_array,
+    shown,
+)
 from paretoik.robot.arm import Arm, check_arm
 from paretoik.robot.kinematics import characteristic_length, link_nodes
-from paretoik.robot.pose import Pose, matrix_to_quaternion, quaternion_to_matrix
+from paretoik.robot.pose import matrix_to_quaternion, quaternion_to_matrix
 from paretoik.task.limits import LIMIT_TOLERANCE, Constraint, Limits
 from paretoik.task.motion import check_link_radius, check_obstacles
 from paretoik.task.motion_task import MotionTask
@@ -21,7 +30,7 @@ from paretoik.task.objectives import Objective, evaluate_function
 from paretoik.task.obstacles import Obstacle, signed_distance
 from paretoik.task.path import Path
 from paretoik.task.retraction import row_scales, task_errors
-from paretoik.task.sampling import Differences
+from paretoik.task.sampling import DIFFERENCES, Differences
 from paretoik.task.task import Task, row_units
 
 START_TOLERANCE = 1e-6  # of the arm's length, and rad: largest distance of a start that is moved onto the path
@@ -40,7 +49,7 @@ def motion_task(
     start: object = "free",
     end_velocity: float | None = None,
     cyclic: bool = False,
-    differences: Differences = "backward",
+    differences: Differences = DIFFERENCES,
     redundant: bool = True,
 ) -> MotionTask:
     """Return the motion task of all parts of a problem, checked.
@@ -50,22 +59,17 @@ def motion_task(
     check_arm("arm", arm)
     check_flag("cyclic", cyclic)
     check_choice("differences", differences, get_args(Differences))
-    followed = _followed_tasks(arm, tasks, redundant)
+    if end_velocity is not None and (finite_number("end_velocity", end_velocity) != 0 or cyclic):
+        raise InvalidInput(f"end_velocity must be None (free) or 0 on an open motion, got {shown(end_velocity)}")
+    followed = _followed_tasks(arm, tasks, redundant=redundant, closed=cyclic, rests=end_velocity is not None)
     _check_decorated("objective", objectives, Objective)
     _check_decorated("constraint", constraints, Constraint)
     if not objectives:
         raise InvalidInput("objectives must be at least one, got none")
-    if limits is not None and not isinstance(limits, Limits):
-        raise InvalidInput(f"limits must be Limits(...), got {shown(limits)}")
+    given = Limits() if limits is None else limits
+    check_instance("limits", given, Limits, "Limits(...)")
     check_obstacles(obstacles)
     check_link_radius(link_radius)
-    if cyclic and not all(task.path.is_closed for task in followed):
-        raise InvalidInput("path must be closed if cyclic=True, got one that does not end where it starts")
-    if end_velocity is not None and (finite_number("end_velocity", end_velocity) != 0 or cyclic):
-        raise InvalidInput(f"end_velocity must be None (free) or 0 on an open motion, got {shown(end_velocity)}")
-    if end_velocity is not None:
-        _check_paths_end_at_rest(followed)
-    given = limits or Limits()
     bounds = given.bounds(arm, followed[0].path.samples)
     allowed = bounds.get("position", np.tile([-np.inf, np.inf], (1, arm.dof, 1)))
     widest = np.stack([allowed[..., 0].min(axis=0), allowed[..., 1].max(axis=0)], axis=-1)
@@ -73,8 +77,7 @@ def motion_task(
     if lacks_masses(arm):
         for kind in ("torque", "power"):
             if getattr(given, kind) is not None and np.isfinite(given.bounds(arm, 3).get(kind, np.inf)).any():
-                wish = f"{kind} limit: the arm must have masses"
-                raise InvalidInput(f"{wish}, got {arm.name}, which has links without")
+                raise InvalidInput(f"{kind} limit: the arm must have masses, got {arm.name}, which has links without")
         bounds.pop("torque", None)  # the arm's own limit: its torques are unknown
     task = MotionTask(
         arm=arm,
@@ -85,13 +88,13 @@ def motion_task(
         obstacles=tuple(obstacles),
         link_radius=link_radius,
         min_clearance=given.clearance,
-        start=None if isinstance(start, str) and start == "free" else _start_posture(arm, start),
+        start=None,
         ends_at_rest=end_velocity is not None,
         cyclic=cyclic,
         differences=differences,
     )
-    if task.start is not None:
-        _check_start(task, task.start)
+    if not (isinstance(start, str) and start == "free"):
+        task = replace(task, start=_checked_start(task, start))
     _check_immovable_links(task)
     if lacks_masses(arm):
         _check_functions_without_masses(task)
@@ -123,7 +126,18 @@ def _check_plane(arm: Arm, task: Task) -> None:
         plane = f"the plane of {arm.name}, {through}"
     wish = f"path must have {'points' if path.quaternions is None else 'poses'} in {plane}"
     if path.quaternions is not None:
-        _check_tilt(arm, frame, path.quaternions, wish)
+        # Poses must be the frame turned about the normal of the plane. The tilt is the rotation RᵀR_d without its part
+        # about the normal (swing and twist). The angle of "xy+angle" is about the z axis of the frame, which must not
+        # be in the plane
+        axis = frame.rotation.T @ arm.base.rotation[:, 2]
+        relative = matrix_to_quaternion(frame.rotation.T @ quaternion_to_matrix(path.quaternions))
+        twist = relative[:, 1:] @ axis
+        swing = np.linalg.norm(relative[:, 1:] - twist[:, None] * axis, axis=1)
+        tilt = 2.0 * np.arctan2(swing, np.hypot(relative[:, 0], twist)).max()
+        if tilt > TILT_TOLERANCE:
+            raise InvalidInput(f"{wish}, or axes='xy', got one tilted out of it by {tilt:.3g} rad")
+        if abs(axis[2]) < TILT_TOLERANCE:
+            raise InvalidInput(f"{wish}, with a z axis that leaves it, or axes='xy', got poses whose z axis lies in it")
     distance = (points - frame.position) @ (np.sign(normal[2]) * normal)
     at_zero = path.quaternions is not None and is_level and np.abs(points[:, 2]).max() <= tolerance
     if not at_zero and np.abs(distance).max() > tolerance:
@@ -131,30 +145,15 @@ def _check_plane(arm: Arm, task: Task) -> None:
         raise InvalidInput(f"{wish}, or axes={axes!r}, got one {distance[np.abs(distance).argmax()]:.3g} m off it")
 
 
-def _check_tilt(arm: Arm, frame: Pose, quaternions: Float[np.ndarray, "samples 4"], wish: str) -> None:
-    """Raise InvalidInput unless poses are the ``frame`` turned about the normal of the arm's plane.
-
-    The tilt is the rotation RᵀR_d without its part about the normal (swing and twist). The angle of "xy+angle" is about
-    the frame's own z axis, which must not be in the plane.
-    """
-    normal = frame.rotation.T @ arm.base.rotation[:, 2]
-    relative = matrix_to_quaternion(frame.rotation.T @ quaternion_to_matrix(quaternions))
-    twist = relative[:, 1:] @ normal
-    swing = np.linalg.norm(relative[:, 1:] - twist[:, None] * normal, axis=1)
-    tilt = 2.0 * np.arctan2(swing, np.hypot(relative[:, 0], twist)).max()
-    if tilt > TILT_TOLERANCE:
-        raise InvalidInput(f"{wish}, or axes='xy', got one tilted out of it by {tilt:.3g} rad")
-    if abs(normal[2]) < TILT_TOLERANCE:
-        raise InvalidInput(f"{wish}, with a z axis that leaves it, or axes='xy', got poses whose z axis lies in it")
-
-
 def _coordinates(vector: Float[np.ndarray, " coordinates"]) -> str:
     """Return coordinates as text, without a sign if they are 0 up to rounding."""
     return ", ".join(f"{round(value, 12) + 0.0:.6g}" for value in vector.tolist())
 
 
-def _followed_tasks(arm: Arm, given: Path | Task | Sequence[Path | Task], redundant: bool) -> tuple[Task, ...]:
-    """Return the tasks, checked, each with its axes."""
+def _followed_tasks(
+    arm: Arm, given: Path | Task | Sequence[Path | Task], *, redundant: bool, closed: bool, rests: bool
+) -> tuple[Task, ...]:
+    """Return the tasks, each with its axes; checked, also whether paths are ``closed`` or end at rest if required."""
     every = []
     for one in given if isinstance(given, list | tuple) else [given]:
         if not isinstance(one, Path | Task):
@@ -176,6 +175,15 @@ def _followed_tasks(arm: Arm, given: Path | Task | Sequence[Path | Task], redund
             f"path: {arm.name} {wish}, got {arm.dof} joints for {rows} equations; there must be more joints "
             "or fewer axes"
         )
+    if closed and not all(task.path.is_closed for task in tasks):
+        raise InvalidInput("path must be closed if cyclic=True, got one that does not end where it starts")
+    for path in [task.path for task in tasks] if rests else []:
+        # the speed in the last 0.01 % of the path must be below 1 % of its mean
+        instants = np.array([1.0 - 1e-4, 1.0]) * path.duration
+        end = np.linalg.norm(np.diff(path.at(instants)[0], axis=0)) / np.diff(instants)[0]
+        mean = np.linalg.norm(np.diff(path.positions, axis=0), axis=1).sum() / path.duration
+        if end > 0.01 * mean:
+            raise InvalidInput(f"path must come to rest if end_velocity=0, got one that ends at {end:.3g} m/s")
     return tasks
 
 
@@ -237,33 +245,19 @@ def _check_functions_without_masses(task: MotionTask) -> None:
                 )
 
 
-def _check_paths_end_at_rest(tasks: tuple[Task, ...]) -> None:
-    """Raise InvalidInput unless speeds in the last 0.01 % of paths are below 1 % of their mean."""
-    for task in tasks:
-        path = task.path
-        instants = np.array([1.0 - 1e-4, 1.0]) * path.duration
-        end = np.linalg.norm(np.diff(path.at(instants)[0], axis=0)) / np.diff(instants)[0]
-        mean = np.linalg.norm(np.diff(path.positions, axis=0), axis=1).sum() / path.duration
-        if end > 0.01 * mean:
-            raise InvalidInput(f"path must come to rest if end_velocity=0, got one that ends at {end:.3g} m/s")
-
-
-def _start_posture(arm: Arm, start: object) -> np.ndarray:
-    if start is None or isinstance(start, str):
-        raise InvalidInput(f"start must be 'free' or {arm.dof} joint positions, got {shown(start)}")
-    q = real_array("start", start)
-    if q.shape != (arm.dof,) or not np.all(np.isfinite(q)):
-        raise InvalidInput(f"start must be 'free' or {arm.dof} finite joint positions, got {shown(start)}")
-    return q
-
-
-def _check_start(task: MotionTask, start: np.ndarray) -> None:
-    """Raise InvalidInput for a start off the path's first sample or beyond its limits."""
-    error = np.abs(task_errors(task.arm, task.tasks, start, task.targets[0])[0])
-    scales = row_scales(task.arm, task.tasks)
+def _checked_start(task: MotionTask, given: object) -> np.ndarray:
+    """Return the joint positions at the start; raises InvalidInput off the path's first sample or beyond limits."""
+    arm = task.arm
+    if given is None or isinstance(given, str):
+        raise InvalidInput(f"start must be 'free' or {arm.dof} joint positions, got {shown(given)}")
+    start = real_array("start", given)
+    if start.shape != (arm.dof,) or not np.all(np.isfinite(start)):
+        raise InvalidInput(f"start must be 'free' or {arm.dof} finite joint positions, got {shown(given)}")
+    error = np.abs(task_errors(arm, task.tasks, start, task.targets[0])[0])
+    scales = row_scales(arm, task.tasks)
     worst = int(np.argmax(error / scales))
     if error[worst] > START_TOLERANCE * scales[worst]:
-        unit, hint = row_units(task.tasks)[worst], degrees_hint(start[task.arm.periodic])
+        unit, hint = row_units(task.tasks)[worst], degrees_hint(start[arm.periodic])
         raise InvalidInput(
             f"start must be at most {START_TOLERANCE * scales[worst]:.3g} {unit} off the path's first sample, got "
             f"{error[worst]:.3g} {unit}{hint and f'; {hint}'}"
@@ -274,6 +268,7 @@ def _check_start(task: MotionTask, start: np.ndarray) -> None:
         if outside.any():
             j = int(np.argmax(outside))
             raise InvalidInput(
-                f"start: {task.arm.joint_names[j]} must be within its limits {lower[j]:.6g} to {upper[j]:.6g}, got "
+                f"start: {arm.joint_names[j]} must be within its limits {lower[j]:.6g} to {upper[j]:.6g}, got "
                 f"{start[j]:.6g}"
             )
+    return start

@@ -104,38 +104,33 @@ def project_instants(curve, work, u):
                 same &= spline[o, p, j] == u[o * n + j, p] * curve.scales[j]
                 spline[o, p, j] = u[o * n + j, p] * curve.scales[j]
     if not same:
-        _project(curve, work)
+        # the state from the spline's state, and which instants are on the path
+        spline, state = work.spline, work.state
+        _, instants, n = spline.shape
+        write_directions(curve.normals, spline, curve.scales, work.directions)
+        state[0] = spline[0]
+        errors, same_sheet = np.empty(instants), np.empty(instants, dtype=np.bool_)
+        newton(
+            curve.errors,
+            curve.targets,
+            work.directions[0],
+            curve.row_scales,
+            curve.retraction,
+            state[0],
+            errors,
+            same_sheet,
+        )
+        project_rates(curve.rates, work.inputs, curve.scales, spline, work.directions, state, work.multipliers)
+        for p in range(instants):
+            total = 0.0
+            for o in range(3):
+                for j in range(n):
+                    total += state[o, p, j]
+            work.on_path[p] = same_sheet[p] and errors[p] <= curve.on_path and np.isfinite(total)
     for p in range(instants):
         for o in range(min(orders, 3) if work.on_path[p] else 0):
             for j in range(n):
                 u[o * n + j, p] = state[o, p, j] / curve.scales[j]
-
-
-@compiled
-def _project(curve, work):
-    """Write the state from the spline's state, and which instants are on the path."""
-    spline, state = work.spline, work.state
-    _, instants, n = spline.shape
-    write_directions(curve.normals, spline, curve.scales, work.directions)
-    state[0] = spline[0]
-    errors, same_sheet = np.empty(instants), np.empty(instants, dtype=np.bool_)
-    newton(
-        curve.errors,
-        curve.targets,
-        work.directions[0],
-        curve.row_scales,
-        curve.retraction,
-        state[0],
-        errors,
-        same_sheet,
-    )
-    project_rates(curve.rates, work.inputs, curve.scales, spline, work.directions, state, work.multipliers)
-    for p in range(instants):
-        total = 0.0
-        for o in range(3):
-            for j in range(n):
-                total += state[o, p, j]
-        work.on_path[p] = same_sheet[p] and errors[p] <= curve.on_path and np.isfinite(total)
 
 
 @compiled
@@ -182,10 +177,23 @@ def linearise_instants(curve, work):
     _add_bend(inverse, jacobian, -1.0, held[2], along, moves[2])
     _add_bend(inverse, acceleration, -1.0, rates[0], along, moves[2])
     _add_bend(inverse, velocity, -2.0, rates[1], along, moves[2])
-    _write_chain(curve, rates, work.chain)
+    # the derivatives of states from ∂q/∂s, ∂q̇/∂s and ∂q̈/∂s, joints divided by their scales. Jerks are those of the
+    # spline
+    n, variables = len(curve.scales), len(work.chain)
+    for o in range(min(variables // n, 3)):
+        for k in range(o + 1):
+            for i in range(n):
+                factor = (2.0 if o == 2 and k == 1 else 1.0) / curve.scales[i]
+                for j in range(n):
+                    work.chain[o * n + i, k * n + j] = rates[o - k, i, j] * (factor * curve.scales[j])
+    for a in range(3 * n, variables):
+        work.chain[a, a] = 1.0
     for p in range(instants):
         if not work.on_path[p]:
-            _keep_spline(work, p)
+            # the derivatives of an instant whose state is that of the spline
+            work.gains[..., p], work.bends[..., p], work.moves[..., p], work.chain[..., p] = 0.0, 0.0, 0.0, 0.0
+            for a in range(len(work.chain)):
+                work.chain[a, a, p] = 1.0
 
 
 @compiled
@@ -228,31 +236,6 @@ def _add_bend(gain, bend, factor, moves, along, out):
     along[:] = 0.0
     _add_product(bend, moves, 1.0, along)
     _add_product(gain, along, factor, out)
-
-
-@compiled
-def _write_chain(curve, rates, chain):
-    """Write the derivatives of states from ∂q/∂s, ∂q̇/∂s and ∂q̈/∂s, joints divided by their scales.
-
-    Jerks are those of the spline.
-    """
-    n, variables = len(curve.scales), len(chain)
-    for o in range(min(variables // n, 3)):
-        for k in range(o + 1):
-            for i in range(n):
-                factor = (2.0 if o == 2 and k == 1 else 1.0) / curve.scales[i]
-                for j in range(n):
-                    chain[o * n + i, k * n + j] = rates[o - k, i, j] * (factor * curve.scales[j])
-    for a in range(3 * n, variables):
-        chain[a, a] = 1.0
-
-
-@compiled
-def _keep_spline(work, p):
-    """Write the derivatives of an instant whose state is that of the spline."""
-    work.gains[..., p], work.bends[..., p], work.moves[..., p], work.chain[..., p] = 0.0, 0.0, 0.0, 0.0
-    for a in range(len(work.chain)):
-        work.chain[a, a, p] = 1.0
 
 
 @compiled

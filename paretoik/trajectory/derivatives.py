@@ -91,7 +91,16 @@ class MotionLinearisation:
         _, variables, instants = self.function_gradients.shape
         orders, n = p.stencil.orders, p.task.arm.dof
         by_limit, by_part = _part_multipliers(p, weights, multipliers, cone_multipliers)
-        factors, by_variable = _function_weights(p, weights, by_limit, self.function_gradients.shape)
+        # the Lagrangian's weights of all functions of an instant, and those of the variables that limits bound
+        functions, variables, instants = self.function_gradients.shape
+        factors, by_variable = np.zeros((functions, instants)), np.zeros((variables, instants))
+        for total, weight in zip(p.totals, weights, strict=True):
+            if total.kind == "sum":
+                factors[total.index] += weight * p.task.weights
+        which, at = p.limited.T
+        rows = which >= variables
+        np.add.at(factors, (p.sums + which[rows] - variables, at[rows]), -p.sides[rows] * by_limit[rows])
+        np.add.at(by_variable, (which[~rows], at[~rows]), -p.sides[~rows] * by_limit[~rows])
         by_variable += np.einsum("fs,fvs->vs", factors, self.function_gradients)
         gradient = by_variable[: p.states].reshape(orders, n, instants).swapaxes(1, 2).ravel()
         u = p.whole_inputs(self.values.inputs)
@@ -200,6 +209,20 @@ def linearise(program: MotionTerms, q: Float[np.ndarray, "time dof"]) -> MotionL
             gradients[k] = basis.T @ (function_gradients[total.index] * task.weights).ravel()
         elif total.kind == "peak":
             gradients[k, program.stencil.unknowns + program.slacks * instants + total.index] = 1.0
+    # the Jacobian of limits, divided by their ranges, and of ties of instants
+    which, at = program.limited.T
+    functions, variables, instants = function_gradients.shape
+    scales = np.append(program.ranges[: program.elastic], np.ones(len(which) - program.elastic))
+    sides, simple = program.sides / scales, which < variables
+    i, function = np.flatnonzero(~simple), program.sums + which[~simple] - variables
+    nonzero = np.zeros((functions, variables), dtype=bool)
+    nonzero[sparsity.rows, sparsity.columns] = True
+    row, v = np.nonzero(nonzero[function])
+    entries = np.concatenate([sides[simple], function_gradients[function[row], v, at[i[row]]] * sides[i[row]]])
+    rows = np.concatenate([np.flatnonzero(simple), i[row]])
+    columns = np.concatenate([which[simple] * instants + at[simple], v * instants + at[i[row]]])
+    by_variables = sparse.coo_array((entries, (rows, columns)), shape=(len(which), variables * instants))
+    limit_rows = structural_product(by_variables.tocsr(), basis)
     return MotionLinearisation(
         program=program,
         values=values,
@@ -213,7 +236,7 @@ def linearise(program: MotionTerms, q: Float[np.ndarray, "time dof"]) -> MotionL
         sample_inputs=inputs,
         gradients=gradients,
         inequalities=np.concatenate([values.inequalities, values.ties, *ties]),
-        jacobian=stack_rows([_limit_rows(program, function_gradients, basis), *tie_rows]),
+        jacobian=stack_rows([limit_rows, *tie_rows]),
         cones=tuple(cones),
     )
 
@@ -286,24 +309,6 @@ def _whole_functions(
     return gradients, ties, tie_rows, cones
 
 
-def _limit_rows(program: MotionTerms, function_gradients: np.ndarray, basis: sparse.csr_array) -> sparse.csr_array:
-    """Return the Jacobian of limits, divided by their ranges, and of ties of instants."""
-    which, at = program.limited.T
-    functions, variables, instants = function_gradients.shape
-    scales = np.append(program.ranges[: program.elastic], np.ones(len(which) - program.elastic))
-    sides, simple = program.sides / scales, which < variables
-    i, function = np.flatnonzero(~simple), program.sums + which[~simple] - variables
-    nonzero = np.zeros((functions, variables), dtype=bool)
-    sparsity = program.evaluators.gradient_sparsity
-    nonzero[sparsity.rows, sparsity.columns] = True
-    k, v = np.nonzero(nonzero[function])
-    entries = np.concatenate([sides[simple], function_gradients[function[k], v, at[i[k]]] * sides[i[k]]])
-    rows = np.concatenate([np.flatnonzero(simple), i[k]])
-    columns = np.concatenate([which[simple] * instants + at[simple], v * instants + at[i[k]]])
-    by_variables = sparse.coo_array((entries, (rows, columns)), shape=(len(which), variables * instants))
-    return structural_product(by_variables.tocsr(), basis)
-
-
 def _whole_basis(program: MotionTerms, basis: sparse.csr_array) -> sparse.csr_array:
     """Return the derivatives of whole functions' inputs by the columns."""
     orders, n, instants = program.stencil.orders, program.task.arm.dof, len(program.task.instants)
@@ -336,22 +341,6 @@ def _part_multipliers(
             cone += 1
         by_part.append(part)
     return by_limit, by_part
-
-
-def _function_weights(
-    program: MotionTerms, weights: np.ndarray, by_limit: np.ndarray, shape: tuple[int, int, int]
-) -> tuple[Float[np.ndarray, "functions instants"], Float[np.ndarray, "variables instants"]]:
-    """Return the Lagrangian's weights of all functions of an instant, and those of the variables that limits bound."""
-    functions, variables, instants = shape
-    factors, by_variable = np.zeros((functions, instants)), np.zeros((variables, instants))
-    for total, weight in zip(program.totals, weights, strict=True):
-        if total.kind == "sum":
-            factors[total.index] += weight * program.task.weights
-    which, at = program.limited.T
-    rows = which >= variables
-    np.add.at(factors, (program.sums + which[rows] - variables, at[rows]), -program.sides[rows] * by_limit[rows])
-    np.add.at(by_variable, (which[~rows], at[~rows]), -program.sides[~rows] * by_limit[~rows])
-    return factors, by_variable
 
 
 def _by_variables(

@@ -101,7 +101,18 @@ def whole_function(tape: Tape, name: str, value: object) -> WholeFunction:
     """Return a function that was traced on a tape with all u as inputs."""
     entry, count = as_entry(tape, value), len(tape.inputs)
     norm = norm_terms(tape, entry)
-    groups = _groups(tape, entry) if norm is None else []
+    if norm is None:
+        # one group of all smooth addends, then the pieces of each addend with kinks
+        smooth, groups = tape.constant(0.0), list[list[int]]()
+        for term in summands(tape, entry):
+            pieces = smooth_pieces(tape, term)
+            if len(pieces) > 1:
+                groups.append(pieces)
+            else:
+                smooth = tape.apply(Op.ADD, smooth, term)
+        groups = [[smooth], *groups]
+    else:
+        groups = []
     parts = [part for group in groups for part in group] if norm is None else norm[1]
     zero, entries = tape.constant(0.0), []
     for k, part in enumerate(parts):
@@ -130,18 +141,6 @@ def whole_function(tape: Tape, name: str, value: object) -> WholeFunction:
         hessian_columns=np.array([j for j, _ in second], dtype=np.int64),
         inputs=count,
     )
-
-
-def _groups(tape: Tape, entry: int) -> list[list[int]]:
-    """Return one group of all smooth addends, then the pieces of each addend with kinks."""
-    smooth, groups = tape.constant(0.0), list[list[int]]()
-    for term in summands(tape, entry):
-        pieces = smooth_pieces(tape, term)
-        if len(pieces) > 1:
-            groups.append(pieces)
-        else:
-            smooth = tape.apply(Op.ADD, smooth, term)
-    return [[smooth], *groups]
 
 
 # Objectives and limits of a task as expressions.
@@ -209,7 +208,24 @@ def trace_functions(task: MotionTask, shares: np.ndarray) -> Functions:
     functions = Functions(task=task, motion=motion, spline=trace_sample_again(motion, scales))
     for term, share in zip(task.objectives, shares, strict=True):
         _add_total(functions, f"objective {term.name}", term, term.sign * float(share), np.inf)
-    _add_limits(functions)
+    # add all limits except those on positions, and on rates at samples
+    motion, task = functions.motion, functions.task
+    inner = ["velocity"] if task.differences == "spline" and "velocity" in task.bounds else []
+    for kind in (*inner, *(load for load in ("torque", "power") if load in task.bounds)):
+        limits = task.bounds_at(kind, task.instants)
+        if kind == "velocity":  # of Bernstein coefficients between samples; see ``Motion.velocity_bounds``
+            bounds, limits = limits, np.tile([-np.inf, np.inf], (len(task.instants), task.arm.dof, 1))
+            limits[:-1:2] = np.broadcast_to(bounds, limits.shape)[1::2]
+            values = motion.velocity_bounds.entries
+        else:
+            values = getattr(motion, LIMITED[kind]).entries
+        ranges = task.limit_ranges(kind, limits)
+        for j, joint in enumerate(task.arm.joint_names):
+            if np.isfinite(limits[:, j]).any():
+                _add_row(functions, f"{kind} of {joint}", values[j], limits[:, j], ranges[:, j])
+    if task.obstacles:
+        clearance = np.array([task.min_clearance, np.inf])
+        _add_row(functions, "clearance", motion.clearance.entries, clearance, np.array(task.clearance_range))
     for constraint in task.constraints:
         label = f"constraint {constraint.name}"
         value = trace_sample_function(motion, label, constraint.function) if constraint.form == "peak" else None
@@ -231,7 +247,19 @@ def _add_total(functions: Functions, label: str, term: Objective | Constraint, f
     value = trace_sample_function(motion, label, term.function) if form in ("integral", "peak") else None
     if value is None:
         functions.totals.append(Total(name=term.name, kind="whole", index=len(functions.whole_functions), upper=upper))
-        functions.whole_functions.append(_whole(task, label, term, factor))
+        # a function of the whole motion
+        whole_motion = trace_motion(task, scales=joint_scales(task.arm))
+        values = trace_motion_function(whole_motion, label, term.function, term.form)
+        total: Any = 0.0
+        if term.form == "integral":
+            for weight, number in zip(task.weights, values, strict=True):
+                total = total + factor * float(weight) * number
+        else:
+            total = factor * values[0]
+            for number in values[1:]:  # a peak
+                total = np.maximum(total, factor * number)
+        whole = whole_function(whole_motion.trace.tape, term.name, total)
+        functions.whole_functions.append(whole)
         return
     tape = motion.trace.tape
     entry, share = as_entry(tape, np.sign(factor) * value), tape.input()  # for any share, the same evaluators
@@ -246,41 +274,6 @@ def _add_total(functions: Functions, label: str, term: Objective | Constraint, f
         functions.epigraph_rows.append((sigma - share * Expression(tape, piece)).index)
         functions.epigraph_peaks.append(len(functions.epigraph_variables))
     functions.epigraph_variables.append(sigma.index)
-
-
-def _whole(task: MotionTask, label: str, term: Objective | Constraint, factor: float) -> WholeFunction:
-    motion = trace_motion(task, scales=joint_scales(task.arm))
-    values = trace_motion_function(motion, label, term.function, term.form)
-    total: Any = 0.0
-    if term.form == "integral":
-        for weight, value in zip(task.weights, values, strict=True):
-            total = total + factor * float(weight) * value
-    else:
-        total = factor * values[0]
-        for value in values[1:]:  # a peak
-            total = np.maximum(total, factor * value)
-    return whole_function(motion.trace.tape, term.name, total)
-
-
-def _add_limits(functions: Functions) -> None:
-    """Add all limits except those on positions, and on rates at samples."""
-    motion, task = functions.motion, functions.task
-    inner = ["velocity"] if task.differences == "spline" and "velocity" in task.bounds else []
-    for kind in (*inner, *(load for load in ("torque", "power") if load in task.bounds)):
-        limits = task.bounds_at(kind, task.instants)
-        if kind == "velocity":  # of Bernstein coefficients between samples; see ``Motion.velocity_bounds``
-            bounds, limits = limits, np.tile([-np.inf, np.inf], (len(task.instants), task.arm.dof, 1))
-            limits[:-1:2] = np.broadcast_to(bounds, limits.shape)[1::2]
-            values = motion.velocity_bounds.entries
-        else:
-            values = getattr(motion, LIMITED[kind]).entries
-        ranges = task.limit_ranges(kind, limits)
-        for j, joint in enumerate(task.arm.joint_names):
-            if np.isfinite(limits[:, j]).any():
-                _add_row(functions, f"{kind} of {joint}", values[j], limits[:, j], ranges[:, j])
-    if task.obstacles:
-        clearance = np.array([task.min_clearance, np.inf])
-        _add_row(functions, "clearance", motion.clearance.entries, clearance, np.array(task.clearance_range))
 
 
 def _add_row(functions: Functions, name: str, value: Any, bounds: np.ndarray, ranges: np.ndarray) -> None:

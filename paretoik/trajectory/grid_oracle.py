@@ -246,7 +246,14 @@ def _pair_graph(task: MotionTask, grid: PostureGrid, terms: Terms) -> LayeredGra
     dq.insert(0, dq[-1] if task.cyclic else np.zeros_like(dq[0]))
     transitions_of = [(np.zeros(0, dtype=int),) * 2]
     for i in range(1, len(nodes)):
-        sources, ends = _join_pairs(pairs[i - 1][1], pairs[i][0]) if i > first else (np.arange(len(dq[1])),) * 2
+        if i > first:
+            # all pairs (first, second) whose second begins at the end of the first, which are sorted by their ends
+            begins = pairs[i][0]
+            low, high = (np.searchsorted(pairs[i - 1][1], begins, side=side) for side in ("left", "right"))
+            ends = np.repeat(np.arange(len(begins)), high - low)
+            sources = np.arange(len(ends)) - np.repeat(np.cumsum(high - low) - high, high - low)
+        else:
+            sources, ends = (np.arange(len(dq[1])),) * 2
         near = np.abs(dq[i][ends] - dq[i - 1][sources]) * steps[i] <= grid.windows[i] / 2
         transitions_of.append((sources[near.all(axis=1)], ends[near.all(axis=1)]) if i > first else (sources, ends))
 
@@ -268,13 +275,6 @@ def _pair_graph(task: MotionTask, grid: PostureGrid, terms: Terms) -> LayeredGra
         nodes=[ends for _, ends in pairs[first:]],
         before=None if task.cyclic else pairs[1][0],
     )
-
-
-def _join_pairs(ends_before: np.ndarray, begins: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return all pairs (first, second) whose second begins at the end of the first, which are sorted by their ends."""
-    low, high = (np.searchsorted(ends_before, begins, side=side) for side in ("left", "right"))
-    ends = np.repeat(np.arange(len(begins)), high - low)
-    return np.arange(len(ends)) - np.repeat(np.cumsum(high - low) - high, high - low), ends
 
 
 def _feasible_grid(task: MotionTask, grid: PostureGrid, terms: Terms) -> PostureGrid:
@@ -317,7 +317,15 @@ def _select_paths(
             chosen = distance > OPTIONS.distinct if far else not is_known
             if len(indices) < classes and chosen:
                 with suppress(Infeasible):  # leaves the path between its own samples
-                    selected[int(k)] = _resample(task, motions[k])
+                    # on all samples, unless it leaves the path between its own
+                    motion = motions[k]
+                    if len(motion.time) == len(task.times):
+                        selected[int(k)] = motion.q
+                    else:
+                        q = motion.at(task.times)
+                        if task.start is not None:
+                            q[0] = task.start
+                        selected[int(k)] = q
     order = sorted(selected, key=lambda k: cost[k])
     if not order:
         raise Infeasible(f"every path through the grid of {len(level.times)} samples leaves the path between them")
@@ -328,16 +336,6 @@ def _select_paths(
         "violations": task.violations(final).max(axis=1, initial=0.0),
         "labels": tuple(kinds[k] for k in order),
     }
-
-
-def _resample(task: MotionTask, motion: Motion) -> np.ndarray:
-    """Return a motion on all samples; raise Infeasible if it leaves the path between its own."""
-    if len(motion.time) == len(task.times):
-        return motion.q
-    q = motion.at(task.times)
-    if task.start is not None:
-        q[0] = task.start
-    return q
 
 
 def _no_path_error(task: MotionTask, layers: LayeredGraph, spacing: float) -> Infeasible:

@@ -239,11 +239,25 @@ def infeasible_error(
         pair = closest_pair(level.obstacles, motion.instants.links[place], level.link_radius)
         message, limit = f"{message}, though there is one without the obstacles (closest: {pair})", "clearance"
     numbers, full = np.searchsorted(task.times, level.times), at_samples(task, motion)
-    proved = _proof_text(task, full, sample)
-    if proved:
-        message = "no motion can satisfy the limits"
+    # the sample at which it is proved that no posture satisfies the limits
+    kind, number, _ = _worst_limit(task, full)
+    proof = ""
+    if kind in ("position", "clearance", "velocity"):
+        samples = [task.worst_sample(number, full) if sample is None else sample]
+        if kind == "velocity":  # limits are often too low at other samples too, first the fastest ones of the path
+            pace = sum(
+                np.linalg.norm(np.gradient(one.path.positions, task.times, axis=0), axis=1) for one in task.tasks
+            )
+            samples += [
+                int(np.argmax(pace)),
+                *np.linspace(0, len(task.times) - 1, OPTIONS.proofs + 2).astype(int)[1:-1],
+            ]
+        proved = next((each for each in samples if no_posture_keeps_limits(task, each)), None)
+        if proved is not None:
+            message = "no motion can satisfy the limits"
+            proof = f" (proved: no posture at sample {proved}, {task.times[proved]:.3g} s, does)"
     return Infeasible(
-        f"{message}{proved}; of the least-violating one, {level.describe_violation(motion, numbers) or status}"
+        f"{message}{proof}; of the least-violating one, {level.describe_violation(motion, numbers) or status}"
         + remedy_text(task, full, sample),
         motion=full,
         limit=limit,
@@ -279,19 +293,6 @@ def remedy_text(task: MotionTask, motion: Motion, sample: int | None = None) -> 
         if len(q) > 1 and violation.min() > 0:
             return f"; none of {len(q)} postures tried at sample {worst} satisfies the limits{text}"
     return text
-
-
-def _proof_text(task: MotionTask, motion: Motion, sample: int | None) -> str:
-    """Return in words the sample at which no posture satisfies the limits by proof; "" without a proof."""
-    kind, limit, _ = _worst_limit(task, motion)
-    if kind not in ("position", "clearance", "velocity"):
-        return ""
-    samples = [task.worst_sample(limit, motion) if sample is None else sample]
-    if kind == "velocity":  # limits are often too low at other samples too, first the fastest ones of the path
-        pace = sum(np.linalg.norm(np.gradient(one.path.positions, task.times, axis=0), axis=1) for one in task.tasks)
-        samples += [int(np.argmax(pace)), *np.linspace(0, len(task.times) - 1, OPTIONS.proofs + 2).astype(int)[1:-1]]
-    proved = next((each for each in samples if no_posture_keeps_limits(task, each)), None)
-    return "" if proved is None else f" (proved: no posture at sample {proved}, {task.times[proved]:.3g} s, does)"
 
 
 def _sample_without_posture(task: MotionTask, rollouts: JointPaths) -> int | None:
@@ -442,10 +443,29 @@ def no_posture_keeps_limits(task: MotionTask, sample: int) -> bool:
         return True
     if not np.isfinite(limits).all():
         return False
-    reach = _reaches(task, limits)
+    # the largest distance of each link's end from the axis of each joint; 1 for joints that slide. The last link
+    # includes the frames of tasks. Links before a joint do not move with it: 0
+    arm, frames = task.arm, [task.arm.frame(each.frame) for each in task.tasks]
+    slides = np.where(arm.periodic, 0.0, np.abs(limits).max(axis=1))
+    lengths = [float(np.linalg.norm(pose.position)) for pose in arm.placements] + slides
+    offsets = [float(np.linalg.norm(pose.position)) for pose in (arm.tool, *(frame.pose for frame in frames))]
+    ends = np.cumsum(np.append(lengths, max(offsets)))
+    reach = np.maximum(ends[None] - ends[:-1, None], 0.0)
+    moves = np.arange(arm.dof + 1)[None] > np.arange(arm.dof)[:, None] - ~arm.periodic[:, None]
+    reach = np.where(moves, np.where(arm.periodic[:, None], reach, 1.0), 0.0)
     first, last = np.minimum.outer(*[np.arange(arm.dof)] * 2), np.maximum.outer(*[np.arange(arm.dof)] * 2)
     bend = np.where(arm.periodic[first], np.where(arm.periodic[last], reach[last, -1], 1.0), 0.0)  # B
-    steps = _steps(task, sample)
+    # the samples before and after one, and the largest joint steps to them within velocity limits. Steps of a spline's
+    # samples are averages of those of its control points, which are limited. There is no result for uneven times, near
+    # ends, or for central differences
+    steps = list[tuple[int, np.ndarray]]()
+    if "velocity" in task.bounds and task.differences != "central":
+        times, count = task.times, len(task.times)
+        even = np.allclose(np.diff(times), times[1], rtol=1e-9)
+        if task.differences != "spline" or (even and OPTIONS.inner <= sample < count - OPTIONS.inner):
+            fastest = np.abs(task.bounds["velocity"]).max(axis=(0, 2))
+            others = [other for other in (sample - 1, sample + 1) if 0 <= other < count]
+            steps = [(other, fastest * abs(times[other] - times[sample]) * (1 + OPTIONS.doubt)) for other in others]
     center, half = limits.mean(axis=1)[None], np.diff(limits, axis=1).T / 2 * (1 + 1e-6)
     looked_at = 0
     while len(center) and looked_at + len(center) <= OPTIONS.boxes:
@@ -464,38 +484,6 @@ def no_posture_keeps_limits(task: MotionTask, sample: int) -> bool:
         step[rows, widest] = half[rows, widest]
         center, half = np.concatenate([center - step, center + step]), np.concatenate([half, half])
     return not len(center)
-
-
-def _reaches(task: MotionTask, limits: np.ndarray) -> Float[np.ndarray, "dof links"]:
-    """Return the largest distance of each link's end from the axis of each joint; 1 for joints that slide.
-
-    The last link includes the frames of tasks. Links before a joint do not move with it: 0.
-    """
-    arm, frames = task.arm, [task.arm.frame(each.frame) for each in task.tasks]
-    slides = np.where(arm.periodic, 0.0, np.abs(limits).max(axis=1))
-    lengths = [float(np.linalg.norm(pose.position)) for pose in arm.placements] + slides
-    offsets = [float(np.linalg.norm(pose.position)) for pose in (arm.tool, *(frame.pose for frame in frames))]
-    ends = np.cumsum(np.append(lengths, max(offsets)))
-    reach = np.maximum(ends[None] - ends[:-1, None], 0.0)
-    moves = np.arange(arm.dof + 1)[None] > np.arange(arm.dof)[:, None] - ~arm.periodic[:, None]
-    return np.where(moves, np.where(arm.periodic[:, None], reach, 1.0), 0.0)
-
-
-def _steps(task: MotionTask, sample: int) -> list[tuple[int, Float[np.ndarray, " dof"]]]:
-    """Return the samples before and after one, and the largest joint steps to them within velocity limits.
-
-    Steps of a spline's samples are averages of those of its control points, which are limited. There is no result for
-    uneven times, near ends, or for central differences.
-    """
-    if "velocity" not in task.bounds or task.differences == "central":
-        return []
-    times, count = task.times, len(task.times)
-    even = np.allclose(np.diff(times), times[1], rtol=1e-9)
-    if task.differences == "spline" and not (even and OPTIONS.inner <= sample < count - OPTIONS.inner):
-        return []
-    fastest = np.abs(task.bounds["velocity"]).max(axis=(0, 2))
-    others = [other for other in (sample - 1, sample + 1) if 0 <= other < count]
-    return [(other, fastest * abs(times[other] - times[sample]) * (1 + OPTIONS.doubt)) for other in others]
 
 
 def _may_reach(

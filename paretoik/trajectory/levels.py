@@ -216,8 +216,14 @@ def refine_levels(
             more = None if further is None else further(program, q, None if coarser is None else coarser[1])
             solutions, q = _solve_level(program, q, weights, upper, solver, barriers, more)
             ends = solutions
-            if restore and (first or not finer) and not solutions.converged.any():
-                solutions = _restore(program, solutions, q[: 2 * OPTIONS.restored * first], weights, upper, solver)
+            restored = restore and (first or not finer) and not solutions.converged.any()
+            if restored and not solutions.violation.max() <= FEASIBLE:  # the violation alone is minimised first
+                rows = distinct_rows(task, solutions, solutions.objectives @ weights, limit=OPTIONS.restored)
+                begin = np.concatenate([solutions.x[rows], q[: 2 * OPTIONS.restored * first]])
+                solutions = minimise_violation(program, begin, upper, OPTIONS.restoration)
+                if (feasible := solutions.violation <= FEASIBLE).any():
+                    held = program, solutions.x[feasible], weights[None], upper[None]
+                    solutions = minimise(*held, OPTIONS.holding, solver=solver)
         except Interrupted as stop:
             return _unfinished(programs[-1], weights, (program, stop.partial), coarser), tuple(levels)
         limit = max_optima if finer else len(solutions)
@@ -321,25 +327,6 @@ def distinct_rows(
 def coarse(options: InteriorPointOptions) -> InteriorPointOptions:
     """Return options for a level before a finer one: it ends at that one's first barrier."""
     return options._replace(last_barrier=OPTIONS.warm.barrier, tolerance=OPTIONS.warm.barrier)
-
-
-def _restore(
-    program: MotionProgram,
-    solutions: Solutions,
-    q: np.ndarray,
-    weights: np.ndarray,
-    upper: np.ndarray,
-    solver: Solver,
-) -> Solutions:
-    """Return the optima from motions that violate limits, after minimising only the violation."""
-    if solutions.violation.max() <= FEASIBLE:
-        return solutions
-    rows = distinct_rows(program.task, solutions, solutions.objectives @ weights, limit=OPTIONS.restored)
-    restored = minimise_violation(program, np.concatenate([solutions.x[rows], q]), upper, OPTIONS.restoration)
-    feasible = restored.violation <= FEASIBLE
-    if not feasible.any():
-        return restored
-    return minimise(program, restored.x[feasible], weights[None], upper[None], OPTIONS.holding, solver=solver)
 
 
 def on_more_samples(

@@ -362,53 +362,37 @@ def assemble(kernel, work, stiffness, A, B, C):
     run(kernel.track_curvature, work.path_inputs, work.track_seconds)
     self_motion_steps.add_path_hessian(work.track_seconds, work.tangent, kernel.first_unknown, A, C)
     sum_stiffness(kernel, work, stiffness)
+    stencil = kernel.neighbours, kernel.coefficients, kernel.first_unknown
     for s in range(samples):
         clear(phi)
-        _add_sample_hessian(kernel, work, s, row, phi[:variables, :variables])
+        # add the Hessian of one sample by u
+        block = phi[:variables, :variables]
+        variables, sums = len(row), len(work.objective_gradients)
+        second_i, second_j, seconds = kernel.second_i, kernel.second_j, work.seconds
+        by_row, gradients = work.by_row, work.gradients
+        for e in range(len(second_i)):
+            i, j = second_i[e], second_j[e]
+            if i < variables and j < variables:
+                block[i, j] = block[j, i] = seconds[e, s]
+        for a in range(variables):
+            block[a, a] += by_row[a, s]
+        if len(kernel.kinks):
+            kink_smoothing.add_kink_hessian(kernel, work, s, row, block)
+        for g in range(len(kernel.row_peaks)):
+            for a in range(variables):
+                row[a] = gradients[sums + g, a, s]
+            for a in range(variables):
+                scaled = by_row[variables + g, s] * row[a]
+                if scaled != 0.0:
+                    for b in range(variables):
+                        block[a, b] += scaled * row[b]
         curve_states.add_twist(work.curve, s, phi[states:, states:])
-        self_motion_steps.add_hessian(
-            s,
-            phi,
-            kernel.neighbours,
-            kernel.coefficients,
-            work.tangent,
-            work.curve.chain,
-            kernel.first_unknown,
-            local,
-            half,
-            A,
-            B,
-            C,
-        )
+        self_motion_steps.add_hessian(s, phi, stencil, work.tangent, work.curve.chain, local, half, (A, B, C))
     assemble_peaks(kernel, work, A, B, C)
     largest = 0.0
     for i in range(A.shape[0]):
         largest = max(largest, abs(A[i, 0]))
     return largest
-
-
-@compiled
-def _add_sample_hessian(kernel, work, s, row, phi):
-    """Add the Hessian of one sample by u."""
-    variables, sums = len(row), len(work.objective_gradients)
-    second_i, second_j, seconds = kernel.second_i, kernel.second_j, work.seconds
-    by_row, gradients = work.by_row, work.gradients
-    for e in range(len(second_i)):
-        i, j = second_i[e], second_j[e]
-        if i < variables and j < variables:
-            phi[i, j] = phi[j, i] = seconds[e, s]
-    for a in range(variables):
-        phi[a, a] += by_row[a, s]
-    if len(kernel.kinks):
-        kink_smoothing.add_kink_hessian(kernel, work, s, row, phi)
-    for g in range(len(kernel.row_peaks)):
-        for a in range(variables):
-            row[a] = gradients[sums + g, a, s]
-        for a in range(variables):
-            scaled = by_row[variables + g, s] * row[a]
-            if scaled != 0.0:
-                for b in range(variables):
-                    phi[a, b] += scaled * row[b]
 
 
 @implement(steps.expand_step, MotionKernel)

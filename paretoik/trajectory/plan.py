@@ -256,7 +256,16 @@ def _search(
             continue
         if solutions.converged.any() or (solutions.status == INTERRUPTED).any():
             return solutions, levels, len(restarts.policies[0].independent) if restarts.policies else len(begin)
-    raise _failure(task, solutions)
+    # no level leads to optima; a function without a value is the first cause
+    status, coarse = STATUSES[int(solutions.status[0])], task.subsample(solutions.x.shape[1])
+    unfinished = solutions.x[solutions.status == NOT_FINITE]
+    causes = evaluate_motions(coarse, coarse.motion(unfinished))[2] if len(unfinished) else ()
+    if failed := [each for each in causes if each]:
+        searches = f"{len(failed)} of {len(solutions)} searches"
+        raise EvaluationFailed(f"no start led to an optimum; {searches} ended at a motion at which {failed[0]}")
+    if solutions.violation[0] <= FEASIBLE:
+        raise SolverFailed(f"no start led to an optimum; the best ended with: {status}")
+    raise infeasible_error(task, coarse, solutions.x, status=status)
 
 
 def _merge(task: MotionTask, solutions: Solutions, initial: Solutions) -> Solutions:
@@ -315,19 +324,6 @@ def _plan(
     confirmed = sum(each.criticality <= CERTIFICATES.critical for each in optima)
     provenance = confirmation(chosen_solver(motion_program(task), solver), confirmed, len(optima))
     return Plan(optima=optima, levels=levels, starts=starts, provenance=provenance)
-
-
-def _failure(task: MotionTask, solutions: Solutions) -> EvaluationFailed | Infeasible | SolverFailed:
-    """Return the error of a plan without optima; a function without a value comes first."""
-    status, level = STATUSES[int(solutions.status[0])], task.subsample(solutions.x.shape[1])
-    unfinished = solutions.x[solutions.status == NOT_FINITE]
-    failed = [each for each in evaluate_motions(level, level.motion(unfinished))[2] if each] if len(unfinished) else []
-    if failed:
-        searches = f"{len(failed)} of {len(solutions)} searches"
-        return EvaluationFailed(f"no start led to an optimum; {searches} ended at a motion at which {failed[0]}")
-    if solutions.violation[0] <= FEASIBLE:
-        return SolverFailed(f"no start led to an optimum; the best ended with: {status}")
-    return infeasible_error(task, level, solutions.x, status=status)
 
 
 # Cold searches for ε-sweeps.

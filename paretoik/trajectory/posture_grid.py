@@ -236,24 +236,21 @@ def posture_grid(
         ahead = np.concatenate([np.where(n < 0, -1, n + first) for (_, n), first in zip(here, firsts, strict=True)])
         mask = retracted.on_path[rows][which]
         nodes.append(there[mask])
-        next_node.append(_next_nodes(nodes[i] / scales, which[mask], ahead, turning, spacing))
+        # every node's next in the same turn: nodes are at the places ``kept``, whose next places are ``ahead``
+        scaled, kept = nodes[i] / scales, which[mask]
+        order = np.argsort(kept, kind="stable")
+        low, high = (np.searchsorted(kept[order], ahead[kept], side=side) for side in ("left", "right"))
+        following = np.full(len(scaled), -1)
+        for turn in range(int((high - low).max(initial=0))):
+            candidate = order[np.minimum(low + turn, len(scaled) - 1)]
+            near = np.linalg.norm(wrap_difference(scaled[candidate] - scaled, turning), axis=1) < 2 * spacing
+            following = np.where((low + turn < high) & near, candidate, following)
+        next_node.append(following)
     if task.start is not None:
         nodes[0], next_node[0] = task.start[None], np.array([-1])
     if task.cyclic:
         nodes[-1], next_node[-1] = nodes[0], next_node[0]
     return PostureGrid(nodes=nodes, next_node=next_node, turning=turning, windows=windows, scales=scales)
-
-
-def _next_nodes(q: np.ndarray, which: np.ndarray, ahead: np.ndarray, turning: np.ndarray, spacing: float) -> np.ndarray:
-    """Return every node's next in the same turn; nodes are at places ``which``, whose next places are ``ahead``."""
-    order = np.argsort(which, kind="stable")
-    low, high = (np.searchsorted(which[order], ahead[which], side=side) for side in ("left", "right"))
-    next_index = np.full(len(q), -1)
-    for turn in range(int((high - low).max(initial=0))):
-        candidate = order[np.minimum(low + turn, len(q) - 1)]
-        near = np.linalg.norm(wrap_difference(q[candidate] - q, turning), axis=1) < 2 * spacing
-        next_index = np.where((low + turn < high) & near, candidate, next_index)
-    return next_index
 
 
 def transitions(task: MotionTask, grid: PostureGrid) -> tuple[list[tuple[np.ndarray, np.ndarray]], At]:

@@ -110,8 +110,12 @@ def local_basis(i, neighbours, coefficients, tangent, chain, local):
 
 
 @compiled
-def add_hessian(i, phi, neighbours, coefficients, tangent, chain, first_unknown, local, half, A, B, C):
-    """Add the Hessian ``phi`` by u of instant i to that of the unknowns, banded with a border."""
+def add_hessian(i, phi, stencil, tangent, chain, local, half, matrix):
+    """Add the Hessian ``phi`` by u of instant i to that of the unknowns, ``matrix`` (A, B, C), banded with a border.
+
+    ``stencil`` has ``neighbours``, ``coefficients`` and ``first_unknown``.
+    """
+    (neighbours, coefficients, first_unknown), (A, B, C) = stencil, matrix
     width, r, size = coefficients.shape[2], tangent.shape[2], A.shape[0]
     local_basis(i, neighbours, coefficients, tangent, chain, local)
     for a in range(local.shape[0]):

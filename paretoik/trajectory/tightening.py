@@ -210,7 +210,14 @@ def _tightened_bounds(
     for name in dict.fromkeys(names.tolist()):
         for side, excess in zip((1.0, -1.0), _excess(task, name, curve), strict=True):
             chosen = np.flatnonzero((names == name) & (sides == side))
-            padded = np.pad(_peaks(excess), (half, 2 * half), constant_values=-np.inf)
+            # values, each replaced by the peak of the parabola through it and its neighbours if that is next to it
+            with np.errstate(invalid="ignore"):  # −inf is no limit
+                slope, bend = np.diff(excess), np.diff(excess, 2)
+            peaks = excess.copy()
+            inner = peaks[1:-1]
+            top = (slope[:-1] >= 0) & (slope[1:] <= 0) & (bend < 0)
+            inner[top] -= (slope[:-1] + slope[1:])[top] ** 2 / (8 * bend[top])
+            padded = np.pad(peaks, (half, 2 * half), constant_values=-np.inf)
             windows = sliding_window_view(padded, 2 * half + 1)[::half][instant[chosen] + after[chosen]]
             around, near = (
                 each.max(axis=1) / units[chosen] + margin * ranges[chosen]
@@ -220,17 +227,6 @@ def _tightened_bounds(
             shift = np.where(near > 0, np.maximum(shift, near + slack[chosen]), shift)
             bounds[chosen] += side * np.minimum(shift, OPTIONS.largest * ranges[chosen])
     return bounds
-
-
-def _peaks(values: Float[np.ndarray, " time"]) -> Float[np.ndarray, " time"]:
-    """Return values, each replaced by the peak of the parabola through it and its neighbours if that is next to it."""
-    with np.errstate(invalid="ignore"):  # −inf is no limit
-        slope, bend = np.diff(values), np.diff(values, 2)
-    peaks = values.copy()
-    inner = peaks[1:-1]
-    top = (slope[:-1] >= 0) & (slope[1:] <= 0) & (bend < 0)
-    inner[top] -= (slope[:-1] + slope[1:])[top] ** 2 / (8 * bend[top])
-    return peaks
 
 
 def _excess(

@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from paretoik.autodiff.differentiation import dependencies, gradient, hessian, tangents
 from paretoik.autodiff.evaluator import compile_evaluator
-from paretoik.autodiff.kinks import Reformulation, reformulate_choices, reformulate_kinks, remaining_kinks
+from paretoik.autodiff.kinks import reformulate_choices, reformulate_kinks, remaining_kinks
 from paretoik.autodiff.operations import Op
 from paretoik.autodiff.tape import Expression, Tape, as_entry
 from paretoik.errors import InvalidInput
@@ -21,7 +21,8 @@ from paretoik.robot.kinematics import joint_scales
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import row_scales
 from paretoik.task.task import path_equations
-from paretoik.trajectory.curve_states import instant_targets
+from paretoik.trajectory import motion_kernel as _steps  # noqa: F401  the steps of solvers on these arrays
+from paretoik.trajectory.curve_states import curve_arrays, instant_targets
 from paretoik.trajectory.derivatives import linearise
 from paretoik.trajectory.discretisation import stencil
 from paretoik.trajectory.functions import Functions, function_names, trace_functions
@@ -52,8 +53,6 @@ class MotionProgram(MotionTerms):
     @property
     def kernel(self) -> MotionKernel | None:
         """The program for interior points, None for the SQP; each has its own registers: one per thread."""
-        from paretoik.trajectory.motion_arrays import motion_kernel  # here: numba is slow to load
-
         return motion_kernel(self) if not self.unsupported else None
 
 
@@ -70,7 +69,15 @@ def motion_program(task: MotionTask, scales: Sequence[float] | np.ndarray | None
     functions = trace_functions(task, 1.0 / divisors)
     tape, parameters = functions.motion.trace.tape, functions.motion.trace.parameters
     instants, n = len(task.instants), task.arm.dof
-    orders, kinked = _orders(functions)
+    # how many orders of position, velocity, acceleration and jerk functions and limits need, at least 2. The second
+    # value is whether some need those of the spline
+    task, tape = functions.task, functions.motion.trace.tape
+    n, kinds = task.arm.dof, [*functions.sums, *functions.rows, *functions.epigraph_rows]
+    numbers = [tape.entries[i][1] for i in dependencies(tape, kinds) if tape.entries[i][0] is Op.INPUT]
+    local = [i % (4 * n) // n for i in numbers if i < 8 * n]
+    local += [ORDERS.index(kind) for kind in task.bounds if kind in ORDERS]
+    wholes = [int(i) // (n * len(task.instants)) for each in functions.whole_functions for i in each.columns]
+    orders, kinked = 1 + max([1, *local, *wholes]), any(4 * n <= i < 8 * n for i in numbers)
     evaluators = _evaluators(functions, _path_equations(functions, orders))
     inputs = np.zeros((evaluators.inputs, instants))
     for i, values in parameters.items():
@@ -80,12 +87,21 @@ def motion_program(task: MotionTask, scales: Sequence[float] | np.ndarray | None
     states = np.concatenate([np.arange(orders * n), *([4 * n + np.arange(orders * n)] if kinked else [])])
     free = len(states) - orders * n + len(evaluators.auxiliary)
     limited, sides, limits, ranges = _limits(task, orders, free, bounds)
+    # evaluators with derivatives sorted by the variables: inputs ``states``, then v and σ
+    place = np.zeros(8 * n + len(evaluators.auxiliary), dtype=np.int64)
+    place[np.append(states, np.arange(8 * n, len(place)))] = np.arange(len(states) + len(evaluators.auxiliary))
+    first, second = evaluators.gradient_sparsity, evaluators.hessian_sparsity
+    placed = replace(
+        evaluators,
+        gradient_sparsity=Sparsity(rows=first.rows, columns=place[first.columns]),
+        hessian_sparsity=Sparsity(rows=place[second.rows], columns=place[second.columns]),
+    )
     return MotionProgram(
         task=task,
         scales=divisors,
         stencil=stencil(task, orders),
         totals=tuple(functions.totals),
-        evaluators=_place_variables(evaluators, states, n),
+        evaluators=placed,
         inputs=inputs,
         variables=np.append(states, evaluators.auxiliary),
         peaks=len(functions.epigraph_variables),
@@ -122,7 +138,26 @@ def _evaluators(functions: Functions, path: list[int]) -> Evaluators:
 def _differentiate(functions: Functions, path: list[int]) -> Evaluators:
     """Return compiled values, gradients and Hessian by all four orders, v and σ."""
     tape, n = functions.motion.trace.tape, functions.motion.arm.dof
-    smooth = _reformulate(functions)
+    # sums, rows and epigraph rows without the kinks that matter
+    tape, rng = functions.motion.trace.tape, np.random.default_rng(0)
+    probes = np.zeros((len(tape.inputs), OPTIONS.probes))
+    dof = functions.motion.arm.dof
+    for order, deviation in enumerate(OPTIONS.probe_range):
+        size = deviation / functions.motion.duration**order
+        for first in (order * dof, (4 + order) * dof):
+            probes[first : first + dof] = size * rng.normal(size=(dof, OPTIONS.probes))
+    for i, values in functions.motion.trace.parameters.items():
+        probes[tape.entries[i][1]] = rng.choice(values, OPTIONS.probes)
+    sides = [1] * len(functions.sums)
+    for bounds in functions.bounds:
+        low, high = np.isfinite(bounds[:, :2]).any(axis=0)
+        sides.append(int(high) - int(low))
+    sides += [-1] * len(functions.epigraph_rows)
+    names = function_names(functions.totals, functions.names, functions.epigraph_peaks)
+    smooth_choices = functions.distances
+    every = [*functions.sums, *functions.rows, *functions.epigraph_rows]
+    reformulation = reformulate_choices(tape, every, names, probes, smooth_choices)
+    smooth = reformulate_kinks(tape, reformulation, sides, probes, smooth_choices)
     entries = [*smooth.functions, *smooth.constraints]
     kinks = remaining_kinks(tape, smooth, functions.distances)
     task = functions.task
@@ -163,29 +198,6 @@ def _weighted_sum(tape: Tape, entries: list[int]) -> int:
     return as_entry(tape, sum((m * Expression(tape, f) for m, f in zip(factors, entries, strict=True)), 0.0))
 
 
-def _reformulate(functions: Functions) -> Reformulation:
-    """Return sums, rows and epigraph rows without the kinks that matter."""
-    tape, rng = functions.motion.trace.tape, np.random.default_rng(0)
-    probes = np.zeros((len(tape.inputs), OPTIONS.probes))
-    dof = functions.motion.arm.dof
-    for order, deviation in enumerate(OPTIONS.probe_range):
-        size = deviation / functions.motion.duration**order
-        for first in (order * dof, (4 + order) * dof):
-            probes[first : first + dof] = size * rng.normal(size=(dof, OPTIONS.probes))
-    for i, values in functions.motion.trace.parameters.items():
-        probes[tape.entries[i][1]] = rng.choice(values, OPTIONS.probes)
-    sides = [1] * len(functions.sums)
-    for bounds in functions.bounds:
-        low, high = np.isfinite(bounds[:, :2]).any(axis=0)
-        sides.append(int(high) - int(low))
-    sides += [-1] * len(functions.epigraph_rows)
-    names = function_names(functions.totals, functions.names, functions.epigraph_peaks)
-    smooth_choices = functions.distances
-    entries = [*functions.sums, *functions.rows, *functions.epigraph_rows]
-    reformulation = reformulate_choices(tape, entries, names, probes, smooth_choices)
-    return reformulate_kinks(tape, reformulation, sides, probes, smooth_choices)
-
-
 def _path_equations(functions: Functions, orders: int) -> list[int]:
     """Return the path equations of an instant; for a spline also the derivatives that functions depend on."""
     motion, task = functions.motion, functions.task
@@ -203,20 +215,6 @@ def _path_equations(functions: Functions, orders: int) -> list[int]:
     first = tangents(tape, equations, moving)
     second = tangents(tape, first, moving | dict(zip([*dq, *dx], [*ddq, *ddx], strict=True)))
     return [entry for part in (equations, first, second)[:orders] for entry in part]
-
-
-def _orders(functions: Functions) -> tuple[int, bool]:
-    """Return how many orders of position, velocity, acceleration and jerk functions and limits need, at least 2.
-
-    The second value is whether some need those of the spline.
-    """
-    task, tape = functions.task, functions.motion.trace.tape
-    n, entries = task.arm.dof, [*functions.sums, *functions.rows, *functions.epigraph_rows]
-    inputs = [tape.entries[i][1] for i in dependencies(tape, entries) if tape.entries[i][0] is Op.INPUT]
-    local = [i % (4 * n) // n for i in inputs if i < 8 * n]
-    local += [ORDERS.index(kind) for kind in task.bounds if kind in ORDERS]
-    wholes = [int(i) // (n * len(task.instants)) for each in functions.whole_functions for i in each.columns]
-    return 1 + max([1, *local, *wholes]), any(4 * n <= i < 8 * n for i in inputs)
 
 
 def _limits(
@@ -249,18 +247,72 @@ def _limits(
     return np.stack([which, instant], axis=1), 1.0 - 2.0 * side, both[instant, which, side], ranges
 
 
-def _place_variables(evaluators: Evaluators, states: np.ndarray, dof: int) -> Evaluators:
-    """Return evaluators with derivatives sorted by the variables: inputs ``states``, then v and σ."""
-    place = np.zeros(8 * dof + len(evaluators.auxiliary), dtype=np.int64)
-    place[np.append(states, np.arange(8 * dof, len(place)))] = np.arange(len(states) + len(evaluators.auxiliary))
-    first, second = evaluators.gradient_sparsity, evaluators.hessian_sparsity
-    return replace(
-        evaluators,
-        gradient_sparsity=Sparsity(rows=first.rows, columns=place[first.columns]),
-        hessian_sparsity=Sparsity(rows=place[second.rows], columns=place[second.columns]),
-    )
-
-
 def _sparsity(places: list[tuple[int, int]]) -> Sparsity:
     table = np.array(places, dtype=np.int64).reshape(-1, 2)
     return Sparsity(rows=np.ascontiguousarray(table[:, 0]), columns=np.ascontiguousarray(table[:, 1]))
+
+
+# Programs of motions as arrays, for compiled solvers.
+
+
+def motion_kernel(program: MotionTerms) -> MotionKernel:
+    """Return a program of sums and peaks for interior points, with its own registers: one per thread."""
+    evaluators, stencil = program.evaluators, program.stencil
+    variables, auxiliary = len(program.variables), len(program.variables) - program.rates
+    rows = len(program.rows) + len(program.epigraph_rows)
+    row = program.limited[:, 0]
+    limits = row < variables + rows  # the ties of slacks, which follow, are satisfied by definition
+    row = np.where(row >= variables, row - auxiliary, row)
+    row_peaks = np.full(rows, -1, dtype=np.int64)
+    row_peaks[program.epigraph_rows] = program.epigraph_peaks
+    # input, variable, sign and first tie of every slack, innermost first, and the depth of nested kinks
+    count, first_tie = program.slacks, program.sums + len(program.rows) + len(program.epigraph_rows)
+    function, variable = program.evaluators.gradient_sparsity.rows, program.evaluators.gradient_sparsity.columns
+    inner = [set[int]() for _ in range(count)]
+    for tie, column in zip(function - first_tie, variable - program.rates, strict=True):
+        if tie >= 0 and 0 <= column < count and column != tie // 2:
+            inner[tie // 2].add(int(column))
+    order, depths = list[int](), dict[int, int]()
+    while len(order) < count:
+        for j in range(count):
+            if j not in depths and inner[j] <= depths.keys():
+                depths[j] = 1 + max((depths[k] for k in inner[j]), default=0)
+                order.append(j)
+    table = [
+        (program.slack_inputs[j], program.rates + j, program.evaluators.signs[j], first_tie + 2 * j) for j in order
+    ]
+    kinks, nesting = np.array(table, dtype=np.int64).reshape(-1, 4), max(depths.values(), default=0)
+    return MotionKernel(
+        value=evaluators.value.arrays,
+        slope=evaluators.gradient.arrays,
+        slope_of=evaluators.gradient_sparsity.rows,
+        slope_by=evaluators.gradient_sparsity.columns,
+        curvature=evaluators.hessian.arrays,
+        second_i=evaluators.hessian_sparsity.rows,
+        second_j=evaluators.hessian_sparsity.columns,
+        track=evaluators.path.arrays,
+        track_curvature=evaluators.path_hessian.arrays,
+        curve=curve_arrays(program.task),
+        kinked=program.rates > program.states,
+        neighbours=stencil.neighbours,
+        coefficients=stencil.coefficients,
+        first_unknown=stencil.first_unknown,
+        unknowns=stencil.unknowns,
+        border=stencil.border,
+        stride=program.task.stride,
+        stops=program.task.ties_end,
+        ones=np.ones(len(program.task.instants)),
+        quadrature=np.array(program.task.weights),
+        inputs=program.inputs,
+        multipliers=evaluators.multipliers,
+        limited=np.stack([row, program.limited[:, 1]], axis=1)[limits],
+        factors=program.sides[limits] / program.ranges[limits],
+        bounds=program.bounds[limits],
+        scales=joint_scales(program.task.arm),
+        totals=np.array([each.index if each.kind == "sum" else -1 - each.index for each in program.totals]),
+        peak_inputs=program.peak_inputs,
+        row_peaks=row_peaks,
+        kinks=kinks,
+        nesting=nesting,
+        smoothing=float(len(kinks) * len(program.task.instants)),
+    )

@@ -42,7 +42,7 @@ print(arm, "- masses [kg]:", [round(body.mass, 2) for body in arm.bodies])
 # %%
 path = pk.line([0.45, -0.2, 0.45], [0.45, 0.2, 0.45], duration=2.0, samples=51)
 motion = pk.resolve(arm, path, pk.methods.PseudoInverse())
-unloaded = pk.Motion(arm=bare.mounted(base=arm.base), time=motion.time, q=motion.q)
+unloaded = pk.Motion(arm=bare.mounted(base=arm.base), time=motion.time, q=motion.q, differences=motion.differences)
 for joint, with_tool, without in zip(
     arm.joint_names, *np.abs([motion.torque, unloaded.torque]).max(axis=1), strict=True
 ):

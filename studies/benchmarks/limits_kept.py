@@ -172,7 +172,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     )
     if not find_spec("pink"):
         print("left out: pink, which is not installed")
-    task = motion_task(panda.panda(), table_path(), objectives=[pk.joint_travel])
+    task = motion_task(panda.panda(), table_path(), objectives=[pk.joint_travel], differences="backward")
     starts, rows = start_postures(task, 3 if options.quick else 20), []
     for name, shares in SHARES.items():
         cases = []

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from paretoik.compilation.array_tuples import keep, refer
 from paretoik.compilation.numba_cache import compiled
 from paretoik.nlp.banded import kernel as kernel_steps
-from paretoik.nlp.dense import dense_rows as dense_restoration
-from paretoik.nlp.dense.dense_arrays import dense_kernel
+from paretoik.nlp.dense import dense_kernel as dense_restoration
+from paretoik.nlp.dense.dense_kernel import dense_kernel
 from paretoik.nlp.dense.traced_rows import trace_rows
 
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from paretoik.nlp.banded.newton import _factorise_definite
+from paretoik.nlp.banded.interior_point import _factorise_definite
 
 
 def factorised(A, B, C, border, delta=0.0):

@@ -11,7 +11,6 @@ from scipy.sparse import csr_array
 from paretoik.errors import SolverFailed
 from paretoik.nlp.program import Constraints
 from paretoik.pareto import certificates as certifying
-from paretoik.pareto import curvature
 from paretoik.pareto.certificates import certify, exchange_intervals, exchange_rates, weight_ratios
 from paretoik.stop_flag import STOP
 from tests.pareto.sketches import ONES, SHARES, certificates, ellipses, ellipses_best, placed, sketched
@@ -150,7 +149,7 @@ def test_after_a_signal_no_point_is_certified_and_all_are_kept():
 
 @pytest.mark.parametrize(("width", "end"), [(1e-6, "that ends at left, right"), (1e-2, "in which no better point was")])
 def test_a_direction_that_soon_meets_a_limit_is_said_to_end_there(width, end, monkeypatch):
-    monkeypatch.setattr(curvature, "_better_point", lambda *arguments: None)  # as if no solver finds one
+    monkeypatch.setattr(certifying, "_better_point", lambda *arguments: None)  # as if no solver finds one
     program = sketched(2, saddle, lambda x: ([], [1.0 - x[1] / width, 1.0 + x[1] / width]))
     program = replace(program, inequality_names=("first", "second", "left", "right"))
     certificate = certificates(program, placed(saddle, [[0.5, 0.0]]))

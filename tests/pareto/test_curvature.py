@@ -5,7 +5,7 @@ import pytest
 from scipy import sparse
 
 from paretoik.nlp.program import Constraints
-from paretoik.pareto.curvature import least_multipliers, null_space
+from paretoik.pareto.certificates import least_multipliers, null_space
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -36,6 +36,7 @@ def worst_violations(motion, limits):
         limits=limits,
         obstacles=motion.obstacles,
         link_radius=motion.link_radius,
+        differences="backward",
     )
     return dict(zip(task.limit_names, task.violations(motion), strict=True))
 

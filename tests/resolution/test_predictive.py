@@ -35,6 +35,7 @@ def task_of(arm, path, objective):
         arm,
         path,
         objectives=[objective],
+        differences="backward",
     )
 
 

@@ -35,7 +35,7 @@ def swing(points: int, *, planar: bool, dof: int = 3, samples: int = 11) -> Moti
     time = np.linspace(0.0, 1.0, samples)
     spread = np.linspace(0.2, 1.0, points)[:, None, None]
     q = spread * np.sin(time)[:, None] * np.linspace(0.3, 1.0, dof)
-    return Motion(arm=swinging_arm(planar, dof), time=time, q=q)
+    return Motion(arm=swinging_arm(planar, dof), time=time, q=q, differences="backward")
 
 
 def trade_off(points: int, n_obj: int) -> np.ndarray:

@@ -37,7 +37,7 @@ def offspring(seed, count, crossover, mutation):
     genes = np.repeat(np.arange(PARENTS, dtype=float)[:, None], SIZE, axis=1)
     fitness, children = rng.normal(size=PARENTS), np.full((SIZE, count), np.nan)
     F = np.concatenate([np.stack([order, -order]).astype(float), np.full((2, count), np.nan)], axis=1)
-    arguments = fitness, F, ROW_SIZE, crossover, mutation, 100.0, 101.0, children
+    arguments = fitness, F, ROW_SIZE, (crossover, mutation), (100.0, 101.0), children
     new = generate_offspring(stream(seed), genes, order, *arguments)
     return children, F[:, PARENTS:], new
 

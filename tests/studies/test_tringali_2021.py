@@ -94,7 +94,9 @@ def test_the_spectral_radius_is_twice_the_most_energy_of_a_unit_velocity():
     arm, rng = arm_of("printed"), np.random.default_rng(0)
     ways = rng.normal(size=(5000, 3))
     ways /= np.linalg.norm(ways, axis=1, keepdims=True)
-    moving = pk.Motion(arm=arm, time=np.arange(3.0), q=1e-6 * np.arange(3.0)[:, None] * ways[:, None])
+    moving = pk.Motion(
+        arm=arm, time=np.arange(3.0), q=1e-6 * np.arange(3.0)[:, None] * ways[:, None], differences="backward"
+    )
     largest = 2e12 * moving.kinetic_energy[:, 1].max()
     radius = spectral_radius(pk.Motion(arm=arm, time=np.arange(3.0), q=np.zeros((3, 3))))[0]
     assert 0.99 * radius < largest < radius * (1 + 1e-4)

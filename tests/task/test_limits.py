@@ -20,7 +20,12 @@ ARM = Arm.planar(
     torque_limits=[9.0, 8.0, 7.0],
 )
 SAMPLES = 9
-MOTION = Motion(arm=ARM, time=np.linspace(0, 1, SAMPLES), q=np.random.default_rng(0).normal(size=(4, SAMPLES, 3)))
+MOTION = Motion(
+    arm=ARM,
+    time=np.linspace(0, 1, SAMPLES),
+    q=np.random.default_rng(0).normal(size=(4, SAMPLES, 3)),
+    differences="backward",
+)
 VARYING = np.linspace(1, 2, SAMPLES)[:, None] * [1.0, 2.0, 3.0]
 
 

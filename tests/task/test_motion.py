@@ -75,7 +75,7 @@ def test_a_single_motion_has_neither_length_nor_index():
 def test_times_may_differ_from_motion_to_motion():
     q = np.random.default_rng(6).normal(size=(2, 6, 3))
     time = np.stack([np.linspace(0, 1, 6), np.linspace(0, 2, 6)])
-    motions = Motion(arm=ARM, time=time, q=q)
+    motions = Motion(arm=ARM, time=time, q=q, differences="backward")
     np.testing.assert_allclose(motions.dq[1] * 2, np.diff(q[1], axis=0, prepend=q[1, :1]) / 0.2, atol=1e-12)
     np.testing.assert_allclose(motions.integral(np.ones((2, 6))), [1.0, 2.0])
 

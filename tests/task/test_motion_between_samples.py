@@ -21,7 +21,9 @@ def on_circle(samples, cyclic=True, **settings):
     q = np.stack([shoulder, elbow, turn - shoulder - elbow], axis=-1)
     q[-1] = q[0]
     task = Task(path).resolve_axes(ARM)
-    return Motion(arm=ARM, time=path.times, q=q, tasks=(task,), cyclic=cyclic, **settings)
+    return Motion(
+        arm=ARM, time=path.times, q=q, tasks=(task,), cyclic=cyclic, **{"differences": "backward", **settings}
+    )
 
 
 @pytest.mark.parametrize("cyclic", [False, True])
@@ -29,7 +31,7 @@ def test_the_interpolant_returns_the_samples_at_their_times(cyclic):
     motion = on_circle(31, cyclic)
     assert motion.tracking_error.max() < 1e-12
     np.testing.assert_allclose(motion.at(motion.time), motion.q, atol=1e-11)
-    free = Motion(arm=ARM, time=motion.time, q=motion.q, cyclic=cyclic)
+    free = Motion(arm=ARM, time=motion.time, q=motion.q, cyclic=cyclic, differences="backward")
     np.testing.assert_allclose(free.at(motion.time), motion.q, atol=1e-14)
 
 
@@ -45,7 +47,7 @@ def test_the_interpolant_is_on_the_path_between_the_samples(cyclic):
 @pytest.mark.parametrize("cyclic", [False, True])
 def test_the_interpolant_has_continuous_second_derivatives(tasks, cyclic):
     motion = on_circle(21, cyclic)
-    motion = motion if tasks else Motion(arm=ARM, time=motion.time, q=motion.q, cyclic=cyclic)
+    motion = motion if tasks else Motion(arm=ARM, time=motion.time, q=motion.q, cyclic=cyclic, differences="backward")
     h = 1e-4
     around = np.arange(-2, 3) * h
     for knot in motion.time[3:-3]:

@@ -56,7 +56,7 @@ def even(samples):
 def test_backward_differences_are_the_papers_scheme():
     t = np.array([0.0, 0.1, 0.3, 0.4, 0.8])
     q = np.random.default_rng(0).normal(size=(5, 3))
-    motion = Motion(arm=ARM, time=t, q=q)
+    motion = Motion(arm=ARM, time=t, q=q, differences="backward")
     v, a = np.zeros((5, 3)), np.zeros((5, 3))
     for i in range(1, 5):
         v[i] = (q[i] - q[i - 1]) / (t[i] - t[i - 1])
@@ -73,7 +73,7 @@ def test_backward_differences_of_a_cycle_go_round_the_seam():
     t = np.array([0.0, 0.1, 0.3, 0.4, 0.8])
     q = np.random.default_rng(0).normal(size=(5, 3))
     q[-1] = q[0]
-    motion = Motion(arm=ARM, time=t, q=q, cyclic=True)
+    motion = Motion(arm=ARM, time=t, q=q, cyclic=True, differences="backward")
     step = np.diff(t)[:, None]
     v = np.diff(q, axis=0) / step
     np.testing.assert_array_equal(motion.dq, np.concatenate([v[-1:], v]))

@@ -10,9 +10,8 @@ from paretoik.nlp.minimise import minimise
 from paretoik.nlp.program import InteriorPointOptions
 from paretoik.pareto.certificates import criticality_at
 from paretoik.trajectory.levels import objective_scales
-from paretoik.trajectory.motion_arrays import motion_kernel
 from paretoik.trajectory.plan_starts import sample_starts
-from paretoik.trajectory.transcription import motion_program
+from paretoik.trajectory.transcription import motion_kernel, motion_program
 from problems import tringali_2020
 from tests.pareto.motions import certify_motions
 

@@ -79,7 +79,7 @@ def test_the_hessian_of_an_instant_is_that_of_the_dense_chain_rule(seed, border)
     )
     local, half = np.zeros((2, 2 * ORDERS * DOF, WIDTH * FREE))
     for i in range(SAMPLES):
-        steps.add_hessian(i, phi, neighbours, coefficients, tangent, chain, first_unknown, local, half, A, B, C)
+        steps.add_hessian(i, phi, (neighbours, coefficients, first_unknown), tangent, chain, local, half, (A, B, C))
     band = np.array([[A[i, i - k] if 0 <= i - k < A.shape[1] else 0.0 for k in range(size)] for i in range(size)])
     lower = np.tril(np.einsum("aui,uv,bvi->ab", maps, phi, maps))
     np.testing.assert_allclose(band, lower[:size, :size], atol=1e-11)

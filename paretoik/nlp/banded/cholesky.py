@@ -81,16 +81,6 @@ def solve_columns(L, B, X, S, columns, count):
         for b in range(e + 1, borders):
             _subtract(corner[e], S[e, b], corner[b], count)
         _divide(corner[e], S[e, e], count)
-    _substitute_columns(L, columns, count)
-    for e in range(borders):
-        for i in range(size):
-            _subtract(columns[i], X[e, i], corner[e], count)
-        for w in range(count):
-            columns[size + e, w] = corner[e, w]
-
-
-@compiled(level=3)
-def _substitute_columns(L, columns, count):
     size, band = L.shape
     for i in range(size):
         for d in range(1, min(i, band - 1) + 1):
@@ -100,6 +90,11 @@ def _substitute_columns(L, columns, count):
         for d in range(1, min(size - 1 - i, band - 1) + 1):
             _subtract(columns[i], L[i + d, d], columns[i + d], count)
         _divide(columns[i], L[i, 0], count)
+    for e in range(borders):
+        for i in range(size):
+            _subtract(columns[i], X[e, i], corner[e], count)
+        for w in range(count):
+            columns[size + e, w] = corner[e, w]
 
 
 @compiled(level=3)

@@ -14,16 +14,23 @@ schedule.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from paretoik.compilation.array_tuples import keep, refer
 from paretoik.compilation.numba_cache import compiled
+from paretoik.nlp.banded.cholesky import factorise, solve
 from paretoik.nlp.banded.elastic import (
     approach_central_path,
+    barrier_terms,
     begin_slacks,
     central_multipliers,
     complementarity_and_violation,
+    limit_implied_step,
+    limit_step,
     merit_terms,
+    newton_slacks,
     reset_slacks,
     step_multipliers,
     step_slacks,
@@ -31,7 +38,11 @@ from paretoik.nlp.banded.elastic import (
 from paretoik.nlp.banded.kernel import (
     add_auxiliary,
     allocate_workspace,
+    assemble,
     dimensions,
+    directional_derivatives,
+    evaluate,
+    expand_step,
     linearise,
     objective_scale,
     prepare_multipliers,
@@ -42,41 +53,247 @@ from paretoik.nlp.banded.kernel import (
     retract,
     set_smoothing,
 )
-from paretoik.nlp.banded.newton import (
-    Barrier,
-    accept_trial,
-    all_finite,
-    allocate_iteration,
-    evaluate_all,
-    newton_step,
-    residual_sum,
-    search_direction,
-    weigh_objectives,
-)
-from paretoik.nlp.linear_algebra import dot, finite_indices
+from paretoik.nlp.linear_algebra import clear, dot, finite_indices
 from paretoik.nlp.program import CONVERGED, INTERRUPTED, ITERATION_LIMIT, NO_PROGRESS, NOT_FINITE, SINGULAR, VIOLATED
+
+# One iteration: its arrays, evaluation and Newton step, compiled.
+
+
+class Iteration(NamedTuple):
+    """Arrays of one iteration; bounds on objectives follow the kernel's inequalities c."""
+
+    bounds: np.ndarray  # (bounds,) rows with a finite bound
+    objectives: np.ndarray  # (objectives,)
+    trial_objectives: np.ndarray
+    objective_changes: np.ndarray  # along the step
+    c: np.ndarray  # (constraints,)
+    trial_c: np.ndarray
+    dc: np.ndarray
+    s: np.ndarray  # slacks
+    trial_s: np.ndarray
+    ds: np.ndarray
+    t: np.ndarray  # elastic slacks
+    trial_t: np.ndarray
+    dt: np.ndarray
+    r: np.ndarray  # residuals c − s + t
+    trial_r: np.ndarray
+    z: np.ndarray  # multipliers of c
+    dz: np.ndarray
+    stiffness: np.ndarray  # of the constraints in Newton's system
+    force: np.ndarray  # multipliers that replace z on its right side
+    objective_weights: np.ndarray
+    residual: np.ndarray  # (unknowns,) reduced gradient of the Lagrangian
+    step: np.ndarray  # (unknowns + bounds,)
+    A: np.ndarray  # Newton's matrix, its factors below
+    B: np.ndarray
+    C: np.ndarray
+    L: np.ndarray
+    X: np.ndarray
+    S: np.ndarray
+    filter: np.ndarray  # (iterations + 1, 2) residual and merit pairs: a step must be better in one of the two
+
+
+class GoalArrays(NamedTuple):
+    """Minimise weights · F subject to rows · F ≤ upper."""
+
+    weights: np.ndarray
+    rows: np.ndarray
+    upper: np.ndarray
+
+
+class Line(NamedTuple):
+    """A line to search: its largest step, and at its begin the merit's slope, merit, and residual θ.
+
+    large_residual: largest θ for which only the merit decides
+    """
+
+    length: float
+    slope: float
+    merit: float
+    residual: float
+    large_residual: float
+
+
+class Barrier(NamedTuple):
+    """The subproblem: barrier μ and penalty; the violation when last halved, and the penalty that halved it."""
+
+    mu: float
+    penalty: float
+    violation: float
+    helpful_penalty: float
+
+
+@compiled
+def allocate_iteration(size, band, border, inequalities, objectives, bounds, iterations):
+    """Return the arrays of an iteration; ``bounds`` are the rows with a finite bound."""
+    constraints, borders = inequalities + len(bounds), border + len(bounds)
+    by_objective, by_constraint = np.zeros((4, objectives)), np.zeros((16, constraints))
+    F, trial_F, dF, objective_weights = by_objective[0], by_objective[1], by_objective[2], by_objective[3]
+    c = by_constraint
+    return Iteration(
+        bounds, F, trial_F, dF, c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], c[8], c[9], c[10], c[11], c[12],
+        c[13], c[14], objective_weights,
+        np.zeros(size + border),
+        np.zeros(size + borders),
+        np.zeros((size, band)),
+        np.zeros((borders, size)),
+        np.zeros((borders, borders)),
+        np.zeros((size, band)),
+        np.zeros((borders, size)),
+        np.zeros((borders, borders)),
+        np.zeros((iterations + 1, 2)),
+    )  # fmt: skip
+
+
+@compiled
+def all_finite(F, c):
+    """Return whether objectives and constraint values are finite."""
+    total = 0.0
+    for k in range(len(F)):
+        total += F[k]
+    for i in range(len(c)):
+        total += c[i]
+    return np.isfinite(total)
+
+
+@compiled
+def evaluate_all(kernel, work, x, goal, bounds, F, c):
+    """Write objectives and constraint values at x."""
+    evaluate(kernel, work, x, F, c)
+    inequalities = len(c) - len(bounds)
+    for e in range(len(bounds)):
+        value = 0.0
+        for k in range(len(F)):
+            value += goal.rows[bounds[e], k] * F[k]
+        c[inequalities + e] = goal.upper[bounds[e]] - value
+
+
+@compiled
+def accept_trial(it):
+    """Copy the trial values to the iterate."""
+    for k in range(len(it.objectives)):
+        it.objectives[k] = it.trial_objectives[k]
+    for i in range(len(it.c)):
+        it.c[i], it.s[i], it.t[i], it.r[i] = it.trial_c[i], it.trial_s[i], it.trial_t[i], it.trial_r[i]
+
+
+@compiled
+def weigh_objectives(goal, bounds, multipliers, out):
+    """Write weights + rowsᵀ · (multipliers of the bounds, which are the last multipliers)."""
+    inequalities = len(multipliers) - len(bounds)
+    for k in range(len(goal.weights)):
+        out[k] = goal.weights[k]
+        for e in range(len(bounds)):
+            out[k] += goal.rows[bounds[e], k] * multipliers[inequalities + e]
+
+
+@compiled
+def residual_sum(r, options):
+    """Return Σ |r| less its tolerance, at least 0."""
+    total = 0.0
+    for i in range(len(r)):
+        total += abs(r[i])
+    return 0.0 if total <= options.residual_tolerance else total - options.residual_tolerance
+
+
+# Newton's step of the interior-point method, slacks eliminated, along the null space Z; compiled.
+#
+#     [Zᵀ(∇²L + ∂cᵀ Σ ∂c) Z + δ I,  (rows ∂F Z)ᵀ] [d]       [Zᵀ ∇L]    Σ: stiffness of c, Σ_b: of the bounds,
+#     [rows ∂F Z,                   −1 / Σ_b    ] [y]  =  − [0    ]    ∇L with ``force`` in place of z
+
+
+@compiled
+def newton_step(kernel, work, it, options, goal, barrier, border, delta):
+    """Write Newton's step; return the next regularisation δ, inf if no matrix has the right inertia."""
+    unknowns, inequalities = len(it.residual), len(it.c) - len(it.bounds)
+    barrier_terms(it.s, it.t, it.r, it.z, barrier.mu, barrier.penalty, it.stiffness, it.force)
+    clear(it.A)
+    clear(it.B)
+    clear(it.C)
+    largest = assemble(kernel, work, it.stiffness, it.A, it.B, it.C)
+    size = it.A.shape[0]
+    for e in range(len(it.bounds)):  # a bound stays an equation, a row [rows ∂F, −1 / stiffness] of the border
+        reduced_gradient(kernel, work, goal.rows[it.bounds[e]], it.force[:0], it.residual)
+        for i in range(size):
+            it.B[border + e, i] = it.residual[i]
+        for i in range(border):
+            it.C[border + e, i] = it.C[i, border + e] = it.residual[size + i]
+        it.C[border + e, border + e] = -1.0 / it.stiffness[inequalities + e]
+    weigh_objectives(goal, it.bounds, it.force, it.objective_weights)
+    reduced_gradient(kernel, work, it.objective_weights, it.force, it.residual)
+    delta = _factorise_definite(it.A, it.B, it.C, it.L, it.X, it.S, border, largest, options.regularisation, delta)
+    if np.isfinite(delta):
+        for i in range(len(it.step)):
+            it.step[i] = -it.residual[i] if i < unknowns else 0.0
+        solve(it.L, it.B, it.X, it.S, it.step)
+    return delta
+
+
+@compiled
+def _factorise_definite(A, B, C, L, X, S, border, largest, least, delta):
+    """Factorise with the first of growing multiples δ of the identity that gives the right inertia; return δ.
+
+    The first δ is a share ``least`` of ``largest``, or a quarter of the last one (Nocedal & Wright, algorithm 3.3).
+    Returns a 16th of the last δ if none is needed, inf if none serves: the matrix is not finite.
+    """
+    added, largest_entry = 0.0, largest
+    for i in range(A.shape[0]):
+        largest_entry = max(largest_entry, abs(A[i, 0]))
+    while not factorise(A, B, C, L, X, S, C.shape[0] - border):
+        more = max(least * largest, delta / 4, 8 * added, 1e-300)
+        if not more < 1e15 * largest_entry:
+            return np.inf
+        for i in range(A.shape[0]):
+            A[i, 0] += more - added
+        for i in range(border):
+            C[i, i] += more - added
+        added = more
+    return added if added > 0 else delta / 16
+
+
+@compiled
+def search_direction(kernel, work, it, options, goal, barrier, dx):
+    """Write the step in x and the changes along it; return its largest length and the merit's slope."""
+    largest = expand_step(kernel, work, it.step, dx)
+    length = min(1.0, kernel.longest_step / max(largest, 1e-300))
+    directional_derivatives(kernel, work, dx, it.objective_changes, it.dc)
+    inequalities = len(it.c) - len(it.bounds)
+    for e in range(len(it.bounds)):
+        change = 0.0
+        for k in range(len(it.objective_changes)):
+            change += goal.rows[it.bounds[e], k] * it.objective_changes[k]
+        it.dc[inequalities + e] = -change
+    for i in range(len(it.dz)):
+        it.dz[i] = it.force[i] - it.z[i] - it.stiffness[i] * it.dc[i]
+    mu, penalty, fraction = barrier.mu, barrier.penalty, options.boundary_fraction
+    if kernel.implied_slacks:
+        slope, length = limit_implied_step(it.c, it.s, it.dc, mu, length, fraction)
+    else:
+        newton_slacks(it.s, it.t, it.r, it.z, it.dz, it.dc, mu, penalty, it.ds, it.dt)
+        slope, length = limit_step(it.s, it.t, it.ds, it.dt, mu, penalty, length, fraction)
+    slope += dot(goal.weights, it.objective_changes)
+    return length, min(slope, 0.0) if kernel.implied_slacks else slope
+
 
 # Filter line search, compiled.
 
 
 @compiled
-def search_line(
-    kernel, work, x, dx, length, slope, before, theta, infeasible, weights, rows, upper, barrier, entries, options,
-    trial, it
-):  # fmt: skip
+def search_line(kernel, work, it, options, goal, barrier, points, dx, line, entries):
     """Write the trial point of the longest accepted step; return (whether one is, merit, filter entries).
 
-    A step whose predicted decrease is rounding is tried at full length only.
+    ``points`` are x and the trial point. A step whose predicted decrease is rounding is tried at full length only.
     """
+    (x, trial), (length, slope, before, theta, infeasible) = points, line
     after, mu, penalty = before, barrier.mu, barrier.penalty
     for _ in range(1 if theta == 0.0 and is_negligible(slope, before, options) else options.halvings):
         if retract(kernel, work, x, dx, length, trial):
-            evaluate_all(kernel, work, trial, rows, upper, it.bounds, it.trial_objectives, it.trial_c)
+            evaluate_all(kernel, work, trial, goal, it.bounds, it.trial_objectives, it.trial_c)
             if kernel.implied_slacks:
                 reset_slacks(it.trial_c, mu, penalty, it.trial_s, it.trial_t, it.trial_r)
             else:
                 step_slacks(it.trial_c, it.s, it.t, it.ds, it.dt, length, it.trial_s, it.trial_t, it.trial_r)
-            after = dot(weights, it.trial_objectives) + merit_terms(it.trial_s, it.trial_t, mu, penalty)
+            after = dot(goal.weights, it.trial_objectives) + merit_terms(it.trial_s, it.trial_t, mu, penalty)
             accepted, entries = _filter_accepts(
                 theta, before, residual_sum(it.trial_r, options), after, slope, length, infeasible, it.filter,
                 entries, options
@@ -133,7 +350,7 @@ def minimise(kernel, x, weights, rows, upper, options, stop):
     for k in range(len(weights)):
         weights[k] /= scale
     x, status, iteration, stationarity, violation = _iterate(
-        problem, refer(work), refer(it), refer(options), x, weights, rows, upper, border, stop
+        problem, refer(work), refer(it), refer(options), GoalArrays(weights, rows, upper), x, border, stop
     )
     for i in range(len(it.z)):
         it.z[i] *= scale
@@ -142,14 +359,14 @@ def minimise(kernel, x, weights, rows, upper, options, stop):
 
 
 @compiled
-def _iterate(kernel, work, it, options, x, weights, rows, upper, border, stop):
+def _iterate(kernel, work, it, options, goal, x, border, stop):
     """Iterate from x; return (x, status, iterations, stationarity, worst violation)."""
     penalty = kernel.penalty * options.penalty
     barrier = Barrier(options.barrier, penalty, np.inf, penalty)
     trial, dx = x.copy(), np.zeros(x.shape)
     delta, flat, stalled, entries, restorations = 0.0, False, 0, 0, 0
     iteration, stationarity, lowest = 0, np.inf, np.inf
-    status, violation, infeasible = _begin(kernel, work, it, options, barrier, x, rows, upper)
+    status, violation, infeasible = _begin(kernel, work, it, options, goal, barrier, x)
     for iteration in range(options.iterations + 1 if status == ITERATION_LIMIT else 0):
         if stop[0] != 0:
             status = INTERRUPTED
@@ -159,7 +376,7 @@ def _iterate(kernel, work, it, options, x, weights, rows, upper, border, stop):
             break
         # errors and the test of convergence (Wächter & Biegler 2006, Eq. 5)
         mean = _multiplier_scale(kernel, it.z)
-        stationarity = _stationarity(kernel, work, weights, rows, it) / mean
+        stationarity = _stationarity(kernel, work, it, goal) / mean
         complementarity, violation = complementarity_and_violation(it.c, it.s, it.z, barrier.mu)
         complementarity /= mean
         solved = _subproblem_solved(barrier, stationarity, complementarity, flat, it, options)
@@ -174,20 +391,18 @@ def _iterate(kernel, work, it, options, x, weights, rows, upper, border, stop):
             if hopeless:
                 status = VIOLATED
                 break
-            _smooth(kernel, work, it, barrier, x, weights, rows, upper)
+            _smooth(kernel, work, it, goal, barrier, x)
         # Newton's step and the filter line search along it
-        delta = newton_step(kernel, work, weights, rows, barrier, options, border, delta, it)
+        delta = newton_step(kernel, work, it, options, goal, barrier, border, delta)
         if not np.isfinite(delta):
             status = NO_PROGRESS
             break
-        length, slope = search_direction(kernel, work, weights, rows, barrier, options, dx, it)
-        before = dot(weights, it.objectives) + merit_terms(it.s, it.t, barrier.mu, barrier.penalty)
+        length, slope = search_direction(kernel, work, it, options, goal, barrier, dx)
+        before = dot(goal.weights, it.objectives) + merit_terms(it.s, it.t, barrier.mu, barrier.penalty)
         theta = residual_sum(it.r, options)
         flat = theta == 0.0 and _is_flat(slope, before, barrier, stalled, options)
-        accepted, after, entries = search_line(
-            kernel, work, x, dx, length, slope, before, theta, infeasible, weights, rows, upper, barrier, entries,
-            options, trial, it
-        )  # fmt: skip
+        line = Line(length, slope, before, theta, infeasible)
+        accepted, after, entries = search_line(kernel, work, it, options, goal, barrier, (x, trial), dx, line, entries)
         if accepted:
             gained = after < before - options.stalled_decrease * abs(before)
             stalled = 0 if gained or theta > 0.0 else stalled + 1
@@ -208,27 +423,23 @@ def _iterate(kernel, work, it, options, x, weights, rows, upper, border, stop):
 
 
 @compiled
-def _begin(kernel, work, it, options, barrier, x, rows, upper):
+def _begin(kernel, work, it, options, goal, barrier, x):
     """Restore and evaluate x; return (status, violation, largest residual for which only the merit decides)."""
     set_smoothing(kernel, work, barrier.mu)
     violation = restore(kernel, work, x)
-    evaluate_all(kernel, work, x, rows, upper, it.bounds, it.objectives, it.c)
-    infeasible = options.filter_infeasible * max(1.0, _begin_slacks(kernel, barrier, it, options))
-    if not all_finite(it.objectives, it.c):
-        return NOT_FINITE, np.inf, infeasible
-    return (VIOLATED, violation, infeasible) if violation > 0.0 else (ITERATION_LIMIT, np.inf, infeasible)
-
-
-@compiled
-def _begin_slacks(kernel, barrier, it, options):
-    """Write the first slacks and multipliers; return the sum of residuals."""
+    evaluate_all(kernel, work, x, goal, it.bounds, it.objectives, it.c)
+    # the first slacks and multipliers
     if kernel.implied_slacks:
         reset_slacks(it.c, barrier.mu, barrier.penalty, it.s, it.t, it.r)
     else:
         shortest = min(options.least_slack, np.sqrt(barrier.mu))
         begin_slacks(it.c, barrier.mu, barrier.penalty, shortest, it.s, it.t, it.r)
     central_multipliers(it.s, barrier.mu, barrier.penalty, it.z)
-    return residual_sum(it.r, options)
+    residuals = residual_sum(it.r, options)
+    infeasible = options.filter_infeasible * max(1.0, residuals)
+    if not all_finite(it.objectives, it.c):
+        return NOT_FINITE, np.inf, infeasible
+    return (VIOLATED, violation, infeasible) if violation > 0.0 else (ITERATION_LIMIT, np.inf, infeasible)
 
 
 @compiled
@@ -239,13 +450,13 @@ def _recentre(it, mu, penalty):
 
 
 @compiled
-def _smooth(kernel, work, it, barrier, x, weights, rows, upper):
+def _smooth(kernel, work, it, goal, barrier, x):
     """Smooth kinks for the current barrier, then evaluate and linearise again; do nothing without kinks."""
     if set_smoothing(kernel, work, barrier.mu):
-        evaluate_all(kernel, work, x, rows, upper, it.bounds, it.objectives, it.c)
+        evaluate_all(kernel, work, x, goal, it.bounds, it.objectives, it.c)
         reset_slacks(it.c, barrier.mu, barrier.penalty, it.s, it.t, it.r)
         linearise(kernel, work, x)
-        _stationarity(kernel, work, weights, rows, it)
+        _stationarity(kernel, work, it, goal)
 
 
 @compiled
@@ -265,9 +476,9 @@ def _multiplier_scale(kernel, z):
 
 
 @compiled
-def _stationarity(kernel, work, weights, rows, it):
+def _stationarity(kernel, work, it, goal):
     """Return the length of the reduced gradient of the Lagrangian."""
-    weigh_objectives(weights, rows, it.bounds, it.z, it.objective_weights)
+    weigh_objectives(goal, it.bounds, it.z, it.objective_weights)
     reduced_gradient(kernel, work, it.objective_weights, it.z, it.residual)
     prepare_multipliers(kernel, work, it.objective_weights)
     return residual_norm(kernel, it.residual)

@@ -47,9 +47,9 @@ class DenseProgram:
     @property
     def kernel(self) -> Any:
         """The program for compiled solvers."""
-        from paretoik.nlp.dense.dense_arrays import dense_kernel  # here: numba
+        from paretoik.nlp.dense import dense_kernel  # here: numba
 
-        return dense_kernel(self.rows, self.costs)
+        return dense_kernel.dense_kernel(self.rows, self.costs)
 
     @property
     def upper(self) -> Float[np.ndarray, " objectives"]:

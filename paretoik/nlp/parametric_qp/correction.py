@@ -80,34 +80,23 @@ def _correct(kernel, work, model, x, y, weights, rows, upper, options):
         step = np.zeros(model.gradients.shape[1])
         y, solved, changed = lead_to_optimum(model, factors, step, y, weights, rows, upper, predictions, options)
         changes += changed
-        step_length = _largest(step)
+        step_length = 0.0
+        for value in step:
+            step_length = max(step_length, abs(value))
         if not solved or not step_length <= options.contraction * last_length:
             return y, corrections, changes, False
         last_length = step_length
         far = not expand_step(kernel, work, step, dx) <= kernel.longest_step
         if far or not retract(kernel, work, x, dx, 1.0, trial):
             return y, corrections, changes, False
-        _copy(trial, x)
+        flat, other = trial.ravel(), x.reshape(-1)
+        for i in range(len(flat)):
+            other[i] = flat[i]
         if not to_first_order(kernel, work, x, model):
             return y, corrections, changes, False
         if _is_optimal(kernel, work, model, y, weights, rows, upper, factors, options):
             return y, corrections, changes, True
     return y, options.corrections, changes, False
-
-
-@compiled
-def _copy(source, target):
-    flat, other = source.ravel(), target.reshape(-1)
-    for i in range(len(flat)):
-        other[i] = flat[i]
-
-
-@compiled
-def _largest(step):
-    largest = 0.0
-    for value in step:
-        largest = max(largest, abs(value))
-    return largest
 
 
 @compiled

@@ -175,8 +175,36 @@ def lead_to_optimum(model, initial, step, y, weights, rows, upper, predictions, 
     weighed, dense = initial.copy(), np.zeros((len(rows), n))
     for attempt in range(predictions):
         weigh(weights, rows, y, weighed)
-        _weigh_hessian(model, weighed, initial, A, B, C)
-        _move_model(model, step, weights, rows, upper, initial, gradients, values, gradient)
+        # the Lagrangian's Hessian for other weights of objectives, if they have changed
+        if norm(weighed - initial) != 0.0:
+            for i in range(A.shape[0]):
+                for d in range(A.shape[1]):
+                    A[i, d] = _entry(model.A[:, i, d], weighed, initial)
+            for e in range(C.shape[0]):
+                for i in range(A.shape[0]):
+                    B[e, i] = _entry(model.B[:, e, i], weighed, initial)
+                for f in range(C.shape[0]):
+                    C[e, f] = _entry(model.C[:, e, f], weighed, initial)
+        # objectives' gradients, the goal's gradient, and values of limits and bounds of the model at a step. The goal's
+        # gradient includes the curvature of limits: the Lagrangian's Hessian less the objectives' Hessians
+        n, limits = len(step), len(model.c)
+        objectives, moved = model.objectives.copy(), norm(step) > 0.0
+        move_objectives(model, step, gradients, objectives)
+        for j in range(n):
+            gradient[j] = 0.0
+        for k in range(len(weights)):
+            if moved:
+                add_product(model, 1 + k, -initial[k], step, gradient)
+            for j in range(n):
+                gradient[j] += weights[k] * gradients[k, j]
+        if moved:
+            add_product(model, 0, 1.0, step, gradient)
+        for i in range(limits):
+            values[i] = model.c[i] + limit_change(model, i, step)
+        for e in range(len(rows)):
+            values[limits + e] = upper[e]
+            for k in range(len(weights)):
+                values[limits + e] -= rows[e, k] * objectives[k]
         for e in range(len(rows)):
             for j in range(n):
                 dense[e, j] = 0.0
@@ -207,53 +235,12 @@ def weigh(weights, rows, y, factors):
 
 
 @compiled
-def _weigh_hessian(model, weighed, initial, A, B, C):
-    """Write the Lagrangian's Hessian for other weights of objectives, if they have changed."""
-    if norm(weighed - initial) == 0.0:
-        return
-    for i in range(A.shape[0]):
-        for d in range(A.shape[1]):
-            A[i, d] = _entry(model.A[:, i, d], weighed, initial)
-    for e in range(C.shape[0]):
-        for i in range(A.shape[0]):
-            B[e, i] = _entry(model.B[:, e, i], weighed, initial)
-        for f in range(C.shape[0]):
-            C[e, f] = _entry(model.C[:, e, f], weighed, initial)
-
-
-@compiled
 def _entry(entries, weighed, initial):
     """Return an entry of the Lagrangian's Hessian with other weights."""
     total = entries[0]
     for k in range(len(weighed)):
         total += (weighed[k] - initial[k]) * entries[1 + k]
     return total
-
-
-@compiled
-def _move_model(model, step, weights, rows, upper, initial, gradients, values, gradient):
-    """Write objectives' gradients, the goal's gradient, and values of limits and bounds of the model at a step.
-
-    The goal's gradient includes the curvature of limits: the Lagrangian's Hessian less the objectives' Hessians.
-    """
-    n, limits = len(step), len(model.c)
-    objectives, moved = model.objectives.copy(), norm(step) > 0.0
-    move_objectives(model, step, gradients, objectives)
-    for j in range(n):
-        gradient[j] = 0.0
-    for k in range(len(weights)):
-        if moved:
-            add_product(model, 1 + k, -initial[k], step, gradient)
-        for j in range(n):
-            gradient[j] += weights[k] * gradients[k, j]
-    if moved:
-        add_product(model, 0, 1.0, step, gradient)
-    for i in range(limits):
-        values[i] = model.c[i] + limit_change(model, i, step)
-    for e in range(len(rows)):
-        values[limits + e] = upper[e]
-        for k in range(len(weights)):
-            values[limits + e] -= rows[e, k] * objectives[k]
 
 
 @compiled

@@ -85,22 +85,17 @@ def _predict(kernel, work, model, x, y, weights, rows, upper, options):
         if not solved or far or not retract(kernel, work, x, dx, 1.0, trial):
             return x, y, False
         evaluate(kernel, work, trial, objectives, c)
-        _update_values(model, step, objectives, c, rows, upper, moved_upper)
+        # shift the models to the values at a step: limits in place, objectives in their bounds
+        predicted, gradients = model.objectives.copy(), model.gradients.copy()
+        move_objectives(model, step, gradients, predicted)
+        for e in range(len(rows)):
+            moved_upper[e] = upper[e]
+            for k in range(len(objectives)):
+                moved_upper[e] -= rows[e, k] * (objectives[k] - predicted[k])
+        for i in range(len(c)):
+            model.c[i] = c[i] - limit_change(model, i, step)
     exceeded = _bounds_missed(objectives, rows, upper) > options.missed * wish + options.violation
     return trial, y, not exceeded and not _limits_missed(model, c, step, options)
-
-
-@compiled
-def _update_values(model, step, objectives, c, rows, upper, moved_upper):
-    """Shift the models to the values at a step: limits in place, objectives in their bounds."""
-    predicted, gradients = model.objectives.copy(), model.gradients.copy()
-    move_objectives(model, step, gradients, predicted)
-    for e in range(len(rows)):
-        moved_upper[e] = upper[e]
-        for k in range(len(objectives)):
-            moved_upper[e] -= rows[e, k] * (objectives[k] - predicted[k])
-    for i in range(len(c)):
-        model.c[i] = c[i] - limit_change(model, i, step)
 
 
 @compiled

@@ -76,7 +76,15 @@ def solve_from(A, B, C, gradient, columns, entries, dense, values, multipliers, 
     curvature becomes negative.
     """
     entries, dense, values, scale = entries.copy(), dense.copy(), values.copy(), max(norm(gradient), 1e-300)
-    lengths = _divide_by_lengths(entries, dense, values)
+    # constraints are divided by the lengths of their rows
+    limits = len(entries)
+    lengths = np.empty(len(values))
+    for i in range(len(values)):
+        row = entries[i] if i < limits else dense[i - limits]
+        lengths[i] = max(norm(row), 1e-300)
+        for j in range(len(row)):
+            row[j] /= lengths[i]
+        values[i] /= lengths[i]
     program = QuadraticProgram(A, B, C, gradient, columns, entries, dense, values)
     work = allocate_working_set(len(gradient), A.shape[1], len(C), len(values), options.updates)
     homotopy = _begin(refer(program), lengths, multipliers, scale, options)
@@ -86,20 +94,6 @@ def solve_from(A, B, C, gradient, columns, entries, dense, values, multipliers, 
     keep(program)
     keep(work)
     return homotopy.step, homotopy.multipliers, share, changes
-
-
-@compiled
-def _divide_by_lengths(entries, dense, values):
-    """Divide constraints by the lengths of their rows; return the lengths."""
-    limits = len(entries)
-    lengths = np.empty(len(values))
-    for i in range(len(values)):
-        row = entries[i] if i < limits else dense[i - limits]
-        lengths[i] = max(norm(row), 1e-300)
-        for j in range(len(row)):
-            row[j] /= lengths[i]
-        values[i] /= lengths[i]
-    return lengths
 
 
 @compiled
@@ -137,9 +131,29 @@ def _follow(program, work, homotopy, scale, options):
         solve_working_set(
             program, work, homotopy.gradient_rate, homotopy.value_rate, homotopy.step_rate, homotopy.multiplier_rates
         )
-        _slack_rates(program, work, homotopy)
-        length, row, dropped = _next_change(work, homotopy, 1.0 - share, options)
-        _advance(work, homotopy, length)
+        for i in range(len(homotopy.slacks)):
+            homotopy.slack_rates[i] = 0.0
+            if not work.is_active[i]:
+                homotopy.slack_rates[i] = homotopy.value_rate[i] + row_product(program, i, homotopy.step_rate)
+        # the piece's length, the constraint that ends it (−1: none), and whether it is dropped
+        length, row, dropped = 1.0 - share, -1, False
+        for i in range(len(homotopy.slacks)):
+            if not work.is_active[i] and homotopy.slack_rates[i] < -options.rate:
+                ratio = homotopy.slacks[i] / -homotopy.slack_rates[i]
+                if ratio < length:
+                    length, row, dropped = ratio, i, False
+            elif work.is_active[i] and homotopy.multiplier_rates[i] < -options.rate:
+                ratio = max(homotopy.multipliers[i], 0.0) / -homotopy.multiplier_rates[i]
+                if ratio < length:
+                    length, row, dropped = ratio, i, True
+        # move the optimum along its piece
+        for j in range(len(homotopy.step)):
+            homotopy.step[j] += length * homotopy.step_rate[j]
+        for i in range(len(homotopy.slacks)):
+            if work.is_active[i]:
+                homotopy.multipliers[i] += length * homotopy.multiplier_rates[i]
+            else:
+                homotopy.slacks[i] = max(homotopy.slacks[i] + length * homotopy.slack_rates[i], 0.0)
         share += length
         if row < 0 or share > 1.0 - options.end:
             return 1.0, changes
@@ -149,42 +163,6 @@ def _follow(program, work, homotopy, scale, options):
         if not update_working_set(program, work, options.updates, scale):
             return share, changes
     return share, changes
-
-
-@compiled
-def _slack_rates(program, work, homotopy):
-    for i in range(len(homotopy.slacks)):
-        homotopy.slack_rates[i] = 0.0
-        if not work.is_active[i]:
-            homotopy.slack_rates[i] = homotopy.value_rate[i] + row_product(program, i, homotopy.step_rate)
-
-
-@compiled
-def _next_change(work, homotopy, remaining, options):
-    """Return the piece's length, the constraint that ends it (−1: none), and whether it is dropped."""
-    length, row, dropped = remaining, -1, False
-    for i in range(len(homotopy.slacks)):
-        if not work.is_active[i] and homotopy.slack_rates[i] < -options.rate:
-            ratio = homotopy.slacks[i] / -homotopy.slack_rates[i]
-            if ratio < length:
-                length, row, dropped = ratio, i, False
-        elif work.is_active[i] and homotopy.multiplier_rates[i] < -options.rate:
-            ratio = max(homotopy.multipliers[i], 0.0) / -homotopy.multiplier_rates[i]
-            if ratio < length:
-                length, row, dropped = ratio, i, True
-    return length, row, dropped
-
-
-@compiled
-def _advance(work, homotopy, length):
-    """Move the optimum along its piece."""
-    for j in range(len(homotopy.step)):
-        homotopy.step[j] += length * homotopy.step_rate[j]
-    for i in range(len(homotopy.slacks)):
-        if work.is_active[i]:
-            homotopy.multipliers[i] += length * homotopy.multiplier_rates[i]
-        else:
-            homotopy.slacks[i] = max(homotopy.slacks[i] + length * homotopy.slack_rates[i], 0.0)
 
 
 @compiled

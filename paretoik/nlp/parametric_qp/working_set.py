@@ -100,15 +100,7 @@ def _factorise(program, hessian, is_active, rho, delta, is_dense, scale):
         for f in range(e + 1):
             _add_entry(hessian, is_dense, size, size + e, size + f, program.C[e, f] / scale)
         _add_entry(hessian, is_dense, size, size + e, size + e, delta)
-    _stiffen(program, hessian, is_active, rho, is_dense)
-    if is_dense:
-        return factorise(hessian.full, none, none, hessian.full_factor, none, none, 0)
-    return factorise(hessian.A, hessian.B, hessian.C, hessian.L, hessian.X, hessian.S, 0)
-
-
-@compiled
-def _stiffen(program, hessian, is_active, rho, is_dense):
-    """Add ρ aaᵀ of the active rows; dense rows only if K is dense."""
+    # add ρ aaᵀ of the active rows; dense rows only if K is dense
     size, limits = len(program.A), len(program.entries)
     matrix = hessian.full if is_dense else hessian.A
     for i in range(limits):
@@ -126,6 +118,9 @@ def _stiffen(program, hessian, is_active, rho, is_dense):
             for i in range(len(hessian.full)):
                 for j in range(i + 1):
                     hessian.full[i, i - j] += rho * program.dense[e, i] * program.dense[e, j]
+    if is_dense:
+        return factorise(hessian.full, none, none, hessian.full_factor, none, none, 0)
+    return factorise(hessian.A, hessian.B, hessian.C, hessian.L, hessian.X, hessian.S, 0)
 
 
 @compiled
@@ -330,41 +325,23 @@ def factorise_working_set(program, work, scale):
     rho = factorise_augmented_hessian(program, work.hessian, work.is_active, scale)
     if rho < 0.0:
         return False
-    _append_active(program, work, rho)
-    return _factorise_schur(work)
-
-
-@compiled
-def _append_active(program, work, rho):
-    """Append all active rows to an empty Schur complement: ``_append`` for many rows at a time."""
-    count = 0
+    # all active rows enter an empty Schur complement at a time
+    place = 0
     for i in range(len(work.is_active)):
         if work.is_active[i]:
             is_stiff = work.hessian.flags[IS_DENSE] or i < len(program.entries)
-            work.rows[count], work.position[i], work.stiffness[count] = i, count, rho if is_stiff else 0.0
-            write_column(program, i, work.columns, count)
-            count += 1
-    work.counts[ROWS] = count
-    solve_augmented_columns(work.hessian, work.columns, count)
-    for w in range(count):
-        column_products(program, work.rows[w], work.columns, w, count, work.right)
-        for v in range(w, count):
+            work.rows[place], work.position[i], work.stiffness[place] = i, place, rho if is_stiff else 0.0
+            write_column(program, i, work.columns, place)
+            place += 1
+    work.counts[ROWS] = place
+    solve_augmented_columns(work.hessian, work.columns, place)
+    for w in range(place):
+        column_products(program, work.rows[w], work.columns, w, place, work.right)
+        for v in range(w, place):
             work.schur[v, w] = work.schur[w, v] = work.right[v]
         for j in range(len(work.columns)):
             work.solved[w, j] = work.columns[j, w]
-
-
-@compiled
-def _append(program, work, i, rho):
-    """Append a row to the Schur complement."""
-    count = work.counts[ROWS]
-    vector = work.solved[count]
-    write_row(program, i, vector)
-    solve_augmented_hessian(work.hessian, vector)
-    work.rows[count], work.position[i], work.stiffness[count] = i, count, rho
-    for w in range(count + 1):
-        work.schur[count, w] = work.schur[w, count] = row_product(program, work.rows[w], vector)
-    work.counts[ROWS] = count + 1
+    return _factorise_schur(work)
 
 
 @compiled
@@ -448,7 +425,15 @@ def add_constraint(program, work, row):
     work.is_active[row] = True
     work.counts[CHANGES] += 1
     if work.position[row] < 0:
-        _append(program, work, row, 0.0)
+        # the row enters the Schur complement
+        count = work.counts[ROWS]
+        vector = work.solved[count]
+        write_row(program, row, vector)
+        solve_augmented_hessian(work.hessian, vector)
+        work.rows[count], work.position[row], work.stiffness[count] = row, count, 0.0
+        for w in range(count + 1):
+            work.schur[count, w] = work.schur[w, count] = row_product(program, work.rows[w], vector)
+        work.counts[ROWS] = count + 1
 
 
 @compiled
@@ -458,7 +443,20 @@ def drop_constraint(work, row):
     work.is_active[row] = False
     work.counts[CHANGES] += 1
     if work.stiffness[place] == 0.0:
-        _remove(work, place)
+        # the row leaves the Schur complement; the last row takes its place
+        last = work.counts[ROWS] - 1
+        work.position[work.rows[place]] = -1
+        if place != last:
+            work.rows[place], work.stiffness[place] = work.rows[last], work.stiffness[last]
+            work.position[work.rows[place]] = place
+            for j in range(work.solved.shape[1]):
+                work.solved[place, j] = work.solved[last, j]
+            for w in range(last + 1):
+                work.schur[place, w] = work.schur[last, w]
+            for w in range(last + 1):
+                work.schur[w, place] = work.schur[w, last]
+            work.schur[place, place] = work.schur[last, last]
+        work.counts[ROWS] = last
 
 
 @compiled
@@ -467,21 +465,3 @@ def update_working_set(program, work, updates, scale):
     if work.counts[CHANGES] <= updates and _factorise_schur(work):
         return True
     return factorise_working_set(program, work, scale)
-
-
-@compiled
-def _remove(work, place):
-    """Remove a row from the Schur complement; the last row takes its place."""
-    last = work.counts[ROWS] - 1
-    work.position[work.rows[place]] = -1
-    if place != last:
-        work.rows[place], work.stiffness[place] = work.rows[last], work.stiffness[last]
-        work.position[work.rows[place]] = place
-        for j in range(work.solved.shape[1]):
-            work.solved[place, j] = work.solved[last, j]
-        for w in range(last + 1):
-            work.schur[place, w] = work.schur[last, w]
-        for w in range(last + 1):
-            work.schur[w, place] = work.schur[w, last]
-        work.schur[place, place] = work.schur[last, last]
-    work.counts[ROWS] = last

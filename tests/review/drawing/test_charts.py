@@ -100,7 +100,12 @@ def test_joints_that_stand_still_look_still(arm, duration):
 @pytest.mark.parametrize("kind", ["torque", "power"])
 @pytest.mark.parametrize("arm", [marcos_nr(3), tringali_3r()], ids=["without masses", "with masses"])
 def test_torques_and_powers_are_drawn_only_for_arms_with_masses_even_if_limited(arm, kind):
-    motion = Motion(arm=arm, time=np.linspace(0.0, 1.0, 11), q=np.linspace(0.0, 1.0, 11)[:, None] * np.ones(3))
+    motion = Motion(
+        arm=arm,
+        time=np.linspace(0.0, 1.0, 11),
+        q=np.linspace(0.0, 1.0, 11)[:, None] * np.ones(3),
+        differences="backward",
+    )
     curves = {each: getattr(motion, name) for each, name in LIMITED.items()}
     cell = Workcell(arm=arm, bounds={kind: np.array([[[-1.0, 1.0]] * 3])})
     assert (kind in joint_charts("", cell, [(motion.time, curves)])) == bool(np.any(motion.torque))

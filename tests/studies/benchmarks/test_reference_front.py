@@ -36,7 +36,7 @@ def test_its_objectives_are_ours_on_any_motion():
     time = np.linspace(0.0, 1.0, len(q))
     symbol = casadi.SX.sym("q", 3, len(q))
     integrals = casadi.Function("F", [symbol], [model.integrals(symbol, model.PRINTED, time[1])])
-    motion = Motion(arm=tringali_3r(), time=time, q=q[None])
+    motion = Motion(arm=tringali_3r(), time=time, q=q[None], differences="backward")
     expected = np.concatenate([kinetic_energy(motion), torque_norm(motion)])
     np.testing.assert_allclose(np.asarray(integrals(q.T)).ravel(), expected, rtol=1e-11)
 
@@ -58,6 +58,8 @@ def test_an_optimum_follows_the_path_within_its_limits_and_beats_where_it_starte
     np.testing.assert_allclose(model.kinematics(best.q)[0], program.tool, atol=1e-7)
     assert (np.abs(best.q) <= model.POSITION + 1e-9).all()
     assert (np.abs(np.diff(best.q, axis=0)) * 12 <= model.VELOCITY + 1e-7).all()
-    motion = Motion(arm=tringali_3r(), time=np.linspace(0.0, 1.0, 13), q=np.stack([start, best.q]))
+    motion = Motion(
+        arm=tringali_3r(), time=np.linspace(0.0, 1.0, 13), q=np.stack([start, best.q]), differences="backward"
+    )
     assert np.diff(kinetic_energy(motion)) < 0
     assert best.F[study.ENERGY] == pytest.approx(kinetic_energy(motion)[1], rel=1e-9)
