@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from paretoik.api.load import check_problem_argument, load_front, with_problem
-from paretoik.api.result import InfeasibleRun, is_infeasible, read_infeasible
+from paretoik.api.result import ENTRY, read_stored_motions
 from paretoik.api.result_text import gap_text, status_text
 from paretoik.errors import InvalidInput, InvalidRun
 from paretoik.formulations.protocol import is_loop
@@ -21,10 +22,12 @@ from paretoik.paths import shell_command
 from paretoik.review.report import Report, Steps
 from paretoik.review.words import describe_limits_between
 from paretoik.runs.files import (
+    NEAREST,
     PAGE_MARK,
     REPORT,
     RUN,
     STEPS,
+    check_digest,
     check_target,
     is_run,
     read_plain_file,
@@ -77,7 +80,7 @@ def report(
         if holds is not None:
             command = shell_command("paretoik", "show", folder)
             raise InvalidRun(f"{folder} must be a run with a front, got one that contains {holds}; {command} shows it")
-        infeasible = read_infeasible(folder) if is_infeasible(folder) else None
+        infeasible = read_infeasible(folder)
         if infeasible is None:
             front = load_front(folder, problem)
         else:
@@ -101,6 +104,56 @@ def report(
         page = Report(front=front, title="No feasible motion", notes=notes, nearest=True)
     page.write(place)
     return place
+
+
+# Runs that found nothing feasible.
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class InfeasibleRun:
+    """A run that found nothing feasible.
+
+    reason: why nothing was found
+    broken: violated constraints
+    nearest: front with only the least-violating point; empty without one
+    """
+
+    reason: str
+    broken: tuple[str, ...]
+    nearest: Front
+
+
+def read_infeasible(folder: Path) -> InfeasibleRun | None:
+    """Return a run that found nothing feasible, None for others; raises InvalidRun if it is damaged."""
+    run = read_run(folder / RUN) if is_run(folder / RUN) else {}
+    # A signal may have ended it before that was certain.
+    if run.get("status") != "Infeasible" and (ENTRY not in run or "files" in run):
+        return None
+    check_digest(folder / RUN, run)
+    reason, entry = str(run.get("reason", "")), run.pop(ENTRY, {"broken": [], "objectives": []})
+    try:
+        objectives = list(entry["objectives"]) or [{"name": "objective", "unit": "", "maximised": False, "value": None}]
+        values = np.array([each["value"] for each in objectives], dtype=float)  # NaN without a point
+        count, motions = int(np.isfinite(values).all()), None
+        if "digest" in entry and count:
+            motions = read_stored_motions(folder / NEAREST, entry["digest"], np.zeros(1, dtype=int))
+        nearest = Front(
+            ids=np.arange(count),
+            objectives=values[None][:count],
+            names=[str(each["name"]) for each in objectives],
+            units=[str(each["unit"]) for each in objectives],
+            maximised=[bool(each["maximised"]) for each in objectives],
+            motions=motions,
+            provenance={name: value for name, value in run.items() if name not in ("format", "reason")},
+        )
+        return InfeasibleRun(reason=reason, broken=tuple(map(str, entry["broken"])), nearest=nearest)
+    except InvalidRun:
+        raise
+    except (KeyError, TypeError, ValueError, AttributeError) as fault:
+        raise InvalidRun(f"{folder / RUN} must say what the least-violating motion violates, got {fault}") from fault
+
+
+# The parts of a page.
 
 
 def _title(front: Front) -> str:
