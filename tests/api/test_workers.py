@@ -203,12 +203,6 @@ def test_invalid_workers_addresses_and_times_are_refused(arguments, words, tmp_p
     assert not (tmp_path / "run").exists()
 
 
-@pytest.mark.parametrize("name", ["workers", "islands"])
-def test_a_closed_loop_is_followed_without_workers_and_islands(name):
-    with pytest.raises(InvalidInput, match=f"{name} must be used with a search for a front, got a closed loop"):
-        pk.solve(PROBLEMS["loop"](), **{name: 2})
-
-
 def test_a_warning_says_that_workers_do_not_pay_for_quick_evaluations(monkeypatch, tmp_path):
     monkeypatch.setattr("paretoik.runs.distribution.TRIAL", 0.2)
     with pytest.warns(RuntimeWarning, match="workers: they do not pay here, a task takes"):
