@@ -10,7 +10,7 @@ import numpy as np
 
 from paretoik.api.initial import initial_points, remembered_points
 from paretoik.api.refine import resolve_front
-from paretoik.api.session import RunRequest, Session, computing, open_session
+from paretoik.api.session import RunRequest, Session, computing, open_session, surroundings
 from paretoik.arrays import Genes
 from paretoik.compilation_notices import computing_clock
 from paretoik.errors import InvalidInput
@@ -106,6 +106,7 @@ def epsilon_front(
 
     Source: Tringali & Cocuzza 2020, section 4.3.
     """
+    given = surroundings(locals())
     check_size("points", points, 2)
     check_count("starts", starts)
     check_seed("seed", seed)
@@ -117,14 +118,8 @@ def epsilon_front(
         verb="epsilon_front",
         problem=problem,
         settings={**settings, "time_limit": time_limit},
-        reference=reference,
-        out=out,
-        overwrite=overwrite,
-        observe=observe,
-        time_limit=time_limit,
-        workers=workers,
-        cluster=cluster,
         resumable=True,
+        **given,
     )
     with computing(time_limit):  # users' functions are traced
         check_solver(formulation.program(), solver)
@@ -151,8 +146,7 @@ def epsilon_front(
             display.finish(front)
         counts = {"points": len(front), "levels": display.levels, "seconds": round(session.seconds, 3)}
         ending = {"status": session.stopped_by or "epsilon", "counts": counts}
-        ending["computed"] = session.provenance["computed"]
-        front = replace(front, provenance={**front.provenance, **ending})
+        front = replace(front, provenance={**front.provenance, **ending, "computed": session.provenance["computed"]})
         session.finish_front(front)
     return front
 

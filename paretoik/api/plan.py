@@ -12,7 +12,7 @@ import numpy as np
 
 from paretoik.api.initial import remembered_motions
 from paretoik.api.result import limit_words, save_plan
-from paretoik.api.session import RunRequest, Session, computing, open_session
+from paretoik.api.session import RunRequest, Session, computing, open_session, surroundings
 from paretoik.formulations.protocol import require_plan
 from paretoik.inputs import check_count, check_seed
 from paretoik.nlp.minimise import check_solver
@@ -121,6 +121,7 @@ def plan(
     >>> round(optima.best.objective, 3)
     0.038
     """
+    given = surroundings(locals())
     check_count("starts", starts)
     check_seed("seed", seed)
     check_solver_name(solver)
@@ -130,14 +131,8 @@ def plan(
         verb="plan",
         problem=problem,
         settings={**settings, "time_limit": time_limit},
-        reference=reference,
-        out=out,
-        overwrite=overwrite,
-        observe=observe,
-        time_limit=time_limit,
-        workers=workers,
-        cluster=cluster,
         resumable=True,
+        **given,
     )
     if solver != "auto":  # "auto" takes what applies, and reads values before derivatives
         with computing(time_limit):  # users' functions are traced

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from paretoik.api.session import RunRequest, Session, computing, open_session
+from paretoik.api.session import RunRequest, Session, computing, open_session, surroundings
 from paretoik.arrays import Objectives, Points
 from paretoik.errors import InvalidInput
 from paretoik.formulations.protocol import ProblemParts, at_samples_of, require_program
@@ -101,6 +101,8 @@ def refine(
     many converged and how many became better; ``parent`` is the front's provenance, with the folder of its ``run``.
     """
     problem = _refinable(front, problem)
+    reference = front.provenance.get("problem") if reference is None else reference
+    given = surroundings(locals())
     former = {**front.provenance, **({} if front.folder is None else {"run": str(front.folder)})}
     if out is not None:
         check_other_folder("out", file_path("out", out), front.folder)
@@ -108,15 +110,9 @@ def refine(
         verb="refine",
         problem=problem,
         settings={"solver": solver, "time_limit": time_limit},
-        reference=front.provenance.get("problem") if reference is None else reference,
-        out=out,
-        overwrite=overwrite,
-        observe=observe,
-        time_limit=time_limit,
-        workers=workers,
-        cluster=cluster,
         resumable=True,
         source=front,
+        **given,
     )
     with computing(time_limit):  # users' functions are traced
         check_solver(problem.program(), solver)

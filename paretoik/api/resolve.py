@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 
 from paretoik.api.result import motion_bytes
-from paretoik.api.session import RunRequest, open_session
+from paretoik.api.session import RunRequest, Session, open_session
 from paretoik.errors import Infeasible
 from paretoik.front.storage import array_bytes
 from paretoik.inputs import check_flag
 from paretoik.progress import Observer
 from paretoik.resolution.protocol import TRACKING_TOLERANCE, Criterion, Method, ResolvedMotion
-from paretoik.resolution.resolve import Unreachable, resolution_of
+from paretoik.resolution.resolve import Resolution, Unreachable, resolution_of
 from paretoik.resolution.resolve import resolve as resolve_motion
 from paretoik.review.recording.messages import ResolutionEnd, ResolvedScene, record_traces, workcell_of
 from paretoik.robot.arm import Arm
@@ -149,48 +149,53 @@ def resolve(
         observe=observe,
         catch_signals=False,  # a motion is complete or missing
     )
+    with open_session(request) as session:
+        return _resolve_recorded(resolution, session)
+
+
+def _resolve_recorded(resolution: Resolution, session: Session) -> ResolvedMotion:
+    """Return the motion, saved and drawn; if the path is lost, record the motion up to there."""
     task, cell = resolution.task, workcell_of(resolution)
     criteria = [each.objective.name for each in resolution.criteria]
     assert cell is not None
     scene = ResolvedScene(
         workcell=cell,
-        method=type(method).__name__,
+        method=type(resolution.method).__name__,
         criteria=tuple(criteria),
         tolerance=float(resolution.tolerance),
         error_unit=error_unit(task.tasks),
         min_clearance=float(task.min_clearance),
     )
-    with open_session(request) as session:
-        session.start_recording(scene)
+    session.start_recording(scene)
 
-        def end(motion: ResolvedMotion, ending: Mapping[str, Any]) -> ResolutionEnd:
-            motions, count = record_traces(motion)
-            return ResolutionEnd(motions=motions, count=count, provenance={**session.provenance, **ending})
+    def end(motion: ResolvedMotion, ending: Mapping[str, Any]) -> ResolutionEnd:
+        motions, count = record_traces(motion)
+        return ResolutionEnd(motions=motions, count=count, provenance={**session.provenance, **ending})
 
-        def draw(folder: FilePath) -> None:
-            from paretoik.review.pictures.motions import resolution_picture  # here: matplotlib loads slowly
+    def draw(folder: FilePath) -> None:
+        from paretoik.review.pictures.motions import resolution_picture  # here: matplotlib loads slowly
 
-            resolution_picture(first, criteria, folder / DRAWING)
+        resolution_picture(first, criteria, folder / DRAWING)
 
-        try:
-            motion = first = resolve_motion(resolution)
-        except Infeasible as lost:  # it is recorded up to there
-            if isinstance(lost.motion, ResolvedMotion) and session.recorder is not None:
-                session.finish_recording(end(lost.motion, {"status": "the path is lost", "reason": str(lost)}))
-            raise
-        while first.q.ndim > 2:
-            first = first[0]
-        steps, count = Counter(motion.traces.status.ravel().tolist()), int(np.prod(motion.q.shape[:-2]))
-        counts = {"motions": count, "steps": dict(steps), "seconds": round(session.seconds, 3)}
-        largest = float(np.abs(motion.traces.errors).max())
-        provenance = {**session.provenance, "status": "resolved", "counts": counts, "largest_error": largest}
-        session.finish(
-            motion,
-            partial(_save, motion, provenance),
-            status=provenance["status"],
-            end=lambda: end(motion, {"status": "resolved"}),
-            draw=draw,
-        )
+    try:
+        motion = first = resolve_motion(resolution)
+    except Infeasible as lost:  # it is recorded up to there
+        if isinstance(lost.motion, ResolvedMotion) and session.recorder is not None:
+            session.finish_recording(end(lost.motion, {"status": "the path is lost", "reason": str(lost)}))
+        raise
+    while first.q.ndim > 2:
+        first = first[0]
+    steps, count = Counter(motion.traces.status.ravel().tolist()), int(np.prod(motion.q.shape[:-2]))
+    counts = {"motions": count, "steps": dict(steps), "seconds": round(session.seconds, 3)}
+    largest = float(np.abs(motion.traces.errors).max())
+    provenance = {**session.provenance, "status": "resolved", "counts": counts, "largest_error": largest}
+    session.finish(
+        motion,
+        partial(_save, motion, provenance),
+        status=provenance["status"],
+        end=lambda: end(motion, {"status": "resolved"}),
+        draw=draw,
+    )
     return motion
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 from functools import partial
 from typing import Any
 
@@ -185,10 +185,11 @@ class FrontSearch:
 
     def _evolve(self, session: Session) -> Front:
         """Return the front of the search, not refined."""
-        search, hopeless = self.search, _Hopeless(self.problem)
+        search = self.search
+        hopeless = _SignalOrHopeless(session, self.problem, looks=self._initial.genes is None)
         self._initial.remember()
         session.record_search(search, "generation")
-        endings = [*self.endings, _Signal(session), *([hopeless] if self._initial.genes is None else [])]
+        endings = [*self.endings, hopeless]
         seconds = min((each.seconds for each in endings if isinstance(each, TimeLimit)), default=None)
         limit = CallTimeLimit(seconds=seconds)
         try:
@@ -272,32 +273,23 @@ class FrontSearch:
         session.show(shown)
 
 
-@dataclass(frozen=True)
-class _Signal:
-    """Ends a search when a signal came."""
+class _SignalOrHopeless:
+    """Ends a search when a signal came, or after its first generation if limits clearly cannot be satisfied.
 
-    session: Session
-    memory: int = field(default=0, init=False, repr=False)
-
-    def reached(self, progress: Progress) -> str | None:
-        """Return the name of the signal, if any."""
-        return self.session.signal
-
-
-class _Hopeless:
-    """Ends a search after its first generation if limits clearly cannot be satisfied; ``failure`` says which."""
+    ``failure`` says which limits; they are looked at unless the search has initial genes.
+    """
 
     memory = 0
 
-    def __init__(self, problem: Any) -> None:
+    def __init__(self, session: Session, problem: Any, *, looks: bool) -> None:
         self.failure: Infeasible | None = None
-        self._problem, self._looked = problem, False
+        self._session, self._problem, self._looks = session, problem, looks
 
     def reached(self, progress: Progress) -> str | None:
-        """Return "infeasible" if that is clear after the first generation."""
-        if self._looked or len(progress.front):
-            return None
-        self._looked = True
+        """Return the name of the signal, "infeasible", or None."""
+        if self._session.signal is not None or not self._looks or len(progress.front):
+            return self._session.signal
+        self._looks = False
         try:
             ProblemParts(self._problem).require_feasible()
         except Infeasible as failure:

@@ -146,6 +146,14 @@ class RunRequest:
             raise InvalidInput("live must come with a folder that keeps the recording (out=), got none")
 
 
+SURROUNDINGS = ("reference", "out", "overwrite", "observe", "time_limit", "workers", "cluster", "live")
+
+
+def surroundings(arguments: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the arguments of a verb that its request takes as they are."""
+    return {name: value for name, value in arguments.items() if name in SURROUNDINGS}
+
+
 # The surroundings of a verb: observer, signals, time limit, one BLAS thread.
 
 
@@ -463,8 +471,8 @@ def open_session(request: RunRequest) -> Iterator[Session]:
     """
     mark = fingerprint(request.problem)
     with ExitStack() as stack:
-        surroundings = open_verb(request.observe, time_limit=request.time_limit, catch_signals=request.catch_signals)
-        observer, interruption = stack.enter_context(surroundings)
+        opened = open_verb(request.observe, time_limit=request.time_limit, catch_signals=request.catch_signals)
+        observer, interruption = stack.enter_context(opened)
         folder: Path | None = None
         stored: dict[str, Any] = {}
         if isinstance(request.out, StoppedRun):  # the process that resumes it has its lock

@@ -9,7 +9,7 @@ from typing import Any
 
 from paretoik.api.follow_loop import LoopRun
 from paretoik.api.search_front import FrontSearch
-from paretoik.api.session import RunRequest, SolveSettings, open_session
+from paretoik.api.session import RunRequest, SolveSettings, open_session, surroundings
 from paretoik.arrays import Genes
 from paretoik.formulations.protocol import timeline
 from paretoik.front.front import Front
@@ -155,16 +155,9 @@ def solve(
         verb="solve",
         problem=run.problem,
         settings=run.settings,
-        reference=reference,
-        out=out,
-        overwrite=overwrite,
-        observe=observe,
-        time_limit=time_limit,
-        workers=workers,
-        cluster=cluster,
-        live=live,
         resumable=True,
         isolated=evaluation_timeout is not None,
+        **surroundings(given),
     )
     with limited_evaluations(evaluation_timeout), open_session(request) as session:
         return run.run(session)

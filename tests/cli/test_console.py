@@ -2,17 +2,11 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
-import pty
-import re
 import shlex
 import shutil
-import struct
 import subprocess
 import sys
-import termios
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -234,46 +228,4 @@ def test_a_reader_who_goes_changes_no_exit_code(place, tmp_path, verb):
     assert ran.returncode == CODES.get(verb, 0)
     assert "Traceback" not in ran.stderr
     assert "Broken pipe" not in ran.stderr
-    check_kept(verb, tmp_path / "new")
-
-
-def written_to_terminal(line: str, folder: Path, columns: int, **environment: str) -> tuple[int, str]:
-    """Return how a line of a shell ended on a terminal of ``columns`` columns, and its output."""
-    ours, theirs = pty.openpty()
-    fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 24, columns, 0, 0))
-    with os.fdopen(theirs, "rb") as terminal:
-        command = subprocess.Popen(
-            ["bash", "-c", line],
-            cwd=folder,
-            env=surroundings(**environment),
-            stdin=terminal,
-            stdout=terminal,
-            stderr=terminal,
-        )
-    written = b"".join(pieces(ours))
-    os.close(ours)
-    return command.wait(), written.decode(errors="replace")
-
-
-def pieces(descriptor: int) -> Iterator[bytes]:
-    while True:
-        try:
-            piece = os.read(descriptor, 65536)
-        except OSError:  # this is how a terminal ends
-            return
-        if not piece:
-            return
-        yield piece
-
-
-@pytest.mark.parametrize("columns", [0, 1, 12])
-@pytest.mark.parametrize("terminal", ["xterm", "dumb"])
-@pytest.mark.parametrize("verb", verbs())
-def test_a_narrow_terminal_gets_all_words_of_a_result(place, tmp_path, verb, columns, terminal):
-    code, written = written_to_terminal(place.command(verb, tmp_path / "new"), place.folder, columns, TERM=terminal)
-    assert code == CODES.get(verb, 0)
-    assert "Traceback" not in written
-    if verb in ("solve", "front", "refine"):
-        commands = [line for line in re.split(r"[\r\n]+", written) if line.startswith(("choose:", "replay:"))]
-        assert [str(tmp_path / "new") in each for each in commands] == [True, True]
     check_kept(verb, tmp_path / "new")
