@@ -88,7 +88,7 @@ def main() -> None:
         warnings.showwarning = lambda message, *_, **__: print_message("warning:", "yellow", str(message))
         try:
             with process_output():
-                app()
+                app(prog_name="paretoik")
         except ParetoikError as error:
             print_error(str(error), error)
             sys.exit(error.exit_code)

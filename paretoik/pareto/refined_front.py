@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Float, Int
 
 from paretoik.arrays import Ids, Point, Points, Values
 from paretoik.compilation_notices import computing_clock
@@ -135,7 +135,7 @@ def _refine_over_own_ranges(
 
 def _completed(
     completion: Completion, certifier: Certifier, x: Points, ids: Ids, ranges: Values
-) -> tuple[Points, Ids, Values]:
+) -> tuple[Float[np.ndarray, " completed *point"], Int[np.ndarray, " completed"], Values]:
     """Return points with those of a completion, their ids and ranges; as they are if the planner finds nothing."""
     formulation, solver, observe = certifier.formulation, certifier.solver, certifier.observe
     began = computing_clock()

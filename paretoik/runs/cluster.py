@@ -30,8 +30,7 @@ from paretoik.errors import InvalidInput, SolverFailed, warn_user
 from paretoik.inputs import cause_of
 from paretoik.runs.distribution import Function, Lost, Reply, become_worker, pickled
 from paretoik.runs.machine import processor, software
-from paretoik.runs.processes import WorkerProcesses
-from paretoik.runs.worker import compute
+from paretoik.runs.processes import WorkerProcesses, compute
 from paretoik.stop_flag import STOP, Interrupted
 
 # How work is shared out over a cluster, and how long its scheduler and workers are waited for.
@@ -404,13 +403,16 @@ class ClusterWatch:
             self.cluster.threads = sum(threads for threads, _ in seen.values())
 
     def _leave_out_frozen(self, seen: Mapping[str, tuple[int, float]]) -> None:
-        async def leave_out(address: str, dask_scheduler: Any) -> None:
-            await dask_scheduler.remove_worker(address=address, close=False, stimulus_id="paretoik-frozen")
-
         for address, (_, silent) in seen.items():
             if silent > self.options.frozen:
                 self.cluster.tell(f"the worker at {address} was silent for {self.options.frozen:g} s and is left out")
-                self._run_on_scheduler(partial(leave_out, address))
+                self._leave_out(address)
+
+    def _leave_out(self, address: str) -> None:
+        async def leave_out(dask_scheduler: Any) -> None:  # sent by value
+            await dask_scheduler.remove_worker(address=address, close=False, stimulus_id="paretoik-frozen")
+
+        self._run_on_scheduler(leave_out)
 
     def _run_on_scheduler(self, function: Any) -> Future[Any] | None:
         client = self.cluster.client

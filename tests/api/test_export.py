@@ -13,7 +13,6 @@ from paretoik.errors import Infeasible, InvalidInput
 from paretoik.joint_trajectory.controllers import Controller
 from paretoik.robot.dynamics import inverse_dynamics
 from paretoik.task.motion_task import finer_motion
-from problems import panda
 from tests.joint_trajectory.motions import PANDA, bench, swing
 
 SWING = swing()
@@ -129,7 +128,6 @@ def test_a_batch_and_a_motion_without_its_arm_are_refused(front, run, tmp_path):
 VALUES = {"position": "q", "velocity": "dq", "acceleration": "ddq", "torque": "torque"}  # of a motion
 RATES = (100.0, 250.0, 1000.0)
 PLANAR = pk.arms.tringali_3r(), pk.line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=21)
-SPATIAL = panda.panda(), pk.line([0.45, -0.2, 0.4], [0.45, 0.2, 0.5], duration=1.5, samples=21)
 GOALS = [pk.kinetic_energy, pk.torque_norm]
 
 
@@ -178,19 +176,3 @@ def test_an_optimum_passes_the_controller_with_the_limits_that_it_was_planned_wi
     shares = [problem.task.violations(each).max() for each in (best.motion, finer_motion(best.motion, 20))]
     assert max(shares) > -1e-3  # the bound of a velocity, or the limited value itself, is at its limit
     assert_exportable(problem.task, best.motion, tmp_path / "motion.npz")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("kind", [*VALUES, "varying velocity"])
-@pytest.mark.parametrize("robot", [PLANAR, SPATIAL], ids=["planar", "spatial"])
-def test_every_certified_point_passes_the_controller_with_its_own_limits(robot, kind, seed, tmp_path):
-    try:
-        problem = active_problem(*robot, kind, seed, GOALS)
-        front = pk.epsilon_front(problem, points=4, starts=3)
-    except Infeasible:
-        pytest.skip("random limits leave no motion")
-    certified = np.flatnonzero(front.certificates.status == "minimum")
-    assert len(certified)
-    for i in certified:
-        assert_exportable(problem.task, front.motions[int(i)], tmp_path / "motion.npz")

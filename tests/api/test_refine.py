@@ -35,10 +35,6 @@ def test_a_search_with_gradients_ends_with_certified_points(front):
     assert front.provenance["counts"]["iterations"] > 0
 
 
-def test_the_same_seed_gives_the_same_front(front):
-    assert np.array_equal(pk.solve(problem_of(), **SMALL).objectives, front.objectives)
-
-
 def test_suggested_genes_are_better_than_their_origins():
     problem = problem_of()
     search = pk.Search(problem, population=30, seed=1)

@@ -80,7 +80,7 @@ def test_bad_input_is_one_line_on_stderr_and_exit_code_2(paretoik, mine, finishe
         (["solve", "x.py:y", "--out", "o", "--seed", "x\ny"], "Invalid value for '--seed': "),
         (["solve", "x.py:y", "--out", "o", "--solver", "x"], "Invalid value for '--solver': "),
         (["solve", "x.py:y", "--populaton", "9"], "No such option: --populaton"),
-        (["show", "a", "b (c)"], " (b (c)); 'paretoik show --help' says"),
+        (["show", "a", "b (c)"], "(b (c)); 'paretoik show --help' says"),
         (["slove"], "No such command 'slove'"),
     ],
 )

@@ -112,7 +112,7 @@ def test_weights_are_over_the_ranges_of_the_front_that_is_returned(second):
         check_weights_are_over_the_ranges(front)
 
 
-def test_later_stages_are_measured_on_points_as_they_come(monkeypatch):
+def test_later_stages_are_measured_on_points_as_they_come(monkeypatch, unchecked):
     """Two of four points exceed limits: looks at all of them, tightening of half, certificates of all are counted."""
     clock, problem = [0.0], tracking()
     monkeypatch.setattr("paretoik.pareto.certified_front.computing_clock", lambda: clock[0])
