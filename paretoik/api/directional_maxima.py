@@ -13,6 +13,7 @@ from paretoik.capability.actuation import Actuation
 from paretoik.capability.directional import PerformancePolygon, directional_query, performance_polygon
 from paretoik.capability.joint_capability import Quantity
 from paretoik.front.storage import array_bytes
+from paretoik.inputs import check_flag
 from paretoik.progress import Observer
 from paretoik.review.recording.messages import MaximaScene, maxima_end, workcell_of
 from paretoik.robot.arm import Arm
@@ -98,6 +99,7 @@ def directional_maxima(
     Source: Kim, Choi & Jang 2021, Eq. 1.
     """
     query = directional_query(arm, actuation, position, directions, quantity=quantity, starts=starts, seed=seed)
+    check_flag("overwrite", overwrite)
     if out is None and observe is None:  # as when thousands are computed one after the other
         return performance_polygon(query)
     request = RunRequest(

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -96,8 +95,10 @@ def report(
     check_flag("overwrite", overwrite)
     check_target("report", place, overwrite=overwrite, mark=PAGE_MARK)
     if infeasible is None:
-        steps = _steps(front, front.folder)
-        page = Report(front=front, title=_title(front), choices=front.choices, notes=_notes(front), steps=steps)
+        names, steps = list_words(front.names), _steps(front, front.folder)
+        title = f"The front of {names}" if len(front.names) > 1 else f"The optimum of {names}"
+        title = f"A closed loop by {names}" if is_loop(front) else title
+        page = Report(front=front, title=title, choices=front.choices, notes=_notes(front), steps=steps)
     else:
         reason = infeasible.reason[:1].upper() + infeasible.reason[1:]
         notes = [reason, *(f"In the least-violating motion, {words}." for words in infeasible.broken)]
@@ -109,13 +110,10 @@ def report(
 # Runs that found nothing feasible.
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class InfeasibleRun:
-    """A run that found nothing feasible.
+class InfeasibleRun(NamedTuple):
+    """The reason of a run that found nothing feasible, violated constraints, and the front of the nearest point.
 
-    reason: why nothing was found
-    broken: violated constraints
-    nearest: front with only the least-violating point; empty without one
+    The front is empty if no motion is known.
     """
 
     reason: str
@@ -154,12 +152,6 @@ def read_infeasible(folder: Path) -> InfeasibleRun | None:
 
 
 # The parts of a page.
-
-
-def _title(front: Front) -> str:
-    if is_loop(front):
-        return f"A closed loop by {list_words(front.names)}"
-    return f"The front of {list_words(front.names)}" if len(front.names) > 1 else f"The optimum of {front.names[0]}"
 
 
 def _notes(front: Front) -> list[str]:
