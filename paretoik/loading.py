@@ -37,8 +37,30 @@ def load_problem(reference: str) -> Any:
     module = _import_module(place)
     value = attribute_of(module, name)
     if value is None:
-        raise InvalidInput(f"problem {reference!r} must be {_wish_and_fact(module, place, name)}")
-    problem = _call(value, module, reference) if _is_factory(value, module) else value
+        offered, others = list(_offers(module)), _unannotated(module)
+        names = [listed(offered)] if offered else []
+        names += [f"perhaps {listed(others)} (no return annotation)"] if others else []
+        wish = (
+            f"one that {place} has, {', '.join(names)}"
+            if names
+            else f"a problem or function of {place}, which has none"
+        )
+        hint = likely_spelling(name, [*offered, *others])
+        raise InvalidInput(f"problem {reference!r} must be {wish}, got {shown(name)}{hint}")
+    problem = value
+    if _is_factory(value, module):
+        if required := _required_arguments(value):
+            raise InvalidInput(
+                f"problem {reference!r} must be a function without arguments, got one that needs {', '.join(required)}"
+            )
+        try:
+            with limited_call(f"problem {reference!r}", loads=True):
+                problem = value()
+        except (ParetoikError, KeyboardInterrupt):
+            raise
+        except BaseException as error:  # a user's function may raise anything
+            summary = _summary(error, getattr(module, "__file__", None))
+            raise InvalidInput(f"problem {reference!r} must be built without error, got {summary}") from error
     if not _is_problem(problem):
         raise InvalidInput(
             f"problem {reference!r} must be a pymoo problem or a function that returns one, got {shown(problem)}"
@@ -139,15 +161,6 @@ def _import_package(root: Path, name: str) -> None:
         raise
 
 
-def _wish_and_fact(module: ModuleType, place: str, name: str) -> str:
-    """Return the problems of a file without the given name, and the functions that may make some, as words."""
-    offered, others = list(_offers(module)), _unannotated(module)
-    names = [listed(offered)] if offered else []
-    names += [f"perhaps {listed(others)} (no return annotation)"] if others else []
-    wish = f"one that {place} has, {', '.join(names)}" if names else f"a problem or function of {place}, which has none"
-    return f"{wish}, got {shown(name)}{likely_spelling(name, [*offered, *others])}"
-
-
 def _offers(module: ModuleType) -> dict[str, Any]:
     public = {name: value for name, value in vars(module).items() if not name.startswith("_")}
     return {
@@ -198,22 +211,6 @@ def _is_own_factory(value: object, module: ModuleType) -> TypeGuard[Callable[...
     """Return whether a value is a function of the module that can be called without arguments."""
     function = _function_of(value)
     return function is not None and function.__module__ == module.__name__ and not _required_arguments(value)
-
-
-def _call(function: Any, module: ModuleType, reference: str) -> Any:
-    required = _required_arguments(function)
-    if required:
-        raise InvalidInput(
-            f"problem {reference!r} must be a function without arguments, got one that needs {', '.join(required)}"
-        )
-    try:
-        with limited_call(f"problem {reference!r}", loads=True):
-            return function()
-    except (ParetoikError, KeyboardInterrupt):
-        raise
-    except BaseException as error:  # a user's function may raise anything
-        summary = _summary(error, getattr(module, "__file__", None))
-        raise InvalidInput(f"problem {reference!r} must be built without error, got {summary}") from error
 
 
 def _required_arguments(function: Any) -> list[str]:

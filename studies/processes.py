@@ -48,8 +48,10 @@ def workers_of(cluster: str | None) -> Iterator[Executor | None]:
     if cluster is None:
         yield None
         return
-    from paretoik.runs.cluster import Cluster  # imported here: it needs Dask
-    from paretoik.runs.cluster_scheduler import OPTIONS
+    from paretoik.runs.cluster import (
+        OPTIONS,
+        Cluster,  # imported here: it needs Dask
+    )
 
     try:
         check_workers(None, cluster)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence, Set
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -44,8 +44,9 @@ def compare(*fronts: Front | Path | str, labels: Sequence[str] | None = None) ->
     """
     named = None if labels is None else read_list("labels", labels, str, "a list of them")
     loaded = [front if isinstance(front, Front) else Front.load(file_path("fronts", front)) for front in fronts]
-    labels = _labels(fronts) if named is None else named
-    return Comparison(fronts=tuple(map(_with_computed_words, loaded)), labels=labels)
+    return Comparison(
+        fronts=tuple(map(_with_computed_words, loaded)), labels=_labels(fronts) if named is None else named
+    )
 
 
 def _with_computed_words(front: Front) -> Front:
@@ -60,18 +61,12 @@ def _labels(fronts: Sequence[Front | Path | str]) -> tuple[str, ...]:
     """Return a label for each front: its number, or the shortest unique end of its folder's path."""
     paths = [None if isinstance(front, Front) else Path(front).absolute() for front in fronts]
     labels = [f"front {place}" if path is None else "" for place, path in enumerate(paths, 1)]
-    folders = {path for path in paths if path is not None}
     taken = set(labels)
-    return tuple(
-        label if path is None else _distinct_end(path, folders - {path}, taken)
-        for label, path in zip(labels, paths, strict=True)
-    )
-
-
-def _distinct_end(path: Path, others: Set[Path], taken: Set[str]) -> str:
-    """Return the shortest end of a path that no other path has and that is not in ``taken``."""
-    for count in range(1, len(path.parts)):
-        end = str(Path(*path.parts[-count:]))
-        if end not in taken and all(other.parts[-count:] != path.parts[-count:] for other in others):
-            return end
-    return str(path)
+    for place, path in enumerate(paths):
+        if path is None:
+            continue
+        ends = [str(Path(*path.parts[-count:])) for count in range(1, len(path.parts))]
+        others = [str(each) for each in set(paths) - {path, None}]
+        free = [end for end in ends if end not in taken and not any(f"/{each}".endswith(f"/{end}") for each in others)]
+        labels[place] = next(iter(free), str(path))
+    return tuple(labels)

@@ -5,23 +5,22 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from paretoik.api.progress import Observer
-from paretoik.api.session import RunRequest, Subject, open_session
+from paretoik.api.session import RunRequest, open_session
 from paretoik.capability.actuation import Actuation
 from paretoik.capability.directional import PerformancePolygon, directional_query, performance_polygon
 from paretoik.capability.joint_capability import Quantity
 from paretoik.front.storage import array_bytes
 from paretoik.inputs import check_flag
+from paretoik.progress import Observer
 from paretoik.review.recording.messages import MaximaScene, maxima_end, workcell_of
 from paretoik.robot.arm import Arm
 from paretoik.runs.files import DRAWING, POLYGON, write_result
-from paretoik.runs.fingerprint import fingerprint
 
 HOLDS = f"directional maxima, their arrays in {POLYGON}"
+# Arrays of `polygon.npz`, next to joint_names (dof,), by their names in the polygon.
 ARRAYS = ("position", "directions", "values", "q", "dq", "torque", "motor_speeds", "motor_efforts", "sliders")
 
 
@@ -105,7 +104,8 @@ def directional_maxima(
         return performance_polygon(query)
     request = RunRequest(
         verb="directional_maxima",
-        subject=Subject(title=f"directional maxima of {query.arm.name}", fingerprint=fingerprint(query)),
+        problem=query,
+        title=f"directional maxima of {query.arm.name}",
         settings={"quantity": quantity, "directions": len(query.directions), "starts": starts, "seed": seed},
         out=out,
         overwrite=overwrite,
@@ -120,31 +120,23 @@ def directional_maxima(
         found = int(np.isfinite(polygon.values).sum())
         counts = {"directions": len(polygon), "found": found, "seconds": round(session.seconds, 3)}
         provenance = {**session.provenance, "status": "maxima", "counts": counts}
+        unit = "m/s" if polygon.quantity == "velocity" else "N"
+        arrays = {name: getattr(polygon, name) for name in ARRAYS}
+        content = array_bytes(
+            {"joint_names": np.array(polygon.arm.joint_names, dtype=np.str_)}
+            | {name: np.asarray(values) for name, values in arrays.items() if values is not None}
+        )
+
+        def draw(folder: Path) -> None:
+            from paretoik.review.pictures.motions import polygon_picture  # here: matplotlib loads slowly
+
+            polygon_picture(polygon, folder / DRAWING)
+
         session.finish(
             polygon,
-            partial(_save, polygon, provenance),
+            partial(write_result, entries={**provenance, "holds": HOLDS, "unit": unit}, contents={POLYGON: content}),
             status=provenance["status"],
             end=partial(maxima_end, polygon, provenance),
-            draw=partial(_draw, polygon),
+            draw=draw,
         )
     return polygon
-
-
-def _save(polygon: PerformancePolygon, provenance: dict[str, Any], folder: Path) -> None:
-    """Write a polygon into a folder, all of its files at once or none.
-
-    `polygon.npz` has joint_names (dof,) and the arrays of the polygon by name.
-    """
-    arrays = {name: getattr(polygon, name) for name in ARRAYS}
-    content = array_bytes(
-        {"joint_names": np.array(polygon.arm.joint_names, dtype=np.str_)}
-        | {name: np.asarray(values) for name, values in arrays.items() if values is not None}
-    )
-    unit = "m/s" if polygon.quantity == "velocity" else "N"
-    write_result(folder, {**provenance, "holds": HOLDS, "unit": unit}, {POLYGON: content})
-
-
-def _draw(polygon: PerformancePolygon, folder: Path) -> None:
-    from paretoik.review.pictures.motions import polygon_picture  # here: matplotlib loads slowly
-
-    polygon_picture(polygon, folder / DRAWING)

@@ -8,28 +8,26 @@ from typing import Any
 
 import numpy as np
 
-from paretoik.api.certified_front import LaterTime, certified_front, later_stages, reserve_later
 from paretoik.api.initial import initial_points, remembered_points
-from paretoik.api.progress import Observer, count_observer
 from paretoik.api.refine import resolve_front
-from paretoik.api.result import infeasible_recorded
-from paretoik.api.session import RunRequest, Session, Subject, computing, open_session
-from paretoik.arrays import Genes, Points
+from paretoik.api.session import RunRequest, Session, computing, open_session, surroundings
+from paretoik.arrays import Genes
 from paretoik.compilation_notices import computing_clock
 from paretoik.errors import InvalidInput
-from paretoik.formulations.protocol import Differentiable, require_program
+from paretoik.formulations.protocol import require_program
 from paretoik.front.front import Front
 from paretoik.front.indicators import HypervolumeCurve
 from paretoik.front.preferences.compromise import marked_rows
-from paretoik.inputs import check_count, check_flag, check_seed, check_size
+from paretoik.inputs import check_count, check_seed, check_size
 from paretoik.nlp.minimise import check_solver
 from paretoik.nlp.program import Solver
+from paretoik.pareto.certified_front import Certifier, certified_front
 from paretoik.pareto.epsilon import epsilon_points
+from paretoik.pareto.refined_front import RefinedFront
 from paretoik.pareto.sweep import SweepProgress
-from paretoik.review.recording.messages import LeastViolating, RecordedPoint, record_motion
-from paretoik.review.recording.recorder import Generation, SearchEnd
-from paretoik.runs.executor import check_workers
-from paretoik.runs.interruption import check_time_limit
+from paretoik.progress import Observer, count_observer
+from paretoik.review.recording.messages import RecordedPoint, record_motion
+from paretoik.review.recording.recorder import Generation
 from paretoik.task.motion import Motion
 
 
@@ -108,97 +106,61 @@ def epsilon_front(
 
     Source: Tringali & Cocuzza 2020, section 4.3.
     """
+    given = surroundings(locals())
     check_size("points", points, 2)
     check_count("starts", starts)
     check_seed("seed", seed)
-    check_time_limit(time_limit)
-    check_workers(workers, cluster)
-    check_flag("overwrite", overwrite)
     formulation = require_program("epsilon_front", problem)
     if len(formulation.names) < 2:
         raise InvalidInput("problem must have two objectives or more for epsilon_front, got one; plan finds its optima")
+    settings = {"points": points, "starts": starts, "seed": seed, "initial": initial is not None, "solver": solver}
+    request = RunRequest(
+        verb="epsilon_front",
+        problem=problem,
+        settings={**settings, "time_limit": time_limit},
+        resumable=True,
+        **given,
+    )
     with computing(time_limit):  # users' functions are traced
         check_solver(formulation.program(), solver)
     starting = initial_points(formulation, initial)
-    request = RunRequest(
-        verb="epsilon_front",
-        subject=Subject.of(problem, reference),
-        settings={
-            "points": points,
-            "starts": starts,
-            "seed": seed,
-            "initial": initial is not None,
-            "solver": solver,
-            "time_limit": time_limit,
-        },
-        out=out,
-        overwrite=overwrite,
-        observe=observe,
-        time_limit=time_limit,
-        workers=workers,
-        cluster=cluster,
-        resumable=True,
-    )
     with open_session(request) as session:
         starting = remembered_points(starting)
         with computing(time_limit, session):
-            front = _sweep(problem, starting, session)
+            session.record_search(formulation, "level")
+            certifier = Certifier(formulation=formulation, solver=solver, observe=session.observe)
+            display = _SweepDisplay(session, certifier)
+            with certifier.reserve_later(points):
+                cold = formulation.cold_search(starts=starts, seed=seed, solver=solver, observe=display.show_optima)
+                x, ranges = epsilon_points(
+                    formulation.program,
+                    cold,
+                    len(formulation.names),
+                    points=points,
+                    initial=starting,
+                    solver=solver,
+                    observe=display.show_step,
+                )
+            front = certified_front(certifier, x, np.arange(len(x)), ranges, session.provenance)
+            front = resolve_front(RefinedFront(front, np.zeros(0, dtype=bool), False), certifier).front
+            display.finish(front)
+        counts = {"points": len(front), "levels": display.levels, "seconds": round(session.seconds, 3)}
+        ending = {"status": session.stopped_by or "epsilon", "counts": counts}
+        front = replace(front, provenance={**front.provenance, **ending, "computed": session.provenance["computed"]})
         session.finish_front(front)
     return front
-
-
-def _sweep(problem: Any, initial: Points | None, session: Session) -> Front:
-    """Return the certified front of a sweep with a session's settings; show the session its steps."""
-    formulation: Differentiable = problem
-    settings = session.request.settings
-    solver = settings["solver"]
-    session.record_search(formulation, "level", problem)
-    display = _SweepDisplay(session, formulation, solver)
-    reserve = reserve_later(settings["points"], len(later_stages(problem)))
-    with infeasible_recorded(session, problem, display.infeasible_end), reserve:
-        cold = formulation.cold_search(
-            starts=settings["starts"],
-            seed=settings["seed"],
-            solver=solver,
-            observe=display.show_optima,
-        )
-        x, ranges = epsilon_points(
-            formulation.program,
-            cold,
-            len(formulation.names),
-            points=settings["points"],
-            initial=initial,
-            solver=solver,
-            observe=display.show_step,
-        )
-    front = certified_front(
-        problem,
-        x,
-        np.arange(len(x)),
-        ranges,
-        session.provenance,
-        solver=solver,
-        observe=session.observe,
-        later=display.later,
-    )
-    front = resolve_front(front, solver, session.observe)
-    display.finish(front)
-    counts = {"points": len(front), "levels": display.levels, "seconds": round(session.seconds, 3)}
-    ending = {"status": session.stopped_by or "epsilon", "counts": counts, "computed": session.provenance["computed"]}
-    return replace(front, provenance={**front.provenance, **ending})
 
 
 class _SweepDisplay:
     """Shows a session each step of a sweep.
 
     levels: number of steps whose bounds differ from those of the step before
-    later: time of later stages, measured for an observer
     """
 
-    def __init__(self, session: Session, formulation: Differentiable, solver: Solver) -> None:
-        self.levels, self.later = 0, LaterTime(formulation=formulation, solver=solver)
-        self._session, self._formulation = session, formulation
-        self._signs = np.where(formulation.maximised, -1.0, 1.0)
+    def __init__(self, session: Session, certifier: Certifier) -> None:
+        self.levels = 0
+        self._session, self._certifier = session, certifier
+        self._signs = np.where(certifier.formulation.maximised, -1.0, 1.0)
         self._hypervolume = HypervolumeCurve()
         self._steps = self._points = 0
         self._level = b""
@@ -234,9 +196,8 @@ class _SweepDisplay:
                 epsilon=None if progress.epsilon is None else progress.epsilon * signs,
             )
             self._steps += 1
-        seconds, is_due = computing_clock() - self._started, self._session.is_observed
         words = self._hypervolume.summary(self._steps - 1)
-        shown = self.later.point_progress(progress, seconds, is_due=is_due, summary=words)
+        shown = self._certifier.point_progress(progress, computing_clock() - self._started, words)
         self._session.show(replace(shown, generation=generation))
 
     def finish(self, front: Front) -> None:
@@ -251,24 +212,13 @@ class _SweepDisplay:
             )
             self._session.record(generation)
 
-    def infeasible_end(self, nearest: LeastViolating) -> SearchEnd:
-        """Record a level with the least-violating motion; return the end of an infeasible sweep."""
-        if nearest.point is not None:
-            generation = Generation(
-                number=self._steps,
-                population=nearest.point.objectives[None],
-                front=np.empty((0, len(self._signs))),
-                front_ids=np.empty(0, dtype=int),
-                least_violating=nearest,
-            )
-            self._session.record(generation)
-        return SearchEnd(front=None, least_violating=nearest)
-
     def _marked(self, progress: SweepProgress) -> tuple[RecordedPoint, ...]:
         """Return the best point of every objective and the compromise, with their motions."""
         front = progress.objectives[progress.front]
         marked = marked_rows(front, progress.front)
-        motions = self._formulation.individuals(progress.x[progress.front[[row for row, _ in marked]]]).motions
+        motions = self._certifier.formulation.individuals(
+            progress.x[progress.front[[row for row, _ in marked]]]
+        ).motions
         return tuple(
             RecordedPoint(
                 id=int(progress.front[row]),

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 
-from paretoik.api.progress import RunProgress
 from paretoik.api.session import Session, SolveSettings
 from paretoik.closed_loop.loop import StepRecord, choose, nondominated_rows
 from paretoik.closed_loop.step_evolution import Generations
@@ -19,6 +18,7 @@ from paretoik.errors import InvalidInput
 from paretoik.formulations.closed_loop import ClosedLoop, ClosedLoopRun, explain_choice
 from paretoik.formulations.control_step import check_steps
 from paretoik.front.front import Front
+from paretoik.progress import RunProgress
 from paretoik.review.recording.messages import workcell_of
 from paretoik.review.recording.recorder import Generation, SearchedFront, SearchedStep, SearchEnd
 from paretoik.runs.file_replacement import replace_file
@@ -92,48 +92,32 @@ class LoopRun:
             status = session.signal or "time limit"
         counts = {"steps": done, "of": steps, "seconds": round(session.seconds, 3)}
         front = run.front({**session.provenance, "status": status, "counts": counts})
-        session.finish(
-            front,
-            partial(front.save, overwrite=True),
-            status=status,
-            end=lambda: _end(run, front, session.folder),
-            draw=partial(_draw, run, front),
-        )
+        ranges = run.ranges * loop.signs[:, None]  # best and worst values in the user's own sign
+
+        def end() -> SearchEnd:
+            assert session.folder is not None
+            _write_steps(run, ranges, session.folder / STEPS)
+            recorded = [(one.sample, one.generations) for one in run.fronts.values() if one.generations is not None]
+            searched = [_searched_step(run, sample, generations) for sample, generations in recorded]
+            if searched:
+                _write_searches(run, searched, session.folder / SEARCHES)
+            return SearchEnd(front=None, choice=explain_choice(front), searched=searched)
+
+        def draw(folder: Path) -> None:
+            from paretoik.review.pictures.motions import loop_picture  # here: matplotlib loads slowly
+
+            loop_picture(run.motion, run.values, ranges, front, folder / PICTURE)
+
+        session.finish(front, partial(front.save, overwrite=True), status=status, end=end, draw=draw)
         return front
 
 
-def _best_and_worst(run: ClosedLoopRun) -> np.ndarray:
-    """Return the best and worst values (steps, n_obj, 2) in the user's own sign."""
-    ranges: np.ndarray = run.ranges * run.loop.signs[:, None]
-    return ranges
-
-
-def _end(run: ClosedLoopRun, front: Front, folder: Path | None) -> SearchEnd:
-    """Write the table of steps and the recorded searches; return the end of the recording."""
-    assert folder is not None
-    _write_steps(run, folder / STEPS)
-    searched = [
-        _searched_step(run, record.sample, record.generations)
-        for record in run.fronts.values()
-        if record.generations is not None
-    ]
-    if searched:
-        _write_searches(run, searched, folder / SEARCHES)
-    return SearchEnd(front=None, choice=explain_choice(front), searched=searched)
-
-
-def _draw(run: ClosedLoopRun, front: Front, folder: Path) -> None:
-    from paretoik.review.pictures.motions import loop_picture  # here: matplotlib loads slowly
-
-    loop_picture(run.motion, run.values, _best_and_worst(run), front, folder / PICTURE)
-
-
-def _write_steps(run: ClosedLoopRun, file: Path) -> None:
+def _write_steps(run: ClosedLoopRun, ranges: np.ndarray, file: Path) -> None:
     """Write one row per step: sample, time, and per objective the chosen, best and worst value on the front."""
     import pyarrow as pa
     from pyarrow import parquet
 
-    samples, ranges = np.arange(1, len(run.q)), _best_and_worst(run)
+    samples = np.arange(1, len(run.q))
     columns: dict[str, np.ndarray] = {"sample": samples, "time": run.task.times[samples]}
     for axis, name in enumerate(run.loop.names):
         columns[f"chosen {name}"] = run.values[:, axis]

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from paretoik.arrays import Genes, Points
 from paretoik.errors import InvalidInput, warn_user
-from paretoik.formulations.protocol import Differentiable, ProblemParts
+from paretoik.formulations.protocol import ProblemParts
 from paretoik.front.front import Front
-from paretoik.front.indicators import non_dominated, ranges_of
-from paretoik.pareto.scalarisation import WARM_OPTIONS as WARM_STARTS
-from paretoik.pareto.scalarisation import evaluate_points
+from paretoik.pareto.differentiable import Differentiable
 from paretoik.runs.fingerprint import fingerprint
 from paretoik.runs.journal import key_of, recalled, remembered
 from paretoik.search.genes import checked_genes
@@ -65,34 +63,6 @@ def initial_points(formulation: Differentiable, initial: Genes | Motion | Front 
     if not isinstance(initial, np.ndarray | list):
         raise InvalidInput(f"initial must be genes, motions or a front, got {type(initial).__name__}")
     return formulation.points(checked_genes(formulation, initial))
-
-
-def merge_front(front: Front, formulation: Differentiable, x: Points, first_id: int) -> Front:
-    """Return the nondominated points of a front and of further feasible points.
-
-    Genes are None if a further point is on the front: genes would only approximate it.
-    """
-    individuals = formulation.individuals(x)
-    violation = evaluate_points(formulation.program(), x).violation
-    values = np.concatenate([front.minimised, individuals.objectives])
-    shares = values / ranges_of(values)
-    feasible = np.flatnonzero(np.append(np.ones(len(front), dtype=bool), violation <= WARM_STARTS.violation))
-    rows = feasible[non_dominated(shares[feasible])]
-    if (rows < len(front)).all():
-        return front
-    old = formulation.front_points(front) if len(front) else x[:0]
-    both = formulation.individuals(np.concatenate([old, x])[rows])
-    objectives = both.objectives * np.where(formulation.maximised, -1.0, 1.0)
-    violations = np.zeros(len(front)) if front.violation is None else front.violation
-    return replace(
-        front,
-        ids=np.concatenate([front.ids, first_id + np.arange(len(x))])[rows],
-        objectives=objectives,
-        genes=None,
-        motions=both.motions,
-        violation=np.concatenate([violations, violation])[rows],
-        ranges=np.stack([objectives.min(axis=0), objectives.max(axis=0)], axis=1),
-    )
 
 
 def remembered_points(x: Points | None) -> Points | None:

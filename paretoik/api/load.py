@@ -113,7 +113,7 @@ def load_plan(folder: str | Path, problem: Any = None) -> Plan:
             for motion, *values in zip(motions, *columns.values(), strict=True)
         ),
         starts=starts if isinstance(starts, int) else 0,
-        levels=tuple((int(samples), int(optima)) for samples, optima in run["levels"]),
+        levels=run["levels"],
         provenance={
             key: value for key, value in run.items() if key not in ("format", "holds", "objective", "levels", "files")
         },

@@ -83,32 +83,21 @@ def navigate(
         dominates = bool(moved.provenance[NAVIGATIONS][-1]["dominated"])
         # A stopped run that is resumed would drop the new point.
         if out is None and (dominates or (read_run(folder / RUN).get("status") in STOPPED and can_resume(folder))):
-            place = _beside(folder, choice.id)
+            place, count = folder.with_name(f"{folder.name}-point-{choice.id}"), 1
+            while place.exists():
+                count += 1
+                place = folder.with_name(f"{folder.name}-point-{choice.id}-{count}")
         moved.save(place)
-        _draw(moved, folder, place)
+        # Draw the pictures of the run again.
+        from paretoik.review.pictures.certificates import certificates_picture  # here: matplotlib loads slowly
+        from paretoik.review.pictures.fronts import front_picture
+
+        if (folder / PICTURE).exists():
+            front_picture(moved, place / PICTURE, choice)
+        if (folder / CERTIFICATES).exists():
+            certificates_picture(moved, place / CERTIFICATES)
     if (folder / RECORDING).exists():
         from paretoik.review.drawing.choice_layer import show_choice_in_recording  # here: Rerun loads slowly
 
         show_choice_in_recording(moved, moved=choice, source=folder / RECORDING)
     return moved, choice, place
-
-
-def _beside(folder: Path, id: int) -> Path:
-    """Return a new folder next to a run."""
-    place, count = folder.with_name(f"{folder.name}-point-{id}"), 1
-    while place.exists():
-        count += 1
-        place = folder.with_name(f"{folder.name}-point-{id}-{count}")
-    return place
-
-
-def _draw(front: Front, folder: Path, place: Path) -> None:
-    """Draw the pictures of the run again."""
-    if (folder / PICTURE).exists():
-        from paretoik.review.pictures.fronts import front_picture  # here: matplotlib loads slowly
-
-        front_picture(front, place / PICTURE, front.navigated)
-    if (folder / CERTIFICATES).exists():
-        from paretoik.review.pictures.certificates import certificates_picture
-
-        certificates_picture(front, place / CERTIFICATES)

@@ -6,19 +6,18 @@ from collections.abc import Callable
 from dataclasses import fields
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
-from paretoik.api.progress import Observer
-from paretoik.api.session import RunRequest, Subject, open_session
+from paretoik.api.session import RunRequest, open_session
 from paretoik.capability.geodesic import FastestPath
 from paretoik.capability.path_runs import PathQuery
 from paretoik.capability.time_optimal import TimeOptimalRun
 from paretoik.front.storage import array_bytes
+from paretoik.progress import Observer
 from paretoik.review.recording.messages import PathEnd, PathScene
 from paretoik.runs.files import DRAWING, TOOL_PATH, write_result
-from paretoik.runs.fingerprint import fingerprint
 
 HOLDS = f"a tool path, its arrays in {TOOL_PATH}"
 Result = TypeVar("Result", FastestPath, TimeOptimalRun)
@@ -32,12 +31,17 @@ def keep_path(
     overwrite: bool,
     observe: Observer | bool | None,
 ) -> Result:
-    """Return a tool path, kept in the folder ``out``: run.json, tool_path.npz, review.rrd and picture.png."""
+    """Return a tool path, kept in the folder ``out``: run.json, tool_path.npz, review.rrd and picture.png.
+
+    `tool_path.npz` has the arrays and numbers of the result by name, ``start``, ``target``, and the box of the model,
+    ``lower`` and ``upper``.
+    """
     title = query.verb.replace("_", " ")
     request = RunRequest(
         verb=query.verb,
-        subject=Subject(title=title, fingerprint=fingerprint(query)),
+        problem=query,
         settings=query.settings,
+        title=title,
         out=out,
         overwrite=overwrite,
         observe=observe,
@@ -50,29 +54,20 @@ def keep_path(
         provenance = {**session.provenance, "status": "path", "counts": counts, "duration": float(path.times[-1])}
         tool, reference = (path.points, None) if isinstance(path, FastestPath) else (path.positions, path.references)
         end = PathEnd(times=path.times, tool=tool, reference=reference, target=query.target, provenance=provenance)
+        arrays = {each.name: np.asarray(getattr(path, each.name)) for each in fields(path)}
+        box = {"lower": query.model.lower, "upper": query.model.upper, "start": query.start, "target": query.target}
+        content = array_bytes(arrays | {name: np.asarray(each, dtype=float) for name, each in box.items()})
+
+        def draw(folder: Path) -> None:
+            from paretoik.review.pictures.motions import path_picture  # here: matplotlib loads slowly
+
+            path_picture(end, folder / DRAWING)
+
         session.finish(
             path,
-            partial(_save, path, query, provenance),
+            partial(write_result, entries={**provenance, "holds": HOLDS}, contents={TOOL_PATH: content}),
             status=provenance["status"],
             end=lambda: end,
-            draw=partial(_draw, end),
+            draw=draw,
         )
     return path
-
-
-def _save(path: Result, query: PathQuery, provenance: dict[str, Any], folder: Path) -> None:
-    """Write a path into a folder, all of its files at once or none.
-
-    `tool_path.npz` has the arrays and numbers of the result by name, ``start``, ``target``, and the box of the model,
-    ``lower`` and ``upper``.
-    """
-    arrays = {each.name: np.asarray(getattr(path, each.name)) for each in fields(path)}
-    box = {"lower": query.model.lower, "upper": query.model.upper, "start": query.start, "target": query.target}
-    content = array_bytes(arrays | {name: np.asarray(each, dtype=float) for name, each in box.items()})
-    write_result(folder, {**provenance, "holds": HOLDS}, {TOOL_PATH: content})
-
-
-def _draw(end: PathEnd, folder: Path) -> None:
-    from paretoik.review.pictures.motions import path_picture  # here: matplotlib loads slowly
-
-    path_picture(end, folder / DRAWING)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 
 from paretoik.api.initial import remembered_motions
-from paretoik.api.progress import Observer, count_observer
-from paretoik.api.result import infeasible_recorded, limit_words, save_plan
-from paretoik.api.session import RunRequest, Session, Subject, computing, open_session
+from paretoik.api.result import limit_words, save_plan
+from paretoik.api.session import RunRequest, Session, computing, open_session, surroundings
 from paretoik.formulations.protocol import require_plan
-from paretoik.inputs import check_count, check_flag, check_seed
+from paretoik.inputs import check_count, check_seed
 from paretoik.nlp.minimise import check_solver
 from paretoik.nlp.program import Solver, check_solver_name
+from paretoik.progress import Observer, count_observer
 from paretoik.review.palette import objective_label
 from paretoik.review.recording.messages import (
     LeastViolating,
@@ -30,9 +30,7 @@ from paretoik.review.recording.messages import (
     record_motion,
     workcell_of,
 )
-from paretoik.runs.executor import check_workers
 from paretoik.runs.files import DRAWING
-from paretoik.runs.interruption import check_time_limit
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.levels import OPTIONS, LevelProgress
@@ -123,47 +121,45 @@ def plan(
     >>> round(optima.best.objective, 3)
     0.038
     """
+    given = surroundings(locals())
     check_count("starts", starts)
     check_seed("seed", seed)
-    check_time_limit(time_limit)
-    check_workers(workers, cluster)
-    check_flag("overwrite", overwrite)
     check_solver_name(solver)
     find_optima = require_plan(problem)
+    settings = {"starts": starts, "seed": seed, "initial": initial is not None, "solver": solver}
+    request = RunRequest(
+        verb="plan",
+        problem=problem,
+        settings={**settings, "time_limit": time_limit},
+        resumable=True,
+        **given,
+    )
     if solver != "auto":  # "auto" takes what applies, and reads values before derivatives
         with computing(time_limit):  # users' functions are traced
             check_solver(problem.program(), solver)
-    settings = {"starts": starts, "seed": seed, "initial": initial is not None, "solver": solver}
     (name,), (unit,), (maximised,) = problem.names, problem.units, map(bool, problem.maximised)
-    request = RunRequest(
-        verb="plan",
-        subject=Subject.of(problem, reference),
-        settings={**settings, "time_limit": time_limit},
-        out=out,
-        overwrite=overwrite,
-        observe=observe,
-        time_limit=time_limit,
-        workers=workers,
-        cluster=cluster,
-        resumable=True,
-    )
     with open_session(request) as session:
         initial, levels, cell = remembered_motions(problem, initial), list[PlannedLevel](), workcell_of(problem)
         assert cell is not None
         session.start_recording(PlannedScene(name=name, unit=unit, maximised=maximised, workcell=cell))
         show = _level_observer(session, problem.task, levels)
-        recorded = infeasible_recorded(session, problem, lambda nearest: PlanEnd(least_violating=nearest))
-        with computing(time_limit, session), recorded:
+        with computing(time_limit, session):
             plan = find_optima(starts=starts, seed=seed, initial=initial, solver=solver, observe=show)
         counts = {"optima": len(plan.optima), "starts": plan.starts, "seconds": round(session.seconds, 3)}
         ending = {"status": session.stopped_by or "optima", "counts": counts, **plan.provenance}
         plan = replace(plan, provenance={**session.provenance, **ending})
+
+        def draw(folder: Path) -> None:
+            from paretoik.review.pictures.motions import plan_picture  # here: matplotlib loads slowly
+
+            plan_picture(plan, levels, objective_label(name, unit, maximised), unit, folder / DRAWING)
+
         session.finish(
             plan,
             partial(save_plan, plan, name=name, unit=unit, maximised=maximised),
             status=plan.provenance["status"],
             end=partial(_plan_end, plan),
-            draw=partial(_draw, plan, levels, objective_label(name, unit, maximised), unit),
+            draw=draw,
         )
     return plan
 
@@ -225,9 +221,3 @@ def _plan_end(plan: Plan) -> PlanEnd:
         for place, optimum in enumerate(plan.optima)
     ]
     return PlanEnd(optima=optima, provenance=dict(plan.provenance))
-
-
-def _draw(plan: Plan, levels: Sequence[PlannedLevel], label: str, unit: str, folder: Path) -> None:
-    from paretoik.review.pictures.motions import plan_picture  # here: matplotlib loads slowly
-
-    plan_picture(plan, levels, label, unit, folder / DRAWING)

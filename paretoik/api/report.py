@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from paretoik.api.load import check_problem_argument, load_front, with_problem
-from paretoik.api.result import InfeasibleRun, is_infeasible, read_infeasible
+from paretoik.api.result import ENTRY, read_stored_motions
 from paretoik.api.result_text import gap_text, status_text
 from paretoik.errors import InvalidInput, InvalidRun
 from paretoik.formulations.protocol import is_loop
@@ -21,10 +21,12 @@ from paretoik.paths import shell_command
 from paretoik.review.report import Report, Steps
 from paretoik.review.words import describe_limits_between
 from paretoik.runs.files import (
+    NEAREST,
     PAGE_MARK,
     REPORT,
     RUN,
     STEPS,
+    check_digest,
     check_target,
     is_run,
     read_plain_file,
@@ -77,7 +79,7 @@ def report(
         if holds is not None:
             command = shell_command("paretoik", "show", folder)
             raise InvalidRun(f"{folder} must be a run with a front, got one that contains {holds}; {command} shows it")
-        infeasible = read_infeasible(folder) if is_infeasible(folder) else None
+        infeasible = read_infeasible(folder)
         if infeasible is None:
             front = load_front(folder, problem)
         else:
@@ -93,8 +95,10 @@ def report(
     check_flag("overwrite", overwrite)
     check_target("report", place, overwrite=overwrite, mark=PAGE_MARK)
     if infeasible is None:
-        steps = _steps(front, front.folder)
-        page = Report(front=front, title=_title(front), choices=front.choices, notes=_notes(front), steps=steps)
+        names, steps = list_words(front.names), _steps(front, front.folder)
+        title = f"The front of {names}" if len(front.names) > 1 else f"The optimum of {names}"
+        title = f"A closed loop by {names}" if is_loop(front) else title
+        page = Report(front=front, title=title, choices=front.choices, notes=_notes(front), steps=steps)
     else:
         reason = infeasible.reason[:1].upper() + infeasible.reason[1:]
         notes = [reason, *(f"In the least-violating motion, {words}." for words in infeasible.broken)]
@@ -103,10 +107,51 @@ def report(
     return place
 
 
-def _title(front: Front) -> str:
-    if is_loop(front):
-        return f"A closed loop by {list_words(front.names)}"
-    return f"The front of {list_words(front.names)}" if len(front.names) > 1 else f"The optimum of {front.names[0]}"
+# Runs that found nothing feasible.
+
+
+class InfeasibleRun(NamedTuple):
+    """The reason of a run that found nothing feasible, violated constraints, and the front of the nearest point.
+
+    The front is empty if no motion is known.
+    """
+
+    reason: str
+    broken: tuple[str, ...]
+    nearest: Front
+
+
+def read_infeasible(folder: Path) -> InfeasibleRun | None:
+    """Return a run that found nothing feasible, None for others; raises InvalidRun if it is damaged."""
+    run = read_run(folder / RUN) if is_run(folder / RUN) else {}
+    # A signal may have ended it before that was certain.
+    if run.get("status") != "Infeasible" and (ENTRY not in run or "files" in run):
+        return None
+    check_digest(folder / RUN, run)
+    reason, entry = str(run.get("reason", "")), run.pop(ENTRY, {"broken": [], "objectives": []})
+    try:
+        objectives = list(entry["objectives"]) or [{"name": "objective", "unit": "", "maximised": False, "value": None}]
+        values = np.array([each["value"] for each in objectives], dtype=float)  # NaN without a point
+        count, motions = int(np.isfinite(values).all()), None
+        if "digest" in entry and count:
+            motions = read_stored_motions(folder / NEAREST, entry["digest"], np.zeros(1, dtype=int))
+        nearest = Front(
+            ids=np.arange(count),
+            objectives=values[None][:count],
+            names=[str(each["name"]) for each in objectives],
+            units=[str(each["unit"]) for each in objectives],
+            maximised=[bool(each["maximised"]) for each in objectives],
+            motions=motions,
+            provenance={name: value for name, value in run.items() if name not in ("format", "reason")},
+        )
+        return InfeasibleRun(reason=reason, broken=tuple(map(str, entry["broken"])), nearest=nearest)
+    except InvalidRun:
+        raise
+    except (KeyError, TypeError, ValueError, AttributeError) as fault:
+        raise InvalidRun(f"{folder / RUN} must say what the least-violating motion violates, got {fault}") from fault
+
+
+# The parts of a page.
 
 
 def _notes(front: Front) -> list[str]:

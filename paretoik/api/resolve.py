@@ -11,19 +11,18 @@ from typing import Any
 
 import numpy as np
 
-from paretoik.api.progress import Observer
 from paretoik.api.result import motion_bytes
-from paretoik.api.session import RunRequest, Session, Subject, open_session
+from paretoik.api.session import RunRequest, Session, open_session
 from paretoik.errors import Infeasible
 from paretoik.front.storage import array_bytes
 from paretoik.inputs import check_flag
+from paretoik.progress import Observer
 from paretoik.resolution.protocol import TRACKING_TOLERANCE, Criterion, Method, ResolvedMotion
 from paretoik.resolution.resolve import Resolution, Unreachable, resolution_of
 from paretoik.resolution.resolve import resolve as resolve_motion
 from paretoik.review.recording.messages import ResolutionEnd, ResolvedScene, record_traces, workcell_of
 from paretoik.robot.arm import Arm
 from paretoik.runs.files import DRAWING, MOTIONS, TRACES, write_result
-from paretoik.runs.fingerprint import fingerprint
 from paretoik.task.limits import Limits
 from paretoik.task.objectives import Objective
 from paretoik.task.obstacles import Obstacle
@@ -142,9 +141,8 @@ def resolve(
     settings = {"method": _method_settings(method), "unreachable": unreachable, "tolerance": float(tolerance)}
     request = RunRequest(
         verb="resolve",
-        subject=Subject(
-            title=f"{type(method).__name__} of {resolution.task.arm.name}", fingerprint=fingerprint(resolution)
-        ),
+        problem=resolution,
+        title=f"{type(method).__name__} of {resolution.task.arm.name}",
         settings={**settings, "seed": seed},
         out=out,
         overwrite=overwrite,
@@ -157,11 +155,8 @@ def resolve(
 
 def _resolve_recorded(resolution: Resolution, session: Session) -> ResolvedMotion:
     """Return the motion, saved and drawn; if the path is lost, record the motion up to there."""
-    cell, task, criteria = (
-        workcell_of(resolution),
-        resolution.task,
-        [each.objective.name for each in resolution.criteria],
-    )
+    task, cell = resolution.task, workcell_of(resolution)
+    criteria = [each.objective.name for each in resolution.criteria]
     assert cell is not None
     scene = ResolvedScene(
         workcell=cell,
@@ -172,13 +167,24 @@ def _resolve_recorded(resolution: Resolution, session: Session) -> ResolvedMotio
         min_clearance=float(task.min_clearance),
     )
     session.start_recording(scene)
+
+    def end(motion: ResolvedMotion, ending: Mapping[str, Any]) -> ResolutionEnd:
+        motions, count = record_traces(motion)
+        return ResolutionEnd(motions=motions, count=count, provenance={**session.provenance, **ending})
+
+    def draw(folder: FilePath) -> None:
+        from paretoik.review.pictures.motions import resolution_picture  # here: matplotlib loads slowly
+
+        resolution_picture(first, criteria, folder / DRAWING)
+
     try:
-        motion = resolve_motion(resolution)
-    except Infeasible as lost:
+        motion = first = resolve_motion(resolution)
+    except Infeasible as lost:  # it is recorded up to there
         if isinstance(lost.motion, ResolvedMotion) and session.recorder is not None:
-            ending = {"status": "the path is lost", "reason": str(lost)}
-            session.finish_recording(_end(lost.motion, {**session.provenance, **ending}))
+            session.finish_recording(end(lost.motion, {"status": "the path is lost", "reason": str(lost)}))
         raise
+    while first.q.ndim > 2:
+        first = first[0]
     steps, count = Counter(motion.traces.status.ravel().tolist()), int(np.prod(motion.q.shape[:-2]))
     counts = {"motions": count, "steps": dict(steps), "seconds": round(session.seconds, 3)}
     largest = float(np.abs(motion.traces.errors).max())
@@ -187,8 +193,8 @@ def _resolve_recorded(resolution: Resolution, session: Session) -> ResolvedMotio
         motion,
         partial(_save, motion, provenance),
         status=provenance["status"],
-        end=lambda: _end(motion, {**session.provenance, "status": "resolved"}),
-        draw=partial(_draw, motion, criteria),
+        end=lambda: end(motion, {"status": "resolved"}),
+        draw=draw,
     )
     return motion
 
@@ -224,17 +230,3 @@ def _save(motion: ResolvedMotion, provenance: dict[str, Any], folder: FilePath) 
         TRACES: array_bytes({name: each.reshape(count, *each.shape[len(shape) :]) for name, each in traces.items()}),
     }
     write_result(folder, {**provenance, "holds": HOLDS, "batch": list(shape)}, files)
-
-
-def _end(motion: ResolvedMotion, provenance: Mapping[str, Any]) -> ResolutionEnd:
-    motions, count = record_traces(motion)
-    return ResolutionEnd(motions=motions, count=count, provenance=provenance)
-
-
-def _draw(motion: ResolvedMotion, criteria: list[str], folder: FilePath) -> None:
-    """Draw the first motion."""
-    from paretoik.review.pictures.motions import resolution_picture  # here: matplotlib loads slowly
-
-    while motion.q.ndim > 2:
-        motion = motion[0]
-    resolution_picture(motion, criteria, folder / DRAWING)

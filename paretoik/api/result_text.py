@@ -43,19 +43,14 @@ def status_text(front: Front) -> str:
             )
         case _:
             failed = f" ({counts['failed']} failed)" if counts.get("failed") else ""
+            settings, ending = provenance.get("settings", {}), ending_words(status)
+            limit = settings.get("time_limit")
+            if status == "time limit" and settings.get("refine") and limit is not None and counts["seconds"] < limit:
+                ending = f"the time limit of {limit:g} s was reached, less the time reserved for certificates"
             return (
                 f"{points} after {counts['generations']} generations, {counts['evaluations']} evaluations{failed} and "
-                f"{duration} ({_ending(front, status)})"
+                f"{duration} ({ending})"
             )
-
-
-def _ending(front: Front, status: str) -> str:
-    """Return why a search ended; for a time limit that was not used up, what the rest was reserved for."""
-    settings, seconds = front.provenance.get("settings", {}), front.provenance["counts"]["seconds"]
-    limit = settings.get("time_limit")
-    if status != "time limit" or not settings.get("refine") or limit is None or seconds >= limit:
-        return ending_words(status)
-    return f"the time limit of {limit:g} s was reached, less the time reserved for certificates"
 
 
 def plan_text(plan: Plan, name: str, unit: str, out: Path) -> str:

@@ -14,7 +14,6 @@ from paretoik.api.epsilon_front import epsilon_front
 from paretoik.api.initial import INITIAL
 from paretoik.api.load import check_problem_argument, how_to_name, named_problem
 from paretoik.api.plan import plan
-from paretoik.api.progress import Observer
 from paretoik.api.refine import refine
 from paretoik.api.session import SOURCE, StoppedRun
 from paretoik.api.solve import solve
@@ -25,6 +24,7 @@ from paretoik.front.front import Front
 from paretoik.front.points import attach
 from paretoik.front.preferences.weights import Weights
 from paretoik.inputs import check_count, check_flag, check_function, file_path
+from paretoik.progress import Observer
 from paretoik.runs.executor import check_workers
 from paretoik.runs.files import CHECKPOINT, FINISHED, JOURNAL, RUN, can_resume, check_digest, read_run
 from paretoik.runs.fingerprint import check_fingerprint
@@ -107,10 +107,19 @@ def resume(
         check_function("observe", observe)
     _read_resumable(folder, generations)  # a run that cannot be resumed is not locked
     with reclaim_folder(folder):
-        verb, arguments = _call(folder, problem, algorithm, time_limit, generations)
-        shown = {"live": live, "workers": workers, "cluster": cluster}
-        if verb is not solve:
-            del shown["live"]
+        run = _read_resumable(folder, generations)
+        before = run.get("versions")
+        if not isinstance(before, Mapping):
+            raise InvalidRun(f"{folder} must have the versions that made the run, got {before!r:.200}")
+        for name, now in versions().items():
+            if before.get(name) != now:
+                raise InvalidInput(f"{name} must be {before.get(name)}, as in the run {folder}, got {now}")
+        problem, wish = named_problem(problem, time_limit=time_limit), f"the one that the run in {folder} solves"
+        if problem is None:
+            raise InvalidInput(f"problem must be {wish}, got none; {how_to_name(run.get('problem'))}")
+        check_fingerprint(problem, run.get("fingerprint"), wish=f"problem must be {wish}")
+        verb, arguments = _call(folder, run, problem, algorithm, generations)
+        shown = {"live": live} if verb is solve else {}
         if generations is not None:  # from now on this is a stopped run
             (folder / CHECKPOINT / FINISHED).replace(folder / CHECKPOINT / JOURNAL)
         with journalled(folder / CHECKPOINT / JOURNAL):
@@ -119,45 +128,15 @@ def resume(
                     f"{folder} must have the initial solutions in its journal, got none: its result would be another; "
                     "start the run again"
                 )
-            return verb(**arguments, **shown, out=StoppedRun(folder), time_limit=time_limit, observe=observe)
-
-
-def _call(
-    folder: Path, problem: Any, algorithm: Any, time_limit: float | None, generations: int | None
-) -> tuple[Callable[..., Front | Plan], dict[str, Any]]:
-    """Return the verb of a run, and its arguments; raises as ``resume``."""
-    run = _read_resumable(folder, generations)
-    _check_versions(folder, run)
-    problem = named_problem(problem, time_limit=time_limit)
-    if problem is None:
-        how = how_to_name(run.get("problem"))
-        raise InvalidInput(f"problem must be the one that the run in {folder} solves, got none; {how}")
-    check_fingerprint(problem, run.get("fingerprint"), wish=f"problem must be the one that the run in {folder} solves")
-    verb, settings = VERBS.get(str(run.get("verb"))), run.get("settings")
-    if verb is None:
-        raise InvalidRun(f"{folder} must be a run of solve, plan, front or refine, got one of {run.get('verb')!r}")
-    is_loop = timeline(problem) == "step"
-    names = {*signature(verb).parameters} | (OF_LOOP if is_loop else set())
-    if not (isinstance(settings, dict) and settings.keys() <= names):
-        raise InvalidRun(f"{folder} must have the settings of {run['verb']}, got {settings!r:.200}")
-    if generations is not None:
-        settings = _longer(folder, run, settings, generations)
-    arguments = {"problem": problem, "reference": run.get("problem"), **settings}
-    arguments.pop("time_limit", None)
-    if verb is refine:
-        arguments["front"] = _source(folder, problem)
-    elif verb is solve and is_loop:  # with the weights of its run
-        weights = arguments["weights"]
-        if not np.array_equal(list(weights.values()), problem.weights):
-            arguments["problem"] = problem.changed(weights=Weights(weights))
-        arguments = {name: value for name, value in arguments.items() if name not in OF_LOOP}
-    elif verb is solve:
-        kind, before = None if algorithm is None else type(algorithm).__name__, settings.get("algorithm")
-        if kind != before:
-            raise InvalidInput(f"algorithm must be {before or 'none'}, as in the run, got {kind or 'none'}")
-        target = settings.get("target")  # an infinite number is stored as text
-        arguments |= {"algorithm": algorithm, "target": None if target is None else [float(each) for each in target]}
-    return verb, arguments
+            return verb(
+                **arguments,
+                **shown,
+                workers=workers,
+                cluster=cluster,
+                out=StoppedRun(folder),
+                time_limit=time_limit,
+                observe=observe,
+            )
 
 
 def _read_resumable(folder: Path, generations: int | None) -> dict[str, Any]:
@@ -177,30 +156,41 @@ def _read_resumable(folder: Path, generations: int | None) -> dict[str, Any]:
     return run
 
 
-def _longer(folder: Path, run: Mapping[str, Any], settings: Mapping[str, Any], generations: int) -> dict[str, Any]:
-    """Return the settings of a finished search with more generations, without the ending that it reached."""
-    ended = {name: ENDINGS[name] for name in ENDINGS if name == run.get("status")}
-    try:
-        return {**settings, **ended, "generations": int(run["counts"]["generations"]) + generations}
-    except (KeyError, TypeError, ValueError) as fault:
-        raise InvalidRun(f"{folder} must have the number of its generations, got {run.get('counts')!r:.200}") from fault
-
-
-def _source(folder: Path, problem: Any) -> Front:
-    """Return the front that a run of ``refine`` began with, in its former folder."""
-    front = Front.load(folder.joinpath(*SOURCE))
-    provenance = dict(front.provenance)
-    run = provenance.pop("run", None)
-    problem = at_samples_of(problem, getattr(front.motions, "q", None))
-    front = replace(front, motions=restore_motions(problem, front), problem=problem, provenance=provenance)
-    return front if run is None else attach(front, Path(run))
-
-
-def _check_versions(folder: Path, run: Mapping[str, Any]) -> None:
-    """Raise InvalidInput if a package has another version than the run had."""
-    before = run.get("versions")
-    if not isinstance(before, Mapping):
-        raise InvalidRun(f"{folder} must have the versions that made the run, got {before!r:.200}")
-    for name, now in versions().items():
-        if before.get(name) != now:
-            raise InvalidInput(f"{name} must be {before.get(name)}, as in the run {folder}, got {now}")
+def _call(
+    folder: Path, run: Mapping[str, Any], problem: Any, algorithm: Any, generations: int | None
+) -> tuple[Callable[..., Front | Plan], dict[str, Any]]:
+    """Return the verb of a run, and its arguments; raises as ``resume``."""
+    verb, settings = VERBS.get(str(run.get("verb"))), run.get("settings")
+    if verb is None:
+        raise InvalidRun(f"{folder} must be a run of solve, plan, front or refine, got one of {run.get('verb')!r}")
+    is_loop = timeline(problem) == "step"
+    names = {*signature(verb).parameters} | (OF_LOOP if is_loop else set())
+    if not (isinstance(settings, dict) and settings.keys() <= names):
+        raise InvalidRun(f"{folder} must have the settings of {run['verb']}, got {settings!r:.200}")
+    arguments = {"problem": problem, "reference": run.get("problem"), **settings}
+    arguments.pop("time_limit", None)
+    if generations is not None:  # without the ending that it reached
+        ended = {name: ENDINGS[name] for name in ENDINGS if name == run.get("status")}
+        counts = run.get("counts")
+        if not isinstance(counts, Mapping) or not isinstance(counts.get("generations"), int):
+            raise InvalidRun(f"{folder} must have the number of its generations, got {counts!r:.200}")
+        arguments |= {**ended, "generations": counts["generations"] + generations}
+    if verb is refine:  # from the front that it began with, in its former folder
+        front = Front.load(folder.joinpath(*SOURCE))
+        provenance = dict(front.provenance)
+        former = provenance.pop("run", None)
+        finer = at_samples_of(problem, getattr(front.motions, "q", None))
+        front = replace(front, motions=restore_motions(finer, front), problem=finer, provenance=provenance)
+        arguments["front"] = front if former is None else attach(front, Path(former))
+    elif verb is solve and is_loop:  # with the weights of its run
+        weights = arguments["weights"]
+        if not np.array_equal(list(weights.values()), problem.weights):
+            arguments["problem"] = problem.changed(weights=Weights(weights))
+        arguments = {name: value for name, value in arguments.items() if name not in OF_LOOP}
+    elif verb is solve:
+        kind, before = None if algorithm is None else type(algorithm).__name__, settings.get("algorithm")
+        if kind != before:
+            raise InvalidInput(f"algorithm must be {before or 'none'}, as in the run, got {kind or 'none'}")
+        target = arguments.get("target")  # an infinite number is stored as text
+        arguments |= {"algorithm": algorithm, "target": None if target is None else [float(each) for each in target]}
+    return verb, arguments

@@ -3,28 +3,29 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from paretoik.api.initial import InitialSolutions, merge_front
-from paretoik.api.progress import RunProgress
-from paretoik.api.refine import Completion, SearchImprover, refine_front
-from paretoik.api.result import finish_infeasible, infeasible_search, nearest_motion
+from paretoik.api.initial import InitialSolutions
+from paretoik.api.refine import refine_front
 from paretoik.api.session import DEFAULTS, Session, SolveSettings, computing
 from paretoik.compilation_notices import computing_clock
 from paretoik.errors import Infeasible, InvalidInput, SolverFailed
 from paretoik.formulations.control_step import read_steps
-from paretoik.formulations.protocol import ProblemParts, require_program, violation_words
+from paretoik.formulations.protocol import ProblemParts, explain_violation, require_program, violation_words
 from paretoik.front.front import Front
 from paretoik.front.indicators import HypervolumeCurve
 from paretoik.front.preferences.compromise import marked_rows
 from paretoik.inputs import check_size, real_array, shown
 from paretoik.nlp.minimise import check_solver
+from paretoik.pareto.refine import SearchImprover
+from paretoik.pareto.refined_front import Completion, merge_front
+from paretoik.progress import RunProgress, is_due
 from paretoik.review.recording.messages import LeastViolating, RecordedPoint, record_motion
-from paretoik.review.recording.recorder import Generation, SearchEnd
+from paretoik.review.recording.recorder import Generation
 from paretoik.runs.files import STOPPED
 from paretoik.runs.interruption import TimeLimit as CallTimeLimit
 from paretoik.search.ask_tell import Search
@@ -137,7 +138,7 @@ class FrontSearch:
             initial=self._initial.genes,
             anchors=anchors,
         )
-        self.improver = SearchImprover(self.search, settings.solver) if settings.refine else None
+        self.improver = SearchImprover(self.search, problem, settings.solver) if settings.refine else None
         self.endings = _endings(self.search, settings, self.generations, anchors)
         self._given = settings
         self._motions = GenerationMotions(self.search)
@@ -184,10 +185,11 @@ class FrontSearch:
 
     def _evolve(self, session: Session) -> Front:
         """Return the front of the search, not refined."""
-        search, hopeless = self.search, _Hopeless(self.problem)
+        search = self.search
+        hopeless = _SignalOrHopeless(session, self.problem, looks=self._initial.genes is None)
         self._initial.remember()
-        session.record_search(search, "generation", self.problem)
-        endings = [*self.endings, _Signal(session), *([hopeless] if self._initial.genes is None else [])]
+        session.record_search(search, "generation")
+        endings = [*self.endings, hopeless]
         seconds = min((each.seconds for each in endings if isinstance(each, TimeLimit)), default=None)
         limit = CallTimeLimit(seconds=seconds)
         try:
@@ -211,17 +213,12 @@ class FrontSearch:
         front = self._front(session, session.signal or status)
         if len(front):
             return front
-        if hopeless.failure is None:
-            failure, nearest = infeasible_search(search)
-        else:
-            failure = hopeless.failure
-            nearest = nearest_motion(self.problem, failure)
-        finish_infeasible(session, search, failure, nearest, SearchEnd(front=None, least_violating=nearest))
+        failure = hopeless.failure
+        if failure is None:
+            failure, session.nearest = infeasible_search(search)
         if session.signal is None:
             raise failure
-        stop = Interrupted()
-        stop.add_note(f"by then there was {failure}")
-        raise stop
+        raise Interrupted from failure
 
     def _front(self, session: Session, status: str) -> Front:
         """Return the front of the search so far."""
@@ -250,7 +247,7 @@ class FrontSearch:
         signs, front, failed = np.where(self.search.maximised, -1.0, 1.0), progress.front, progress.failed.count
         number, curve = progress.generation, self._hypervolume
         corner = curve.corner(front)
-        volume = curve.measure(front, number) if session.is_observed else None  # a recording computes its own
+        volume = curve.measure(front, number) if is_due(session.observe) else None  # a recording computes its own
         nearest = None if session.recorder is None else self.search.archive.least_violating
         broken = None if nearest is None else violation_words(self.search.problem, nearest.G[0])
         generation = Generation(
@@ -276,38 +273,51 @@ class FrontSearch:
         session.show(shown)
 
 
-@dataclass(frozen=True)
-class _Signal:
-    """Ends a search when a signal came."""
+class _SignalOrHopeless:
+    """Ends a search when a signal came, or after its first generation if limits clearly cannot be satisfied.
 
-    session: Session
-    memory: int = field(default=0, init=False, repr=False)
-
-    def reached(self, progress: Progress) -> str | None:
-        """Return the name of the signal, if any."""
-        return self.session.signal
-
-
-class _Hopeless:
-    """Ends a search after its first generation if limits clearly cannot be satisfied; ``failure`` says which."""
+    ``failure`` says which limits; they are looked at unless the search has initial genes.
+    """
 
     memory = 0
 
-    def __init__(self, problem: Any) -> None:
+    def __init__(self, session: Session, problem: Any, *, looks: bool) -> None:
         self.failure: Infeasible | None = None
-        self._problem, self._looked = problem, False
+        self._session, self._problem, self._looks = session, problem, looks
 
     def reached(self, progress: Progress) -> str | None:
-        """Return "infeasible" if that is clear after the first generation."""
-        if self._looked or len(progress.front):
-            return None
-        self._looked = True
+        """Return the name of the signal, "infeasible", or None."""
+        if self._session.signal is not None or not self._looks or len(progress.front):
+            return self._session.signal
+        self._looks = False
         try:
             ProblemParts(self._problem).require_feasible()
         except Infeasible as failure:
             self.failure = failure
             return "infeasible"
         return None
+
+
+def infeasible_search(search: Search | Islands) -> tuple[Infeasible, LeastViolating]:
+    """Return the error of a search without a feasible point, and what a recording shows at its end."""
+    nearest = search.archive.least_violating
+    if nearest is None:
+        failure = Infeasible(f"no feasible point in {search.evaluations} evaluations, and none without a failure")
+        return failure, LeastViolating(broken=(), reason=str(failure))
+    limit, reason = explain_violation(search.problem, nearest.X, nearest.G[0])
+    motions = ProblemParts(search.problem).decode(nearest.X)
+    failure = Infeasible(
+        f"no motion within the limits in {search.evaluations} evaluations; of the least-violating one, {reason}",
+        motion=None if motions is None else motions[0],
+        limit=limit,
+        violation=float(nearest.G.max()),
+    )
+    objectives = nearest.F[0] * np.where(search.maximised, -1.0, 1.0)
+    motion = record_motion(failure.motion, curves=True)
+    point = RecordedPoint(id=int(nearest.ids[0]), objectives=objectives, motion=motion)
+    return failure, LeastViolating(
+        broken=violation_words(search.problem, nearest.G[0]), reason=str(failure), point=point
+    )
 
 
 def _anchors(problem: Any, settings: SolveSettings, generations: int) -> int:

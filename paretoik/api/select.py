@@ -7,7 +7,6 @@ from os.path import relpath
 from pathlib import Path
 
 from paretoik.api.load import load_front
-from paretoik.api.progress import Observer
 from paretoik.api.solve import solve
 from paretoik.errors import InvalidInput, ParetoikError, warn_user
 from paretoik.formulations.protocol import ProblemParts, is_loop
@@ -15,6 +14,7 @@ from paretoik.front.choice_tree import Choices, go_back, keep_choice
 from paretoik.front.front import Choice, Front, Preference, show_choice
 from paretoik.front.preferences.requests import as_preference
 from paretoik.inputs import file_path
+from paretoik.progress import Observer
 from paretoik.runs.files import RECORDING
 from paretoik.runs.folder import check_other_folder
 

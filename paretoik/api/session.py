@@ -12,16 +12,19 @@ from pathlib import Path, PosixPath
 from signal import SIGINT
 from typing import Any
 
-from paretoik.api.progress import NamedObserver, Observer, RunProgress, open_observer
-from paretoik.errors import InvalidInput, SolverFailed, warn_user
+import numpy as np
+
+from paretoik.api.result import infeasible_entries, nearest_motion
+from paretoik.errors import Infeasible, InvalidInput, SolverFailed, warn_user
 from paretoik.formulations.protocol import Timeline
 from paretoik.front.front import Front
 from paretoik.front.preferences.compromise import compromise
 from paretoik.front.storage import front_files
 from paretoik.inputs import cause_of, check_flag, check_size, check_text, file_path, positive_number
 from paretoik.nlp.program import Solver, check_solver_name
-from paretoik.review.recording.messages import workcell_of
-from paretoik.review.recording.recorder import Recorder, Scene, SearchedFront, SearchEnd
+from paretoik.progress import NamedObserver, Observer, RunProgress, is_due, open_observer
+from paretoik.review.recording.messages import LeastViolating, PlanEnd, PlannedScene, workcell_of
+from paretoik.review.recording.recorder import Generation, Recorder, Scene, SearchedFront, SearchEnd
 from paretoik.runs.executor import check_workers, computed, open_executor
 from paretoik.runs.file_replacement import only_writer, replace_file, replace_files
 from paretoik.runs.files import (
@@ -39,7 +42,7 @@ from paretoik.runs.files import (
 )
 from paretoik.runs.fingerprint import fingerprint
 from paretoik.runs.folder import ReservedSpace, claim_folder
-from paretoik.runs.interruption import Interruption, TimeLimit, interruptible, time_limit
+from paretoik.runs.interruption import Interruption, TimeLimit, check_time_limit, interruptible, time_limit
 from paretoik.runs.journal import journalled
 from paretoik.runs.machine import single_blas_thread, versions
 from paretoik.stop_flag import STOP, Interrupted
@@ -100,26 +103,14 @@ class SearchDefaults:
 DEFAULTS = SearchDefaults()
 
 
-@dataclass(frozen=True, kw_only=True)
-class Subject:
-    """The subject of a run: a ``title``, a ``fingerprint``, and the ``reference`` of its problem, if any."""
-
-    title: str
-    fingerprint: str
-    reference: str | None = None
-
-    @classmethod
-    def of(cls, problem: Any, reference: str | None) -> Subject:
-        """Return a problem as a subject."""
-        if reference is not None:
-            check_text("reference", reference)
-        return cls(title=reference or type(problem).__name__, fingerprint=fingerprint(problem), reference=reference)
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RunRequest:
-    """A requested run: the ``verb``, its ``subject`` and its own ``settings``; others are those of ``solve``.
+    """A requested run: the ``verb``, its ``problem`` or query, and its own ``settings``; others are those of ``solve``.
 
+    Raises InvalidInput for settings that mean the same for every verb and cannot be used.
+
+    title: title of the recording, by default the reference or the class of the problem
+    reference: name of the problem, ``file.py:name``, if any
     resumable: whether the run writes its computations into its journal
     source: front that the run begins with, if any
     isolated: whether one worker computes if none are named
@@ -127,8 +118,10 @@ class RunRequest:
     """
 
     verb: str
-    subject: Subject
+    problem: Any
     settings: Mapping[str, Any]
+    title: str | None = None
+    reference: str | None = None
     out: str | Path | None = None
     overwrite: bool = False
     observe: Observer | bool | None = None
@@ -140,6 +133,25 @@ class RunRequest:
     source: Front | None = None
     isolated: bool = False
     catch_signals: bool = True
+
+    def __post_init__(self) -> None:
+        """Check the settings."""
+        check_flag("overwrite", self.overwrite)
+        check_flag("live", self.live)
+        check_time_limit(self.time_limit)
+        check_workers(self.workers, self.cluster)
+        if self.reference is not None:
+            check_text("reference", self.reference)
+        if self.live and self.out is None:
+            raise InvalidInput("live must come with a folder that keeps the recording (out=), got none")
+
+
+SURROUNDINGS = ("reference", "out", "overwrite", "observe", "time_limit", "workers", "cluster", "live")
+
+
+def surroundings(arguments: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the arguments of a verb that its request takes as they are."""
+    return {name: value for name, value in arguments.items() if name in SURROUNDINGS}
 
 
 # The surroundings of a verb: observer, signals, time limit, one BLAS thread.
@@ -187,7 +199,7 @@ def computing(seconds: float | None, session: Session | None = None) -> Iterator
                 given = f"{limit.seconds - limit.remaining:.2g} s, the part of {given} that certificates leave"
             late = f"{limit.late} took longer than that" if limit.late else ""
             reason = late or stop.reason or "a longer one may help"
-            raise SolverFailed(f"time_limit: nothing was found within {given}; {reason}") from None
+            raise SolverFailed(f"time_limit: nothing was found within {given}; {reason}") from stop
 
 
 # The session of a run.
@@ -205,7 +217,14 @@ class StoppedRun(PosixPath):
 class Session:
     """A run in progress: its request, folder, recorder and observer, and what may end it.
 
-    ``entries`` are known from the beginning; ``former`` is who computed before the run was stopped.
+    entries: entries of its `run.json` that are known from the beginning
+    former: who computed before the run was stopped
+    scene: scene of its recording, once it is known
+    room: disk space that is reserved for the result
+    draft: front of an earlier stage that is in the folder
+    nearest: what violates limits least, from a search that found nothing feasible; else it follows from the error
+    continues: whether the journal of a finished run stays, to be continued
+    result: final result, when it is kept
     """
 
     request: RunRequest
@@ -216,12 +235,13 @@ class Session:
     interruption: Interruption
     started: float = field(default_factory=time.monotonic)
     limit: TimeLimit = field(default_factory=lambda: TimeLimit(seconds=None))
+    scene: Scene | None = None
     recorder: Recorder | None = None
-    room: ReservedSpace | None = None  # reserved on the disk for the result
+    room: ReservedSpace | None = None
     draft: Front | None = None
-    infeasible: tuple[Mapping[str, Any], Mapping[str, bytes]] = ({}, {})  # entries and files of a run without a result
-    continues: bool = False  # whether the journal of a finished run stays, to be continued
-    result: object = None  # final result, when it is kept
+    nearest: LeastViolating | None = None
+    continues: bool = False
+    result: object = None
 
     @property
     def seconds(self) -> float:
@@ -255,27 +275,23 @@ class Session:
     @property
     def is_watched(self) -> bool:
         """Whether there is a recorder, or an observer that is due."""
-        return self.recorder is not None or self.is_observed
-
-    @property
-    def is_observed(self) -> bool:
-        """Whether there is an observer and it is due; one that is not due costs nothing."""
-        return self.observe is not None and getattr(self.observe, "is_due", True)
+        return self.recorder is not None or is_due(self.observe)
 
     def start_recording(self, scene: Scene) -> None:
         """Start the recording of a scene, if the run has a folder."""
+        self.scene, request = scene, self.request
         if self.folder is not None:
-            request, file = self.request, self.folder / RECORDING
-            self.recorder = Recorder(file, title=request.subject.title, scene=scene, live=request.live)
+            title = request.title or request.reference or type(request.problem).__name__
+            self.recorder = Recorder(self.folder / RECORDING, title=title, scene=scene, live=request.live)
 
-    def record_search(self, objectives: Any, timeline: Timeline, problem: Any) -> None:
+    def record_search(self, objectives: Any, timeline: Timeline) -> None:
         """Start the recording of objectives (names, units, maximised) along a timeline."""
         scene = SearchedFront(
             names=tuple(objectives.names),
             units=tuple(objectives.units),
             maximised=tuple(objectives.maximised),
             timeline=timeline,
-            workcell=workcell_of(problem),
+            workcell=workcell_of(self.request.problem),
         )
         self.start_recording(scene)
 
@@ -288,7 +304,7 @@ class Session:
         """Show the recorder and the observer how far the run has come; return whether it is to stop."""
         if progress.generation is not None:
             self.record(progress.generation)
-        if self.observe is not None and self.is_observed:
+        if self.observe is not None and is_due(self.observe):
             self.observe(progress)
         return self.stopped_by is not None
 
@@ -368,8 +384,16 @@ class Session:
             record()
             return SearchEnd(front=front, choice=compromise(front)) if len(front) else None
 
+        def draw(folder: Path) -> None:
+            from paretoik.review.pictures.certificates import certificates_picture  # here: matplotlib loads slowly
+            from paretoik.review.pictures.fronts import front_picture
+
+            front_picture(front, folder / PICTURE)
+            if front.certificates is not None:
+                certificates_picture(front, folder / CERTIFICATES)
+
         save, status = partial(front.save, overwrite=True), front.provenance.get("status")
-        self.finish(front, save, status=status, end=end, draw=partial(_draw_front, front))
+        self.finish(front, save, status=status, end=end, draw=draw)
 
     def raise_observer_fault(self) -> None:
         """Raise the error of the observer, if any, with the result that was kept."""
@@ -387,62 +411,82 @@ class Session:
 
     def fail(self, error: BaseException) -> None:
         """Save why the run failed, with the draft of its front or the least-violating motion if there is one."""
+        if self.result is not None:
+            return
+        entries, files = self._finish_infeasible(error)
         notes = getattr(error, "__notes__", ()) if isinstance(error, Interrupted) else ()
         failure = {"status": self.signal or type(error).__name__, "reason": "; ".join([str(error), *notes])}
-        if self.folder is None or self.result is not None:
+        if self.folder is None:
             return
         self._leave_room()
         if self.draft is not None:
             replace(self.draft, provenance={**self.draft.provenance, **failure}).save(self.folder, overwrite=True)
         elif not has_result(self.folder):  # a resumed run may have a result from before
-            entries, files = self.infeasible
             for name, content in files.items():
                 replace_file(self.folder / name, content)
             write_run(self.folder, {**self.provenance, **failure, **entries})
+
+    def _finish_infeasible(self, error: BaseException) -> tuple[dict[str, Any], dict[str, bytes]]:
+        """Complete the recording of a run without a feasible motion; return the entries and files that it keeps.
+
+        A signal or the time limit may have ended it before this was certain.
+        """
+        failure = error.__cause__ if isinstance(error, Interrupted | SolverFailed) and error.__cause__ else error
+        if isinstance(failure, Interrupted) and failure.motion is not None:
+            failure = Infeasible(failure.reason, motion=failure.motion)
+        scene = self.scene
+        is_loop = isinstance(scene, SearchedFront) and scene.timeline == "step"
+        if is_loop or not (isinstance(failure, Infeasible) and isinstance(scene, PlannedScene | SearchedFront)):
+            return {}, {}
+        if isinstance(error, Interrupted):
+            error.add_note(f"by then there was {failure}")
+        nearest = self.nearest or nearest_motion(self.request.problem, failure)
+        with self.reviewing():
+            if isinstance(scene, PlannedScene):
+                self.finish_recording(PlanEnd(least_violating=nearest))
+            else:
+                if scene.timeline == "level" and nearest.point is not None:
+                    values = nearest.point.objectives
+                    level = Generation(
+                        number=0,
+                        population=values[None],
+                        front=np.empty((0, len(values))),
+                        front_ids=np.empty(0, dtype=int),
+                        least_violating=nearest,
+                    )
+                    self.record(level)
+                self.finish_recording(SearchEnd(front=None, least_violating=nearest))
+        return infeasible_entries(scene, nearest, failure.motion)
 
     def _leave_room(self) -> None:
         if self.room is not None:
             self.room.release()
 
 
-def _draw_front(front: Front, folder: Path) -> None:
-    from paretoik.review.pictures.fronts import front_picture  # here: matplotlib loads slowly
-
-    front_picture(front, folder / PICTURE)
-    if front.certificates is not None:
-        from paretoik.review.pictures.certificates import certificates_picture
-
-        certificates_picture(front, folder / CERTIFICATES)
-
-
 @contextmanager
 def open_session(request: RunRequest) -> Iterator[Session]:
     """Open a run: claim its folder, catch signals, and save why it failed if it does.
 
-    Raises InvalidInput if the folder cannot be used, a setting cannot be JSON, ``live`` is given without a folder, or
-    there are no such workers.
+    Raises InvalidInput if the folder cannot be used, a setting cannot be JSON, or there are no such workers.
     """
-    out = request.out
-    check_flag("live", request.live)
-    if request.live and out is None:
-        raise InvalidInput("live must come with a folder that keeps the recording (out=), got none")
+    mark = fingerprint(request.problem)
     with ExitStack() as stack:
-        surroundings = open_verb(request.observe, time_limit=request.time_limit, catch_signals=request.catch_signals)
-        observer, interruption = stack.enter_context(surroundings)
+        opened = open_verb(request.observe, time_limit=request.time_limit, catch_signals=request.catch_signals)
+        observer, interruption = stack.enter_context(opened)
         folder: Path | None = None
         stored: dict[str, Any] = {}
-        if isinstance(out, StoppedRun):  # the process that resumes it has its lock
-            folder, stored = out, read_run(out / RUN)
-        elif out is not None:
-            folder = stack.enter_context(claim_folder(file_path("out", out), overwrite=request.overwrite))
+        if isinstance(request.out, StoppedRun):  # the process that resumes it has its lock
+            folder, stored = request.out, read_run(request.out / RUN)
+        elif request.out is not None:
+            folder = stack.enter_context(claim_folder(file_path("out", request.out), overwrite=request.overwrite))
         stack.enter_context(open_executor(request.workers, request.cluster, isolated=request.isolated))
         given = {name: value for name, value in stored.get("settings", {}).items() if name == "initial"}
         session = Session(
             request=request,
             entries={
                 "verb": request.verb,
-                "problem": request.subject.reference,
-                "fingerprint": request.subject.fingerprint,
+                "problem": request.reference,
+                "fingerprint": mark,
                 "settings": {**request.settings, **given},  # the journal of a resumed run has what it started from
                 "versions": versions(),
             },
@@ -451,17 +495,17 @@ def open_session(request: RunRequest) -> Iterator[Session]:
             observe=observer,
             interruption=interruption,
         )
-        if folder is not None and request.resumable:
-            session.room = ReservedSpace(folder / RESERVE)
-        if folder is not None and not has_result(folder):
-            write_run(folder, {**session.provenance, "status": "running"})
-        elif folder is not None and stored:  # if this process is killed, its results are in the journal
-            now = {name: session.provenance[name] for name in ("settings", "computed")}
-            write_run(folder, {**stored, **now})
-        if folder is not None and request.resumable:
+        if folder is not None:
+            if request.resumable:
+                session.room = ReservedSpace(folder / RESERVE)
+            if not has_result(folder):
+                write_run(folder, {**session.provenance, "status": "running"})
+            elif stored:  # if this process is killed, its results are in the journal
+                write_run(folder, {**stored, **{name: session.provenance[name] for name in ("settings", "computed")}})
             if request.source is not None and not stored:
                 _save_source(request.source, folder)  # before there is a journal: a run with one can be resumed
-            stack.enter_context(journalled(folder / CHECKPOINT / JOURNAL))
+            if request.resumable:
+                stack.enter_context(journalled(folder / CHECKPOINT / JOURNAL))
         try:
             yield session
             session.raise_observer_fault()

@@ -8,14 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from paretoik.api.follow_loop import LoopRun
-from paretoik.api.progress import Observer
 from paretoik.api.search_front import FrontSearch
-from paretoik.api.session import RunRequest, SolveSettings, Subject, open_session
+from paretoik.api.session import RunRequest, SolveSettings, open_session, surroundings
 from paretoik.arrays import Genes
 from paretoik.formulations.protocol import timeline
 from paretoik.front.front import Front
-from paretoik.inputs import check_flag
 from paretoik.nlp.program import Solver
+from paretoik.progress import Observer
 from paretoik.runs.interruption import limited_evaluations
 from paretoik.task.motion import Motion
 
@@ -150,22 +149,15 @@ def solve(
     ``observe`` is called after every generation or step, and every refined point.
     """
     given = locals()  # settings are arguments of the same names
-    check_flag("overwrite", overwrite)
     settings = SolveSettings(**{each.name: given[each.name] for each in fields(SolveSettings)})
     run: FrontSearch | LoopRun = (LoopRun if timeline(problem) == "step" else FrontSearch)(problem, settings)
     request = RunRequest(
         verb="solve",
-        subject=Subject.of(run.problem, reference),
+        problem=run.problem,
         settings=run.settings,
-        out=out,
-        overwrite=overwrite,
-        observe=observe,
-        time_limit=time_limit,
-        workers=workers,
-        cluster=cluster,
-        live=live,
         resumable=True,
         isolated=evaluation_timeout is not None,
+        **surroundings(given),
     )
     with limited_evaluations(evaluation_timeout), open_session(request) as session:
         return run.run(session)

@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from paretoik.api.load import check_problem_argument, how_to_name, named_problem
-from paretoik.api.progress import Observer, count_observer, open_observer
 from paretoik.errors import InvalidInput
 from paretoik.formulations.protocol import at_samples_of
 from paretoik.inputs import file_path
+from paretoik.progress import Observer, count_observer, open_observer
 from paretoik.runs.file_replacement import without_writers
 from paretoik.runs.fingerprint import fingerprint
 

@@ -19,13 +19,14 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
-from paretoik.api.progress import Observer, open_observer
 from paretoik.errors import InvalidInput, SolverFailed
 from paretoik.paths import shell_command
+from paretoik.progress import Observer, open_observer
 from paretoik.runs.files import RUN, is_run, problem_words, read_run, to_json
 
 if TYPE_CHECKING:
     from paretoik.front.front import Front
+    from paretoik.trajectory.plan import Plan
 
 # The stdout and stderr of the process: if they refuse a text, no command ends; letters they lack are replaced.
 
@@ -44,7 +45,11 @@ def process_output() -> Iterator[None]:
     Raises InvalidInput after a body that ends well, or with an exit, if stdout did not take all of the output. A reader
     may leave at any time, though, and a closed stdout has no reader.
     """
-    _open_missing_descriptors()
+    for descriptor in (STDIN, STDOUT, STDERR):  # a closed one would be the next file that is opened
+        try:
+            os.fstat(descriptor)
+        except OSError:  # the lowest free descriptor is opened next
+            os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)
     codecs.register_error("paretoik.plain", _plain_letters)
     sys.stderr = _lenient(sys.stderr, sys.__stderr__, STDERR)
     sys.stdout = _lenient(sys.stdout, sys.__stdout__, STDOUT)
@@ -94,15 +99,6 @@ def _check_written(stream: Any) -> None:
         raise InvalidInput(f"stdout must take the whole output, got {file.fault.strerror}")
 
 
-def _open_missing_descriptors() -> None:
-    """Open closed descriptors on the null device; else the next file opened would get the output."""
-    for descriptor in (STDIN, STDOUT, STDERR):
-        try:
-            os.fstat(descriptor)
-        except OSError:  # the lowest free descriptor is opened next
-            os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)
-
-
 def _plain_letters(error: UnicodeError) -> tuple[str, int]:
     assert isinstance(error, UnicodeEncodeError)
     letters = unicodedata.normalize("NFKD", error.object[error.start : error.end])
@@ -115,7 +111,7 @@ def _plain_letters(error: UnicodeError) -> tuple[str, int]:
 
 JsonFlag = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 QuietFlag = Annotated[bool, typer.Option("--quiet", help="No progress.")]
-RunFolder = Annotated[Path, typer.Argument(help="Folder of a finished run.", show_default=False)]
+RunFolder = Annotated[Path, typer.Argument(help="Folder of a finished run.")]
 NO_RESULT = 6  # exit code of a command interrupted before there was a result
 NOT_VERIFIED = 7  # exit code of a verification that fails
 EXIT_CODES = {"time limit": 5, "SIGINT": 130, "interrupted": 130, "SIGTERM": 143}  # by the status of a stopped run
@@ -183,6 +179,18 @@ def finish_front(front: Front, out: Path, *, as_json: bool) -> NoReturn:
     raise typer.Exit(exit_code(front.provenance["status"]))
 
 
+def finish_plan(plan: Plan, name: str, unit: str, out: Path, *, as_json: bool) -> NoReturn:
+    """Print the plan of an objective that ended, as text or JSON, and exit with the code of what ended it."""
+    from paretoik.api.result_text import optima_entries, plan_text, resume_command
+
+    if as_json:
+        resume = resume_command(out, plan.provenance["status"])
+        print_json({**plan.provenance, "out": out, "resume": resume, "optima": optima_entries(plan)})
+    else:
+        print_text(plan_text(plan, name, unit, out))
+    raise typer.Exit(exit_code(plan.provenance["status"]))
+
+
 def print_text(text: object) -> None:
     """Print a result on stdout without characters that steer a terminal: names may come from a file."""
     print("\n".join(map(_plain, str(text).split("\n"))))
@@ -221,36 +229,25 @@ def _plain(line: str) -> str:
 
 
 SolverName: TypeAlias = Literal["auto", "interior-point", "sqp"]
-Problem = Annotated[str, typer.Argument(help="FILE.py:NAME or package.module:NAME", show_default=False)]
+Problem = Annotated[str, typer.Argument(help="FILE.py:NAME or package.module:NAME")]
 RunProblem = Annotated[
     str | None,
     typer.Option(
         "--problem",
         help="Problem of the run; its file is run (on a terminal: the one that the run names, if you say yes).",
         metavar="FILE.py:NAME",
-        show_default=False,
     ),
 ]
-OutFolder = Annotated[Path, typer.Option(help="Folder to keep the run in.", show_default=False)]
-Starts = Annotated[
-    int | None,
-    typer.Option(help="Starts per redundant degree (up to 48, while they pay).", show_default=False),
-]
+OutFolder = Annotated[Path, typer.Option(help="Folder to keep the run in.")]
+Starts = Annotated[int | None, typer.Option(help="Starts per redundant degree (up to 48, while they pay).")]
 Seed = Annotated[int, typer.Option(help="Seed of all random numbers.")]
 SolverOption = Annotated[
     SolverName, typer.Option(help="Interior points (smooth functions), SQP by Clarabel (any), or what suits.")
 ]
-TimeLimit = Annotated[
-    float | None, typer.Option(help="Seconds of computing after which to stop and keep the result.", show_default=False)
-]
-Workers = Annotated[
-    int | None, typer.Option(help="Processes on this machine that compute (none: this one).", show_default=False)
-]
+TimeLimit = Annotated[float | None, typer.Option(help="Seconds of computing after which to stop and keep the result.")]
+Workers = Annotated[int | None, typer.Option(help="Processes on this machine that compute (none: this one).")]
 ClusterAddress = Annotated[
-    str | None,
-    typer.Option(
-        "--cluster", help="Dask scheduler whose workers compute.", metavar="tcp://HOST:PORT", show_default=False
-    ),
+    str | None, typer.Option("--cluster", help="Dask scheduler whose workers compute.", metavar="tcp://HOST:PORT")
 ]
 Live = Annotated[
     bool, typer.Option("--live", help="Open a viewer on the run; without a screen, say how to attach one.")

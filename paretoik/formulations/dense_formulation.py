@@ -17,11 +17,11 @@ from paretoik.errors import InvalidInput
 from paretoik.formulations.formulation import Formulation
 from paretoik.formulations.motions import possible_values
 from paretoik.formulations.navigation import navigate, predict
-from paretoik.formulations.protocol import Differentiable, Individuals
 from paretoik.front.front import Front
 from paretoik.nlp.dense.dense_program import DenseProgram
 from paretoik.nlp.dense.traced_rows import AssembledRows
 from paretoik.nlp.program import Program, Solver
+from paretoik.pareto.differentiable import Differentiable, Individuals
 from paretoik.pareto.scalarisation import COLD_OPTIONS as COLD
 from paretoik.pareto.scalarisation import Observe, StartSearch
 from paretoik.robot.arm import Arm

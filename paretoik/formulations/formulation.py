@@ -13,18 +13,12 @@ from pymoo.core.sampling import Sampling
 from pymoo.operators.sampling.lhs import LatinHypercubeSampling
 from pymoo.operators.sampling.rnd import FloatRandomSampling
 
-from paretoik.arrays import Genes, Point
+from paretoik.arrays import Genes
 from paretoik.closed_loop.objectives import StepObjective
 from paretoik.errors import InvalidInput
-from paretoik.formulations.protocol import Differentiable, Individuals, task_of
-from paretoik.front.certificates import Certificates
 from paretoik.inputs import finite_array, shown
-from paretoik.nlp.program import Program
-from paretoik.pareto.certificates import certify
-from paretoik.pareto.scalarisation import Observe
 from paretoik.search.operators import Seeded
 from paretoik.tables import columns, fit_screen, html_representation
-from paretoik.task.limits import LIMIT_TOLERANCE
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective
@@ -84,36 +78,6 @@ def check_motions(motions: object, task: MotionTask, *, samples: int | None = No
     shape = motions.q.shape if isinstance(motions, Motion) else ()
     if len(shape) != 3 or shape[2] != task.arm.dof or (samples is not None and shape[1] != samples):
         raise InvalidInput(f"motions must be motions (points, time, {task.arm.dof}), got {shown(motions)}")
-
-
-# Certificates of individuals.
-
-
-def certify_individuals(
-    formulation: Differentiable,
-    programs: Program | Sequence[Program],
-    individuals: Individuals,
-    ranges: Float[np.ndarray, " n_obj"],
-    observe: Observe | None = None,
-) -> tuple[Certificates, list[Point | None]]:
-    """Return the certificates of individuals, and for each saddle the better point next to it, as ``certify`` does.
-
-    Only splines promise limits between samples: motions of finite differences satisfy them at their samples.
-    """
-    task, exceeded = task_of(formulation), [""] * len(individuals.x)
-    if task is not None and task.differences == "spline" and individuals.motions is not None:
-        for i in np.flatnonzero(~(individuals.violation_between <= LIMIT_TOLERANCE)):
-            exceeded[i] = task.describe_between(individuals.motions[i : i + 1])
-    return certify(
-        programs,
-        individuals.x,
-        ranges=ranges,
-        signs=np.where(formulation.maximised, -1.0, 1.0),
-        violation_between=individuals.violation_between,
-        exceeded=exceeded,
-        discretisation=individuals.discretisation,
-        observe=observe,
-    )
 
 
 class Formulation(Problem):  # type: ignore[misc]  # pymoo is not typed

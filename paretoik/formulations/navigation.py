@@ -11,17 +11,18 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.errors import Infeasible, InvalidInput
-from paretoik.formulations.formulation import certify_individuals
 from paretoik.formulations.motions import points_between, restore_motions
-from paretoik.formulations.protocol import Differentiable, Individuals, ProblemParts
+from paretoik.formulations.protocol import ProblemParts
 from paretoik.front.certificates import Certificates, concatenate
 from paretoik.front.choice import Prediction
 from paretoik.front.front import Front
 from paretoik.front.navigation import NavigationRequest
 from paretoik.front.points import NAVIGATIONS, StoredJoints, StoredMotions, largest_id, take, widths_of
 from paretoik.nlp.program import Program
+from paretoik.pareto.certified_front import certify_individuals
 from paretoik.pareto.continuation import Optimum, can_follow, guess_optimum
 from paretoik.pareto.continuation import predict as predict_optimum
+from paretoik.pareto.differentiable import Differentiable, Individuals
 from paretoik.pareto.navigation import Aim, Destination, FrontPoints, Wish, move, reach
 from paretoik.pareto.placement import POINT_TOLERANCE
 from paretoik.runs.machine import single_blas_thread

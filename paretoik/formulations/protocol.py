@@ -2,7 +2,7 @@
 
 Any pymoo problem with real genes can be solved. If its ``timeline`` is "step", it is a loop that is followed sample by
 sample (``ClosedLoop``). Each further part makes one more thing possible: ``ProblemParts`` lists what any problem may
-offer, ``Differentiable`` what gradients need. No verb looks at a class. Parts that other packages ask for themselves:
+offer, ``pareto.differentiable`` what gradients need. No verb looks at a class. Parts that other packages ask for:
 
 - ``names, units, maximised``: named objectives in the user's own sign; without: f1, f2, ... minimised
 - ``computed_attributes``: names of attributes that follow from others, which are rounded in fingerprints
@@ -13,7 +13,7 @@ offer, ``Differentiable`` what gradients need. No verb looks at a class. Parts t
 - ``values_between(front, shares)``: minimised objectives (gaps, shares, n_obj) at shares of the way from each point to
   the next, inf if that is impossible (``front.jumps``)
 - ``navigate(front, request)``, ``predict(front, request)``: ``front.navigate``, ``front.refine_around`` and
-  ``front.predict``; they need all of ``Differentiable``
+  ``front.predict``; they need all of ``pareto.differentiable.Differentiable``
 - ``select(front, preference)``: the choice of a front that is one motion
 - ``plan(...)``: the distinct local optima of one objective
 - ``curve_points(motions)``: the points of motions on fewer samples, NaN off the path
@@ -22,41 +22,24 @@ offer, ``Differentiable`` what gradients need. No verb looks at a class. Parts t
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeAlias, final, runtime_checkable
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, final
 
 import numpy as np
-from jaxtyping import Float
 
-from paretoik.arrays import Genes, JointPaths, Objectives, Points
+from paretoik.arrays import Genes, JointPaths
 from paretoik.errors import InvalidInput
 from paretoik.front.choice import Preference
 from paretoik.front.front import Front
-from paretoik.front.points import ADDED_SAMPLES, check_names
+from paretoik.front.points import check_names
 from paretoik.inputs import user_function
 
 if TYPE_CHECKING:
-    from paretoik.nlp.program import Program, Solver
-    from paretoik.pareto.certificates import Discretisation
-    from paretoik.pareto.scalarisation import ColdSearch, Observe
-    from paretoik.task.motion import Motion
+    from paretoik.pareto.differentiable import Differentiable
     from paretoik.task.motion_task import MotionTask
     from paretoik.trajectory.plan import Plan
 
 Timeline: TypeAlias = Literal["generation", "step", "level", "refinement"]
 """Unit that a run counts: generations of a search, steps of a loop, levels of ε, or a front's refinement."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Individuals:
-    """Points of a program as solutions of their formulation."""
-
-    x: Points
-    objectives: Objectives  # minimised
-    genes: Genes | None  # None if the formulation has none for points
-    motions: Motion | None  # None if the formulation has none for points
-    violation_between: Float[np.ndarray, " points"]  # of limits at places that the program does not check
-    discretisation: Discretisation | None = None  # distance of objectives from those of a curve; None: exact
 
 
 @final
@@ -92,58 +75,6 @@ class ProblemParts:
         return None
 
 
-@runtime_checkable
-class Differentiable(Protocol):
-    """The part of a formulation that gradients need: its nonlinear program, and the meaning of its points."""
-
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    maximised: tuple[bool, ...]
-
-    def program(self, scales: Float[np.ndarray, " n_obj"] | None = None) -> Program:
-        """Return the nonlinear program, its objectives divided by ``scales``."""
-
-    def front_points(self, front: Front) -> Points:
-        """Return the points of a front. Raises InvalidInput if the front does not contain them."""
-
-    def motion_points(self, motions: Motion) -> Points:
-        """Return the points of motions. Raises InvalidInput if they are not of the problem, or it has none."""
-
-    def points(self, genes: Genes) -> Points:
-        """Return the points of genes."""
-
-    def genes(self, x: Points) -> Genes:
-        """Return the genes of points, or the nearest within their bounds."""
-
-    def individuals(self, x: Points, genes: Genes | None = None) -> Individuals:
-        """Return points as individuals; ``genes`` are their genes if known."""
-
-    def hold_between(
-        self,
-        x: Points,
-        ranges: Float[np.ndarray, " n_obj"],
-        *,
-        solver: Solver = "auto",
-        observe: Observe | None = None,
-    ) -> tuple[Points, Sequence[Program]]:
-        """Return optimal points that satisfy limits between the places that the program checks, and their programs.
-
-        A violation that no program can remove remains. Objectives are divided by ``ranges``; ``observe`` gets the share
-        of the work that is done.
-        """
-
-    def branches(self, x: Points) -> list[str]:
-        """Return a label for each point: points of one branch can be led into each other."""
-
-    def cold_search(
-        self, *, starts: int | None, seed: int, solver: Solver = "auto", observe: Observe | None = None
-    ) -> ColdSearch:
-        """Return how local optima are found without initial points, from a number of ``starts``.
-
-        The formulation has a default for None. ``observe`` gets the share of the work that is done.
-        """
-
-
 def timeline(problem: Any) -> Timeline:
     """Return what a run of a problem counts: the generations of a search, or the steps of a loop.
 
@@ -174,12 +105,6 @@ def at_samples_of(problem: Any, q: JointPaths | None) -> Any:
         while (finer := ProblemParts(problem).with_midpoints) is not None and len(problem.task.times) < q.shape[1]:
             problem = finer()
     return problem
-
-
-def added_samples(problem: Any) -> dict[str, dict[str, int]]:
-    """Return the provenance entry with the old and new numbers of samples, if refinement added some."""
-    given = ProblemParts(problem).finer_than
-    return {} if given is None else {ADDED_SAMPLES: {"path": len(given.task.times), "used": len(problem.task.times)}}
 
 
 # Limits that an individual breaks, in words.

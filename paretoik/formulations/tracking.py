@@ -20,18 +20,19 @@ from paretoik.formulations.encoding import Encoding, choose_coefficients, encodi
 from paretoik.formulations.formulation import Formulation, check_motions, of_genes, task_text
 from paretoik.formulations.motions import values_between
 from paretoik.formulations.navigation import navigate, predict
-from paretoik.formulations.protocol import Differentiable, Individuals
 from paretoik.front.front import Front
+from paretoik.front.points import ADDED_SAMPLES
 from paretoik.inputs import check_seed, check_size
 from paretoik.nlp.program import Solver
 from paretoik.pareto.certificates import Discretisation
+from paretoik.pareto.differentiable import Differentiable, Individuals
 from paretoik.pareto.scalarisation import Observe
 from paretoik.robot.arm import Arm
 from paretoik.search.nsga2 import MaxiMinNSGA2
 from paretoik.search.operators import Differential, SmoothMutation
 from paretoik.stop_flag import STOP
 from paretoik.tables import fit_screen
-from paretoik.task.limits import Constraint, Limits
+from paretoik.task.limits import LIMIT_TOLERANCE, Constraint, Limits
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask, evaluate_motions, examine_functions
 from paretoik.task.objectives import Objective
@@ -311,7 +312,6 @@ class Tracking(Formulation, Differentiable):
         """Return motions as individuals: without genes, which are inexact; unchecked between samples after a signal."""
         motions = self.task.motion(x)
         values = np.stack([o(motions) * o.sign for o in self.task.objectives], axis=1)
-        judged = self.task.differences == "spline"
         return Individuals(
             x=x,
             objectives=values,
@@ -321,9 +321,27 @@ class Tracking(Formulation, Differentiable):
             discretisation=None
             if STOP[0]
             else Discretisation(
-                names=self.names, values=values, errors=self.task.discretisation_errors(motions), judged=judged
+                names=self.names, values=values, errors=self.task.discretisation_errors(motions), judged=self.tightens
             ),
         )
+
+    def exceeded(self, individuals: Individuals) -> list[str]:
+        """Return for each individual the limits that it exceeds between samples in words; unchecked without splines."""
+        exceeds = ~(individuals.violation_between <= LIMIT_TOLERANCE) & self.tightens
+        return [
+            self.task.describe_between(individuals.motions[i : i + 1]) if each else "" for i, each in enumerate(exceeds)
+        ]
+
+    @property
+    def tightens(self) -> bool:
+        """Whether ``hold_between`` tightens limits: motions of finite differences satisfy them at their samples."""
+        return self.task.differences == "spline"
+
+    @property
+    def added_samples(self) -> dict[str, dict[str, int]]:
+        """Provenance entry with the old and new numbers of samples, if refinement added some."""
+        given = self.finer_than
+        return {} if given is None else {ADDED_SAMPLES: {"path": len(given.task.times), "used": len(self.task.times)}}
 
     def hold_between(
         self,
@@ -335,7 +353,7 @@ class Tracking(Formulation, Differentiable):
     ) -> tuple[Float[np.ndarray, "points time dof"], Sequence[MotionProgram]]:
         """Return motions that satisfy their limits between samples, as far as a few rounds lead, and their programs."""
         natural = self.program()
-        if self.task.differences != "spline" or not len(x):
+        if not (self.tightens and len(x)):
             return x, [natural] * len(x)
         motions = hold_all(self.program(ranges), x, len(self.names), solver, observe)
         return np.stack([each.x for each in motions]), [each.program(natural) for each in motions]

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from paretoik.arrays import Point, Points
+from paretoik.arrays import Genes, Point, Points
 from paretoik.errors import EvaluationFailed, SolverFailed, warn_user
 from paretoik.front.indicators import ranges_of
 from paretoik.nlp.minimise import compile_method, minimise
@@ -28,6 +28,7 @@ from paretoik.nlp.program import (
 )
 from paretoik.pareto.certificates import criticality_at, criticality_bound, weights_at
 from paretoik.pareto.continuation import can_follow, correct, guess_optimum
+from paretoik.pareto.differentiable import Differentiable
 from paretoik.pareto.scalarisation import Observe, evaluate_points, main_weights, minimise_weighted
 from paretoik.runs.distribution import Lost, distribute_remembered, workers
 from paretoik.runs.journal import Values, recalled, remembered
@@ -91,6 +92,29 @@ def suggest_points(
     weights = main_weights(count, mains, IMPROVER_OPTIONS.weight) / ranges
     solutions = minimise_weighted(program, x[rows], weights, upper, IMPROVER_OPTIONS.brief, solver=solver)
     return solutions.x[np.isfinite(solutions.objectives).all(axis=1)], int(solutions.iterations.sum())
+
+
+class SearchImprover:
+    """Suggests genes to a search: points of its formulation that a few iterations lead to from its front.
+
+    ``spent`` counts iterations, each as one evaluation. Raises InvalidInput if an objective or limit has no derivative.
+    """
+
+    def __init__(self, search: Any, formulation: Differentiable, solver: Solver = "auto") -> None:
+        self.spent = 0
+        self._search, self._formulation, self._solver = search, formulation, solver
+        self._program = formulation.program()
+
+    def __call__(self, progress: Any) -> Genes | None:
+        """Return genes to evaluate next, or None; ``progress`` has the generation and the evaluations so far."""
+        front, options = self._search.archive.members, IMPROVER_OPTIONS
+        due = progress.generation % options.every == 0 and self.spent <= options.share * progress.evaluations
+        if not due or front is None or len(front) < 2:
+            return None
+        x = self._formulation.points(front.X)
+        x, iterations = suggest_points(self._program, x, front.F, self._formulation.branches(x), solver=self._solver)
+        self.spent += iterations
+        return self._formulation.genes(x)
 
 
 # Refinement of points: no objective gets worse.

@@ -6,25 +6,218 @@ The client decides everything: which items make a task, what is tried again, and
 from __future__ import annotations
 
 import asyncio
+import ctypes
 import hashlib
+import os
+import platform
+import socket
+import threading
 import time
 import uuid
 from collections import deque
 from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
-from concurrent.futures import wait
+from concurrent.futures import Future, wait
 from contextlib import suppress
-from functools import partial
+from dataclasses import dataclass
+from functools import cache, partial
 from importlib.util import find_spec
 from queue import Empty, SimpleQueue
-from typing import Any
+from typing import Any, NamedTuple
 
-from paretoik.errors import InvalidInput, warn_user
+import cloudpickle
+
+from paretoik.errors import InvalidInput, SolverFailed, warn_user
 from paretoik.inputs import cause_of
-from paretoik.runs.cluster_scheduler import OPTIONS, ClusterOptions, ClusterWatch, connect
-from paretoik.runs.cluster_task import Computed, Origin, Refused, Task, itself, run_task
-from paretoik.runs.distribution import Function, Lost, Reply, pickled
+from paretoik.runs.distribution import Function, Lost, Reply, become_worker, pickled
 from paretoik.runs.machine import processor, software
+from paretoik.runs.processes import WorkerProcesses, compute
 from paretoik.stop_flag import STOP, Interrupted
+
+# How work is shared out over a cluster, and how long its scheduler and workers are waited for.
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClusterOptions:
+    """How tasks are made, and how long a silence is tolerated [s].
+
+    portion, overhead: seconds of work in a task, and more seconds per thread, as every task passes through one
+        scheduler and one client; a task is never larger than an even share of the items left
+    shares: shares per thread that the items left are divided into
+    ahead: tasks per thread at the scheduler
+    interval, watch: time between two looks for a signal, and at the workers
+    connection: time for somebody to listen at the address; a scheduler that is silent for longer is reported
+    patience: time for the scheduler to answer, to come back, and to have a worker
+    frozen: a worker that is silent for longer is left out
+    """
+
+    portion: float = 0.5
+    overhead: float = 0.002
+    shares: int = 2
+    ahead: int = 2
+    interval: float = 0.1
+    watch: float = 2.0
+    connection: float = 5.0
+    patience: float = 60.0
+    frozen: float = 30.0
+
+
+OPTIONS = ClusterOptions()
+
+
+# The work of a Dask worker on a task: it computes a function of some items.
+
+
+class Task(NamedTuple):
+    """A function with its items, by place, as bytes; the key of the shared object; seconds that an item may take."""
+
+    function: bytes
+    items: bytes
+    key: str
+    seconds: float | None
+    software: Mapping[str, str]
+
+
+class Origin(NamedTuple):
+    """Name of a machine, a process on it, and the make of its processor."""
+
+    machine: str
+    process: int
+    processor: tuple[str, ...]
+
+
+class Computed(NamedTuple):
+    """The replies to items by place, and their origin."""
+
+    replies: Sequence[tuple[int, Reply]]
+    origin: Origin
+
+
+class Refused(NamedTuple):
+    """Reason why a worker does not compute: it has other versions."""
+
+    reason: str
+
+
+class _Local(threading.local):
+    """The object that the tasks of a thread share, its key, and the process that may be ended, if one is needed."""
+
+    key: str | None = None
+    shared: Any = None
+    process: WorkerProcesses | None = None
+
+
+_LOCAL = _Local()
+
+
+def itself(shared: bytes) -> bytes:
+    """Return the shared object as it came: as its own task it is sent again to workers that replace others."""
+    return shared
+
+
+def run_task(shared: bytes, task: Task) -> Computed | Refused:
+    """Return the replies to the items of a task."""
+    for name, number in task.software.items():
+        if (here := software().get(name, "none")) != number:
+            return Refused(reason=f"{name} must be {number}, got {here}")
+    become_worker()
+    _keep_memory()
+    if _LOCAL.key != task.key:
+        _LOCAL.shared, _LOCAL.key = cloudpickle.loads(shared), task.key
+    function, items = cloudpickle.loads(task.function), cloudpickle.loads(task.items)
+    origin = Origin(platform.node(), os.getpid(), processor())
+    if task.seconds is None:
+        return Computed([(place, compute(function, _LOCAL.shared, item)) for place, item in items], origin)
+    if _LOCAL.process is None:
+        _LOCAL.process = WorkerProcesses(1)
+    places, values = zip(*items, strict=True)
+    answers = _LOCAL.process.replies(function, _LOCAL.shared, values, seconds=task.seconds)
+    return Computed([(places[i], reply) for i, reply in answers], origin)
+
+
+TRIM_THRESHOLD = -1  # M_TRIM_THRESHOLD in glibc's malloc.h
+TRIM = 64 * 2**20  # bytes of free memory that a worker keeps at the end of the heap; glibc itself grows to this value
+
+
+@cache
+def _keep_memory() -> None:
+    """Make this process keep the memory that it frees, if the system's library can.
+
+    Dask's workers return all above 64 kB to the system: with short-lived arrays that took a third of a search's time.
+    """
+    with suppress(AttributeError, OSError):
+        ctypes.CDLL(None).mallopt(TRIM_THRESHOLD, TRIM)
+
+
+# Connecting to a Dask scheduler: if nobody listens, the error comes soon; a slow scheduler gets more time.
+
+
+def connect(address: str, options: ClusterOptions, tell: Callable[[str], None]) -> Any:
+    """Return Dask's client of the scheduler at an address.
+
+    Somebody must listen there within ``connection`` seconds. A scheduler that listens must answer within ``patience``
+    seconds, as its machine may be busy; after ``connection`` seconds a warning says so. Raises InvalidInput if nobody
+    listens or the scheduler does not answer, Interrupted soon after a signal.
+    """
+    from distributed import Client
+    from distributed.comm import get_address_host_port
+
+    client, abandoned = Future[Any](), threading.Event()
+
+    def find_listener() -> None:
+        place, deadline = get_address_host_port(address), time.monotonic() + options.connection
+        while True:
+            try:
+                return socket.create_connection(place, timeout=options.connection).close()
+            except OSError:
+                if abandoned.is_set() or time.monotonic() + options.interval > deadline:
+                    raise
+            time.sleep(options.interval)
+
+    def attempt() -> None:  # in its own thread, because Dask waits without looking for signals
+        try:
+            find_listener()
+            # The timeout is also the one for reconnecting: a client that gave up never comes back.
+            client.set_result(Client(address, timeout=options.patience, set_as_default=False, name="paretoik"))
+        except Exception as error:  # an address, or the server there, can make Dask raise anything
+            client.set_exception(error)
+        if abandoned.is_set() and client.exception() is None:
+            client.result().close(timeout=1.0)
+
+    begin, has_warned, refused = (
+        time.monotonic(),
+        False,
+        f"cluster must be the address of a Dask scheduler, got {address}",
+    )
+    threading.Thread(target=attempt, daemon=True).start()
+    try:
+        while not wait([client], timeout=options.interval).done:
+            waited = time.monotonic() - begin
+            if STOP[0]:
+                raise Interrupted
+            if waited > options.connection + options.patience:
+                raise InvalidInput(f"{refused}: no answer within {options.patience:g} s from the server there")
+            if waited > 2 * options.connection and not has_warned:
+                has_warned = True
+                tell(_slow(address, waited, options))
+    except BaseException:
+        abandoned.set()
+        raise
+    error = client.exception()
+    if isinstance(error, OSError) and error.strerror:
+        raise InvalidInput(f"{refused}: nobody listens there ({error.strerror})") from error
+    if error is not None:
+        raise InvalidInput(f"{refused}: {' '.join(str(error).split()) or type(error).__name__}") from error
+    return client.result()
+
+
+def _slow(address: str, seconds: float, options: ClusterOptions) -> str:
+    """Return the words that a scheduler is slow to answer."""
+    silent = f"the scheduler at {address} has not answered for {seconds:.0f} s, its machine may be busy"
+    return f"{silent}; it is waited for, {options.patience:g} s at most"
+
+
+# The cluster, and the items of one call on their way through it.
+
 
 CANCELLED = ("cancelled", "lost")  # Dask's words for a future that its scheduler no longer knows
 
@@ -42,7 +235,7 @@ class Cluster:
         self._warnings: set[str] = set()
         self.client = connect(address, options, self.tell)
         self.run, self.tasks, self.threads = uuid.uuid4().hex, 0, 0
-        ClusterWatch(self, options).count_threads()
+        ClusterWatch(self).count_threads()
         # The shared object itself, as bytes, and its future at the scheduler.
         self._shared: tuple[Any, bytes, Any] = None, b"", None
         self.origins: set[Origin] = set()  # of the results that have come
@@ -134,11 +327,105 @@ class Cluster:
             warn_user(f"cluster: {text}")
 
 
+class ClusterWatch:
+    """Watches scheduler and workers: reports what is missing, waits for it for a while, then gives up.
+
+    It asks the scheduler and checks later for the answer, as a busy scheduler may take seconds.
+    """
+
+    def __init__(self, cluster: Cluster) -> None:
+        self.cluster, self.options = cluster, cluster.options
+        self.looked = self.question_time = time.monotonic()
+        self.question: Future[Any] | None = None  # not answered yet
+        self.missing: float | None = None  # since when
+
+    def count_threads(self) -> None:
+        """Ask now how many worker threads there are, if any."""
+        self._ask(time.monotonic())
+        if self.question is not None:
+            wait([self.question], timeout=5 * self.options.interval)
+            if self.question.done():
+                self._count(self._answer() or {})
+
+    def look(self) -> None:
+        """Look, if the last look was some time ago; raises SolverFailed if nobody comes back or answers."""
+        now = time.monotonic()
+        if self.cluster.client.status != "running":
+            self.question = None
+            self._miss("scheduler", now)
+        elif self.question is None:
+            if now - self.looked >= self.options.watch:
+                self._ask(now)
+        elif self.question.done():
+            self.looked, seen = now, self._answer()
+            if seen:
+                self.missing = None
+                self._count(seen)
+                self._leave_out_frozen(seen)
+            else:
+                self._miss("worker" if seen is not None else "scheduler", now)
+        else:
+            silent, address = now - self.question_time, self.cluster.address
+            if silent > self.options.patience:
+                text = f"cluster: no answer from the scheduler at {address} for {self.options.patience:g} s"
+                raise SolverFailed(f"{text}; resume continues the run")
+            if silent > self.options.connection:
+                self.cluster.tell(_slow(address, self.options.connection, self.options))
+
+    def _miss(self, what: str, now: float) -> None:
+        options, address = self.options, self.cluster.address
+        self.missing = now if self.missing is None else self.missing
+        if now - self.missing > options.patience:
+            raise SolverFailed(f"cluster: no {what} at {address} for {options.patience:g} s; resume continues the run")
+        self.cluster.tell(f"no {what} at {address}; one is waited for, {options.patience:g} s at most")
+
+    def _ask(self, now: float) -> None:
+        """Ask for the threads of every worker, and how long it was silent [s]."""
+
+        def seen(dask_scheduler: Any) -> dict[str, tuple[int, float]]:  # sent by value: needs no code of ours there
+            import time
+
+            workers = dask_scheduler.workers.items()
+            return {address: (each.nthreads, time.time() - each.last_seen) for address, each in workers}
+
+        self.question_time, self.question = now, self._run_on_scheduler(seen)
+
+    def _answer(self) -> dict[str, tuple[int, float]] | None:
+        """Return the scheduler's answer; None if the connection broke before it came."""
+        question, self.question = self.question, None
+        try:
+            return None if question is None else question.result()
+        except Exception:  # a broken connection can raise anything
+            return None
+
+    def _count(self, seen: Mapping[str, tuple[int, float]]) -> None:
+        if seen:
+            self.cluster.threads = sum(threads for threads, _ in seen.values())
+
+    def _leave_out_frozen(self, seen: Mapping[str, tuple[int, float]]) -> None:
+        for address, (_, silent) in seen.items():
+            if silent > self.options.frozen:
+                self.cluster.tell(f"the worker at {address} was silent for {self.options.frozen:g} s and is left out")
+                self._leave_out(address)
+
+    def _leave_out(self, address: str) -> None:
+        async def leave_out(dask_scheduler: Any) -> None:  # sent by value
+            await dask_scheduler.remove_worker(address=address, close=False, stimulus_id="paretoik-frozen")
+
+        self._run_on_scheduler(leave_out)
+
+    def _run_on_scheduler(self, function: Any) -> Future[Any] | None:
+        client = self.cluster.client
+        if client.status != "running":
+            return None
+        return asyncio.run_coroutine_threadsafe(client._run_on_scheduler(function), client.loop.asyncio_loop)
+
+
 class _Round:
     """The items of one call, on their way through the cluster."""
 
     def __init__(self, cluster: Cluster, function: bytes, items: Sequence[Any], seconds: float | None) -> None:
-        self.cluster, self.options, self.watch = cluster, cluster.options, ClusterWatch(cluster, cluster.options)
+        self.cluster, self.options, self.watch = cluster, cluster.options, ClusterWatch(cluster)
         self.function, self.items, self.seconds = function, items, seconds
         self.pending = deque(range(len(items)))
         self.suspects = deque[int]()  # items on which workers ended: each is tried again with no other running
@@ -155,7 +442,11 @@ class _Round:
             if STOP[0]:
                 raise Interrupted  # the scheduler drops futures that no client holds
             self._submit()
-            ended = self._wait()
+            ended = list[Any]()  # none if no task ends for a while
+            with suppress(Empty):
+                ended.append(self.ended.get(timeout=self.options.interval))
+                while True:
+                    ended.append(self.ended.get_nowait())
             results = self._gather(ended)
             for future in ended:
                 if self.late is None:
@@ -193,15 +484,6 @@ class _Round:
         self.running[future] = places
         future.add_done_callback(self.ended.put)
 
-    def _wait(self) -> list[Any]:
-        """Return the tasks that have ended; none if none ends for a while."""
-        ended = list[Any]()
-        with suppress(Empty):
-            ended.append(self.ended.get(timeout=self.options.interval))
-            while True:
-                ended.append(self.ended.get_nowait())
-        return ended
-
     def _gather(self, futures: Sequence[Any]) -> dict[Any, Any]:
         """Return the results of tasks, fetched together to save round trips; None if one fails."""
         finished = [future for future in futures if future.status == "finished"]
@@ -222,7 +504,9 @@ class _Round:
         del self.running[future]
         if isinstance(result, Refused):
             raise InvalidInput(f"cluster: on every worker {result.reason}")
-        self._check(result)
+        self.cluster.origins.add(result.origin)
+        if result.origin.processor != processor():
+            self.cluster.tell("workers have another make of processor: the run is reproducible to tolerance alone")
         for place, reply in result.replies:
             self.answered += 1
             self.computed += getattr(reply, "seconds", 0.0)
@@ -244,8 +528,3 @@ class _Round:
             yield places[0], Lost(cause=f"{error.allowed_failures + 1} workers ended on it")
         else:
             self.suspects.extend(places)
-
-    def _check(self, result: Computed) -> None:
-        self.cluster.origins.add(result.origin)
-        if result.origin.processor != processor():
-            self.cluster.tell("workers have another make of processor: the run is reproducible to tolerance alone")

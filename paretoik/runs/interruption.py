@@ -20,30 +20,6 @@ from paretoik.errors import EvaluationFailed, InvalidInput
 from paretoik.inputs import CALLS, CallLimit, limited_calls, positive_number
 from paretoik.stop_flag import STOP, Interrupted
 
-# Estimates of how long a verb will still take, once enough of its present stage is done.
-
-
-@dataclass(frozen=True, kw_only=True)
-class TimeLeftOptions:
-    """The ``share`` of a stage, and its ``seconds``, that are over before an estimate."""
-
-    share: float = 0.1
-    seconds: float = 0.5
-
-
-OPTIONS = TimeLeftOptions()
-
-
-def time_left(done: float, left: float, seconds: float, later: float = 0.0) -> float | None:
-    """Return the seconds left: of the stage, whose work ``done`` took ``seconds``, plus ``later``.
-
-    None if too little is done for an estimate.
-    """
-    if done <= 0 or done < OPTIONS.share * (done + left) or seconds < OPTIONS.seconds:
-        return None
-    return seconds / done * left + later
-
-
 # A limit on the time that a verb computes: when it is over, the verb stops as after a signal. Compiling is not counted.
 
 

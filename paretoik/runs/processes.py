@@ -1,26 +1,98 @@
-"""Workers on this machine: processes that are replaced when they end, and killed when they take too long."""
+"""Workers on this machine: processes that are replaced when they end, and killed when they take too long.
+
+A worker computes functions of items for the process that started it, and ends with it. Its argument is the file
+descriptor of a connection. Messages come and go as pickles.
+"""
 
 from __future__ import annotations
 
 import os
+import signal
 import socket
 import subprocess
+import sys
 import time
 from collections import Counter, deque
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, wait
-from typing import Any
+from queue import SimpleQueue
+from threading import Thread
+from typing import Any, NamedTuple
 
 import cloudpickle
 
-from paretoik.errors import SolverFailed
-from paretoik.inputs import check_size, end_late_verb
-from paretoik.runs.distribution import Function, Lost, Reply, pickled
+from paretoik.errors import InvalidInput, SolverFailed
+from paretoik.inputs import cause_of, check_size, end_late_verb
+from paretoik.runs.distribution import Done, Function, Lost, Raised, Reply, become_worker, pickled
 from paretoik.runs.machine import child_command
-from paretoik.runs.worker import STARTED, Work
 from paretoik.stop_flag import STOP, Interrupted
+
+# The work of such a process.
+
+
+STARTED = -1  # in place of a place: the items of a message are being started, one after the other
+
+
+class Work(NamedTuple):
+    """Items with their places, the function to compute, and the shared object if it is a new one."""
+
+    function: bytes
+    shared: bytes | None
+    items: list[tuple[int, Any]]
+
+
+def compute(function: Function, shared: Any, item: Any) -> Done | Raised:
+    """Return what a function returns for an item, or that it raised an error."""
+    begin = time.perf_counter()
+    try:
+        return Done(value=function(shared, item), seconds=time.perf_counter() - begin)
+    except Exception as error:
+        return Raised(error=error)
+
+
+def main() -> None:
+    """Serve the process that started this one."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process that started it ends it
+    become_worker()
+    connection, received = Connection(int(sys.argv[1])), SimpleQueue[bytes]()
+    Thread(target=_receive, args=(connection, received), daemon=True).start()
+    shared: Any = None
+    while True:
+        work: Work = Work(*cloudpickle.loads(received.get()))
+        try:
+            shared = shared if work.shared is None else cloudpickle.loads(work.shared)
+            function = cloudpickle.loads(work.function)
+        except Exception as error:
+            for place, _ in work.items:
+                _send(connection, place, Raised(error=error))
+            continue
+        _send(connection, STARTED, None)
+        for place, item in work.items:
+            _send(connection, place, compute(function, shared, item))
+
+
+def _receive(connection: Connection, received: SimpleQueue[bytes]) -> None:
+    """Read messages as they come, so that the sender never waits; end this process when the sender has ended."""
+    try:
+        while True:
+            received.put(connection.recv_bytes())
+    except (EOFError, OSError):
+        os._exit(0)
+
+
+def _send(connection: Connection, place: int, reply: Done | Raised | None) -> None:
+    try:
+        message = cloudpickle.dumps((place, reply))
+    except Exception as error:  # errors of users need not be picklable
+        refusal = InvalidInput(f"workers: a result must be picklable, got {cause_of(error)}")
+        message = cloudpickle.dumps((place, Raised(error=refusal)))
+    connection.send_bytes(message)
+
+
+# The processes, and what they are given.
+
 
 LIBRARIES = ("OMP", "OPENBLAS", "MKL", "VECLIB_MAXIMUM", "NUMBA")  # each would use one thread per core
 ONE_THREAD = {f"{name}_THREADS" if "_" in name else f"{name}_NUM_THREADS": "1" for name in LIBRARIES}
@@ -202,7 +274,7 @@ def _start() -> _Worker:
     ours, theirs = socket.socketpair()
     with theirs:
         process = subprocess.Popen(
-            child_command("paretoik.runs.worker", str(theirs.fileno())),
+            child_command("paretoik.runs.processes", str(theirs.fileno())),
             stdin=subprocess.DEVNULL,
             pass_fds=(theirs.fileno(),),
             env={**os.environ, **ONE_THREAD},

@@ -16,7 +16,6 @@ from paretoik.api.result import save_plan
 from paretoik.front.points import confirmation_text
 from paretoik.stop_flag import STOP
 from paretoik.task.motion_task import SAMPLES, finer_motion
-from problems import panda
 
 LEVELS = import_module("paretoik.trajectory.levels")
 OBJECTIVES = {
@@ -35,11 +34,6 @@ def planar(seed, objectives):
     ends = [r * reach * np.array([np.cos(a), np.sin(a)]) for r, a in ((0.6, angle), (0.7, angle + turn))]
     path = pk.line(*ends, duration=float(rng.uniform(0.3, 0.8)), samples=int(rng.integers(6, 10)))
     return pk.Tracking(arm, path, objectives=objectives)
-
-
-def across_the_table(samples, objectives):
-    task = panda.across_the_table().task
-    return pk.Tracking(task.arm, task.tasks[0].path.resample(samples), objectives=objectives)
 
 
 def on_curves(motions, objectives):
@@ -93,13 +87,6 @@ def test_random_coarse_fronts_get_samples(kind, seed, tmp_path):
     assert moved.motions.q.shape[1] == front.motions.q.shape[1]
 
 
-@pytest.mark.slow
-def test_a_coarse_front_of_a_panda_gets_samples(tmp_path):
-    problem = across_the_table(9, OBJECTIVES["peak"])
-    front = pk.epsilon_front(problem, points=4, starts=4, out=tmp_path / "run")
-    check_front(front, problem, tmp_path / "run")
-
-
 @pytest.fixture(scope="module")
 def searched():
     problem = planar(4, OBJECTIVES["peak"])
@@ -115,25 +102,6 @@ def test_a_refined_point_is_no_worse_on_its_curve_than_it_was(searched):
     assert refined.motions.q.shape[1] > searched.motions.q.shape[1]
     assert rise.max() <= 1e-3 * np.abs(refined.objectives).max()
     assert (rise.max(axis=1) < 0).any()
-
-
-@pytest.mark.slow
-def test_points_that_were_resolved_are_no_worse_on_the_finer_grid(monkeypatch):
-    problem = planar(6, OBJECTIVES["peak"])
-    monkeypatch.setattr(LEVELS, "SAMPLES", replace(SAMPLES, doublings=0))
-    coarse = pk.epsilon_front(problem, points=5, starts=3)
-    assert set(coarse.certificates.status) == {"minimum", "under-resolved"}
-    assert "samples" not in coarse.provenance
-    assert "more samples help" in coarse.certificates.reason[coarse.certificates.status == "under-resolved"][0]
-    monkeypatch.undo()
-    fine = pk.refine(coarse)
-    assert set(fine.certificates.status) == {"minimum"}
-    row = {number: i for i, number in enumerate(coarse.ids.tolist())}
-    rows = [row[number] for number in fine.ids.tolist()]
-    rise = on_curves(fine.motions, problem.task.objectives) - on_curves(coarse.motions[rows], problem.task.objectives)
-    resolved = coarse.certificates.status[rows] == "minimum"
-    assert resolved.sum() == (coarse.certificates.status == "minimum").sum()
-    assert (rise[resolved] / np.ptp(fine.objectives, axis=0)).max() <= 1e-3
 
 
 @pytest.mark.parametrize("ending", ["signal", "observer"])

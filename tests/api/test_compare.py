@@ -30,15 +30,6 @@ def test_fronts_and_folders_are_compared_and_merged_with_their_motions(run, prob
     np.testing.assert_allclose(again.motions.torque, merged.motions.torque, rtol=1e-9, atol=1e-12)
 
 
-def test_folders_of_one_name_get_longer_labels(run, tmp_path):
-    _, front = run
-    folders = [tmp_path / method / "run" for method in ("a", "b")]
-    for folder in folders:
-        replace(front, problem=None).save(folder)
-    assert pk.compare(*folders).labels == ("a/run", "b/run")
-    assert pk.compare(*folders, labels=["x", "x"]).groups == {"x": [0, 1]}
-
-
 def test_labels_are_long_enough_to_tell_folders_apart(run, tmp_path):
     _, front = run
     names = ("x/energy/seed", "y/energy/seed", "y/other/seed", "front 1", "alone")

@@ -33,12 +33,6 @@ def test_an_epsilon_front_refuses_one_objective():
         pk.epsilon_front(tracking(pk.kinetic_energy))
 
 
-@pytest.mark.parametrize(("settings", "words"), [({"points": 1}, "points must be an integer of at least 2, got 1")])
-def test_settings_that_make_no_sense_are_refused(problem, settings, words):
-    with pytest.raises(pk.InvalidInput, match=words):
-        pk.epsilon_front(problem, **settings)
-
-
 def test_an_end_point_tightened_between_samples_does_not_slide_along_the_front():
     path = pk.line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=31)
     limits = pk.Limits(position=np.deg2rad([90, 120, 120]), clearance=0.005)

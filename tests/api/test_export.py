@@ -13,8 +13,7 @@ from paretoik.errors import Infeasible, InvalidInput
 from paretoik.joint_trajectory.controllers import Controller
 from paretoik.robot.dynamics import inverse_dynamics
 from paretoik.task.motion_task import finer_motion
-from problems import panda
-from tests.joint_trajectory.motions import MOTIONS, PANDA, bench, swing
+from tests.joint_trajectory.motions import PANDA, bench, swing
 
 SWING = swing()
 
@@ -34,12 +33,6 @@ def test_a_choice_says_in_the_file_which_point_it_is_and_what_made_it(front, tmp
     state = choice.motion.state(trajectory.time)
     for values, own in zip((trajectory.q, trajectory.dq, trajectory.ddq), state, strict=True):
         np.testing.assert_allclose(values, own, atol=1e-7)
-
-
-def test_without_a_rate_or_a_controller_the_samples_are_the_motions_own(tmp_path):
-    trajectory = pk.export(SWING, tmp_path / "swing.csv")
-    np.testing.assert_allclose(trajectory.time, SWING.time, atol=1e-9)
-    np.testing.assert_allclose(trajectory.q, SWING.q, atol=1e-12)
 
 
 def test_metadata_cannot_use_names_that_export_writes(front, tmp_path):
@@ -75,30 +68,12 @@ def test_the_limits_of_a_users_own_controller_must_hold(tmp_path):
     assert trajectory.metadata["time_scale"] == pytest.approx(trajectory.time[-1] / 2)
 
 
-def test_columns_follow_the_joint_names_that_are_asked_for(tmp_path):
-    names = list(reversed(PANDA.joint_names))
-    turned = pk.export(SWING, tmp_path / "a.csv", rate=50, joint_names=names)
-    own = pk.export(SWING, tmp_path / "b.csv", rate=50)
-    assert turned.joint_names == tuple(names)
-    np.testing.assert_array_equal(turned.q, own.q[:, ::-1])
-
-
 @pytest.mark.parametrize("turned", [False, True])
 def test_limits_are_those_of_the_joints_by_name_in_whatever_order_they_are_written(turned, tmp_path):
     order = slice(None, None, -1 if turned else 1)
     own = bench(PANDA, velocity=[9, 9, 9, 9, 9, 9, 0.1][order], joint_names=PANDA.joint_names[order])
     with pytest.raises(Infeasible, match="velocity of panda_joint7"):
         pk.export(SWING, tmp_path / "a.csv", controller=own, joint_names=PANDA.joint_names[::-1])
-
-
-def test_an_existing_file_is_replaced_only_if_told(tmp_path):
-    place = tmp_path / "mine.csv"
-    place.write_text("mine")
-    with pytest.raises(InvalidInput, match=r"mine\.csv must be a new file, got one that exists; use --overwrite"):
-        pk.export(SWING, place, rate=50)
-    assert place.read_text() == "mine"
-    pk.export(SWING, place, rate=50, overwrite=True)
-    assert place.read_text().startswith("# made by: ")
 
 
 @pytest.mark.parametrize(
@@ -150,20 +125,9 @@ def test_a_batch_and_a_motion_without_its_arm_are_refused(front, run, tmp_path):
         pk.export(stored.choice(0, "mine"), tmp_path / "a.csv", rate=100)
 
 
-@pytest.mark.parametrize("name", ["cyclic", "planar", "Panda, two tasks"])
-def test_a_ramp_brings_any_motion_from_rest_to_rest_on_its_own_curve(name, tmp_path):
-    motion = MOTIONS[name]
-    controller = bench(motion.arm, rest_acceleration=True)
-    trajectory = pk.export(motion, tmp_path / "a.parquet", controller=controller, ramp=0.2)
-    assert np.abs([trajectory.dq[[0, -1]], trajectory.ddq[[0, -1]]]).max() == 0.0
-    np.testing.assert_allclose(trajectory.q[[0, -1]], motion.at(motion.time[[0, -1]]), atol=1e-12)
-    assert trajectory.time[-1] == pytest.approx(float(motion.duration) + 0.2)
-
-
 VALUES = {"position": "q", "velocity": "dq", "acceleration": "ddq", "torque": "torque"}  # of a motion
 RATES = (100.0, 250.0, 1000.0)
 PLANAR = pk.arms.tringali_3r(), pk.line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=21)
-SPATIAL = panda.panda(), pk.line([0.45, -0.2, 0.4], [0.45, 0.2, 0.5], duration=1.5, samples=21)
 GOALS = [pk.kinetic_energy, pk.torque_norm]
 
 
@@ -212,19 +176,3 @@ def test_an_optimum_passes_the_controller_with_the_limits_that_it_was_planned_wi
     shares = [problem.task.violations(each).max() for each in (best.motion, finer_motion(best.motion, 20))]
     assert max(shares) > -1e-3  # the bound of a velocity, or the limited value itself, is at its limit
     assert_exportable(problem.task, best.motion, tmp_path / "motion.npz")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("kind", [*VALUES, "varying velocity"])
-@pytest.mark.parametrize("robot", [PLANAR, SPATIAL], ids=["planar", "spatial"])
-def test_every_certified_point_passes_the_controller_with_its_own_limits(robot, kind, seed, tmp_path):
-    try:
-        problem = active_problem(*robot, kind, seed, GOALS)
-        front = pk.epsilon_front(problem, points=4, starts=3)
-    except Infeasible:
-        pytest.skip("random limits leave no motion")
-    certified = np.flatnonzero(front.certificates.status == "minimum")
-    assert len(certified)
-    for i in certified:
-        assert_exportable(problem.task, front.motions[int(i)], tmp_path / "motion.npz")

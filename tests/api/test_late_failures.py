@@ -48,15 +48,6 @@ def test_the_front_found_before_a_late_error_is_in_the_folder_and_on_the_error(t
     assert failure.value.__notes__ == [f"the front found by then, of {len(stored)} points, is in {tmp_path / 'run'}"]
 
 
-def test_without_a_folder_the_error_has_the_front():
-    with pytest.raises(InvalidInput, match="wrist: metres wanted") as failure:
-        pk.solve(Ageing(refuse), **SIZES)
-    assert len(failure.value.partial) > 0
-    assert failure.value.__notes__ == [
-        f"the front found by then, of {len(failure.value.partial)} points, is in the error's .partial"
-    ]
-
-
 def quick(verb: str, folder, observe):
     """Run a verb on a small problem."""
     problem = tracking(pk.kinetic_energy) if verb == "plan" else tracking()
@@ -104,22 +95,6 @@ def test_an_observer_that_raises_in_any_stage_is_named_and_loses_nothing(verb, t
                 assert kept.provenance["status"] == read_run(folder / RUN)["status"]
                 assert not (folder / CHECKPOINT / JOURNAL).exists()  # it is whole
     assert lasting == "recording" or lasting == "saving"
-
-
-def test_an_observer_that_raises_ends_the_search_and_keeps_the_front(tmp_path):
-    def watch(progress):
-        if progress.stage == "generation" and progress.done == 5:
-            raise LookupError("no more")
-
-    with pytest.raises(InvalidInput, match="observe raised LookupError: no more") as failure:
-        pk.solve(Parabolas(), **SIZES, out=tmp_path / "run", observe=watch)
-    stored = pk.load_front(tmp_path / "run")
-    assert stored.provenance["counts"]["generations"] == 5
-    assert stored.provenance["status"] == "interrupted"
-    assert len(failure.value.partial) == len(stored)
-    assert failure.value.__notes__ == [f"the front found by then, of {len(stored)} points, is in {tmp_path / 'run'}"]
-    resumed = pk.resume(tmp_path / "run", Parabolas())
-    assert np.array_equal(resumed.objectives, pk.solve(Parabolas(), **SIZES).objectives)
 
 
 HOPELESS = {

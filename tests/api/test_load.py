@@ -32,11 +32,6 @@ def test_a_saved_run_comes_back_with_its_motions_whole(problem, run):
     assert loaded.select(pk.Weights(torque_norm=1.0)).id == front.select(pk.Weights(torque_norm=1.0)).id
 
 
-def test_a_run_that_names_no_problem_still_has_its_joint_positions(run):
-    folder, front = run
-    np.testing.assert_array_equal(load_front(folder).motions.q, front.motions.q)
-
-
 def test_another_problem_is_refused_by_its_fingerprint(run):
     with pytest.raises(InvalidInput, match=r"the run in .* solved, got one whose fingerprint is another"):
         load_front(run[0], tracking(velocity=6.5))
@@ -58,18 +53,11 @@ HOSTILE = {  # problems that runs name, by the names of the runs
     "current": "evil.py:problem",
     "python": "os:abort",
     "within": "runs/within/evil.py:problem",
-    "value": "runs/value/evil.py:value",
     "beside": "runs/evil.py:problem",
-    "above": "../evil.py:problem",
     "link": "papers/evil.py:problem",
-    "folder": "papers/evil:problem",
     "module": "evil_module:problem",
     "outside": "{outside}/evil.py:problem",
-    "easter": "antigravity:geohash",
     "list": ["os", "abort"],
-    "number": 3,
-    "empty": "",
-    "long": f"{'evil' * 2000}.py:problem",
     "nul": "evil\0.py:problem",
     "escape": "evil\x1b[2J.py:problem",
 }
@@ -187,13 +175,6 @@ def test_a_user_names_the_problem_by_its_text_or_as_an_object(project):
     assert pk.load_front(project, named.problem).motions.torque.shape == named.motions.torque.shape
 
 
-def test_a_problem_that_was_edited_since_is_refused(project):
-    file = Path("papers/users_motions.py")
-    file.write_text(file.read_text().replace("6.0", "6.5"))
-    with pytest.raises(InvalidInput, match="whose fingerprint is another"):
-        pk.load_front(project, "papers/users_motions.py:motions")
-
-
 def test_a_stranger_is_named_in_one_line_that_steers_no_terminal(strangers):
     with pytest.warns(RuntimeWarning) as warned:
         front = pk.load_front("runs/escape")
@@ -230,12 +211,3 @@ def test_on_a_terminal_the_user_is_asked_and_only_a_yes_runs_code(strangers, pro
     assert (code, mark.exists()) == (2, True)  # it makes no problem
     code, printed = on_a_terminal(["export", "runs/first", "--point", "0"], "y")
     assert code == 0, printed
-
-
-def test_a_run_of_another_scheme_says_that_another_version_made_it(run, problem, tmp_path):
-    front = pk.Front.load(run[0])
-    provenance = {**front.provenance, "fingerprint": "c0ffee" * 10}
-    pk.Front(**{**{name: getattr(front, name) for name in COLUMNS}, "provenance": provenance}).save(tmp_path / "old")
-    with pytest.raises(InvalidInput, match=r"a run of another version of paretoik.*whether it is of this problem"):
-        pk.load_front(tmp_path / "old", problem)
-    assert len(pk.load_front(tmp_path / "old")) == len(front)

@@ -118,16 +118,6 @@ def test_a_basin_that_high_barriers_leave_is_kept():
     assert planned.best.objective <= worse.objective * (1 + ROUNDING)
 
 
-def test_a_motion_that_no_solver_can_improve_on_is_still_the_best(monkeypatch):
-    from paretoik.pareto import scalarisation as warm_start
-
-    problem = drawn(0, samples=26)
-    best = pk.plan(problem, starts=4).best
-    monkeypatch.setattr(warm_start, "WARM_OPTIONS", warm_start.WarmStartOptions(barriers=()))
-    planned = pk.plan(problem, starts=1, seed=3, initial=best.motion)
-    assert planned.best.objective <= best.objective * (1 + ROUNDING)
-
-
 @pytest.mark.parametrize("joints", [3, pytest.param(0, marks=pytest.mark.slow)])
 def test_no_given_point_dominates_a_front_of_epsilon_constraints(joints):
     problem = drawn(2, joints=joints, objectives=[pk.kinetic_energy, pk.torque_norm], samples=26)

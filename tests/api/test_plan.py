@@ -30,18 +30,6 @@ def test_the_limit_that_fails_is_shown_before_the_last_start_fails(find):
     assert shown
 
 
-@pytest.mark.parametrize(
-    ("settings", "words"),
-    [
-        ({"starts": 0}, "starts must be an integer of at least 1, got 0"),
-        ({"seed": -1}, "seed must be an integer of at least 0, got -1"),
-    ],
-)
-def test_settings_that_make_no_sense_are_refused(settings, words):
-    with pytest.raises(pk.InvalidInput, match=words):
-        pk.plan(tracking(pk.kinetic_energy), **settings)
-
-
 def test_several_objectives_are_refused_by_name(problem):
     with pytest.raises(pk.InvalidInput, match="problem must have one objective, got 2: kinetic_energy, torque_norm"):
         pk.plan(problem)

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.api.refine import SearchImprover
-from paretoik.pareto import refine as improving
+from paretoik.pareto.refine import SearchImprover
 from problems import tringali_2020
 from tests.api.problems import tracking
 
@@ -36,20 +35,10 @@ def test_a_search_with_gradients_ends_with_certified_points(front):
     assert front.provenance["counts"]["iterations"] > 0
 
 
-def test_the_same_seed_gives_the_same_front(front):
-    assert np.array_equal(pk.solve(problem_of(), **SMALL).objectives, front.objectives)
-
-
-def test_iterations_take_no_more_than_their_share_of_the_evaluations(front):
-    counts = front.provenance["counts"]
-    one_round = 5 * 30
-    assert counts["iterations"] <= improving.IMPROVER_OPTIONS.share * counts["evaluations"] + one_round
-
-
 def test_suggested_genes_are_better_than_their_origins():
     problem = problem_of()
     search = pk.Search(problem, population=30, seed=1)
-    improver = SearchImprover(search)
+    improver = SearchImprover(search, problem)
     for _ in range(10):
         asked = search.ask()
         evaluation = problem.evaluate(asked.X, return_as_dictionary=True)
@@ -61,13 +50,6 @@ def test_suggested_genes_are_better_than_their_origins():
     after = problem.evaluate(genes, return_as_dictionary=True)
     fits = (after["G"] <= 1e-3).all(axis=1)
     assert np.all(after["F"][fits].min(axis=0) < before)
-
-
-def test_only_a_tracking_problem_is_refined():
-    from pymoo.problems import get_problem
-
-    with pytest.raises(pk.InvalidInput, match="refine: the problem must have gradients"):
-        pk.solve(get_problem("zdt1"), population=20, generations=2, refine=True)
 
 
 def tuned():
@@ -163,14 +145,6 @@ def test_the_solver_that_is_named_helps_the_search_and_refines(made, solver, mon
     assert front.provenance["settings"]["solver"] == solver
 
 
-def test_gradients_find_ends_that_a_search_alone_does_not():
-    settings = {"population": 30, "generations": 40, "seed": 1, "points": 6}
-    alone, helped = (pk.solve(walk(), **settings, refine=refine) for refine in (False, True))
-    assert (helped.minimised.min(axis=0) < 0.99 * alone.minimised.min(axis=0)).all()
-    assert helped.certificates.criticality.max() <= 1e-6
-    assert (helped.certificates.status == "minimum").all()
-
-
 def test_a_front_is_refined_with_its_own_problem_only():
     front = pk.solve(walk(), population=20, generations=4, seed=1, points=3)
     other = pk.PointToPoint(
@@ -178,18 +152,6 @@ def test_a_front_is_refined_with_its_own_problem_only():
     )
     with pytest.raises(pk.InvalidInput, match="problem must be the one that the front solves"):
         pk.refine(front, other)
-
-
-def test_failed_refinement_leaves_the_run_as_it_was_found(tmp_path):
-    def fail(progress):
-        if progress.stage == "refinement":
-            raise RuntimeError("somebody looked away")
-
-    with pytest.raises(pk.InvalidInput, match="observe raised RuntimeError: somebody looked away"):
-        pk.solve(walk(), **{**SMALL, "generations": 6}, out=tmp_path / "run", observe=fail)
-    stored_front = pk.load_front(tmp_path / "run", walk())
-    assert len(stored_front) > 1
-    assert stored_front.provenance["status"] == "interrupted"
 
 
 @pk.objective(unit="rad", form="peak")

@@ -11,7 +11,6 @@ import paretoik as pk
 from paretoik.api.solve import solve
 from paretoik.errors import InvalidInput, InvalidRun
 from paretoik.runs.files import REPORT, write_run
-from paretoik.runs.folder import claim_folder
 from problems import marcos_2012
 from tests.api.problems import QUICK, tracking
 from tests.closed_loop.postures import posture
@@ -80,13 +79,6 @@ def test_a_closed_loop_shows_its_steps(tmp_path):
     assert page.texts("h1") == ["A closed loop by joint_displacement and position_error"]
     for whole in (front, pk.load_front(tmp_path / "loop", loop)):
         assert read(pk.report(whole, tmp_path / "whole.html")).data["steps"] == page.data["steps"]
-
-
-def test_a_new_run_in_the_folder_takes_the_old_report_away(front, tmp_path):
-    replace(front, problem=None).save(tmp_path)
-    pk.report(tmp_path)
-    with claim_folder(tmp_path, overwrite=True):
-        assert not (tmp_path / REPORT).exists()
 
 
 @pytest.mark.usefixtures("unchecked")

@@ -15,8 +15,6 @@ import paretoik as pk
 from paretoik.api.load import load_front
 from paretoik.api.result_text import choice_text, entries, gap_text, result_text
 from paretoik.cli import main
-from paretoik.front.certificates import certificate_text
-from paretoik.runs.files import to_json
 from problems import tringali_2020
 
 MINE = """
@@ -73,41 +71,6 @@ def test_jumps_and_what_further_points_could_add_are_printed(front):
     for row, said in ((0, False), (1, True), (2, True), (3, False)):
         assert (between in jumping(1).choice(row, "").reason) == said
     assert gap_text(replace(front, certificates=None)) == ""
-
-
-def test_an_unknown_exchange_rate_is_not_printed(front):
-    unknown = np.full_like(front.certificates.exchange_intervals, np.nan)
-    silent = replace(front, certificates=replace(front.certificates, exchange_intervals=unknown))
-    assert "No exchange rate is certified here" not in front.choice(1, "").reason
-    assert "No exchange rate is certified here." in silent.choice(1, "").reason
-    assert silent.choice(1, "").rates == ()
-
-
-def test_why_points_are_undetermined_is_printed_and_what_is_unknown_is_no_number(front):
-    certificates = front.certificates
-    reasons = ["", "Clarabel: stuck", "criticality 1e-3: more", "criticality 2e-3: more", ""]
-    status = np.array(["undetermined" if reason else "minimum" for reason in reasons])
-    residual = np.where(np.arange(5) == 1, np.nan, certificates.criticality)
-    weights = np.where(np.arange(5)[:, None] == 1, np.nan, certificates.weights)
-    unclear = replace(certificates, status=status, reason=np.array(reasons), criticality=residual, weights=weights)
-    text = certificate_text(unclear)
-    assert "nan" not in text
-    assert text.splitlines()[1].startswith("values off those of the curves by at most")
-    assert text.splitlines()[2:] == [
-        "undetermined: 2 of 5, criticality: more",
-        "undetermined: 1 of 5, Clarabel: stuck",
-    ]
-    nothing = replace(certificates, criticality=np.full(5, np.nan))
-    assert "criticality unknown, limits violated by at most" in certificate_text(nothing)
-    unknown = np.full(5, np.nan)
-    for changed, words in (
-        ({"violation": unknown, "violation_between": unknown}, r", violation of limits unknown$"),
-        ({"violation_between": unknown}, r", limits violated by at most \S+ at the samples, .* between them unknown$"),
-        ({"violation": unknown}, r", violation of limits unknown at the samples, at most \S+ between them$"),
-    ):
-        assert re.search(words, certificate_text(replace(certificates, **changed)).splitlines()[0])
-    entry = to_json(entries(replace(front, certificates=unclear)))[1]["certificate"]
-    assert (entry["criticality"], entry["weights"], entry["reason"]) == (None, [None, None], "Clarabel: stuck")
 
 
 def test_every_entry_has_its_certificate_by_name(front):

@@ -15,7 +15,6 @@ from pymoo.algorithms.moo.nsga2 import NSGA2
 import paretoik as pk
 from paretoik.errors import InvalidInput, InvalidRun
 from paretoik.runs.files import CHECKPOINT, FORMER, JOURNAL, RUN
-from paretoik.runs.folder import lock_folder
 from paretoik.runs.journal import HEAD
 from tests.api.problems import tracking
 from tests.api.resumed_runs import PROBLEMS, Slow, run
@@ -128,18 +127,6 @@ def test_a_run_that_a_signal_stopped_has_its_result_and_resumes(copy):
     check_same_front(resumed, pk.solve(tracking(), population=12, generations=12, seed=2))
 
 
-def test_a_run_resumes_as_often_as_it_is_stopped(copy):
-    for last in (7, 9):
-
-        def interrupt(progress, last=last):
-            if progress.stage == "generation" and progress.done == last:
-                signal.raise_signal(signal.SIGTERM)
-
-        front = pk.resume(copy, tracking(), observe=interrupt)
-        assert (front.provenance["status"], front.provenance["counts"]["generations"]) == ("SIGTERM", last)
-    check_same_front(pk.resume(copy, tracking()), pk.solve(tracking(), population=12, generations=12, seed=2))
-
-
 CONTINUED = {
     "refined": {"refine": True, "points": 4},
     "islands": {"islands": 2, "stagnation": False},
@@ -178,17 +165,6 @@ def test_a_target_that_a_search_reached_does_not_end_it_again(tmp_path):
     assert (front.provenance["status"], front.provenance["counts"]["generations"]) == ("target", 1)
     continued = pk.resume(tmp_path / "run", Parabolas(), generations=3)
     assert (continued.provenance["status"], continued.provenance["counts"]["generations"]) == ("generations", 4)
-
-
-def test_only_a_finished_search_has_more_generations(copy, tmp_path):
-    pk.plan(tracking(pk.kinetic_energy), starts=4, out=tmp_path / "plan")
-    for folder in (copy, tmp_path / "plan"):
-        with pytest.raises(
-            InvalidInput, match="generations must be None except for a finished search of solve, got a run"
-        ):
-            pk.resume(folder, tracking(), generations=2)
-    with pytest.raises(InvalidInput, match="generations must be "):
-        pk.resume(copy, tracking(), generations=0)
 
 
 def test_another_problem_is_refused_and_the_run_stays(copy):
@@ -234,18 +210,6 @@ def test_genes_that_the_search_does_not_ask_for_again_are_refused(copy):
     with pytest.raises(InvalidRun, match="generation 1 must have the genes in the run's journal, got others"):
         pk.resume(copy, tracking())
     assert len(pk.load_front(copy, tracking())) > 0
-
-
-def test_a_second_writer_is_refused(copy):
-    with lock_folder(copy), pytest.raises(InvalidInput, match="must have no other writer"):
-        pk.resume(copy, tracking())
-
-
-def test_a_folder_that_is_no_run_is_refused_and_left_alone(tmp_path):
-    (tmp_path / "notes").write_text("mine")
-    with pytest.raises(InvalidRun, match="must be a plain file, got no such file"):
-        pk.resume(tmp_path)
-    assert [file.name for file in tmp_path.iterdir()] == ["notes"]
 
 
 def test_a_killed_run_that_was_to_replace_another_resumes_and_replaces_it(stopped, tmp_path):

@@ -11,7 +11,6 @@ import pytest
 import paretoik as pk
 from paretoik.runs.files import DRAWING, POLYGON, RECORDING, TOOL_PATH, TRACES
 from tests.api.problems import PATH, tracking
-from tests.api.test_nothing_given_is_lost import drawn
 from tests.capability.test_geodesic import Even
 from tests.runs.test_folder import holder
 
@@ -57,17 +56,6 @@ def test_a_front_that_a_killed_process_was_to_replace_is_named_and_can_be_opened
     with pytest.raises(pk.InvalidInput, match=f"of status 'running' without; the run that it was to .* {former}$"):
         pk.load_front(tmp_path)
     assert np.array_equal(pk.Front.load(former).objectives, front.objectives)
-
-
-def test_a_plan_that_cannot_begin_leaves_the_run_that_it_was_to_replace(tmp_path):
-    problem = tracking(pk.kinetic_energy)
-    plan = pk.plan(problem, starts=4, out=tmp_path)
-    before = {file.name: file.read_bytes() for file in tmp_path.iterdir() if file.is_file()}
-    strange = pk.plan(drawn(7), starts=4).best.motion
-    with pytest.raises(pk.InvalidInput, match="initial"):
-        pk.plan(problem, starts=4, initial=strange, out=tmp_path, overwrite=True)
-    assert {file.name: file.read_bytes() for file in tmp_path.iterdir() if file.is_file()} == before
-    assert pk.load_plan(tmp_path, problem).best.objective == plan.best.objective
 
 
 def test_an_epsilon_front_and_its_refinement_are_runs_with_recordings(problem, tmp_path):
@@ -138,9 +126,3 @@ def test_tool_paths_are_kept_and_verified_and_are_the_same_without_a_folder(tmp_
         find(SPEEDS[axes], *ends, **settings, out=tmp_path)
     again = find(SPEEDS[axes], *ends, **settings, out=tmp_path, overwrite=True)
     assert np.array_equal(again.times, path.times)
-
-
-def test_a_tool_path_that_cannot_be_computed_leaves_no_folder(tmp_path):
-    with pytest.raises(pk.InvalidInput, match="target"):
-        pk.capability.fastest_path(SPEEDS[2], [0.0, 0.0], [5.0, 0.0], out=tmp_path / "run")
-    assert not (tmp_path / "run").exists()

@@ -10,10 +10,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from paretoik.api.progress import RunProgress
-from paretoik.api.session import RunRequest, Subject, open_session
+from paretoik.api.session import RunRequest, open_session
 from paretoik.errors import Infeasible
 from paretoik.front.front import Front
+from paretoik.progress import RunProgress
 from paretoik.review.recording.recorder import Generation, SearchedFront
 from paretoik.runs.files import RECORDING, RUN
 from tests.search.problems import Constant
@@ -23,7 +23,7 @@ SCENE = SearchedFront(names=("a",), units=("",), maximised=(False,))
 
 def session(out, *, reference=None, **settings):
     arguments = {"verb": "solve", "settings": {"seed": 1}} | settings
-    return open_session(RunRequest(subject=Subject.of(Constant(1), reference), out=out, **arguments))
+    return open_session(RunRequest(problem=Constant(1), reference=reference, out=out, **arguments))
 
 
 def front(provenance, value: float = 1.0) -> Front:

@@ -78,12 +78,6 @@ def test_a_time_limit_ends_a_later_generation_and_keeps_the_front(tmp_path):
     assert len(pk.load_front(tmp_path / "run")) == len(front) > 0
 
 
-def test_calls_that_return_in_time_are_kept_past_the_limit():
-    problem, _ = sleeping_problem()
-    front = pk.solve(problem, population=8, time_limit=1e-9, observe=False)
-    assert (front.provenance["status"], front.provenance["counts"]["generations"]) == ("time limit", 1)
-
-
 FILE = """
 import time
 
@@ -110,13 +104,6 @@ def test_a_time_limit_ends_construction(tmp_path):
     (tmp_path / "sleeping_objective.py").write_text(FILE.format(module=""))
     with pytest.raises(SolverFailed, match=r"no problem was built within 1 s; objective slow took longer than that"):
         named_problem(f"{tmp_path / 'sleeping_objective.py'}:mine", time_limit=1)
-
-
-def test_an_evaluation_timeout_ends_construction(tmp_path):
-    (tmp_path / "sleeping_evaluation.py").write_text(FILE.format(module=""))
-    words = r"no problem was built: objective slow took longer than the evaluation timeout of 0\.1 s, 4 times"
-    with pytest.raises(EvaluationFailed, match=words):
-        named_problem(f"{tmp_path / 'sleeping_evaluation.py'}:mine", evaluation_timeout=0.1)
 
 
 def test_an_evaluation_timeout_fails_only_the_late_call():

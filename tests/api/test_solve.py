@@ -1,13 +1,10 @@
 from __future__ import annotations
 
 import json
-import os
-import signal
 
 import numpy as np
 import pytest
 from pymoo.core.problem import Problem
-from pymoo.problems.multi.zdt import ZDT1
 
 import paretoik as pk
 from paretoik.api.solve import solve
@@ -44,14 +41,6 @@ def test_the_same_seed_gives_the_same_bits_and_another_seed_another_front(proble
         assert getattr(again, name).tobytes() == getattr(front, name).tobytes()
     assert again.motions.q.tobytes() == front.motions.q.tobytes()
     assert not np.array_equal(solve(problem, **QUICK, seed=2).objectives, front.objectives)
-
-
-def test_a_plain_pymoo_problem_gets_a_front_without_motions_and_comes_near_the_optimum():
-    front = solve(ZDT1(n_var=5), population=40, generations=80, seed=0)
-    assert front.motions is None
-    assert front.names == ("f1", "f2")
-    f1, f2 = front.objectives.T
-    assert np.abs(f2 - (1 - np.sqrt(f1))).max() < 0.05
 
 
 def test_failures_are_counted_and_named_and_stay_out_of_the_front():
@@ -161,24 +150,6 @@ def test_a_front_has_no_more_points_than_asked_for_and_keeps_its_ends(problem, f
     assert len(few) == 3
     np.testing.assert_array_equal(few.objectives[[0, -1]], front.objectives[[0, -1]])
     assert set(few.ids) <= set(front.ids)
-
-
-def test_a_signal_ends_the_run_in_order_and_the_handlers_are_put_back(problem):
-    before = signal.getsignal(signal.SIGTERM)
-
-    def stop(progress):
-        if progress.done == 2:
-            os.kill(os.getpid(), signal.SIGTERM)
-
-    front = solve(problem, **QUICK, observe=stop)
-    assert front.provenance["status"] == "SIGTERM"
-    assert front.provenance["counts"]["generations"] == 2
-    assert signal.getsignal(signal.SIGTERM) is before
-
-
-def test_steps_are_recorded_of_closed_loops_alone():
-    with pytest.raises(pk.InvalidInput, match="record_steps must come with a ClosedLoop, whose steps are sea"):
-        pk.solve(tracking(), record_steps=[1])
 
 
 def test_recording_changes_no_bit_of_the_front_and_its_last_front_is_the_one_that_is_returned(problem, tmp_path):

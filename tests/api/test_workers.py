@@ -7,7 +7,6 @@ import os
 import signal
 import subprocess
 import sys
-import threading
 import time
 from contextlib import closing
 from pathlib import Path
@@ -17,7 +16,6 @@ import pytest
 
 import paretoik as pk
 from paretoik.errors import InvalidInput
-from paretoik.runs.cluster import Cluster
 from paretoik.runs.distribution import distributing
 from paretoik.runs.executor import open_executor
 from paretoik.runs.files import CHECKPOINT, JOURNAL, RUN
@@ -89,37 +87,6 @@ def test_a_cluster_gives_the_same_result_bit_for_bit(verb, cluster, tmp_path):
     (make,) = distributed.provenance["computed"]["by"][0]["machines"]
     assert (make["processor"], make["machines"]) == (" ".join(processor()), 1)
     assert make["workers"] in (1, 2)
-
-
-@pytest.mark.filterwarnings("ignore:(workers. they do not pay|cluster. no worker at)")
-def test_a_row_that_takes_too_long_on_a_cluster_has_failed_and_no_worker_ends(cluster):
-    front = pk.solve(Hanging(), population=10, generations=2, seed=1, evaluation_timeout=0.3, cluster=cluster.address)
-    assert front.provenance["counts"]["first_cause"] == "it took more than 0.3 s"
-    assert front.provenance["counts"]["failed"] == 1
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore:(workers. they do not pay|cluster. no worker at)")
-def test_a_search_whose_workers_are_killed_gives_the_same_front(cluster, tmp_path):
-    alone = pk.solve(Slow(tmp_path / "alone"), population=24, generations=3, seed=2)
-    with closing(Cluster(cluster.address)) as remote, distributing(remote):
-        before = set(remote.client.run(os.getpid).values())
-        killer = threading.Timer(2.0, lambda: remote.client.run(os._exit, 1, on_error="ignore"))
-        killer.start()
-        distributed = pk.solve(Slow(tmp_path / "distributed", seconds=0.3), population=24, generations=3, seed=2)
-        killer.join()
-        assert before.isdisjoint(remote.client.run(os.getpid).values())
-    assert np.array_equal(distributed.objectives, alone.objectives)
-
-
-@pytest.mark.filterwarnings("ignore:workers. they do not pay")
-def test_a_search_of_a_problem_that_looks_at_one_row_at_a_time_is_the_same_in_workers(executor, tmp_path):
-    alone = pk.solve(Slow(tmp_path / "alone"), population=12, generations=2, seed=2)
-    with distributing(executor):
-        distributed = pk.solve(Slow(tmp_path / "distributed"), population=12, generations=2, seed=2)
-    for name in ("ids", "objectives", "genes"):
-        assert np.array_equal(getattr(distributed, name), getattr(alone, name)), name
-    assert (tmp_path / "distributed").read_text() == (tmp_path / "alone").read_text()  # as many evaluations
 
 
 @pytest.mark.filterwarnings("ignore:workers. they do not pay")
@@ -201,12 +168,6 @@ def test_invalid_workers_addresses_and_times_are_refused(arguments, words, tmp_p
     with pytest.raises(InvalidInput, match=words):
         pk.solve(tracking(), **QUICK, **arguments, out=tmp_path / "run")
     assert not (tmp_path / "run").exists()
-
-
-@pytest.mark.parametrize("name", ["workers", "islands"])
-def test_a_closed_loop_is_followed_without_workers_and_islands(name):
-    with pytest.raises(InvalidInput, match=f"{name} must be used with a search for a front, got a closed loop"):
-        pk.solve(PROBLEMS["loop"](), **{name: 2})
 
 
 def test_a_warning_says_that_workers_do_not_pay_for_quick_evaluations(monkeypatch, tmp_path):

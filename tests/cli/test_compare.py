@@ -17,14 +17,6 @@ def test_compare_prints_tables_draws_and_keeps_the_merged_front(paretoik, finish
     assert paretoik(*words, "--overwrite").code == 0
 
 
-def test_the_merged_front_replaces_none_of_those_that_are_compared(paretoik, finished):
-    before = {file.name: file.read_bytes() for file in finished.iterdir() if file.is_file()}
-    ended = paretoik("compare", finished, finished, "--merge", finished, "--overwrite")
-    assert (ended.code, ended.out) == (2, "")
-    assert "merge must be another folder than that of the run that it comes from" in ended.err
-    assert {file.name: file.read_bytes() for file in finished.iterdir() if file.is_file()} == before
-
-
 def test_a_picture_replaces_a_picture_and_nothing_else_unless_told(paretoik, finished, tmp_path):
     picture = tmp_path / "fronts.png"
     picture.write_text("mine")
@@ -48,8 +40,3 @@ def test_compare_as_json_holds_the_numbers(paretoik, finished):
     front = pk.Front.load(finished)
     assert sorted(said["attainment"]["all"]["median"]) == sorted(front.objectives.tolist())
     assert list(said["attainment"]["labels"]) == [finished.name]  # one label, as of two runs of one method
-
-
-def test_compare_as_json_says_where_the_merged_front_is(paretoik, finished, tmp_path):
-    said = strict(paretoik("compare", finished, finished, "--merge", tmp_path / "m", "--json").out)["merged"]
-    assert said == {"out": str(tmp_path / "m"), "points": len(pk.Front.load(finished)), "left_out": []}

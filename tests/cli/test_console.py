@@ -2,24 +2,16 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
-import pty
-import re
 import shlex
 import shutil
-import struct
 import subprocess
 import sys
-import termios
-from collections.abc import Iterator
-from dataclasses import dataclass
-from pathlib import Path
 
 import pytest
 
 from paretoik.cli.console import exit_code, process_output
-from tests.cli.commands import MINE, PANDA, ROOT, strict
+from tests.cli.commands import PANDA, ROOT, strict
 
 
 @pytest.mark.parametrize(
@@ -74,36 +66,24 @@ def test_names_of_folders_and_files_steer_no_terminal(paretoik, finished, tmp_pa
         assert all(line.isprintable() for line in (ended.out + ended.err).splitlines()), words
 
 
-# Every verb on every kind of stdout, stderr and terminal: it has its result, and Python prints nothing of its own.
+# Commands on every kind of stdout and stderr: each has its result, and Python prints nothing of its own.
 
 
-FULL, NOWHERE = "/dev/full", "/dev/null"
-SMALL = "--population 8 --generations 3 --seed 1"
-CODES = {  # by verb; 0 for other verbs
+FULL = "/dev/full"
+CODES = {  # by command; 0 for others
     "show": 2,  # there is no screen
-    "slow solve": 5,
+    "solve": 5,
 }
-VERBS = {
+COMMANDS = {
+    "solve": "solve MINE:good --out NEW --population 8 --generations 100000 --time-limit 1",
     "list": "list MINE",
-    "solve": f"solve MINE:good --out NEW {SMALL}",
-    "slow solve": "solve MINE:good --out NEW --population 8 --generations 100000 --time-limit 1",
-    "plan": "plan MINE:single --out NEW --starts 4",
-    "front": "front MINE:good --out NEW --points 3 --starts 4",
-    "refine": "refine RUN --out NEW --problem MINE:good",
-    "resume": "resume STOPPED --time-limit 60 --problem MINE:good",
     "select": "select RUN --knee --problem MINE:good",
-    "navigate": "navigate CERTIFIED --point POINT --improve kinetic_energy --out NEW --problem MINE:good",
     "show": "show RUN --problem MINE:good",
-    "export": "export RUN --point 0 --out NEW.csv --problem MINE:good",
     "report": "report RUN --out NEW.html --problem MINE:good",
-    "compare": "compare RUN CERTIFIED",
     "verify": "verify RUN --problem MINE:good",
     "check-robot": f"check-robot {shlex.quote(PANDA)}",
-    "help": "--help",
-    "help of a verb": "solve --help",
+    "help": "solve --help",
 }
-KEEPING = ("solve", "slow solve", "plan", "front", "refine", "navigate", "export", "report")
-QUICK = ("select",)
 ENVIRONMENTS = {
     "ASCII": {"PYTHONIOENCODING": "ascii"},
     "C": {"LC_ALL": "C", "LANG": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"},
@@ -115,89 +95,43 @@ REDIRECTIONS = {
     "all closed": "<&- >&- 2>&-",
 }
 """How a shell may start a command, and all there is to say need not be said."""
-SINGLE = """
-def single() -> Tracking:
-    return tracking(kinetic_energy)
-"""
+EVERY = [pytest.param(name, marks=() if name == "select" else pytest.mark.slow) for name in COMMANDS]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Place:
-    """A user's folder: a problem file, and runs in it."""
-
-    folder: Path
-    point: str
-
-    def command(self, verb: str, new: Path) -> str:
-        """Return a verb as a line for a shell, which writes ``new``."""
-        words = VERBS[verb].replace("NEW", str(new)).replace("MINE", "users.py").replace("POINT", self.point)
-        if "STOPPED" in words:
-            shutil.copytree(self.folder / "stopped", new)
-            words = words.replace("STOPPED", str(new))
-        words = words.replace("CERTIFIED", "certified").replace("RUN", "run")
-        return f"{shlex.quote(sys.executable)} -m paretoik {words}"
-
-
-@pytest.fixture(scope="module")
-def place(tmp_path_factory) -> Place:
-    folder = tmp_path_factory.mktemp("output")
-    (folder / "users.py").write_text(MINE + SINGLE)
-    for words in (
-        f"solve users.py:good --out run {SMALL}",
-        "front users.py:good --out certified --points 3 --starts 4",
-    ):
-        assert ended(f"{shlex.quote(sys.executable)} -m paretoik {words}", folder).returncode == 0
-    stopped = "solve users.py:good --out stopped --population 60 --generations 200 --time-limit 0.05"
-    assert ended(f"{shlex.quote(sys.executable)} -m paretoik {stopped}", folder).returncode == 5
-    point = ended(
-        f"{shlex.quote(sys.executable)} -m paretoik select certified --compromise --problem users.py:good", folder
-    ).stdout.split()[1]
-    return Place(folder=folder, point=point)
-
-
-def ended(line: str, folder: Path, **environment: str) -> subprocess.CompletedProcess[str]:
-    """Return how a line of a shell ended."""
-    return subprocess.run(
-        ["bash", "-c", line],
-        cwd=folder,
-        env=surroundings(**environment),
-        capture_output=True,
-        text=True,
-        check=False,
-        stdin=subprocess.DEVNULL,
-    )
-
-
-def surroundings(**environment: str) -> dict[str, str]:
+@pytest.fixture
+def start(mine, finished, tmp_path):
+    """Return a function that starts a command in a shell, and tells how it ended."""
+    run = shutil.copytree(finished, tmp_path / "run")
     without = ("DISPLAY", "WAYLAND_DISPLAY", "COLUMNS", "PYTHONIOENCODING")
     plain = {name: value for name, value in os.environ.items() if name not in without}
-    return plain | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1", **environment}
 
+    def start(name: str, redirection: str = "", **environment: str) -> subprocess.CompletedProcess[str]:
+        words = COMMANDS[name].replace("NEW", str(tmp_path / "new")).replace("MINE", mine).replace("RUN", str(run))
+        ended = subprocess.run(
+            ["bash", "-c", f"{shlex.quote(sys.executable)} -m paretoik {words} {redirection}"],
+            env=plain | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1", **environment},
+            capture_output=True,
+            text=True,
+            check=False,
+            stdin=subprocess.DEVNULL,
+        )
+        assert "Traceback" not in ended.stderr
+        assert name != "solve" or (tmp_path / "new" / "motions.npz").is_file()
+        assert name != "report" or (tmp_path / "new.html").stat().st_size > 0
+        return ended
 
-def verbs(*, slow: tuple[str, ...] = tuple(set(VERBS) - set(QUICK))) -> list[object]:
-    """Return all verbs; ``-m slow`` is required for the long ones."""
-    return [pytest.param(verb, marks=pytest.mark.slow if verb in slow else ()) for verb in VERBS]
-
-
-def check_kept(verb: str, new: Path) -> None:
-    """Compare the result of a verb with the files that it keeps."""
-    if verb in ("export", "report"):
-        assert new.with_suffix(".csv" if verb == "export" else ".html").stat().st_size > 0
-    elif verb in KEEPING:
-        assert (new / "motions.npz").is_file()
+    return start
 
 
 @pytest.mark.parametrize("environment", ENVIRONMENTS)
-@pytest.mark.parametrize("verb", verbs())
-def test_a_terminal_of_ascii_letters_is_written_to_in_ascii(place, tmp_path, verb, environment):
-    ran = ended(place.command(verb, tmp_path / "new"), place.folder, **ENVIRONMENTS[environment])
-    assert "Traceback" not in ran.stderr
-    assert ran.returncode == CODES.get(verb, 0)
-    assert ran.stdout.isascii()
-    assert ran.stderr.isascii()
-    assert ran.stdout or verb == "show"
-    assert "?" not in ran.stdout.replace("<?", "")
-    check_kept(verb, tmp_path / "new")
+@pytest.mark.parametrize("name", EVERY)
+def test_a_terminal_of_ascii_letters_is_written_to_in_ascii(start, name, environment):
+    ended = start(name, **ENVIRONMENTS[environment])
+    assert ended.returncode == CODES.get(name, 0)
+    assert ended.stdout.isascii()
+    assert ended.stderr.isascii()
+    assert ended.stdout or name == "show"
+    assert "?" not in ended.stdout.replace("<?", "")
 
 
 def test_letters_of_messages_have_plain_ones():
@@ -206,74 +140,25 @@ def test_letters_of_messages_have_plain_ones():
     assert written == b"2 levels of eps, chi2 <= pi, N2m2s >= -1, 3 deg"
 
 
-@pytest.mark.parametrize("verb", verbs())
-def test_a_full_stdout_is_said_in_a_line_and_the_result_kept(place, tmp_path, verb):
-    ran = ended(f"{place.command(verb, tmp_path / 'new')} > {FULL}", place.folder)
-    assert "Traceback" not in ran.stderr
-    assert ran.returncode == 2
-    if verb != "show":
-        line = ran.stderr.splitlines()[-1]
+@pytest.mark.parametrize("name", EVERY)
+def test_a_full_stdout_is_said_in_a_line_and_the_result_kept(start, name):
+    ended = start(name, f"> {FULL}")
+    assert ended.returncode == 2
+    if name != "show":
+        line = ended.stderr.splitlines()[-1]
         assert line == "error: stdout must take the whole output, got No space left on device"
-    check_kept(verb, tmp_path / "new")
 
 
 @pytest.mark.parametrize("redirection", REDIRECTIONS)
-@pytest.mark.parametrize("verb", verbs())
-def test_streams_that_are_closed_or_full_change_no_exit_code(place, tmp_path, verb, redirection):
-    ran = ended(f"{place.command(verb, tmp_path / 'new')} {REDIRECTIONS[redirection]}", place.folder)
-    assert ran.returncode == CODES.get(verb, 0)
-    assert "Traceback" not in ran.stderr
-    assert bool(ran.stdout) == (verb != "show" and "stderr" in redirection)
-    check_kept(verb, tmp_path / "new")
+@pytest.mark.parametrize("name", EVERY)
+def test_streams_that_are_closed_or_full_change_no_exit_code(start, name, redirection):
+    ended = start(name, REDIRECTIONS[redirection])
+    assert ended.returncode == CODES.get(name, 0)
+    assert bool(ended.stdout) == (name != "show" and "stderr" in redirection)
 
 
-@pytest.mark.parametrize("verb", verbs())
-def test_a_reader_who_goes_changes_no_exit_code(place, tmp_path, verb):
-    line = f"{place.command(verb, tmp_path / 'new')} | true; exit ${{PIPESTATUS[0]}}"
-    ran = ended(line, place.folder)
-    assert ran.returncode == CODES.get(verb, 0)
-    assert "Traceback" not in ran.stderr
-    assert "Broken pipe" not in ran.stderr
-    check_kept(verb, tmp_path / "new")
-
-
-def written_to_terminal(line: str, folder: Path, columns: int, **environment: str) -> tuple[int, str]:
-    """Return how a line of a shell ended on a terminal of ``columns`` columns, and its output."""
-    ours, theirs = pty.openpty()
-    fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 24, columns, 0, 0))
-    with os.fdopen(theirs, "rb") as terminal:
-        command = subprocess.Popen(
-            ["bash", "-c", line],
-            cwd=folder,
-            env=surroundings(**environment),
-            stdin=terminal,
-            stdout=terminal,
-            stderr=terminal,
-        )
-    written = b"".join(pieces(ours))
-    os.close(ours)
-    return command.wait(), written.decode(errors="replace")
-
-
-def pieces(descriptor: int) -> Iterator[bytes]:
-    while True:
-        try:
-            piece = os.read(descriptor, 65536)
-        except OSError:  # this is how a terminal ends
-            return
-        if not piece:
-            return
-        yield piece
-
-
-@pytest.mark.parametrize("columns", [0, 1, 12])
-@pytest.mark.parametrize("terminal", ["xterm", "dumb"])
-@pytest.mark.parametrize("verb", verbs())
-def test_a_narrow_terminal_gets_all_words_of_a_result(place, tmp_path, verb, columns, terminal):
-    code, written = written_to_terminal(place.command(verb, tmp_path / "new"), place.folder, columns, TERM=terminal)
-    assert code == CODES.get(verb, 0)
-    assert "Traceback" not in written
-    if verb in ("solve", "front", "refine"):
-        commands = [line for line in re.split(r"[\r\n]+", written) if line.startswith(("choose:", "replay:"))]
-        assert [str(tmp_path / "new") in each for each in commands] == [True, True]
-    check_kept(verb, tmp_path / "new")
+@pytest.mark.parametrize("name", EVERY)
+def test_a_reader_who_goes_changes_no_exit_code(start, name):
+    ended = start(name, "| true; exit ${PIPESTATUS[0]}")
+    assert ended.returncode == CODES.get(name, 0)
+    assert "Broken pipe" not in ended.stderr

@@ -64,15 +64,6 @@ def test_a_point_is_written_into_its_run_by_default(paretoik, finished, tmp_path
     assert load_front(run).ids.tolist() == front.ids.tolist()  # the run is as it was
 
 
-def test_without_a_rate_the_motions_own_samples_are_written(paretoik, finished, tmp_path):
-    front = load_front(finished)
-    words = "export", finished, "--point", front.ids[0], "--format", "csv", "--out", tmp_path / "a.csv"
-    assert paretoik(*words).code == 0
-    _, values = rows(tmp_path / "a.csv")
-    np.testing.assert_allclose(values[:, 0], front.motions[0].time, atol=1e-9)
-    np.testing.assert_allclose(values[:, 1:4], front.motions[0].at(values[:, 0]), atol=1e-12)
-
-
 def test_the_present_choice_is_written_if_no_point_is_named(paretoik, finished, tmp_path):
     run = shutil.copytree(finished, tmp_path / "run")
     chosen = load_front(run).select("compromise")
@@ -152,15 +143,6 @@ def test_ones_own_controller_is_named_by_its_file(paretoik, finished, tmp_path):
     assert "controller bench" in ended.err
     ended = paretoik(*words, f"{tmp_path / 'own_bench.py'}:BENHC")
     assert "got 'BENHC'; did you mean 'BENCH'" in ended.err
-
-
-def test_at_a_lower_rate_the_text_says_what_was_looked_at(paretoik, panda_run, tmp_path):
-    run, point = panda_run
-    words = "export", run, "--point", point, "--controller", "panda", "--ramp", "0.5", "--slow-down"
-    ended = paretoik(*words, "--rate", "20", "--out", tmp_path / "a.csv")
-    assert ended.code == 0
-    assert "at the controller's 1000 Hz; how it interpolates between these samples at 20 Hz is not checked" in ended.out
-    assert "checked" not in paretoik(*words, "--out", tmp_path / "b.csv").out
 
 
 def test_a_factor_that_is_advised_is_enough_and_slow_down_takes_no_more(paretoik, panda_run, tmp_path):

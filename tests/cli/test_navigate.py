@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.errors import InvalidInput
 from paretoik.loading import load_problem
 from paretoik.review.drawing.choice_layer import ROOTS
-from paretoik.runs.files import CHOICES, RECORDING
-from paretoik.runs.folder import LOCK
+from paretoik.runs.files import RECORDING
 from tests.cli.commands import load_front, strict
 from tests.review.reading import blank_views, read, views
 
@@ -73,15 +71,6 @@ def test_a_wrong_wish_is_one_line_and_changes_nothing(paretoik, run):
     assert (run / "run.json").read_bytes() == before
 
 
-def test_a_wrong_wish_leaves_the_run_that_the_new_front_was_to_replace(paretoik, run, tmp_path):
-    other = shutil.copytree(run, tmp_path / "other")
-    (other / CHOICES).write_text("choices")
-    before = {file.name: file.read_bytes() for file in other.iterdir() if file.is_file()}
-    words = ("navigate", run, "--point", middle(run), "--improve", "torque", "--out", other, "--overwrite")
-    assert paretoik(*words).code == 2
-    assert {file.name: file.read_bytes() for file in other.iterdir() if file.is_file() and file.name != LOCK} == before
-
-
 def test_the_run_itself_is_no_other_folder(paretoik, run):
     before, start = (run / "run.json").read_bytes(), middle(run)
     words = ("--point", start, "--improve", "kinetic_energy", "--out", run / ".." / "run", "--overwrite")
@@ -101,24 +90,6 @@ def test_without_a_point_it_moves_from_the_present_choice_and_says_which(paretoi
     assert ended.out.startswith(f"from the present choice, point {second}:\n")
     assert f"From point {second} to " in ended.out
     assert load_front(run).choices.chosen.point == second
-
-
-def test_without_a_point_and_a_choice_it_says_what_to_do(paretoik, run):
-    ended = paretoik("navigate", run, "--improve", "kinetic_energy")
-    assert ended.code == 2
-    assert "must be the id of a point unless a choice is kept (paretoik select RUN" in ended.err
-
-
-def test_in_python_moves_begin_at_the_present_choice_too(run):
-    front = load_front(run)
-    with pytest.raises(InvalidInput, match="navigate: must be the id of a point unless a choice is kept"):
-        front.navigate(improve="kinetic_energy")
-    choice = front.select(middle(run))
-    by_default, by_name = (front.navigate(*point, improve="kinetic_energy") for point in ((), (choice,)))
-    assert np.array_equal(by_default.navigated.objectives, by_name.navigated.objectives)
-    predictions = [front.predict(*point, improve="kinetic_energy") for point in ((), (choice,))]
-    assert np.array_equal(*(each.objectives for each in predictions))
-    assert np.array_equal(*(front.refine_around(*point, points=1).ids for point in ((), (choice,))))
 
 
 def test_a_run_without_certificates_says_what_it_needs(paretoik, finished):
@@ -164,15 +135,6 @@ def test_the_recording_shows_only_the_new_point_if_nothing_was_chosen(paretoik, 
     assert f"Point {front.navigated.id}" in words
     assert search_entities(run / RECORDING) == search_entities(recorded / RECORDING)
     assert blank_views(run / RECORDING, {"motion": (0,)}) == []
-
-
-def test_the_recording_shows_the_new_point_next_to_the_present_choice(paretoik, recorded, tmp_path):
-    run = shutil.copytree(recorded, tmp_path / "run")
-    start = load_front(run).select(middle(run)).id
-    assert paretoik("navigate", run, "--improve", "kinetic_energy").code == 0
-    new, words = load_front(run).navigated.id, str(read(run / RECORDING))
-    assert f"Point {start}" in words
-    assert f"Point {new}" in words
 
 
 def test_another_folder_has_a_recording_of_its_own_and_the_run_keeps_its_own(paretoik, recorded, tmp_path):

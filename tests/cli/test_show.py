@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from paretoik.cli.show import show
+from paretoik.cli.results import show
 from paretoik.errors import InvalidInput
 from paretoik.runs.files import DRAWING, RECORDING, write_run
 

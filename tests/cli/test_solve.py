@@ -104,12 +104,6 @@ def test_an_objective_that_sleeps_is_ended_by_name_within_its_time(paretoik, min
     assert ended.err.count("\n") == 1
 
 
-def test_a_finished_run_names_no_command_to_resume_it(paretoik, mine, tmp_path):
-    words = "solve", f"{mine}:good", "--out", tmp_path / "run", *SMALL, "--quiet"
-    assert "resume" not in paretoik(*words).out
-    assert strict(paretoik(*words, "--overwrite", "--json").out)["resume"] is None
-
-
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_an_interrupted_run_keeps_its_result(paretoik, mine, tmp_path, number, code):
     process = started(mine, tmp_path / "run")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import pytest
 
 from paretoik.compilation_notices import begin_compilation, end_compilation
-from tests.cli.commands import strict
 
 
 def kinds():
@@ -16,17 +15,11 @@ def kinds():
 
 @pytest.mark.parametrize("quiet", [False, True])
 def test_every_compiled_function_is_a_line_with_its_seconds(paretoik, monkeypatch, quiet):
-    monkeypatch.setattr("paretoik.cli.warmup._solved_kinds", kinds)
+    monkeypatch.setattr("paretoik.cli.inspect.solved_kinds", kinds)
     ended = paretoik("warmup", *(["--quiet"] if quiet else []))
     assert ended.code == 0
     assert ended.out.startswith("1 functions compiled in 0 s")
     assert ended.err.splitlines() == ([] if quiet else ["nlp.kernel.step: 0.0 s", "Tracking is ready"])
-
-
-def test_the_functions_are_in_the_json(paretoik, monkeypatch):
-    monkeypatch.setattr("paretoik.cli.warmup._solved_kinds", kinds)
-    result = strict(paretoik("warmup", "--json").out)
-    assert [each["name"] for each in result["compiled"]] == ["paretoik.nlp.kernel.step"]
 
 
 @pytest.mark.slow

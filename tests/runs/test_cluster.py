@@ -12,8 +12,7 @@ from dataclasses import replace
 import pytest
 
 from paretoik.errors import InvalidInput, SolverFailed
-from paretoik.runs.cluster import Cluster
-from paretoik.runs.cluster_scheduler import OPTIONS
+from paretoik.runs.cluster import OPTIONS, Cluster
 from paretoik.runs.distribution import Done, Lost, Raised
 from paretoik.runs.machine import processor
 from studies.benchmarks.scaling.local_cluster import local_cluster

@@ -7,8 +7,6 @@ import json
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
 
 from paretoik.errors import InvalidInput, InvalidRun
@@ -22,7 +20,6 @@ from paretoik.runs.files import (
     is_run,
     read_arrays,
     read_run,
-    read_table,
     to_json,
     write_run,
 )
@@ -83,22 +80,6 @@ def test_a_page_may_be_written_anew_and_other_files_where_told(tmp_path):
             check_target("report", file, mark=mark)
     with pytest.raises(InvalidInput, match="must not be one of the run's own files"):
         check_target("report", tmp_path / RUN, mark=PAGE_MARK, overwrite=True)
-
-
-@pytest.mark.parametrize("dtype", [float, np.int64, "U7"])
-def test_arrays_come_back_as_they_were(dtype):
-    arrays = {"a": np.zeros((3, 0), dtype), "b": np.ones((2, 3), dtype)}
-    sink = io.BytesIO()
-    np.savez(sink, **arrays)
-    read = read_arrays(sink.getvalue())
-    assert read.keys() == arrays.keys()
-    assert all(np.array_equal(read[name], arrays[name]) and read[name].dtype == arrays[name].dtype for name in arrays)
-
-
-def test_a_table_comes_back_as_it_was():
-    sink = io.BytesIO()
-    pq.write_table(pa.table({"id": [1, 2]}), sink)
-    assert read_table(sink.getvalue())["id"].to_pylist() == [1, 2]
 
 
 def test_nothing_in_an_archive_is_unpickled():

@@ -48,12 +48,6 @@ def holder(folder: Path, entries: dict | None = None) -> subprocess.Popen[str]:
     return process
 
 
-def test_a_new_folder_is_made_with_its_parents(tmp_path):
-    with claim_folder(tmp_path / "runs" / "first") as folder:
-        write_run(folder, {"status": "running"})
-    assert json.loads((tmp_path / "runs" / "first" / RUN).read_text())["status"] == "running"
-
-
 def test_a_second_writer_is_refused_by_name_until_the_first_ends(tmp_path):
     refused = pytest.raises(InvalidInput, match=f"no other writer, got process {os.getpid()} at work")
     with claim_folder(tmp_path) as folder, refused, claim_folder(folder):
@@ -140,14 +134,6 @@ def test_a_new_run_that_has_a_result_stays_however_it_ends(tmp_path):
     assert sorted(contents(tmp_path)) == ["notes.txt", RECORDING, RUN]
 
 
-def test_a_run_without_a_result_is_replaced_by_the_reason_of_the_next_failure(tmp_path):
-    write_run(tmp_path, {"status": "running"})
-    with suppress(InvalidInput), claim_folder(tmp_path, overwrite=True):
-        write_run(tmp_path, {"status": "InvalidInput"})
-        raise InvalidInput("seed must be an integer")
-    assert json.loads((tmp_path / RUN).read_text())["status"] == "InvalidInput"
-
-
 def test_a_killed_process_leaves_the_run_that_it_was_to_replace(tmp_path):
     before = finished_run(tmp_path)
     process = holder(tmp_path)
@@ -209,13 +195,6 @@ def test_what_a_killed_writer_left_half_written_does_not_bar_the_folder(tmp_path
         assert [file.name for file in folder.iterdir()] == [LOCK]
 
 
-def test_a_file_where_the_folder_should_be_is_refused(tmp_path):
-    (tmp_path / "taken").touch()
-    for folder in (tmp_path / "taken", tmp_path / "taken" / "run"):
-        with pytest.raises(InvalidInput, match="must be a folder to write a run into"), claim_folder(folder):
-            pass
-
-
 # Disk space for a result: held before any computation, there when the disk is full, refused if there is too little.
 
 
@@ -242,15 +221,6 @@ def test_a_disk_without_room_is_refused_and_nothing_stays_on_it(tmp_path, monkey
     words = r"must have 8 MB of free disk for the result, got [\d.e+]+ MB"
     with pytest.raises(InvalidInput, match=words):
         ReservedSpace(tmp_path / "checkpoint" / "reserve")
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_where_files_may_not_be_as_large_nothing_is_held(tmp_path, monkeypatch):
-    def fail(*_):
-        raise OSError(errno.EFBIG, "File too large")
-
-    monkeypatch.setattr(Path, "write_bytes", fail)
-    ReservedSpace(tmp_path / "reserve")
     assert list(tmp_path.iterdir()) == []
 
 

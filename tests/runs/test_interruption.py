@@ -9,17 +9,13 @@ import time
 from dataclasses import dataclass
 
 import numba
-import numpy as np
 import pytest
 
-import paretoik as pk
 from paretoik import compilation_notices
-from paretoik.api.certified_front import LaterTime
 from paretoik.compilation_notices import begin_compilation, computing_clock, end_compilation
 from paretoik.errors import InvalidInput
-from paretoik.runs.interruption import OPTIONS, interruptible, reserve_time, time_left, time_limit
+from paretoik.runs.interruption import interruptible, reserve_time, time_limit
 from paretoik.stop_flag import STOP, Interrupted, check_interruption
-from tests.api.problems import tracking
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -66,20 +62,6 @@ def test_what_runs_meanwhile_learns_of_the_signal_until_the_end():
         with pytest.raises(Interrupted):
             check_interruption()
     check_interruption()
-
-
-def test_another_thread_catches_nothing():
-    handlers = []
-
-    def work():
-        with interruptible() as interruption:
-            handlers.append((signal.getsignal(signal.SIGINT), interruption.signal))
-
-    before = signal.getsignal(signal.SIGINT)
-    thread = threading.Thread(target=work)
-    thread.start()
-    thread.join()
-    assert handlers == [(before, None)]
 
 
 def test_a_signal_sets_the_flag_while_the_main_thread_runs_no_python():
@@ -177,39 +159,11 @@ def test_within_the_limit_nothing_happens_then_or_later(clock):
     check_interruption()
 
 
-def test_without_a_limit_there_is_no_thread_more():
-    before = threading.active_count()
-    with time_limit(None) as limit:
-        assert threading.active_count() == before
-    assert not limit.reached
-
-
 def test_of_a_limit_time_can_be_reserved_for_what_follows():
     with time_limit(20.0) as limit:
         with reserve_time(0.999, 60.0), pytest.raises(Interrupted):
             wait_for_interruption()
         assert limit.reached
-        check_interruption()
-
-
-def test_no_more_time_is_reserved_than_the_longest():
-    with time_limit(60.0) as limit, reserve_time(0.999, 0.5):
-        time.sleep(0.2)
-        check_interruption()
-    assert not limit.reached
-
-
-def test_a_limit_that_is_reached_leaves_no_time_to_reserve():
-    with time_limit(0.05):
-        with reserve_time(0.0, 0.0):
-            time.sleep(0.1)
-        with pytest.raises(Interrupted):
-            wait_for_interruption()
-
-
-def test_without_a_limit_no_time_is_reserved():
-    with reserve_time(0.999, 60.0):
-        time.sleep(0.05)
         check_interruption()
 
 
@@ -258,21 +212,6 @@ def test_the_computing_clock_stands_still_while_code_is_compiled(clock):
         assert computing_clock() - started == computed
 
 
-def test_the_computing_clock_never_counts_a_compilation_that_is_just_ending(clock, monkeypatch):
-    started, readings, monotonic = computing_clock(), [], clock.monotonic
-
-    def read_meanwhile() -> float:  # as another thread may do
-        monkeypatch.setattr(clock, "monotonic", monotonic)
-        readings.append(computing_clock())
-        return monotonic()
-
-    begin_compilation()
-    clock.now += 10.0
-    monkeypatch.setattr(clock, "monotonic", read_meanwhile)
-    end_compilation()
-    assert [*readings, computing_clock()] == [started, started]
-
-
 def test_compiling_code_is_not_counted(clock):
     with time_limit(0.2) as limit:
         begin_compilation()
@@ -297,52 +236,3 @@ def test_what_is_reserved_can_be_shared_by_two_stages():
             time.sleep(0.05)
             check_interruption()
         check_interruption()
-
-
-@pytest.mark.parametrize(("done", "seconds"), [(0, 10.0), (1, 10.0), (10, 0.5 * OPTIONS.seconds)])
-def test_nothing_is_said_before_enough_is_done(done: int, seconds: float):
-    assert time_left(done, 20 - done, seconds) is None
-
-
-def test_a_stage_goes_on_as_fast_as_it_was_and_later_ones_are_added():
-    assert time_left(10, 10, 20.0) == 20.0
-    assert time_left(10, 5, 20.0, later=7.0) == 17.0
-
-
-def test_later_stages_are_measured_on_points_as_they_come(monkeypatch, unchecked):
-    """Two of four points exceed limits: looks at all of them, tightening of half, certificates of all are counted."""
-    clock, problem = [0.0], tracking()
-    monkeypatch.setattr("paretoik.api.certified_front.computing_clock", lambda: clock[0])
-
-    class Individuals:
-        def __init__(self, x):
-            clock[0] += 0.01
-            self.violation_between = np.where(x[:, 0, 0] > 0, 1e-3, 0.0)
-
-    class Formulation:
-        def individuals(self, x):
-            return Individuals(x)
-
-        def hold_between(self, x, ranges, solver):
-            clock[0] += 3.0
-            return x, [problem.program(ranges)]
-
-    def certify(programs, x, **settings):
-        clock[0] += 0.2
-
-    monkeypatch.setattr("paretoik.api.certified_front.certify", certify)
-    later = LaterTime(formulation=Formulation())
-    for sign in (1.0, -1.0, 2.0, -2.0, -2.0):  # the last one was seen before
-        later.try_point(np.full((21, 3), sign), np.ones(2), seconds=1e6)
-    assert later.per_point() == pytest.approx(0.01 + 3.0 / 2 + 0.21)
-    spent = later.spent
-    later.try_point(np.full((21, 3), 3.0), np.ones(2), seconds=0.1)
-    assert later.spent == spent  # too early
-
-
-def test_trials_of_later_stages_change_no_result():
-    """They are made for an observer only."""
-    fronts = [
-        pk.epsilon_front(tracking(), points=6, starts=4, observe=observe) for observe in (False, lambda progress: None)
-    ]
-    assert np.array_equal(fronts[0].objectives, fronts[1].objectives)

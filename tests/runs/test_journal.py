@@ -126,13 +126,6 @@ def test_any_plain_array_comes_back(tmp_path_factory, array, text):
     journal.close()
 
 
-def test_objects_are_not_plain_and_refused(tmp_path):
-    journal = Journal(tmp_path / "journal")
-    with pytest.raises(ValueError, match="Object arrays cannot be saved"):
-        journal.append(key_of("any"), {"F": np.array([print])})
-    journal.close()
-
-
 def test_a_frame_that_claims_more_than_there_is_takes_no_memory(file):
     with file.open("ab") as sink:
         sink.write(HEAD.pack(MARK, bytes(32), 2**62, bytes(32)) + b"short")

@@ -24,19 +24,6 @@ def three_threads():
         yield
 
 
-def test_a_body_computes_with_one_thread_and_the_number_of_before_comes_back():
-    assert blas_threads() == {3}
-    with single_blas_thread():
-        assert blas_threads() == {1}
-    assert blas_threads() == {3}
-
-
-def test_the_number_comes_back_after_an_error():
-    with pytest.raises(ZeroDivisionError), single_blas_thread():
-        raise ZeroDivisionError
-    assert blas_threads() == {3}
-
-
 def test_a_context_in_another_thread_leaves_the_number_to_the_first():
     def compute() -> None:
         with single_blas_thread():

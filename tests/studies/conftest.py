@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from paretoik.runs.worker import compute
+from paretoik.runs.processes import compute
 from studies import processes
 
 

@@ -16,8 +16,8 @@ from paretoik.robot.kinematics import forward_kinematics, link_frames
 from paretoik.robot.pose import quaternion_to_matrix, rotation_vector
 from paretoik.task.retraction import task_errors
 from paretoik.task.task import describe_errors, error_unit, row_units
-from tests.api.scaled_problems import Units, on_a_rail
 from tests.formulations.problems import panda, random_arm
+from tests.trajectory.scaled_problems import Units, on_a_rail
 
 SLIDING = Arm.from_dh(
     a=[0.1, 0.2, 0.3, 0.2, 0.1, 0.1, 0.05],

@@ -18,11 +18,11 @@ from pymoo.algorithms.moo.nsga2 import NSGA2
 from pymoo.operators.survival.rank_and_crowding import RankAndCrowding
 
 import paretoik as pk
-from paretoik.api.refine import SearchImprover
 from paretoik.arrays import Genes, Objectives
 from paretoik.formulations.tracking import OPTIONS as TRACKING
 from paretoik.nlp.minimise import minimise
 from paretoik.pareto.refine import OPTIONS as REFINE
+from paretoik.pareto.refine import SearchImprover
 from paretoik.search.archive import Archive
 from paretoik.search.ask_tell import Search
 from paretoik.search.endings import Progress
@@ -112,7 +112,7 @@ class Refining:
     """Our improver, and its cost so far."""
 
     def __init__(self, search: Search, account: Account) -> None:
-        self.improver, self.account, self.seconds = SearchImprover(search), account, 0.0
+        self.improver, self.account, self.seconds = SearchImprover(search, search.problem), account, 0.0
 
     def __call__(self, progress: Progress) -> Genes | None:
         """Return genes to be evaluated next, or None."""

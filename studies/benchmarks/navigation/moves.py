@@ -10,8 +10,8 @@ import numpy as np
 import paretoik as pk
 from paretoik.errors import Infeasible
 from paretoik.formulations.navigation import natural_weights
-from paretoik.formulations.protocol import Differentiable
 from paretoik.nlp.program import Program
+from paretoik.pareto.differentiable import Differentiable
 from paretoik.pareto.navigation import Aim, FrontPoints, Wish, reach
 from studies.benchmarks.navigation.cases import Peer
 from studies.benchmarks.navigation.options import OPTIONS

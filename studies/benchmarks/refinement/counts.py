@@ -18,11 +18,11 @@ from unittest.mock import patch
 import numpy as np
 
 import paretoik as pk
-from paretoik.api.progress import Observer, RunProgress
 from paretoik.compilation_notices import computing_clock
 from paretoik.nlp.convex_subproblem import ConvexSubproblem
 from paretoik.nlp.criticality import criticality
 from paretoik.pareto import certificates
+from paretoik.progress import Observer, RunProgress
 from problems import panda, tringali_2020
 from studies.benchmarks.planner.verdicts import timed
 from studies.reporting import Row, tell

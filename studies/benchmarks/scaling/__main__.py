@@ -25,8 +25,8 @@ import cloudpickle
 import numpy as np
 
 import paretoik as pk
+from paretoik.runs.cluster import OPTIONS as CLUSTER
 from paretoik.runs.cluster import Cluster
-from paretoik.runs.cluster_scheduler import OPTIONS as CLUSTER
 from paretoik.runs.distribution import pickled
 from studies.benchmarks.scaling.local_cluster import LocalCluster, local_cluster
 from studies.benchmarks.scaling.model import Overheads, fit_waiting

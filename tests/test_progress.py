@@ -8,8 +8,8 @@ from importlib import import_module
 import pytest
 
 import paretoik as pk
-from paretoik.api.progress import RunProgress, count_observer, open_observer, progress_text, show_compilation
 from paretoik.compilation_notices import CompilationNotice, announce
+from paretoik.progress import OPTIONS, RunProgress, count_observer, open_observer, progress_text, time_left
 from tests.api.problems import tracking
 
 
@@ -28,7 +28,7 @@ def test_counts_become_the_progress_of_a_stage():
 
 def test_the_time_left_counts_later_stages_once_enough_is_done(monkeypatch):
     clock = [100.0]
-    monkeypatch.setattr("paretoik.api.progress.computing_clock", lambda: clock[0])
+    monkeypatch.setattr("paretoik.progress.computing_clock", lambda: clock[0])
     seen: list[RunProgress] = []
     show = count_observer(seen.append, "refinement", later=lambda: 0.5, uniform=True)
     for done in (1, 10, 20):
@@ -45,7 +45,7 @@ def test_the_answer_of_an_observer_is_passed_on():
 
 def test_what_is_compiled_is_a_stage():
     seen: list[RunProgress] = []
-    with show_compilation(seen.append):
+    with open_observer(seen.append):
         announce(CompilationNotice(what="the planner", seconds=40.0))
     assert [(one.stage, one.total) for one in seen] == [("compilation", 0)]
     assert seen[0].summary.startswith("compiling the planner")
@@ -65,7 +65,13 @@ VERBS = {
         {"starts": 4, "points": 3},
         {"optimum", "point", "certification"},
     ),
-    "refine": ("api.refine", "refine_points", [pk.kinetic_energy, pk.torque_norm], {}, {"refinement", "certification"}),
+    "refine": (
+        "pareto.refined_front",
+        "refine",
+        [pk.kinetic_energy, pk.torque_norm],
+        {},
+        {"refinement", "certification"},
+    ),
 }
 
 
@@ -194,8 +200,18 @@ def test_by_default_without_a_terminal_a_line_comes_once_a_minute_has_passed(mon
 def test_what_is_compiled_is_a_line_at_once(capsys):
     with open_observer(True):
         announce(NOTICE)
-    with open_observer(True) as observe, show_compilation(observe):
+    with open_observer(True) as printer, open_observer(printer) as observe:
         observe(progress(1))
         announce(NOTICE)
     lines = capsys.readouterr().err.splitlines()
     assert lines == [str(NOTICE), "generation 1/10, at most 4:30 left", str(NOTICE)]
+
+
+@pytest.mark.parametrize(("done", "seconds"), [(0, 10.0), (1, 10.0), (10, 0.5 * OPTIONS.seconds)])
+def test_nothing_is_said_before_enough_is_done(done: int, seconds: float):
+    assert time_left(done, 20 - done, seconds) is None
+
+
+def test_a_stage_goes_on_as_fast_as_it_was_and_later_ones_are_added():
+    assert time_left(10, 10, 20.0) == 20.0
+    assert time_left(10, 5, 20.0, later=7.0) == 17.0

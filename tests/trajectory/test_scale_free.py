@@ -10,7 +10,7 @@ import pytest
 import paretoik as pk
 from paretoik.task.starts import rollout_starts
 from paretoik.trajectory.transcription import motion_program
-from tests.api.scaled_problems import Units, around, of_a_panda, on_a_rail, past_an_obstacle, straight
+from tests.trajectory.scaled_problems import Units, around, of_a_panda, on_a_rail, past_an_obstacle, straight
 
 OTHERS = {
     "hundredths of a second": Units(time=0.01),

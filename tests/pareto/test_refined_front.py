@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.api.refine import Completion, refine_front
-from paretoik.api.session import RunRequest, Subject, open_session
+from paretoik.api.refine import refine_front
+from paretoik.api.session import RunRequest, open_session
 from paretoik.errors import Infeasible, SolverFailed
-from paretoik.front.indicators import ranges_of
+from paretoik.front.indicators import hypervolume, ranges_of
+from paretoik.pareto.refined_front import Completion
 from paretoik.stop_flag import STOP
 from tests.api.problems import tracking
 
@@ -58,7 +59,7 @@ def completed(made, points):
 
 def complete(front, points, observe=None):
     completion = Completion(points=points, seed=0, first_id=FIRST_ID)
-    request = RunRequest(verb="solve", subject=Subject.of(front.problem, None), settings={}, observe=observe)
+    request = RunRequest(verb="solve", problem=front.problem, settings={}, observe=observe)
     with open_session(request) as session:
         done = refine_front(front, front.problem, solver="auto", observe=session.observe, completion=completion)
         return replace(done, provenance={**done.provenance, "status": session.stopped_by})
@@ -117,8 +118,6 @@ def test_there_are_no_more_points_than_asked_for_and_all_are_certified(made):
 
 @pytest.mark.parametrize("made", [tracking, walk, directions])
 def test_at_equal_numbers_of_points_the_front_gains_hypervolume(made):
-    from paretoik.front.indicators import hypervolume
-
     one = refined(made).minimised
     for points in (len(one), 40):
         other = completed(made, points).minimised

@@ -1,20 +1,19 @@
-"""The progress of a verb: the record that every verb shows its observer."""
+"""The progress of a verb: the record that every verb shows its observer, and how stderr shows it."""
 
 from __future__ import annotations
 
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from signal import SIGUSR1
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
-from paretoik.compilation_notices import computing_clock, observe_compilation, print_line
+from paretoik.compilation_notices import CompilationNotice, computing_clock, observe_compilation, print_line
 from paretoik.errors import InvalidInput
 from paretoik.inputs import attribute_of, check_function, user_function
-from paretoik.review.recording.recorder import Generation
-from paretoik.runs.interruption import time_left
 from paretoik.stop_flag import STOP
 
 
@@ -28,7 +27,7 @@ class RunProgress:
         seconds: time since the stage began [s], without compilation
         remaining: estimated time until the verb ends [s], None if unknown
         summary: state so far in words; the objective in the stage "optimum"
-        generation: points of a generation or step, None in other stages
+        generation: points of a generation or step (``review.recording.recorder.Generation``), None in other stages
         then: name of the next stage if ``remaining`` does not count it, "" in the last stage
         following: names of the next stages if ``remaining`` counts them, "" in the last stage
 
@@ -45,12 +44,41 @@ class RunProgress:
     seconds: float = 0.0
     remaining: float | None = None
     summary: str = ""
-    generation: Generation | None = None
+    generation: Any = None
     then: str = ""
     following: str = ""
 
 
 Observer: TypeAlias = Callable[[RunProgress], object]
+
+
+def is_due(observe: Observer | None) -> bool:
+    """Return whether there is an observer and it would report something now; one that is not due costs nothing."""
+    return observe is not None and bool(attribute_of(observe, "is_due", True))
+
+
+# Estimates of how long a verb will still take, once enough of its present stage is done.
+
+
+@dataclass(frozen=True, kw_only=True)
+class TimeLeftOptions:
+    """The ``share`` of a stage, and its ``seconds``, that are over before an estimate."""
+
+    share: float = 0.1
+    seconds: float = 0.5
+
+
+OPTIONS = TimeLeftOptions()
+
+
+def time_left(done: float, left: float, seconds: float, later: float = 0.0) -> float | None:
+    """Return the seconds left: of the stage, whose work ``done`` took ``seconds``, plus ``later``.
+
+    None if too little is done for an estimate.
+    """
+    if done <= 0 or done < OPTIONS.share * (done + left) or seconds < OPTIONS.seconds:
+        return None
+    return seconds / done * left + later
 
 
 def count_observer(
@@ -90,11 +118,6 @@ def count_observer(
     return show
 
 
-def show_compilation(observe: Observer) -> AbstractContextManager[None]:
-    """Return a context that shows an observer what is compiled in its body, instead of a line on stderr."""
-    return observe_compilation(lambda notice: observe(RunProgress(stage="compilation", summary=str(notice))))
-
-
 # Progress on stderr: a bar on a terminal, else lines.
 
 
@@ -107,29 +130,29 @@ def open_observer(observe: Observer | bool | None, *, time_limit: float | None =
     signal does, so that what was found is kept; at the end of the body InvalidInput names the observer. Raises
     InvalidInput for an observer that cannot be called.
     """
-    if observe is None or observe is True:
-        if sys.stderr is not None and sys.stderr.isatty():
-            with _bar(time_limit) as bar, show_compilation(bar):
-                yield bar
-            return
-        observe = _LinePrinter(time_limit) if observe else _LinePrinter(time_limit, interval=60.0, patient=True)
-    elif observe is False:
-        with observe_compilation(lambda notice: None):
-            yield None
-        return
-    check_function("observe", observe)
-    named = NamedObserver(observe)
-    try:
-        with show_compilation(named):
-            yield named
-    finally:
-        if named.fault is not None:
-            STOP[0] = 0
-            raise named.fault
+    shown: Observer | None
+    with ExitStack() as stack:
+        if observe is False:
+            shown = None
+        elif observe is not None and observe is not True:
+            check_function("observe", observe)
+            shown = stack.enter_context(NamedObserver(observe))
+        elif sys.stderr is not None and sys.stderr.isatty():
+            shown = stack.enter_context(_bar(time_limit))
+        else:
+            shown = _LinePrinter(time_limit, patient=observe is None)
+        if not isinstance(shown, _LinePrinter):  # others see compilation in place of lines on stderr
+            stack.enter_context(observe_compilation(partial(_show_compilation, shown)))
+        yield shown
+
+
+def _show_compilation(observe: Observer | None, notice: CompilationNotice) -> None:
+    if observe is not None:
+        observe(RunProgress(stage="compilation", summary=str(notice)))
 
 
 class NamedObserver:
-    """A user's observer; ``fault`` is the named error that it raised, which ends it."""
+    """A user's observer; ``fault`` is the named error that it raised, which ends it and is raised at the end."""
 
     def __init__(self, observe: Observer) -> None:
         self._observe = observe
@@ -138,7 +161,7 @@ class NamedObserver:
     @property
     def is_due(self) -> bool:
         """Whether the observer would report something now."""
-        return self.fault is None and bool(attribute_of(self._observe, "is_due", True))
+        return self.fault is None and is_due(self._observe)
 
     def __call__(self, progress: RunProgress) -> object:
         """Call the observer; if it raises, ask the verb to stop."""
@@ -151,6 +174,14 @@ class NamedObserver:
             self.fault, STOP[0] = fault, STOP[0] or SIGUSR1
             return None
 
+    def __enter__(self) -> NamedObserver:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        if self.fault is not None:
+            STOP[0] = 0
+            raise self.fault
+
 
 @contextmanager
 def _bar(time_limit: float | None) -> Iterator[Observer]:
@@ -158,28 +189,26 @@ def _bar(time_limit: float | None) -> Iterator[Observer]:
     from rich import progress as rich  # here: it takes a while, and only terminals need it
     from rich.console import Console
 
-    bar = rich.Progress(
-        rich.BarColumn(), rich.TextColumn("{task.description}"), console=Console(stderr=True), transient=True
-    )
-    job = bar.add_task("beginning", total=None)
+    columns = rich.BarColumn(), rich.TextColumn("{task.description}")
+    with rich.Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        job = bar.add_task("beginning", total=None)
 
-    def show(progress: RunProgress) -> None:
-        text = progress_text(progress, time_limit)
-        bar.update(job, completed=progress.done, total=progress.total or None, description=text)
+        def show(progress: RunProgress) -> None:
+            text = progress_text(progress, time_limit)
+            bar.update(job, completed=progress.done, total=progress.total or None, description=text)
 
-    with bar:
         yield show
 
 
 class _LinePrinter:
-    """Prints progress on stderr: of counted stages at most one line per ``interval`` [s].
+    """Prints progress on stderr: of counted stages at most one line every few seconds.
 
-    A patient printer also waits for this time before its first line, and prints only compilation of other stages.
+    A patient printer prints one line a minute, the first after a minute, and nothing of uncounted stages.
     """
 
-    def __init__(self, time_limit: float | None, interval: float = 5.0, *, patient: bool = False) -> None:
-        self.time_limit, self.interval, self.patient = time_limit, interval, patient
-        self.due = time.monotonic() + interval if patient else 0.0
+    def __init__(self, time_limit: float | None, *, patient: bool) -> None:
+        self.time_limit, self.patient, self.interval = time_limit, patient, 60.0 if patient else 5.0
+        self.due = time.monotonic() + self.interval if patient else 0.0
 
     @property
     def is_due(self) -> bool:
@@ -188,8 +217,7 @@ class _LinePrinter:
 
     def __call__(self, progress: RunProgress) -> None:
         now = time.monotonic()
-        uncounted = progress.stage == "compilation" or (not progress.total and not self.patient)
-        if uncounted or now >= self.due:
+        if now >= self.due or not (progress.total or self.patient):
             self.due = now + self.interval if progress.total else self.due
             print_line(progress_text(progress, self.time_limit))
 
@@ -200,7 +228,7 @@ def progress_text(progress: RunProgress, time_limit: float | None = None) -> str
     For a search or loop the time left is an upper bound from the part that is done. Otherwise it is the estimate of the
     verb, or the time so far without an estimate. When a stage is done, the time left is that of the following stages.
 
-    >>> from paretoik.api.progress import RunProgress
+    >>> from paretoik.progress import RunProgress
     >>> progress_text(RunProgress(stage="step", done=3, total=12, seconds=60.0, summary="front 9"))
     'step 3/12, front 9, at most 3:00 left'
     >>> progress_text(RunProgress(stage="refinement", done=3, total=12, seconds=60.0, remaining=200.0))
@@ -210,26 +238,20 @@ def progress_text(progress: RunProgress, time_limit: float | None = None) -> str
     """
     if progress.total == 0:
         return progress.summary or progress.stage
-    parts = [f"{progress.stage} {progress.done}/{progress.total}", progress.summary, _duration(progress, time_limit)]
-    is_done = progress.done >= progress.total
-    after = progress.then or (progress.following if is_done else "")
+    done, left, seconds = progress.done, progress.total - progress.done, progress.seconds
+    time_words = f"{_minutes(seconds)} so far"
+    if left > 0 and progress.stage in ("generation", "step"):
+        remaining = seconds / max(done, 1) * left
+        if time_limit is not None:
+            remaining = min(remaining, max(time_limit - seconds, 0.0))
+        time_words = f"at most {_minutes(remaining)} left"
+    elif left > 0 and progress.remaining is not None:
+        time_words = f"about {_minutes(progress.remaining)} left"
+    after = progress.then or (progress.following if left <= 0 else "")
     if after and not progress.then and progress.remaining is not None:
         after += f", about {_minutes(progress.remaining)}"
-    return ", ".join([*filter(None, parts), *([f"then {after}"] if after else [])])
-
-
-def _duration(progress: RunProgress, time_limit: float | None) -> str:
-    """Return the time left of a stage, or its time so far if nothing is left or the time left is unknown."""
-    if progress.done >= progress.total:
-        return f"{_minutes(progress.seconds)} so far"
-    if progress.stage in ("generation", "step"):
-        remaining = progress.seconds / max(progress.done, 1) * (progress.total - progress.done)
-        if time_limit is not None:
-            remaining = min(remaining, max(time_limit - progress.seconds, 0.0))
-        return f"at most {_minutes(remaining)} left"
-    if progress.remaining is None:
-        return f"{_minutes(progress.seconds)} so far"
-    return f"about {_minutes(progress.remaining)} left"
+    parts = (f"{progress.stage} {done}/{progress.total}", progress.summary, time_words, after and f"then {after}")
+    return ", ".join(filter(None, parts))
 
 
 def _minutes(seconds: float) -> str:

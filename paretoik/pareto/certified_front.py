@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from paretoik.api.progress import Observer, RunProgress, count_observer
 from paretoik.arrays import Genes, Ids, Point, Points
 from paretoik.compilation_notices import computing_clock
 from paretoik.errors import ParetoikError
-from paretoik.formulations.formulation import certify_individuals
-from paretoik.formulations.protocol import Differentiable, Individuals, added_samples, task_of
 from paretoik.front.certificates import Certificates
 from paretoik.front.front import Front
 from paretoik.front.indicators import ranges_of
@@ -25,16 +21,18 @@ from paretoik.nlp.minimise import chosen_solver
 from paretoik.nlp.program import Program, Solver
 from paretoik.pareto.certificates import OPTIONS as CERTIFICATES
 from paretoik.pareto.certificates import certify
+from paretoik.pareto.differentiable import Differentiable, Individuals
 from paretoik.pareto.placement import front_rows
 from paretoik.pareto.refine import OPTIONS as REFINEMENT
 from paretoik.pareto.refine import refine
+from paretoik.pareto.scalarisation import Observe
 from paretoik.pareto.sweep import SweepPhase, SweepProgress
+from paretoik.progress import OPTIONS as TIME_LEFT
+from paretoik.progress import Observer, RunProgress, count_observer, is_due, time_left
 from paretoik.runs.distribution import workers
 from paretoik.runs.fingerprint import fingerprint
-from paretoik.runs.interruption import OPTIONS as TIME_LEFT
-from paretoik.runs.interruption import reserve_time, time_left
+from paretoik.runs.interruption import reserve_time
 from paretoik.runs.journal import without_journal
-from paretoik.task.limits import LIMIT_TOLERANCE
 
 # The time that certificates take, and the part of a time limit that is reserved for them.
 
@@ -58,21 +56,19 @@ class CertificateTime:
 TIME_OPTIONS = CertificateTime()
 
 
-def later_stages(problem: Any) -> tuple[str, ...]:
-    """Return the stages after points are found; only splines need limits tightened between samples."""
-    task = task_of(problem)
-    is_spline = task is not None and task.differences == "spline"
-    return ("tightening", "certification") if is_spline else ("certification",)
-
-
-def reserve_later(points: int, stages: int = 1) -> AbstractContextManager[None]:
-    """Return a context that reserves part of the current time limit for a number of later stages."""
-    return reserve_time(stages * TIME_OPTIONS.share, stages * points * TIME_OPTIONS.longest)
+PHASES: dict[SweepPhase, str] = {
+    "": "",
+    "gap filling": "better places sought",
+    "jump search": "jumps searched",
+    "basin exchange": "neighbours' basins tried",
+}  # phases of a sweep in words
 
 
 @dataclass(kw_only=True, eq=False)
-class LaterTime:
-    """Measures on some points how long the later stages take per point.
+class Certifier:
+    """How points of a formulation are refined and certified, and who observes it.
+
+    On some points it measures how long the stages after refinement take.
 
     looks: seconds of each check whether a point exceeds limits between samples
     tightenings: seconds of each tightening of a point that exceeds limits
@@ -85,6 +81,7 @@ class LaterTime:
 
     formulation: Differentiable
     solver: Solver = "auto"
+    observe: Observer | None = None
     looks: list[float] = field(default_factory=list)
     tightenings: list[float] = field(default_factory=list)
     certificates: list[float] = field(default_factory=list)
@@ -92,6 +89,16 @@ class LaterTime:
     seen: set[bytes] = field(default_factory=set)
     spent: float = 0.0
     after_cold: tuple[float, int] | None = None
+
+    @property
+    def later_stages(self) -> tuple[str, ...]:
+        """The stages after points are found."""
+        return ("tightening", "certification") if self.formulation.tightens else ("certification",)
+
+    def reserve_later(self, points: int) -> AbstractContextManager[None]:
+        """Return a context that reserves part of the current time limit for the later stages."""
+        stages = len(self.later_stages)
+        return reserve_time(stages * TIME_OPTIONS.share, stages * points * TIME_OPTIONS.longest)
 
     def per_point(self) -> float:
         """Return the seconds per point of both stages, shared by all workers."""
@@ -108,8 +115,8 @@ class LaterTime:
 
         The clock decides which points are tried, so the journal of a run does not record them.
         """
-        key = x.tobytes()
-        if key in self.seen or seconds < TIME_LEFT.seconds or sum(self.looks) > TIME_OPTIONS.trials * seconds:
+        key, allowed = x.tobytes(), TIME_OPTIONS.trials * seconds
+        if key in self.seen or seconds < TIME_LEFT.seconds or sum(self.looks) > allowed:
             return
         self.seen.add(key)
         clock = [computing_clock()]
@@ -119,57 +126,55 @@ class LaterTime:
             return clock[-1] - clock[-2]
 
         with suppress(ParetoikError), without_journal():
-            exceeds = self.formulation.individuals(x[None]).violation_between[0] > LIMIT_TOLERANCE
+            exceeds = bool(self.formulation.exceeded(self.formulation.individuals(x[None]))[0])
             self.looks.append(lap())
-            self.exceeding += int(exceeds)
+            self.exceeding += exceeds
             is_first = not (self.tightenings if exceeds else self.certificates)
-            if is_first or (exceeds and self.spent <= TIME_OPTIONS.trials * seconds):
+            if is_first or (exceeds and self.spent <= allowed):
                 held, programs = self.formulation.hold_between(x[None], ranges, solver=self.solver)
                 self.tightenings += [lap()] if exceeds else []
+                individuals = self.formulation.individuals(held)
                 if not self.certificates:  # the first one loads much code
-                    self._certify(programs, held, 2 * ranges)
+                    certify_individuals(self.formulation, programs, individuals, 2 * ranges)
                 lap()
-                self._certify(programs, held, ranges)
+                certify_individuals(self.formulation, programs, individuals, ranges)
                 self.certificates.append(lap())
         self.spent += computing_clock() - clock[0]
 
-    def _certify(self, programs: Sequence[Program], x: Points, ranges: Float[np.ndarray, " n_obj"]) -> None:
-        between = self.formulation.individuals(x).violation_between
-        certify(programs, x, ranges=ranges, signs=np.ones(len(ranges)), violation_between=between)
-
-    def point_progress(
-        self, progress: SweepProgress, seconds: float, *, is_due: bool, summary: str = ""
-    ) -> RunProgress:
-        """Return the progress of a sweep that has taken ``seconds`` so far, its time left only if it ``is_due``."""
+    def point_progress(self, progress: SweepProgress, seconds: float, summary: str = "") -> RunProgress:
+        """Return the progress of a sweep that has taken ``seconds`` so far, its time left only for an observer."""
+        remaining = None
+        if is_due(self.observe) and progress.ahead is not None:
+            row = int(len(progress.front) * (TIME_OPTIONS.spread * len(self.looks) % 1))
+            self.try_point(progress.x[progress.front[row]], progress.ranges, seconds)
+            elapsed = seconds - self.spent
+            self.after_cold = self.after_cold or (elapsed, progress.solved)
+            began, solved = self.after_cold
+            later = progress.total * self.per_point()
+            if self.looks:
+                remaining = time_left(progress.solved - solved, progress.ahead, elapsed - began, later)
         return RunProgress(
             stage="point",
             done=progress.done,
             total=progress.total,
             seconds=seconds,
-            remaining=self._sweep_left(progress, seconds) if is_due else None,
+            remaining=remaining,
             summary=", ".join(filter(None, [summary, PHASES[progress.phase]])),
-            following=" and ".join(later_stages(self.formulation)),
+            following=" and ".join(self.later_stages),
         )
 
-    def _sweep_left(self, progress: SweepProgress, seconds: float) -> float | None:
-        """Return an estimate of the seconds left of a sweep and its later stages, None if unknown."""
-        if progress.ahead is None:
-            return None
-        row = int(len(progress.front) * (TIME_OPTIONS.spread * len(self.looks) % 1))
-        self.try_point(progress.x[progress.front[row]], progress.ranges, seconds)
-        seconds -= self.spent
-        self.after_cold = self.after_cold or (seconds, progress.solved)
-        began, solved = self.after_cold
-        later = progress.total * self.per_point()
-        return time_left(progress.solved - solved, progress.ahead, seconds - began, later) if self.looks else None
-
-
-PHASES: dict[SweepPhase, str] = {
-    "": "",
-    "gap filling": "better places sought",
-    "jump search": "jumps searched",
-    "basin exchange": "neighbours' basins tried",
-}  # phases of a sweep in words
+    def certify(self, x: Points, ranges: Float[np.ndarray, " n_obj"], genes: Genes | None = None) -> CertifiedPoints:
+        """Return points certified, after their limits are tightened if they exceed them between samples."""
+        formulation, observe = self.formulation, self.observe
+        shown = count_observer(
+            observe, "tightening", later=self.per_certificate, uniform=True, following="certification"
+        )
+        with reserve_time(TIME_OPTIONS.share, len(x) * TIME_OPTIONS.longest):
+            held, programs = formulation.hold_between(x, ranges, solver=self.solver, observe=shown)
+        individuals = formulation.individuals(held, genes)
+        counted = count_observer(observe, "certification", uniform=True)
+        certificates, better = certify_individuals(formulation, programs, individuals, ranges, counted)
+        return CertifiedPoints(individuals=individuals, certificates=certificates, better=better)
 
 
 def _mean(values: Sequence[float]) -> float:
@@ -196,26 +201,66 @@ class CertifiedFrontOptions:
 OPTIONS = CertifiedFrontOptions()
 
 
+def certify_individuals(
+    formulation: Differentiable,
+    programs: Program | Sequence[Program],
+    individuals: Individuals,
+    ranges: Float[np.ndarray, " n_obj"],
+    observe: Observe | None = None,
+) -> tuple[Certificates, list[Point | None]]:
+    """Return the certificates of individuals, and for each saddle the better point next to it, as ``certify`` does."""
+    return certify(
+        programs,
+        individuals.x,
+        ranges=ranges,
+        signs=np.where(formulation.maximised, -1.0, 1.0),
+        violation_between=individuals.violation_between,
+        exceeded=formulation.exceeded(individuals),
+        discretisation=individuals.discretisation,
+        observe=observe,
+    )
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _CertifiedPoints:
+class CertifiedPoints:
     """Points with their certificates; ``better`` has a point better in every objective for each saddle."""
 
     individuals: Individuals
     certificates: Certificates
     better: list[Point | None]
 
+    def replace_rows(
+        self,
+        formulation: Differentiable,
+        rows: Int[np.ndarray, " rows"],
+        others: CertifiedPoints,
+        other_rows: Int[np.ndarray, " rows"],
+    ) -> CertifiedPoints:
+        """Return points with some rows replaced by rows of others; forget better points of the rows that stay."""
+        order = np.arange(len(self.better))
+        order[rows] = len(order) + other_rows
+        before, after = self.individuals, others.individuals
+        genes = None
+        if before.genes is not None and after.genes is not None:
+            genes = np.concatenate([before.genes, after.genes])[order]
+        better: list[Point | None] = [None] * len(order)
+        for row, other_row in zip(rows, other_rows, strict=True):
+            better[row] = others.better[other_row]
+        return CertifiedPoints(
+            individuals=formulation.individuals(np.concatenate([before.x, after.x])[order], genes),
+            certificates=self.certificates.replace_rows(rows, others.certificates[other_rows]),
+            better=better,
+        )
+
 
 def certified_front(
-    problem: Any,
+    certifier: Certifier,
     x: Points,
     ids: Ids,
     ranges: Float[np.ndarray, " n_obj"],
     provenance: Mapping[str, Any],
     *,
     before: Front | None = None,
-    solver: Solver = "auto",
-    observe: Observer | None = None,
-    later: LaterTime | None = None,
 ) -> Front:
     """Return the front of the nondominated points among these, with certificates.
 
@@ -224,14 +269,13 @@ def certified_front(
     it is optimal for. A saddle is replaced by the refined better point next to it. Minima of the front ``before`` stay,
     with their certificates, if no better point is found.
     """
-    formulation: Differentiable = problem
+    formulation = certifier.formulation
     individuals = formulation.individuals(x)
     if before is not None:
         individuals = no_worse(formulation, individuals, before, ranges)
     rows = front_rows(individuals.objectives / ranges)
-    certified = partial(_certify_points, formulation, ranges, solver, observe, later)
-    points = certified(individuals.x[rows], None if individuals.genes is None else individuals.genes[rows])
-    points = _leave_saddles(formulation, points, certified, ranges, solver)
+    genes = None if individuals.genes is None else individuals.genes[rows]
+    points = _leave_saddles(certifier, certifier.certify(individuals.x[rows], ranges, genes), ranges)
     if before is not None:
         points = _keep_minima(formulation, points, before, rows, ranges)
     individuals, ids = points.individuals, ids[rows]
@@ -239,7 +283,7 @@ def certified_front(
     final = ranges_of(individuals.objectives[rows]) if len(rows) else ranges  # ranges of the final front
     confirmed = int((points.certificates.criticality[rows] <= CERTIFICATES.critical).sum())
     certificates = points.certificates[rows].rescale(ranges, final)
-    method = chosen_solver(formulation.program(ranges), solver)
+    method = chosen_solver(formulation.program(ranges), certifier.solver)
     return Front(
         ids=ids[rows],
         objectives=individuals.objectives[rows] * np.where(formulation.maximised, -1.0, 1.0),
@@ -251,64 +295,42 @@ def certified_front(
         violation=certificates.violation,
         certificates=certificates,
         provenance={
-            "fingerprint": fingerprint(problem),
+            "fingerprint": fingerprint(formulation),
             **provenance,
             **confirmation(method, confirmed, len(rows)),
-            **added_samples(problem),
+            **formulation.added_samples,
         },
-        problem=problem,
+        problem=formulation,
     )
 
 
-def _certify_points(
-    formulation: Differentiable,
-    ranges: Float[np.ndarray, " n_obj"],
-    solver: Solver,
-    observe: Observer | None,
-    later: LaterTime | None,
-    x: Points,
-    genes: Genes | None = None,
-) -> _CertifiedPoints:
-    """Return points certified, after their limits are tightened where they exceed them between samples."""
-    per_certificate = None if later is None else later.per_certificate
-    shown = count_observer(observe, "tightening", later=per_certificate, uniform=True, following="certification")
-    with reserve_later(len(x)):
-        held, programs = formulation.hold_between(x, ranges, solver=solver, observe=shown)
-    individuals = formulation.individuals(held, genes)
-    counted = count_observer(observe, "certification", uniform=True)
-    certificates, better = certify_individuals(formulation, programs, individuals, ranges, counted)
-    return _CertifiedPoints(individuals=individuals, certificates=certificates, better=better)
-
-
 def _leave_saddles(
-    formulation: Differentiable,
-    points: _CertifiedPoints,
-    certified: Callable[[Points], _CertifiedPoints],
-    ranges: Float[np.ndarray, " n_obj"],
-    solver: Solver,
-) -> _CertifiedPoints:
+    certifier: Certifier, points: CertifiedPoints, ranges: Float[np.ndarray, " n_obj"]
+) -> CertifiedPoints:
     """Return points in which saddles are replaced by refined better points that are nowhere worse."""
+    formulation = certifier.formulation
     for _ in range(OPTIONS.rounds):
         saddles = np.array([i for i, better in enumerate(points.better) if better is not None], dtype=int)
         if not len(saddles):
             break
         x = np.stack([better for better in points.better if better is not None])
-        refined = certified(refine(formulation.program(ranges), x, len(ranges), solver=solver)[0])
+        x, _ = refine(formulation.program(ranges), x, len(ranges), solver=certifier.solver)
+        refined = certifier.certify(x, ranges)
         rise = refined.individuals.objectives - points.individuals.objectives[saddles]
         allowed = np.maximum(points.certificates.violation_between[saddles], OPTIONS.between)
         holds = refined.certificates.violation_between <= allowed  # NaN after a signal: unknown
         accepted = np.flatnonzero(holds & (rise <= OPTIONS.tolerance * ranges).all(axis=1))
-        points = _replace_points(formulation, points, saddles[accepted], refined, accepted)
+        points = points.replace_rows(formulation, saddles[accepted], refined, accepted)
     return points
 
 
 def _keep_minima(
     formulation: Differentiable,
-    points: _CertifiedPoints,
+    points: CertifiedPoints,
     before: Front,
     rows: Int[np.ndarray, " points"],
     ranges: Float[np.ndarray, " n_obj"],
-) -> _CertifiedPoints:
+) -> CertifiedPoints:
     """Return points in which minima of the front ``before`` stay unless the new point is better.
 
     A point is better if it is better in some objective and worse in none: limits that are tightened again, for another
@@ -325,37 +347,13 @@ def _keep_minima(
     if not len(unchanged):
         return points
     rows = rows[unchanged]
-    individuals = formulation.individuals(
-        formulation.front_points(before)[rows], None if before.genes is None else before.genes[rows]
+    genes = None if before.genes is None else before.genes[rows]
+    as_before = CertifiedPoints(
+        individuals=formulation.individuals(formulation.front_points(before)[rows], genes),
+        certificates=former[unchanged],
+        better=[None] * len(unchanged),
     )
-    as_before = _CertifiedPoints(
-        individuals=individuals, certificates=former[unchanged], better=[None] * len(unchanged)
-    )
-    return _replace_points(formulation, points, unchanged, as_before, np.arange(len(unchanged)))
-
-
-def _replace_points(
-    formulation: Differentiable,
-    points: _CertifiedPoints,
-    rows: Int[np.ndarray, " rows"],
-    refined: _CertifiedPoints,
-    refined_rows: Int[np.ndarray, " rows"],
-) -> _CertifiedPoints:
-    """Return points with some rows replaced by rows of ``refined``; forget better points of the others."""
-    order = np.arange(len(points.better))
-    order[rows] = len(order) + refined_rows
-    before, after = points.individuals, refined.individuals
-    genes = None
-    if before.genes is not None and after.genes is not None:
-        genes = np.concatenate([before.genes, after.genes])[order]
-    better: list[Point | None] = [None] * len(order)
-    for row, refined_row in zip(rows, refined_rows, strict=True):
-        better[row] = refined.better[refined_row]
-    return _CertifiedPoints(
-        individuals=formulation.individuals(np.concatenate([before.x, after.x])[order], genes),
-        certificates=points.certificates.replace_rows(rows, refined.certificates[refined_rows]),
-        better=better,
-    )
+    return points.replace_rows(formulation, unchanged, as_before, np.arange(len(unchanged)))
 
 
 def no_worse(

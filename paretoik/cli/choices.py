@@ -1,4 +1,4 @@
-"""``paretoik select``: choose one motion of a front by a preference, keep the choice, and undo it."""
+"""``paretoik select`` and ``paretoik navigate``: choose a motion of a front, or move along it to a new one."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from paretoik.api.progress import open_observer
+from paretoik.api.result_text import choice_text, entries
 from paretoik.cli.console import (
     JsonFlag,
     QuietFlag,
@@ -25,69 +25,88 @@ from paretoik.cli.console import (
 from paretoik.errors import InvalidInput
 from paretoik.front.choice import Preference
 from paretoik.front.choice_tree import present_point, read_choices
+from paretoik.front.points import NAVIGATIONS
 from paretoik.front.preferences import Aspiration, Bounds, Classify, Knee, Lexicographic, Robust, Weights
 from paretoik.front.preferences.compromise import Compromise, Point
 from paretoik.inputs import likely_spelling, shown
-from paretoik.runs.files import PICTURE_MARK, RUN, check_target, read_run
+from paretoik.paths import shell_command
+from paretoik.progress import open_observer
+from paretoik.runs.files import PICTURE_MARK, RUN, check_target, problem_words, read_run
 
 NUMBERS = "NAME=NUMBER,NAME=NUMBER"
 
 
+WeightsOption = Annotated[
+    str | None, typer.Option(help="Least weighted sum; missing objectives have weight 0.", metavar=NUMBERS)
+]
+KneeOption = Annotated[
+    bool, typer.Option("--knee", help="The point from which any step costs the most relative to its gain.")
+]
+CompromiseOption = Annotated[
+    bool, typer.Option("--compromise", help="The point whose worst objective gives up the least of its range.")
+]
+AspirationOption = Annotated[
+    str | None, typer.Option(help="Nearest to values that you wish for, reachable or not.", metavar=NUMBERS)
+]
+LexicographicOption = Annotated[
+    str | None,
+    typer.Option(
+        help="The first objective decides, then the second among points within the tolerance of the first, ...; a "
+        "tolerance is in the objective's units, with % a share of its range.",
+        metavar="NAME[=TOLERANCE],NAME",
+    ),
+]
+BoundsOption = Annotated[
+    str | None,
+    typer.Option(
+        help="Only points within these bounds (in quotes), with or without a preference that then decides.",
+        metavar="'NAME<=VALUE,NAME>=VALUE'",
+    ),
+]
+RobustOption = Annotated[
+    str | None, typer.Option(help="Least regret if weights are not known exactly.", metavar=NUMBERS)
+]
+UncertaintyOption = Annotated[
+    float | None, typer.Option(help="Share by which the weights of --robust may be wrong (0.2).")
+]
+ClassifyOption = Annotated[
+    str | None,
+    typer.Option(
+        help="Class of each objective, from a point: improve, improve:VALUE, keep, relax:VALUE or free (NIMBUS).",
+        metavar="NAME=CLASS,NAME=CLASS",
+    ),
+]
+StartOption = Annotated[
+    int | None, typer.Option("--from", help="Point from which --classify starts (the present choice).", metavar="ID")
+]
+PointOption = Annotated[int | None, typer.Option(help="The point with this id.", metavar="ID")]
+HistoryOption = Annotated[bool, typer.Option("--history", help="Print the tree of choices so far.")]
+UndoOption = Annotated[bool, typer.Option("--undo", help="Go back to the choice before the present one.")]
+PictureOption = Annotated[Path | None, typer.Option(help="Draw the front and the chosen motion into this PNG.")]
+OutOption = Annotated[Path | None, typer.Option(help="Folder for the new run of a closed loop.")]
+OverwriteOption = Annotated[
+    bool, typer.Option(help="Replace a run in that folder, or a file that is no picture of ours.")
+]
+
+
 def select(
     run: RunFolder,
-    weights: Annotated[
-        str | None, typer.Option(help="Least weighted sum; missing objectives have weight 0.", metavar=NUMBERS)
-    ] = None,
-    knee: Annotated[
-        bool, typer.Option("--knee", help="The point from which any step costs the most relative to its gain.")
-    ] = False,
-    compromise: Annotated[
-        bool,
-        typer.Option("--compromise", help="The point whose worst objective gives up the least of its range."),
-    ] = False,
-    aspiration: Annotated[
-        str | None, typer.Option(help="Nearest to values that you wish for, reachable or not.", metavar=NUMBERS)
-    ] = None,
-    lexicographic: Annotated[
-        str | None,
-        typer.Option(
-            help="The first objective decides, then the second among points within the tolerance of the first, ...; a "
-            "tolerance is in the objective's units, with % a share of its range.",
-            metavar="NAME[=TOLERANCE],NAME",
-        ),
-    ] = None,
-    bounds: Annotated[
-        str | None,
-        typer.Option(
-            help="Only points within these bounds (in quotes), with or without a preference that then decides.",
-            metavar="'NAME<=VALUE,NAME>=VALUE'",
-        ),
-    ] = None,
-    robust: Annotated[
-        str | None, typer.Option(help="Least regret if weights are not known exactly.", metavar=NUMBERS)
-    ] = None,
-    uncertainty: Annotated[
-        float | None, typer.Option(help="Share by which the weights of --robust may be wrong (0.2).")
-    ] = None,
-    classify: Annotated[
-        str | None,
-        typer.Option(
-            help="Class of each objective, from a point: improve, improve:VALUE, keep, relax:VALUE or free (NIMBUS).",
-            metavar="NAME=CLASS,NAME=CLASS",
-        ),
-    ] = None,
-    start: Annotated[
-        int | None,
-        typer.Option("--from", help="Point from which --classify starts (the present choice).", metavar="ID"),
-    ] = None,
-    point: Annotated[int | None, typer.Option(help="The point with this id.", metavar="ID")] = None,
-    history: Annotated[bool, typer.Option("--history", help="Print the tree of choices so far.")] = False,
-    undo: Annotated[bool, typer.Option("--undo", help="Go back to the choice before the present one.")] = False,
-    picture: Annotated[Path | None, typer.Option(help="Draw the front and the chosen motion into this PNG.")] = None,
-    out: Annotated[Path | None, typer.Option(help="Folder for the new run of a closed loop.")] = None,
-    overwrite: Annotated[
-        bool, typer.Option(help="Replace a run in that folder, or a file that is no picture of ours.")
-    ] = False,
+    weights: WeightsOption = None,
+    knee: KneeOption = False,
+    compromise: CompromiseOption = False,
+    aspiration: AspirationOption = None,
+    lexicographic: LexicographicOption = None,
+    bounds: BoundsOption = None,
+    robust: RobustOption = None,
+    uncertainty: UncertaintyOption = None,
+    classify: ClassifyOption = None,
+    start: StartOption = None,
+    point: PointOption = None,
+    history: HistoryOption = False,
+    undo: UndoOption = False,
+    picture: PictureOption = None,
+    out: OutOption = None,
+    overwrite: OverwriteOption = False,
     problem: RunProblem = None,
     quiet: QuietFlag = False,
     as_json: JsonFlag = False,
@@ -105,7 +124,7 @@ def select(
         if picture is not None:
             check_target("picture", picture, overwrite=overwrite, mark=PICTURE_MARK)
         from paretoik.api.load import load_front
-        from paretoik.api.result_text import choice_entry, choice_text
+        from paretoik.api.result_text import choice_entry
         from paretoik.api.select import select as select_point
 
         preference = read_preference(wishes, run=run)
@@ -266,3 +285,58 @@ def _number(option: str, name: str, text: str) -> float:
         return float(text)
     except ValueError:
         raise InvalidInput(f"{option} must be a number for {name}, got {shown(text)}") from None
+
+
+# ``paretoik navigate``: move along the front of a run to a new certified point.
+
+
+def navigate(
+    run: RunFolder,
+    improve: Annotated[str, typer.Option(help="The objective that gets better.")],
+    point: Annotated[int | None, typer.Option(help="Id of the point to move from (the present choice).")] = None,
+    allow: Annotated[
+        list[str] | None, typer.Option(help="An objective that may get worse; repeatable (all not held).")
+    ] = None,
+    hold: Annotated[list[str] | None, typer.Option(help="An objective that gets no worse; may be repeated.")] = None,
+    by: Annotated[float | None, typer.Option(help="Improvement, in its unit (5 % of its range).")] = None,
+    to: Annotated[float | None, typer.Option(help="Value to reach, in its unit, in place of --by.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Keep the new front in this folder, not in the run.")] = None,
+    overwrite: Annotated[bool, typer.Option(help="Replace a run that is in that folder.")] = False,
+    problem: RunProblem = None,
+    as_json: JsonFlag = False,
+) -> None:
+    """Move from one point of a front to a new certified one that is better in an objective; the run gains it.
+
+    Nothing is lost: if the new point dominates points of the run, the new front is kept in a folder next to it.
+    The recording opens on the new point, next to the present choice of the run if there is one.
+    """
+    with stdout_for_results():
+        from paretoik.api.navigate import navigate as move
+
+        front, choice, place = move(
+            run,
+            point,
+            improve=improve,
+            allow=allow,
+            hold=hold or (),
+            by=by,
+            to=to,
+            out=out,
+            overwrite=overwrite,
+            problem=agreed_problem(run, problem, needed=True),
+        )
+    start = front.provenance[NAVIGATIONS][-1]["from"]
+    if as_json:
+        print_json({**entries(front)[choice.index], **front.provenance[NAVIGATIONS][-1], "out": place})
+    else:
+        if point is None:
+            print_text(f"from the present choice, point {start}:")
+        print_text(choice_text(front, choice))
+        why = ""
+        if out is None and place != run and front.provenance[NAVIGATIONS][-1]["dominated"]:
+            why = f", because the new point dominates points of {run}, which keeps them"
+        elif out is None and place != run:
+            why = f", because {run} was stopped, and resuming it would drop the new point"
+        print_text(f"kept in {place}{why}")
+        named = problem_words(front.provenance.get("problem"))
+        print_text(f"export:  {shell_command('paretoik', 'export', place, '--point', str(choice.id), *named)}")

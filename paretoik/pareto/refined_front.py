@@ -1,0 +1,195 @@
+"""Refine every point of a front over the ranges of the front that results, and complete it by further points."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from paretoik.arrays import Ids, Point, Points, Values
+from paretoik.compilation_notices import computing_clock
+from paretoik.errors import Infeasible, SolverFailed
+from paretoik.front.front import Front
+from paretoik.front.indicators import non_dominated, ranges_of
+from paretoik.pareto.certified_front import Certifier, certified_front, no_worse
+from paretoik.pareto.differentiable import Differentiable
+from paretoik.pareto.epsilon import epsilon_points
+from paretoik.pareto.placement import POINT_TOLERANCE, front_rows
+from paretoik.pareto.refine import refine
+from paretoik.pareto.scalarisation import WARM_OPTIONS, evaluate_points
+from paretoik.pareto.sweep import SweepProgress
+from paretoik.progress import count_observer, is_due
+from paretoik.stop_flag import STOP, Interrupted, check_interruption
+
+
+@dataclass(frozen=True, kw_only=True)
+class RefinementOptions:
+    """Settings of repeated refinement.
+
+        rounds: most rounds of refinement
+        shrinkage: share of its former size below which a range requires another round
+        smallest_share: smallest size of a range, as a share of its former size; less is near solver tolerances
+
+    Criticality is measured in shares of the ranges: over the wide ranges of a coarse search it is almost zero at points
+    that are not critical over the ranges of the final front.
+    """
+
+    rounds: int = 3
+    shrinkage: float = 0.5
+    smallest_share: float = 1e-3
+
+
+OPTIONS = RefinementOptions()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Completion:
+    """Points that are added to a refined front: the best that ``plan`` finds, and those that gain most in gaps.
+
+    points: most points of the front, or its own number if that is larger
+    seed: seed of the starts
+    first_id: id of the first new point
+    starts: number of starts per objective; fewer than without a search, as the search has looked already
+    cold_points: number of points that are also sought from starts
+    """
+
+    points: int
+    seed: int
+    first_id: int
+    starts: int = 24
+    cold_points: int = 0
+
+
+class RefinedFront(NamedTuple):
+    """A refined and certified front, which points converged, and whether an observer ended it."""
+
+    front: Front
+    converged: Bool[np.ndarray, " points"]
+    ended: bool
+
+
+def refined_front(
+    certifier: Certifier,
+    x: Points,
+    ids: Ids,
+    ranges: Values,
+    provenance: Mapping[str, Any],
+    *,
+    before: Front | None = None,
+    completion: Completion | None = None,
+) -> RefinedFront:
+    """Return the refined and certified front of points, with those of a ``completion``, if given.
+
+    Points that became worse than on the front ``before`` are restored.
+    """
+    formulation = certifier.formulation
+    with certifier.reserve_later(len(x)):
+        then = "" if completion is None else "optimum"
+        x, converged, ranges, ended = _refine_over_own_ranges(certifier, x, ranges, then)
+        if completion is not None:
+            assert before is not None
+            x = no_worse(formulation, formulation.individuals(x), before, ranges).x
+            before = None
+            if len(ranges) > 1 and len(x):
+                x, ids, ranges = _completed(completion, certifier, x, ids, ranges)
+    front = certified_front(certifier, x, ids, ranges, provenance, before=before)
+    return RefinedFront(front, converged, ended)
+
+
+def _refine_over_own_ranges(
+    certifier: Certifier, x: Points, ranges: Values, then: str
+) -> tuple[Points, Bool[np.ndarray, " points"], Values, bool]:
+    """Return refined points, which of them converged, their ranges, and whether an observer ended it.
+
+    The ranges are about those of the points' front. The time left is not shown if other stages come first, ``then``.
+    """
+    formulation, observe, following = certifier.formulation, certifier.observe, " and ".join(certifier.later_stages)
+    ended, shares = False, np.ones(len(ranges))
+
+    def show(done: int, total: int, point: Point) -> object:
+        nonlocal ended
+        if count is not None:
+            if not then and is_due(observe):
+                certifier.try_point(point, ranges, computing_clock() - began)
+            ended = bool(count(done, total, words))
+        return ended
+
+    for number in range(OPTIONS.rounds):
+        words = f"round {number + 1}" if number else ""
+        count = count_observer(
+            observe, "refinement", later=certifier.per_point, uniform=not then, then=then, following=following
+        )
+        program, before, began = formulation.program(ranges * shares), shares, computing_clock()
+        x, converged = refine(program, x, len(ranges), solver=certifier.solver, observe=show)
+        values = evaluate_points(program, x).objectives[:, : len(ranges)] * before
+        widths = np.ptp(values[front_rows(values)], axis=0)
+        shares = np.where(widths > POINT_TOLERANCE, np.maximum(widths, OPTIONS.smallest_share), before)
+        if ended or STOP[0] or (shares > OPTIONS.shrinkage * before).all():
+            break
+    return x, converged, ranges * before, ended
+
+
+def _completed(
+    completion: Completion, certifier: Certifier, x: Points, ids: Ids, ranges: Values
+) -> tuple[Float[np.ndarray, " completed *point"], Int[np.ndarray, " completed"], Values]:
+    """Return points with those of a completion, their ids and ranges; as they are if the planner finds nothing."""
+    formulation, solver, observe = certifier.formulation, certifier.solver, certifier.observe
+    began = computing_clock()
+
+    def show_point(progress: SweepProgress) -> object:
+        assert observe is not None
+        return observe(certifier.point_progress(progress, computing_clock() - began))
+
+    with suppress(Infeasible, SolverFailed, Interrupted):
+        check_interruption()
+        shown = count_observer(observe, "optimum")
+        cold = formulation.cold_search(starts=completion.starts, seed=completion.seed, solver=solver, observe=shown)
+        began = computing_clock()
+        new, new_ranges = epsilon_points(
+            formulation.program,
+            cold,
+            len(ranges),
+            points=max(completion.points, 2),
+            initial=x,
+            refined=True,
+            cold_points=completion.cold_points,
+            solver=solver,
+            observe=None if observe is None else show_point,
+        )
+        # Former points keep their ids, new ones count from the first id.
+        ids_before = {one.tobytes(): int(each) for one, each in zip(x, ids, strict=True)}
+        numbers = [ids_before.get(one.tobytes(), completion.first_id + i) for i, one in enumerate(new)]
+        return new, np.array(numbers, dtype=np.int64), new_ranges
+    return x, ids, ranges
+
+
+def merge_front(front: Front, formulation: Differentiable, x: Points, first_id: int) -> Front:
+    """Return the nondominated points of a front and of further feasible points.
+
+    Genes are None if a further point is on the front: genes would only approximate it.
+    """
+    individuals = formulation.individuals(x)
+    violation = evaluate_points(formulation.program(), x).violation
+    values = np.concatenate([front.minimised, individuals.objectives])
+    shares = values / ranges_of(values)
+    feasible = np.flatnonzero(np.append(np.ones(len(front), dtype=bool), violation <= WARM_OPTIONS.violation))
+    rows = feasible[non_dominated(shares[feasible])]
+    if (rows < len(front)).all():
+        return front
+    old = formulation.front_points(front) if len(front) else x[:0]
+    both = formulation.individuals(np.concatenate([old, x])[rows])
+    objectives = both.objectives * np.where(formulation.maximised, -1.0, 1.0)
+    violations = np.zeros(len(front)) if front.violation is None else front.violation
+    return replace(
+        front,
+        ids=np.concatenate([front.ids, first_id + np.arange(len(x))])[rows],
+        objectives=objectives,
+        genes=None,
+        motions=both.motions,
+        violation=np.concatenate([violations, violation])[rows],
+        ranges=np.stack([objectives.min(axis=0), objectives.max(axis=0)], axis=1),
+    )
