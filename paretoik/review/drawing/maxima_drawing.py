@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -13,7 +13,7 @@ import rerun as rr
 from paretoik.review.drawing.arm import ArmDrawing
 from paretoik.review.drawing.axes import screen_text
 from paretoik.review.drawing.charts import Chart, LimitLine, fit_below_tabs
-from paretoik.review.drawing.labels import joined_label, no_label
+from paretoik.review.drawing.labels import joined_labels, label_place
 from paretoik.review.drawing.layout import Entry, Layout, Legend, log_text, text_view
 from paretoik.review.drawing.motion import CHOSEN, limit_lines
 from paretoik.review.drawing.space import Stage
@@ -22,8 +22,6 @@ from paretoik.review.recording.messages import MaximaEnd, MaximaScene, in_space
 from paretoik.review.words import run_text
 from paretoik.robot.kinematics import link_nodes
 from paretoik.task.limits import JOINT_UNITS
-
-# The text of a directional maximum, in Markdown.
 
 
 def maximum_text(scene: MaximaScene, end: MaximaEnd, number: int) -> str:
@@ -71,9 +69,6 @@ def _without_dust(value: float, all_values: np.ndarray) -> float:
     return 0.0 if abs(value) <= DRAWING.rounding * float(np.nanmax(np.abs(all_values))) else float(value)
 
 
-# The recording of directional maxima: vectors that form a polygon in the plane, rays in space.
-
-
 ENTITY = "maxima"
 
 
@@ -88,37 +83,41 @@ class MaximaDrawing:
 
     def log(self, stream: rr.RecordingStream) -> None:
         """Draw everything."""
-        self._log_axes(stream)
-        self._drawing.log_workcell(stream)
+        count, stage, end, drawing = len(self.end), self._stage, self.end, self._drawing
+        stage.log_axes(stream)
+        final = self._outline(count, SCREEN.final, 0.8, 0.5) if stage.planar else self._rays(count, SCREEN.final, 0.8)
+        stream.log(f"{ENTITY}/final", final, static=True)  # all maxima, behind everything else
+        stream.log(f"{ENTITY}/origin", stage.points(np.zeros((1, 3)), SCREEN.target, 4.0, 1.0), static=True)
+        drawing.log_workcell(stream)
         for chart in self._charts:
             chart.log(stream)
-        stream.log(
-            "search/maxima",
-            rr.AnyValues(values=self.end.values, directions=self.end.directions.ravel(), q=self.end.q.ravel()),
-            static=True,
-        )
-        for number in range(1, len(self.end) + 1):
+        values = rr.AnyValues(values=end.values, directions=end.directions.ravel(), q=end.q.ravel())
+        stream.log("search/maxima", values, static=True)
+        for number in range(1, count + 1):
             stream.set_time("direction", sequence=number)
             self._log_maxima(stream, number)
-            self._log_posture(stream, number)
-            words = maximum_text(self.scene, self.end, number)
-            log_text(stream, words)
+            # the arm in the posture of the direction, with the earlier postures behind it
+            is_reached = np.isfinite(end.values[:number])
+            before = list(self._links[: number - 1][is_reached[:-1]])
+            stream.log(f"{drawing.entity}/postures", drawing.stage.strips(before, SCREEN.ghost, 1.0, 0.0))
+            arrow = np.stack([self._place, self._arrow_ends[number - 1]])
+            stream.log(f"{drawing.entity}/direction/line", drawing.stage.strips([arrow], SCREEN.chosen, 2.0, 9.0))
+            stream.log(f"{drawing.entity}/direction/head", drawing.stage.points(arrow[1:], SCREEN.chosen, 4.5, 9.0))
+            if not is_reached[-1]:
+                stream.log(f"{drawing.entity}/{CHOSEN}", rr.Clear(recursive=True))
+            else:
+                drawing.log_arm(stream, CHOSEN, self._links[number - 1], None)
+                if drawing.meshes is not None:
+                    drawing.meshes.log_posture(stream, end.q[number - 1])
+            log_text(stream, maximum_text(self.scene, self.end, number))
             for chart in self._charts:
                 chart.log_cursor(stream, float(number))
         stream.reset_time()
         self._layout.log(stream)
 
-    def _log_axes(self, stream: rr.RecordingStream) -> None:
-        """Draw axes and, behind everything else, all maxima, for all times."""
-        count, stage = len(self.end), self._stage
-        stage.log_axes(stream)
-        final = self._outline(count, SCREEN.final, 0.8, 0.5) if stage.planar else self._rays(count, SCREEN.final, 0.8)
-        stream.log(f"{ENTITY}/final", final, static=True)
-        stream.log(f"{ENTITY}/origin", stage.points(np.zeros((1, 3)), SCREEN.target, 4.0, 1.0), static=True)
-
     def _log_maxima(self, stream: rr.RecordingStream, count: int) -> None:
-        """Draw the first ``count`` maxima; the last of them is the chosen one."""
-        tips, stage = self._tips[:count], self._stage
+        """Draw the first ``count`` maxima; the last of them is the chosen one, named off all rays and corners."""
+        tips, stage, words = self._tips[:count], self._stage, f"direction {count}"
         is_reached = np.isfinite(tips).all(axis=1)
         stream.log(f"{ENTITY}/rays", self._rays(count, SCREEN.front, 0.6))
         stream.log(f"{ENTITY}/outline", self._outline(count, SCREEN.front, 1.6, 2.0))
@@ -129,18 +128,15 @@ class MaximaDrawing:
         arrow = [np.stack([np.zeros(3), tip]) for tip in chosen]
         stream.log(f"{ENTITY}/chosen/ray", stage.strips(arrow, SCREEN.chosen, 2.0, 4.0))
         stream.log(f"{ENTITY}/chosen/tip", stage.points(chosen, SCREEN.chosen, 6.0, 5.0))
-        stream.log(f"{ENTITY}/chosen/name", *self._name(chosen, f"direction {count}"))
-
-    def _name(self, tip: np.ndarray, words: str) -> Sequence[Any]:
-        """Return the name of a tip (0 or 1, 3); in the plane it avoids all rays and corners."""
-        stage = self._stage
-        if not len(tip):
-            return no_label() if stage.planar else [rr.Points3D([])]
-        if not stage.planar:
-            return [stage.points(1.12 * tip, SCREEN.chosen, 0.0, 0.0, labels=[words], show_labels=True)]
-        shares = np.linspace(0.0, 1.0, 12)[:, None, None]
-        rays = (shares * self._tips[np.isfinite(self._tips).all(axis=1)]).reshape(-1, 3)
-        return joined_label(stage.canvas, stage.place(tip[0]), words, stage.place(rays), SCREEN.chosen)
+        said = [words] * len(chosen)
+        name = [stage.points(1.12 * chosen, SCREEN.chosen, 0.0, 0.0, labels=said, show_labels=True)]
+        if stage.planar:
+            shares = np.linspace(0.0, 1.0, 12)[:, None, None]
+            rays = stage.place((shares * self._tips[np.isfinite(self._tips).all(axis=1)]).reshape(-1, 3))
+            marks = stage.place(chosen)
+            middles = [label_place(stage.canvas, mark, words, rays) for mark in marks]
+            name = [*joined_labels(marks, middles, said, SCREEN.chosen)]
+        stream.log(f"{ENTITY}/chosen/name", *name)
 
     def _rays(self, count: int, colour: Colour, radius: float) -> Any:
         rays = [np.stack([np.zeros(3), tip]) for tip in self._tips[:count] if np.isfinite(tip).all()]
@@ -156,21 +152,6 @@ class MaximaDrawing:
             around = np.argsort(np.arctan2(tips[:, 1], tips[:, 0]), kind="stable")
             tips = tips[np.append(around, around[0])]
         return self._stage.strips([tips], colour, radius, order)
-
-    def _log_posture(self, stream: rr.RecordingStream, number: int) -> None:
-        """Draw the arm in the posture of a direction, by its number, with the earlier postures behind it."""
-        drawing, is_reached = self._drawing, np.isfinite(self.end.values[:number])
-        before = self._links[: number - 1][is_reached[:-1]]
-        stream.log(f"{drawing.entity}/postures", drawing.stage.strips(list(before), SCREEN.ghost, 1.0, 0.0))
-        arrow = np.stack([self._place, self._arrow_ends[number - 1]])
-        stream.log(f"{drawing.entity}/direction/line", drawing.stage.strips([arrow], SCREEN.chosen, 2.0, 9.0))
-        stream.log(f"{drawing.entity}/direction/head", drawing.stage.points(arrow[1:], SCREEN.chosen, 4.5, 9.0))
-        if is_reached[-1]:
-            drawing.log_arm(stream, CHOSEN, self._links[number - 1], None)
-            if drawing.meshes is not None:
-                drawing.meshes.log_posture(stream, self.end.q[number - 1])
-        else:
-            stream.log(f"{drawing.entity}/{CHOSEN}", rr.Clear(recursive=True))
 
     @cached_property
     def _tips(self) -> np.ndarray:
@@ -210,55 +191,41 @@ class MaximaDrawing:
     @cached_property
     def _charts(self) -> list[Chart]:
         """The charts over the directions: the maxima, then joints and motors."""
-        end, cell, names = self.end, self.scene.workcell, self.scene.workcell.arm.joint_names
-        label = f"highest {self.scene.word} [{self.scene.unit}]"
-        charts = [self._chart("maximum", label, end.values[None], [self.scene.word])]
+        end, cell, arm, numbers = (
+            self.end,
+            self.scene.workcell,
+            self.scene.workcell.arm,
+            np.arange(1.0, len(self.end) + 1),
+        )
+        speed, joints = self.scene.quantity == "velocity", arm.joint_names
+        labels = {kind: f"joint {kind} [{joint_units(arm, JOINT_UNITS[kind])}]" for kind in JOINT_UNITS}
         ends = np.array([1.0, float(max(len(end), 2))])
         limits = [
-            LimitLine(instants=ends, values=each.values[[0, -1]], name=each.name, colours=each.colours)
-            for each in limit_lines(cell, "position", 1.0)
+            replace(each, instants=ends, values=each.values[[0, -1]]) for each in limit_lines(cell, "position", 1.0)
         ]
-        charts.append(self._chart("position", self._joint_label("position"), end.q.T, names, limits))
-        speed = self.scene.quantity == "velocity"
-        if speed:
-            charts.append(self._chart("velocity", self._joint_label("velocity"), end.dq.T, names, self._capability))
-        of_torque = [] if speed else self._capability
-        charts.append(self._chart("torque", self._joint_label("torque"), end.torque.T, names, of_torque))
-        if end.sliders is not None:
-            places = [f"{side} {name}" for side in ("front", "back") for name in names]
-            flat = end.sliders.reshape(len(end), -1).T
-            charts.append(self._chart("sliders", "slider position [m]", flat, places))
-            charts.append(self._chart("motor_speeds", "motor speed [m/s]", _motors(end.motor_speeds), places))
-            charts.append(self._chart("motor_efforts", "motor force [N]", _motors(end.motor_efforts), places))
-        return [charts[0], *fit_below_tabs(charts[1:])]
-
-    @property
-    def _capability(self) -> list[LimitLine]:
-        """The joint limits that the motors allow, over the directions."""
-        numbers = np.arange(1.0, len(self.end) + 1)
-        return [
+        capability = [  # the joint limits that the motors allow, over the directions
             LimitLine(instants=numbers, values=values[:, joint], name=name, colours=[SCREEN.joint(joint)])
-            for joint, name in enumerate(self.scene.workcell.arm.joint_names)
-            for values in (self.end.lower, self.end.upper)
+            for joint, name in enumerate(joints)
+            for values in (end.lower, end.upper)
         ]
-
-    def _joint_label(self, kind: str) -> str:
-        return f"joint {kind} [{joint_units(self.scene.workcell.arm, JOINT_UNITS[kind])}]"
-
-    def _chart(
-        self, name: str, label: str, curves: np.ndarray, names: Sequence[str], limits: Sequence[LimitLine] = ()
-    ) -> Chart:
-        return Chart(
-            entity=f"charts/{name}",
-            dots=True,
-            title=label,
-            labels=("direction", label),
-            names=names,
-            colours=[SCREEN.joint(number) for number in range(len(names))],
-            instants=np.arange(1.0, len(self.end) + 1),
-            curves=curves,
-            limits=limits,
-        )
+        label = f"highest {self.scene.word} [{self.scene.unit}]"
+        shown: list[tuple[str, str, Any, Sequence[str], Sequence[LimitLine]]] = [
+            ("maximum", label, end.values[:, None], [self.scene.word], []),
+            ("position", labels["position"], end.q, joints, limits),
+            *([("velocity", labels["velocity"], end.dq, joints, capability)] if speed else []),
+            ("torque", labels["torque"], end.torque, joints, [] if speed else capability),
+        ]
+        if end.sliders is not None:
+            places = [f"{side} {name}" for side in ("front", "back") for name in joints]
+            shown.append(("sliders", "slider position [m]", end.sliders, places, []))
+            shown.append(("motor_speeds", "motor speed [m/s]", end.motor_speeds, places, []))
+            shown.append(("motor_efforts", "motor force [N]", end.motor_efforts, places, []))
+        charts = []
+        for name, label, values, names, lines in shown:
+            colours, more = [SCREEN.joint(number) for number in range(len(names))], {"names": names, "limits": lines}
+            curves = values.reshape(len(end), -1).T
+            charts.append(Chart.over("direction", name, label, numbers, curves, colours, dots=True, **more))
+        return [charts[0], *fit_below_tabs(charts[1:])]
 
     @property
     def _layout(self) -> Layout:
@@ -286,8 +253,3 @@ class MaximaDrawing:
             frames=DRAWING.slow_frames,
             note=self.note,
         )
-
-
-def _motors(values: np.ndarray) -> np.ndarray:
-    """Return motor values (directions, motors, dof) as curves (motors · dof, directions)."""
-    return np.asarray(values.reshape(len(values), -1).T)

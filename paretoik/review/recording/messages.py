@@ -17,11 +17,11 @@ from paretoik.front.choice import Choice
 from paretoik.front.front import Front
 from paretoik.front.preferences.compromise import best_rows
 from paretoik.resolution.protocol import ResolvedMotion
-from paretoik.review.palette import DRAWING, even_rows
+from paretoik.review.palette import DRAWING, even_rows, is_sliding, joint_units
 from paretoik.robot.arm import Arm
 from paretoik.robot.dynamics import gravity_torques
 from paretoik.robot.kinematics import link_nodes
-from paretoik.task.limits import LIMITED, Bounds, Limits
+from paretoik.task.limits import JOINT_UNITS, LIMITED, Bounds, Limits
 from paretoik.task.motion import Motion
 from paretoik.task.obstacles import Obstacle, clearance
 from paretoik.task.sampling import Differences
@@ -203,9 +203,6 @@ def maxima_end(polygon: PerformancePolygon, provenance: Mapping[str, Any]) -> Ma
     )
 
 
-# A point of a front, and its motion.
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RecordedMotion:
     """A motion as plain arrays: joint positions ``q`` (time, dof) at ``time`` (time,) [s].
@@ -265,9 +262,6 @@ def joint_curves(cell: Workcell, motion: RecordedMotion) -> Mapping[str, np.ndar
     return {kind: np.asarray(getattr(full, name)) for kind, name in LIMITED.items()}
 
 
-# The end of a search as individually drawn points: the choice, and the best of every objective.
-
-
 def end_points(front: Front, choice: Choice | None) -> tuple[RecordedPoint, ...]:
     """Return the best points of a front's objectives, and its choice if there is one, with their motions."""
     if not len(front):
@@ -286,9 +280,6 @@ def front_point(front: Front, row: int, *, axis: int | None = None) -> RecordedP
 def chosen_point(choice: Choice) -> RecordedPoint:
     """Return a choice as a point."""
     return RecordedPoint(id=choice.id, objectives=choice.objectives, motion=record_motion(choice.motion, curves=True))
-
-
-# The recording of a run without a feasible result: the least-violating point and what it breaks.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -372,9 +363,6 @@ class PlanEnd:
     least_violating: LeastViolating | None = None
 
 
-# The recording of resolved motions: each with its traces at every step.
-
-
 NO_OBJECTIVES = np.zeros(0)
 
 
@@ -392,6 +380,17 @@ class ResolvedScene:
     tolerance: float
     error_unit: str
     min_clearance: float
+
+    @property
+    def speed_unit(self) -> str:
+        """Unit of joint speeds; both units if an arm has both kinds of joints."""
+        return joint_units(self.workcell.arm, JOINT_UNITS["velocity"])
+
+    @property
+    def damping_unit(self) -> str:
+        """Unit of the damping, which is that of the Jacobian."""
+        turns = not is_sliding(self.workcell.arm).any()
+        return "m/rad" if turns and self.error_unit == "m" else "units of the Jacobian"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

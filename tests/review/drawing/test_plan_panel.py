@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from paretoik.review.drawing.front_panels import LAYERS
 from paretoik.review.drawing.plan_panel import PlanPanel
+from paretoik.review.drawing.scatter import LAYERS
 from paretoik.review.recording.messages import (
     PlannedLevel,
     PlannedMotions,
