@@ -27,38 +27,38 @@ from paretoik.task.limits import JOINT_UNITS
 def maximum_text(scene: MaximaScene, end: MaximaEnd, number: int) -> str:
     """Return the text of the maximum along a direction, by its number from 1."""
     row, arm = number - 1, scene.workcell.arm
-    value, direction = end.values[row], end.directions[row]
+    value, direction = end.polygon.values[row], end.polygon.directions[row]
     lines = [
-        f"# Direction {number} of {len(end)}",
+        f"# Direction {number} of {len(end.polygon)}",
         f"- along ({', '.join(f'{_without_dust(each, direction):.3g}' for each in direction)})",
     ]
     if len(direction) == 2:
         lines[-1] += f", {np.degrees(np.arctan2(direction[1], direction[0])) % 360:.4g}° from x"
     if not np.isfinite(value):
         return screen_text("\n".join([*lines, "- no posture was found that reaches it and can be held"]))
-    best, worst = int(np.nanargmax(end.values)), int(np.nanargmin(end.values))
-    lines += [
-        f"- highest {scene.word} {value:.4g} {scene.unit}; of all directions {end.values[worst]:.4g} (direction "
-        f"{worst + 1}) to {end.values[best]:.4g} (direction {best + 1})",
-        "",
-        "## Joints",
-        "",
-    ]
+    best, worst = int(np.nanargmax(end.polygon.values)), int(np.nanargmin(end.polygon.values))
+    least, most = end.polygon.values[worst], end.polygon.values[best]
+    words = (
+        f"- highest {scene.word} {value:.4g} {scene.unit}; of all directions {least:.4g} (direction {worst + 1}) to "
+    )
+    lines += [f"{words}{most:.4g} (direction {best + 1})", "", "## Joints", ""]
     for joint, (name, kind) in enumerate(zip(arm.joint_names, arm.joint_types, strict=True)):
         position, speed, effort = ("m", "m/s", "N") if kind == "prismatic" else ("rad", "rad/s", "N m")
-        torque = _without_dust(end.torque[row, joint], end.torque)
-        words = f"- **{name}**: {end.q[row, joint]:.4g} {position}, {'force' if kind == 'prismatic' else 'torque'} "
+        torque = _without_dust(end.polygon.torque[row, joint], end.polygon.torque)
+        words = (
+            f"- **{name}**: {end.polygon.q[row, joint]:.4g} {position}, {'force' if kind == 'prismatic' else 'torque'} "
+        )
         words += f"{torque:.3g} {effort}"
         unit = speed if scene.quantity == "velocity" else effort
         if scene.quantity == "velocity":
-            words += f", {_without_dust(end.dq[row, joint], end.dq):.4g} {speed}"
+            words += f", {_without_dust(end.polygon.dq[row, joint], end.polygon.dq):.4g} {speed}"
         low, high = end.lower[row, joint], end.upper[row, joint]
         lines.append(f"{words}; motors allow {low:.3g} to {high:.3g} {unit}")
-    if end.sliders is not None:
+    if end.polygon.sliders is not None:
         lines += ["", "## Sliders", ""]
         lines += [
-            f"- **{name}**: its front slider at {1e3 * end.sliders[row, 0, joint]:.4g} mm, its back slider at "
-            f"{1e3 * end.sliders[row, 1, joint]:.4g} mm"
+            f"- **{name}**: its front slider at {1e3 * end.polygon.sliders[row, 0, joint]:.4g} mm, its back slider at "
+            f"{1e3 * end.polygon.sliders[row, 1, joint]:.4g} mm"
             for joint, name in enumerate(arm.joint_names)
         ]
     return screen_text("\n".join([*lines, "", run_text(end.provenance)]))
@@ -83,7 +83,7 @@ class MaximaDrawing:
 
     def log(self, stream: rr.RecordingStream) -> None:
         """Draw everything."""
-        count, stage, end, drawing = len(self.end), self._stage, self.end, self._drawing
+        count, stage, end, drawing = len(self.end.polygon), self._stage, self.end, self._drawing
         stage.log_axes(stream)
         final = self._outline(count, SCREEN.final, 0.8, 0.5) if stage.planar else self._rays(count, SCREEN.final, 0.8)
         stream.log(f"{ENTITY}/final", final, static=True)  # all maxima, behind everything else
@@ -91,13 +91,15 @@ class MaximaDrawing:
         drawing.log_workcell(stream)
         for chart in self._charts:
             chart.log(stream)
-        values = rr.AnyValues(values=end.values, directions=end.directions.ravel(), q=end.q.ravel())
+        values = rr.AnyValues(
+            values=end.polygon.values, directions=end.polygon.directions.ravel(), q=end.polygon.q.ravel()
+        )
         stream.log("search/maxima", values, static=True)
         for number in range(1, count + 1):
             stream.set_time("direction", sequence=number)
             self._log_maxima(stream, number)
             # the arm in the posture of the direction, with the earlier postures behind it
-            is_reached = np.isfinite(end.values[:number])
+            is_reached = np.isfinite(end.polygon.values[:number])
             before = list(self._links[: number - 1][is_reached[:-1]])
             stream.log(f"{drawing.entity}/postures", drawing.stage.strips(before, SCREEN.ghost, 1.0, 0.0))
             arrow = np.stack([self._place, self._arrow_ends[number - 1]])
@@ -108,7 +110,7 @@ class MaximaDrawing:
             else:
                 drawing.log_arm(stream, CHOSEN, self._links[number - 1], None)
                 if drawing.meshes is not None:
-                    drawing.meshes.log_posture(stream, end.q[number - 1])
+                    drawing.meshes.log_posture(stream, end.polygon.q[number - 1])
             log_text(stream, maximum_text(self.scene, self.end, number))
             for chart in self._charts:
                 chart.log_cursor(stream, float(number))
@@ -148,7 +150,7 @@ class MaximaDrawing:
         tips = tips[np.isfinite(tips).all(axis=1)]
         if not self._stage.planar or len(tips) < 2:
             return self._stage.strips([], colour, radius, order)
-        if count == len(self.end) and len(tips) > 2:
+        if count == len(self.end.polygon) and len(tips) > 2:
             around = np.argsort(np.arctan2(tips[:, 1], tips[:, 0]), kind="stable")
             tips = tips[np.append(around, around[0])]
         return self._stage.strips([tips], colour, radius, order)
@@ -156,12 +158,12 @@ class MaximaDrawing:
     @cached_property
     def _tips(self) -> np.ndarray:
         """The maxima as vectors (directions, 3), NaN if none was found."""
-        return in_space(self.end.values[:, None] * self.end.directions)
+        return in_space(self.end.polygon.values[:, None] * self.end.polygon.directions)
 
     @cached_property
     def _stage(self) -> Stage:
         """The plane or space of the maxima."""
-        planar = self.end.directions.shape[1] == 2
+        planar = self.end.polygon.directions.shape[1] == 2
         along = f"{self.scene.word} along " if planar else ""  # in space short labels stay visible
         x, y, z = (f"{along}{axis} [{self.scene.unit}]" for axis in "xyz")
         seen = np.concatenate([np.zeros((1, 3)), self._tips[np.isfinite(self._tips).all(axis=1)]])
@@ -171,7 +173,7 @@ class MaximaDrawing:
 
     @cached_property
     def _links(self) -> np.ndarray:
-        return np.asarray(link_nodes(self.scene.workcell.arm, self.end.q))
+        return np.asarray(link_nodes(self.scene.workcell.arm, self.end.polygon.q))
 
     @property
     def _place(self) -> np.ndarray:
@@ -181,11 +183,11 @@ class MaximaDrawing:
     @cached_property
     def _arrow_ends(self) -> np.ndarray:
         reach = float(np.nanmax(np.ptp(self._links, axis=(0, 1))))
-        return np.asarray(self._place + SCENES.arrow * reach * in_space(self.end.directions))
+        return np.asarray(self._place + SCENES.arrow * reach * in_space(self.end.polygon.directions))
 
     @cached_property
     def _drawing(self) -> ArmDrawing:
-        nodes = self._links[np.isfinite(self.end.values)].reshape(-1, 3)
+        nodes = self._links[np.isfinite(self.end.polygon.values)].reshape(-1, 3)
         return ArmDrawing(entity="arm", workcell=self.scene.workcell, nodes=np.concatenate([nodes, self._arrow_ends]))
 
     @cached_property
@@ -195,11 +197,11 @@ class MaximaDrawing:
             self.end,
             self.scene.workcell,
             self.scene.workcell.arm,
-            np.arange(1.0, len(self.end) + 1),
+            np.arange(1.0, len(self.end.polygon) + 1),
         )
         speed, joints = self.scene.quantity == "velocity", arm.joint_names
         labels = {kind: f"joint {kind} [{joint_units(arm, JOINT_UNITS[kind])}]" for kind in JOINT_UNITS}
-        ends = np.array([1.0, float(max(len(end), 2))])
+        ends = np.array([1.0, float(max(len(end.polygon), 2))])
         limits = [
             replace(each, instants=ends, values=each.values[[0, -1]]) for each in limit_lines(cell, "position", 1.0)
         ]
@@ -210,20 +212,20 @@ class MaximaDrawing:
         ]
         label = f"highest {self.scene.word} [{self.scene.unit}]"
         shown: list[tuple[str, str, Any, Sequence[str], Sequence[LimitLine]]] = [
-            ("maximum", label, end.values[:, None], [self.scene.word], []),
-            ("position", labels["position"], end.q, joints, limits),
-            *([("velocity", labels["velocity"], end.dq, joints, capability)] if speed else []),
-            ("torque", labels["torque"], end.torque, joints, [] if speed else capability),
+            ("maximum", label, end.polygon.values[:, None], [self.scene.word], []),
+            ("position", labels["position"], end.polygon.q, joints, limits),
+            *([("velocity", labels["velocity"], end.polygon.dq, joints, capability)] if speed else []),
+            ("torque", labels["torque"], end.polygon.torque, joints, [] if speed else capability),
         ]
-        if end.sliders is not None:
+        if end.polygon.sliders is not None:
             places = [f"{side} {name}" for side in ("front", "back") for name in joints]
-            shown.append(("sliders", "slider position [m]", end.sliders, places, []))
-            shown.append(("motor_speeds", "motor speed [m/s]", end.motor_speeds, places, []))
-            shown.append(("motor_efforts", "motor force [N]", end.motor_efforts, places, []))
+            shown.append(("sliders", "slider position [m]", end.polygon.sliders, places, []))
+            shown.append(("motor_speeds", "motor speed [m/s]", end.polygon.motor_speeds, places, []))
+            shown.append(("motor_efforts", "motor force [N]", end.polygon.motor_efforts, places, []))
         charts = []
         for name, label, values, names, lines in shown:
             colours, more = [SCREEN.joint(number) for number in range(len(names))], {"names": names, "limits": lines}
-            curves = values.reshape(len(end), -1).T
+            curves = values.reshape(len(end.polygon), -1).T
             charts.append(Chart.over("direction", name, label, numbers, curves, colours, dots=True, **more))
         return [charts[0], *fit_below_tabs(charts[1:])]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -158,26 +159,16 @@ class MaximaScene:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MaximaEnd:
-    """The arrays of a polygon, as ``PerformancePolygon`` has them, and the ``provenance`` of its run.
+    """A ``polygon`` without its actuation, which may be the user's own, and the ``provenance`` of its run.
 
     ``lower`` and ``upper`` (directions, dof): joint limits that the motors allow in each posture, speeds [rad/s, m/s]
     or torques [N m, N].
     """
 
-    directions: Float[np.ndarray, "directions task"]
-    values: Float[np.ndarray, " directions"]
-    q: Float[np.ndarray, "directions dof"]
-    dq: Float[np.ndarray, "directions dof"]
-    torque: Float[np.ndarray, "directions dof"]
-    motor_speeds: Float[np.ndarray, "directions motors dof"]
-    motor_efforts: Float[np.ndarray, "directions motors dof"]
-    sliders: Float[np.ndarray, "directions 2 dof"] | None
+    polygon: PerformancePolygon
     lower: Float[np.ndarray, "directions dof"]
     upper: Float[np.ndarray, "directions dof"]
     provenance: Mapping[str, Any]
-
-    def __len__(self) -> int:
-        return len(self.values)
 
 
 def maxima_end(polygon: PerformancePolygon, provenance: Mapping[str, Any]) -> MaximaEnd:
@@ -186,21 +177,10 @@ def maxima_end(polygon: PerformancePolygon, provenance: Mapping[str, Any]) -> Ma
         speeds = joint_speeds(polygon.actuation, polygon.q, gravity_torques(polygon.arm, polygon.q))
         lower, upper = speeds.low, speeds.high
     else:
-        capacity, _ = torque_capacity(polygon.actuation, polygon.q)
-        lower, upper = -capacity, capacity
-    return MaximaEnd(
-        directions=polygon.directions,
-        values=polygon.values,
-        q=polygon.q,
-        dq=polygon.dq,
-        torque=polygon.torque,
-        motor_speeds=polygon.motor_speeds,
-        motor_efforts=polygon.motor_efforts,
-        sliders=polygon.sliders,
-        lower=lower,
-        upper=upper,
-        provenance=provenance,
-    )
+        upper, _ = torque_capacity(polygon.actuation, polygon.q)
+        lower = -upper
+    object.__setattr__(recorded := copy(polygon), "actuation", None)
+    return MaximaEnd(polygon=recorded, lower=lower, upper=upper, provenance=provenance)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
