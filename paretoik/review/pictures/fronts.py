@@ -44,36 +44,27 @@ class NameSizes:
     leader: float = 10.0  # names farther than this from their mark have a line to it
 
 
-@dataclass(frozen=True, kw_only=True)
-class NamedPoint:
-    """A point with its name next to it: its row, the words, their colour."""
-
-    row: int
-    name: str
-    colour: str
-
-
 NAMES = NameSizes()
 
 
-def name_points(axes: Axes, points: Float[np.ndarray, "points 2"], named: Sequence[NamedPoint]) -> None:
-    """Write names next to ``points``, one after another; the axes' limits must be set."""
+def name_points(axes: Axes, points: Float[np.ndarray, "points 2"], named: Sequence[tuple[int, str, str]]) -> None:
+    """Write names next to ``points``, one after another: their rows, words and colours; axes must have limits."""
     low, high = (np.array(limits) for limits in zip(axes.get_xlim(), axes.get_ylim(), strict=True))
     size = np.array(axes.bbox.size) * 72.0 / axes.figure.dpi  # before the layout exists: about the final size
     taken = (points - low) / (high - low) * size
-    for point in named:
-        mark, half = taken[point.row], np.array([0.5 * NAMES.character * len(point.name), 0.5 * NAMES.line])
+    for row, words, colour in named:
+        mark, half = taken[row], np.array([0.5 * NAMES.character * len(words), 0.5 * NAMES.line])
         middle = name_place(mark, half, taken, size)
         is_near = np.linalg.norm(np.maximum(np.abs(middle - mark) - half, 0.0)) <= NAMES.leader
-        line = {"arrowstyle": "-", "color": point.colour, "linewidth": 0.7, "shrinkA": 0.0, "shrinkB": 3.0}
+        line = {"arrowstyle": "-", "color": colour, "linewidth": 0.7, "shrinkA": 0.0, "shrinkB": 3.0}
         axes.annotate(
-            point.name,
-            tuple(points[point.row]),
+            words,
+            tuple(points[row]),
             tuple(middle - mark),
             textcoords="offset points",
             ha="center",
             va="center",
-            color=point.colour,
+            color=colour,
             weight="bold",
             arrowprops=None if is_near else line,
         )
@@ -291,7 +282,7 @@ def _draw_pair(axes: Axes, front: Front, pair: tuple[int, int], highlights: Sequ
     axes.set(xlabel=label(front, pair[0]), ylabel=label(front, pair[1]))
     axes.locator_params(nbins=5)
     axes.margins(0.09)
-    named = [NamedPoint(row=each.index, name=str(front.ids[each.index]), colour=each.colour) for each in highlights]
+    named = [(each.index, str(front.ids[each.index]), each.colour) for each in highlights]
     name_points(axes, np.stack([x, y], axis=1), named)
 
 

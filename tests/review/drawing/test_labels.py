@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from paretoik.review.drawing.axes import Canvas, text_width
-from paretoik.review.drawing.labels import half_size, joined_labels, label_area, label_place, line_points, plate_half
+from paretoik.review.drawing.labels import half_size, joined_labels, label_area, label_place, plate_half
 from paretoik.review.drawing.scatter import Scatter
 from paretoik.review.palette import MARKS
 from paretoik.review.recording.messages import RecordedPoint
@@ -84,31 +84,6 @@ PLATES = {  # width and height in pictures of the viewer [pixels]
 @pytest.mark.parametrize("words", PLATES)
 def test_a_plate_is_as_large_as_the_viewer_draws_it(words):
     np.testing.assert_allclose(2 * plate_half(words), PLATES[words], atol=2.0)
-
-
-def test_the_line_to_a_label_goes_round_that_of_another_label():
-    named = Canvas(low=CANVAS.low, high=CANVAS.high, labels=("x", "torque_norm [N²m²s]"))
-    crowd = np.array([(x, y) for x in range(0, 501, 16) for y in range(0, 391, 10)], dtype=float)
-    mark, wall = np.array([15.0, 60.0]), np.array([[60.0, -40.0], [60.0, 35.0]])
-    straight = label_place(named, mark, "point 29", crowd)
-    detour = label_place(named, mark, "point 29", crowd, wall[None])
-    assert _is_crossed(mark, straight, wall)
-    assert not _is_crossed(mark, detour, wall)
-
-
-def _is_crossed(mark: np.ndarray, middle: np.ndarray, wall: np.ndarray) -> bool:
-    half = half_size("point 29")
-    end = np.clip(mark, middle - half, middle + half)
-    on_wall = mark + (end - mark) * (wall[0, 0] - mark[0]) / (end[0] - mark[0]) if end[0] != mark[0] else mark
-    within = min(mark[0], end[0]) < wall[0, 0] < max(mark[0], end[0])
-    return bool(within and wall[0, 1] < on_wall[1] < wall[1, 1])
-
-
-@given(st.lists(st.tuples(places, places), min_size=1, max_size=4))
-def test_no_label_fits_between_two_points_of_a_line(ends):
-    narrow = 2 * half_size("best") + 8.0  # free space around a label
-    for line in np.array(ends):
-        assert (np.abs(np.diff(line_points(line[None]), axis=0)) <= narrow).all()
 
 
 def test_best_points_that_coincide_are_rings_around_each_other_with_both_names(tmp_path):
