@@ -354,13 +354,24 @@ def comparison_picture(comparison: Comparison, file: Path | str) -> None:
     More than three objectives are parallel coordinates, with the best of the merged front below. Raises InvalidInput if
     writing fails.
     """
-    n_obj = len(comparison.fronts[0].names)
-    wide = 9.6 if n_obj > 2 else 6.6
-    with picture(file, (wide, 4.2)) as figure:
+    first, styles = comparison.fronts[0], _styles(comparison)
+    n_obj = len(first.names)
+    with picture(file, (9.6 if n_obj > 2 else 6.6, 4.2)) as figure:
         if n_obj == 1:
-            _draw_compared_values(figure.subplots(), comparison)
+            axes = figure.subplots()
+            for place, (front, style) in enumerate(zip(comparison.fronts, styles, strict=True)):
+                level = np.full(len(front), place)
+                axes.plot(front.objectives[:, 0], level, linestyle="none", markersize=6, **style)
+            axes.set(xlabel=label(first, 0), yticks=range(len(comparison.labels)))
+            axes.set_yticklabels(list(map(_text, comparison.labels)))
+            axes.margins(0.2)
         elif n_obj > 3:
-            _draw_compared_parallel(figure.subplots(), comparison)
+            axes, places = figure.subplots(), np.arange(n_obj)
+            for shares, style in zip(comparison.shares, styles, strict=True):
+                axes.plot(places, shares.T, color=style["color"], alpha=0.35, linewidth=0.8)
+                axes.plot([], [], color=style["color"], label=style["label"])
+            axes.set_xticks(places, [label(first, axis) for axis in places.tolist()])
+            axes.set(ylabel="share of the merged front's range, best below")
         else:
             pairs = list(combinations(range(n_obj), 2))
             for axes, pair in zip(np.atleast_1d(figure.subplots(1, len(pairs))), pairs, strict=True):
@@ -402,21 +413,3 @@ def _draw_compared_pair(axes: Axes, comparison: Comparison, pair: tuple[int, int
     axes.set(xlabel=label(first, pair[0]), ylabel=label(first, pair[1]))
     axes.locator_params(nbins=5)
     axes.margins(0.06)
-
-
-def _draw_compared_values(axes: Axes, comparison: Comparison) -> None:
-    for place, (front, style) in enumerate(zip(comparison.fronts, _styles(comparison), strict=True)):
-        axes.plot(front.objectives[:, 0], np.full(len(front), place), linestyle="none", markersize=6, **style)
-    axes.set(xlabel=label(comparison.fronts[0], 0), yticks=range(len(comparison.labels)))
-    axes.set_yticklabels(list(map(_text, comparison.labels)))
-    axes.margins(0.2)
-
-
-def _draw_compared_parallel(axes: Axes, comparison: Comparison) -> None:
-    first = comparison.fronts[0]
-    places = np.arange(len(first.names))
-    for shares, style in zip(comparison.shares, _styles(comparison), strict=True):
-        axes.plot(places, shares.T, color=style["color"], alpha=0.35, linewidth=0.8)
-        axes.plot([], [], color=style["color"], label=style["label"])
-    axes.set_xticks(places, [label(first, axis) for axis in range(len(places))])
-    axes.set(ylabel="share of the merged front's range, best below")
