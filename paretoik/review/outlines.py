@@ -48,41 +48,30 @@ def freest_place(
     others: Float[np.ndarray, "marks 2"],
     gap: float,
     lines: Lines = NO_LINES,
-    *,
     reach: float = 0.0,
-) -> Point:
+    leader: float = 0.0,
+) -> tuple[Point, bool]:
     """Return the place that covers the fewest marks, with the fewest crossings of its line to `mark` and ``lines``.
 
-    Among these, take the one whose line touches the fewest other marks, within ``reach``, then the nearest to its mark.
+    Among these, take the one whose line touches the fewest other marks, within ``reach``, then the nearest to its mark;
+    only lines longer than ``leader`` are drawn. Return also whether it covers, crosses and touches nothing.
     """
     ends = np.clip(mark, middles - half, middles + half)
-    crossed = count_crossed(mark, ends, lines)
-    touched = count_touched(mark, ends, others, reach)
     distances = np.linalg.norm(ends - mark, axis=1)
-    covered = count_covered(middles, half, others, gap=gap)
-    return np.asarray(middles[np.lexsort((distances, touched, crossed + covered))[0]])
-
-
-def count_crossed(start: Point, ends: Places, lines: Lines) -> Int[np.ndarray, " places"]:
-    """Return how many ``lines`` are crossed on the way from a `start` to each of its ends."""
+    # crossings: the ends of either line are on both sides of the other one
     tails, tips = lines[:, 0], lines[:, 1]
-    sides = _side(start, ends[:, None], tails) * _side(start, ends[:, None], tips)
-    ways = _side(tails, tips, start) * _side(tails, tips, ends[:, None])
-    return np.asarray(((sides < 0.0) & (ways < 0.0)).sum(axis=1))
-
-
-def count_touched(
-    start: Point, ends: Places, marks: Float[np.ndarray, "marks 2"], reach: float
-) -> Int[np.ndarray, " places"]:
-    """Return how many marks are within ``reach`` of the line from a `start` to each of its ends.
-
-    A mark that is no farther than that from the start itself only counts if the line leads towards it.
-    """
-    along, away = ends - start, marks - start
+    sides = _side(mark, ends[:, None], tails) * _side(mark, ends[:, None], tips)
+    ways = _side(tails, tips, mark) * _side(tails, tips, ends[:, None])
+    lost = ((sides < 0.0) & (ways < 0.0)).sum(axis=1) + count_covered(middles, half, others, gap=gap)
+    # marks near the line; one that is near the mark itself only counts if the line leads towards it
+    along, away = ends - mark, others - mark
     squared = np.maximum((along**2).sum(axis=1), np.finfo(float).tiny)
     shares = np.clip(away @ along.T / squared, 0.0, 1.0).T
     nearest = np.linalg.norm(away - shares[..., None] * along[:, None], axis=-1)
-    return np.asarray((nearest < np.minimum(reach, np.linalg.norm(away, axis=1))).sum(axis=1))
+    touched = (nearest < np.minimum(reach, np.linalg.norm(away, axis=1))).sum(axis=1)
+    touched = np.where(distances > leader, touched, 0)
+    best = np.lexsort((distances, touched, lost))[0]
+    return np.asarray(middles[best]), not (lost[best] or touched[best])
 
 
 def _side(tail: np.ndarray, tip: np.ndarray, point: np.ndarray) -> np.ndarray:
@@ -119,8 +108,14 @@ def outline(obstacle: Obstacle) -> Polyline | None:
         case Capsule():
             centers = np.linspace(obstacle.start, obstacle.end, 33)
             return _hull(np.concatenate([_slice_of_ball(center, obstacle.radius) for center in centers]))
-        case Box():
-            return _hull(_slice_of_box(obstacle))
+        case Box():  # where its edges meet the plane; the corners of a rectangle in it
+            corners, crossings = _box_corners(obstacle, (0.0, 0.0)), list[np.ndarray]()
+            for low, high in (corners[list(edge)] for edge in EDGES):
+                if low[2] * high[2] <= 0 and low[2] != high[2]:
+                    crossings.append((low + (high - low) * low[2] / (low[2] - high[2]))[:2])
+                elif low[2] == high[2] == 0:
+                    crossings += [low[:2], high[:2]]
+            return _hull(np.array(crossings).reshape(-1, 2))
 
 
 def wires(obstacle: Obstacle, height: tuple[float, float]) -> list[Polyline]:
@@ -136,45 +131,27 @@ def wires(obstacle: Obstacle, height: tuple[float, float]) -> list[Polyline]:
         case Sphere():
             turned = (RING, RING[:, [0, 2, 1]], RING[:, [2, 0, 1]])
             return [obstacle.center + obstacle.radius * ring for ring in turned]
-        case Capsule():
-            return _capsule_wires(obstacle)
+        case Capsule():  # a ring around each end, the lines between them, and two arcs over each end
+            axis, radius = obstacle.end - obstacle.start, obstacle.radius
+            length = float(np.linalg.norm(axis))
+            axis = axis / length if length > 0 else np.array([0.0, 0.0, 1.0])
+            across = np.cross(axis, np.eye(3)[np.abs(axis).argmin()])
+            across /= np.linalg.norm(across)
+            frame = np.stack([across, np.cross(axis, across), axis])
+            rings = [end + radius * RING @ frame for end in (obstacle.start, obstacle.end)]
+            lines = [np.stack([rings[0][i], rings[1][i]]) for i in range(0, 48, 12)]
+            half, ends = (RING[:25, [0, 2, 1]], RING[:25, [2, 0, 1]]), ((obstacle.start, -1.0), (obstacle.end, 1.0))
+            arcs = [end + radius * (arc * [1.0, 1.0, side]) @ frame for end, side in ends for arc in half]
+            return [*rings, *lines, *arcs]
         case Box():
             corners = _box_corners(obstacle, height)
             return [corners[list(edge)] for edge in EDGES]
-
-
-def _capsule_wires(capsule: Capsule) -> list[Polyline]:
-    """Return a ring around each end, the lines between them, and two arcs over each end."""
-    axis = capsule.end - capsule.start
-    length = float(np.linalg.norm(axis))
-    axis = axis / length if length > 0 else np.array([0.0, 0.0, 1.0])
-    across = np.cross(axis, np.eye(3)[np.abs(axis).argmin()])
-    across /= np.linalg.norm(across)
-    frame = np.stack([across, np.cross(axis, across), axis])
-    rings = [end + capsule.radius * RING @ frame for end in (capsule.start, capsule.end)]
-    lines = [np.stack([rings[0][i], rings[1][i]]) for i in range(0, 48, 12)]
-    half = RING[:25, [0, 2, 1]], RING[:25, [2, 0, 1]]
-    ends = ((capsule.start, -1.0), (capsule.end, 1.0))
-    arcs = [end + capsule.radius * (arc * [1.0, 1.0, side]) @ frame for end, side in ends for arc in half]
-    return [*rings, *lines, *arcs]
 
 
 def _box_corners(box: Box, height: tuple[float, float]) -> Float[np.ndarray, "8 3"]:
     """Return the corners of a box; a beam, which has two half sizes, spans the range of heights."""
     sizes = box.half_sizes if len(box.half_sizes) == 3 else [*box.half_sizes, 0.5 * (height[1] - height[0])]
     return np.asarray(box.pose.apply(np.array(list(product((-1.0, 1.0), repeat=3))) * sizes))
-
-
-def _slice_of_box(box: Box) -> Polyline:
-    """Return where the edges of a box meet the plane z = 0, (points, 2); the corners of a rectangle in it."""
-    corners = _box_corners(box, (0.0, 0.0))
-    crossings: list[np.ndarray] = []
-    for low, high in (corners[list(edge)] for edge in EDGES):
-        if low[2] * high[2] <= 0 and low[2] != high[2]:
-            crossings.append((low + (high - low) * low[2] / (low[2] - high[2]))[:2])
-        elif low[2] == high[2] == 0:
-            crossings += [low[:2], high[:2]]
-    return np.array(crossings).reshape(-1, 2)
 
 
 def _slice_of_ball(center: np.ndarray, radius: float) -> Polyline:

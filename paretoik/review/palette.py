@@ -10,8 +10,6 @@ from jaxtyping import Bool, Int
 
 from paretoik.robot.arm import Arm
 
-# Units of joint quantities, which depend on whether a joint turns or slides.
-
 
 def joint_units(arm: Arm, units: tuple[str, str]) -> str:
     """Return the unit of an arm's joints: that of turning joints, of sliding ones, or both."""
@@ -27,9 +25,6 @@ def has_masses(arm: Arm) -> bool:
 def is_sliding(arm: Arm) -> Bool[np.ndarray, " dof"]:
     """Return which joints slide."""
     return np.array([kind == "prismatic" for kind in arm.joint_types])
-
-
-# Rows that are evenly spread over many, including the first and the last.
 
 
 def even_rows(count: int, largest: int) -> Int[np.ndarray, " rows"]:
@@ -49,8 +44,6 @@ class DrawingOptions:
     """Bounds of what a recording draws."""
 
     matrix: int = 5  # most objectives for a panel per pair; beyond, only neighbours have one
-    parallel: int = 3  # fewest objectives for parallel coordinates
-    parallel_lines: int = 200  # most points drawn as lines there; more are a grey area
     walk: int = 60  # most points on the timeline along the front
     starts: int = 240  # most starts on the timeline of a plan's starts
     optima: int = 12  # most optima of a plan that are listed
@@ -131,9 +124,6 @@ DRAWING = DrawingOptions()
 VIEWS = ViewSizes()
 MARKS = MarkSizes()
 SCENES = SceneOptions()
-
-
-# Colours, sizes and labels on paper and on screen.
 
 
 Colour: TypeAlias = tuple[int, int, int, int]

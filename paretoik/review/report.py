@@ -104,65 +104,58 @@ class ReportMotions:
 
     def description(self) -> dict[str, Any]:
         """Return what the page needs to draw blocks: joints, quantities, limits, arm, path and obstacles."""
-        low, step = self._ranges
-        names = self.motions.arm.joint_names
+        (low, step), motions, task = self._ranges, self.motions, task_of(self.front.problem)
+        names = motions.arm.joint_names
         described: dict[str, Any] = {
             "joints": list(names),
             "samples": self.channels.shape[2],
             "low": _digits(low, 9),
             "step": _digits(step, 9),
-            "standing": bool((np.ptp(self.motions.q, axis=1) == 0).all()),
+            "standing": bool((np.ptp(motions.q, axis=1) == 0).all()),
             "quantities": [{"name": "position", "units": ["rad or m"] * len(names)}],
         }
-        if self.has_arm:
-            sliding = [kind == "prismatic" for kind in self.motions.arm.joint_types]
-            described["quantities"] = [
-                {"name": kind, "units": [JOINT_UNITS[kind][slides] for slides in sliding]} for kind in self.kinds
-            ]
-            task = task_of(self.front.problem)
-            described["limits"] = {} if task is None else {
-                kind: {
-                    "times": _digits(task.times) if len(each) > 1 else None,
-                    "lower": [_digits(joint) for joint in each[..., 0].T],
-                    "upper": [_digits(joint) for joint in each[..., 1].T],
-                }
-                for kind, each in task.bounds.items()
-            }  # fmt: skip
-            described["arm"] = self._arm()
-        return described
-
-    def _arm(self) -> dict[str, Any]:
-        """Return the window, the paths and the obstacles of the arm's picture, and the directions of its objectives."""
-        motions, nodes = self.motions, self._nodes
+        if not self.has_arm:
+            return described
+        sliding = [kind == "prismatic" for kind in motions.arm.joint_types]
+        described["quantities"] = [
+            {"name": kind, "units": [JOINT_UNITS[kind][slides] for slides in sliding]} for kind in self.kinds
+        ]
+        described["limits"] = {
+            kind: {
+                "times": _digits(task.times) if task is not None and len(each) > 1 else None,
+                "lower": _digits(each[..., 0].T),
+                "upper": _digits(each[..., 1].T),
+            }
+            for kind, each in ({} if task is None else task.bounds).items()
+        }
+        nodes, directions = self._nodes, getattr(self.front.problem, "directions", None)
         planar, flat = motions.arm.is_planar, nodes.reshape(-1, nodes.shape[-1])
-        height = None if planar else (float(flat[:, -1].min()), float(flat[:, -1].max()))
-        lines = obstacle_lines(motions.obstacles, height)
-        paths = [np.asarray(task.path.positions)[:, : nodes.shape[-1]] for task in motions.tasks]
-        shown, directions = np.concatenate([flat, *lines, *paths]), getattr(self.front.problem, "directions", None)
-        return {
+        lines = obstacle_lines(
+            motions.obstacles, None if planar else (float(flat[:, -1].min()), float(flat[:, -1].max()))
+        )
+        paths = [np.asarray(each.path.positions)[:, : nodes.shape[-1]] for each in motions.tasks]
+        shown = np.concatenate([flat, *lines, *paths])
+        described["arm"] = {
             "planar": planar,
             "nodes": nodes.shape[2],
             "radius": float(motions.link_radius),
             "low": _digits(shown.min(axis=0)),
             "high": _digits(shown.max(axis=0)),
-            "paths": [_lines(path) for path in paths if np.ptp(path, axis=0).any()],
-            "obstacles": [_lines(line) for line in lines],
-            "arrows": []
-            if directions is None
-            else [{"axis": axis, "along": _digits(vector)} for axis, vector in enumerate(directions)],
+            "paths": [_digits(path, 5) for path in paths if np.ptp(path, axis=0).any()],
+            "obstacles": [_digits(line, 5) for line in lines],
+            "arrows": [
+                {"axis": axis, "along": _digits(vector)}
+                for axis, vector in enumerate([] if directions is None else directions)
+            ],
         }
+        return described
 
 
-def _lines(points: np.ndarray) -> list[Any]:
-    return [_digits(point, 5) for point in points]
-
-
-def _digits(values: np.ndarray, digits: int = 6) -> list[float | None]:
-    """Return numbers with ``digits`` significant digits; None if they are not finite."""
-    return [float(f"{value:.{digits}g}") if np.isfinite(value) else None for value in np.asarray(values, dtype=float)]
-
-
-# The page of a report: the data of its script, its table, and its frame.
+def _digits(values: np.ndarray, digits: int = 6) -> Any:
+    """Return nested numbers with ``digits`` significant digits; None if they are not finite."""
+    values = np.asarray(values, dtype=float)
+    rounded = [float(f"{value:.{digits}g}") if np.isfinite(value) else None for value in values.ravel()]
+    return np.array(rounded, dtype=object).reshape(values.shape).tolist()
 
 
 SCRIPTS = ("page.js", "front.js", "curves.js", "arm.js", "start.js")
@@ -204,7 +197,14 @@ class ReportPage:
     @cached_property
     def _data(self) -> dict[str, Any]:
         """The data of the script, except the motions."""
-        front, steps, certificates = self.front, self.report.steps, self.front.certificates
+        front, steps, certificates, whole = self.front, self.report.steps, self.front.certificates, self.report.front
+        branches: list[list[int]] | None = None  # the ids of each branch of optima in order; None if unknown
+        if (jumps := whole.jumps) is not None:
+            branches, on_page = [whole.ids[:1].tolist()], set(front.ids.tolist())
+            for pair in pairwise(whole.ids.tolist()):
+                branches += [[]] if pair in jumps else []
+                branches[-1].append(pair[1])
+            branches = [[number for number in branch if number in on_page] for branch in branches]
         return {
             "objectives": [
                 {"name": name, "unit": unit, "maximised": maximised, "label": objective_label(name, unit, maximised)}
@@ -215,65 +215,70 @@ class ReportPage:
             "shares": np.round(front.shares, 5).tolist(),
             "ranges": front.ranges.tolist(),
             "marks": {str(number): words for number, words in self._marks.items()},
-            "start": int(self.report.front.ids[self.rows[0]]) if len(self.rows) else None,
+            "start": int(whole.ids[self.rows[0]]) if len(self.rows) else None,
             "status": None if certificates is None else certificates.status.tolist(),
-            "rates": None if certificates is None else _significant(certificates.exchange_intervals),
-            "branches": self._branches(),
+            "rates": None if certificates is None else _digits(certificates.exchange_intervals, 5),
+            "branches": branches,
             "nearest": self.report.nearest,
             "motions": None if self._motions is None else self._motions.description(),
-            "steps": None if steps is None else {
-                part.name: _significant(np.asarray(getattr(steps, part.name))) for part in fields(steps)
-            },
+            "steps": None
+            if steps is None
+            else {part.name: _digits(getattr(steps, part.name), 5) for part in fields(steps)},
             "colours": {"accents": PAPER.accents, "quiet": PAPER.quiet, "ink": PAPER.ink, "grid": PAPER.grid},
-        }  # fmt: skip
-
-    def _branches(self) -> list[list[int]] | None:
-        """Return the ids of each branch of optima of two objectives in order; None if jumps are unknown."""
-        whole = self.report.front
-        jumps = whole.jumps
-        if jumps is None:
-            return None
-        branches: list[list[int]] = [whole.ids[:1].tolist()]
-        for pair in pairwise(whole.ids.tolist()):
-            if pair in jumps:
-                branches.append([])
-            branches[-1].append(pair[1])
-        on_page = set(self.front.ids.tolist())
-        return [[number for number in branch if number in on_page] for branch in branches]
+        }
 
     def _render(self, blocks: Mapping[int, str]) -> str:
         """Return the page with the motions of some points, by their id."""
-        front, whole = self.front, self.report.front
+        from jinja2 import Environment, StrictUndefined
+
+        front, whole, certificates, rows = (
+            self.front,
+            self.report.front,
+            self.front.certificates,
+            list[dict[str, Any]](),
+        )
         script, provenance = "\n".join(_page_file(name) for name in SCRIPTS), dict(whole.provenance)
         if "computed" in provenance:
             provenance["computed"] = computed_text(provenance["computed"])
         checks = [(name, meaning) for name, (meaning, _) in self._checks.items()]
-        checks += [("certificate", "local type of the point")] * (front.certificates is not None)
-        return str(
-            _template().render(
-                title=self.report.title,
-                front=whole,
-                nearest=self.report.nearest,
-                rows=[self._table_row(row) for row in range(len(front))],
-                checks=checks,
-                columns=[
-                    objective_label(*each) for each in zip(front.names, front.units, front.maximised, strict=True)
-                ],
-                notes=[line for note in self.report.notes for line in note.splitlines() if line],
-                choices=self.report.choices,
-                compromise=compromise(whole) if len(whole) > 1 else None,
-                left_out=len(whole) - len(front),
-                without_motion=[]
-                if self._motions is None
-                else [number for number in front.ids.tolist() if number not in blocks],
-                provenance=list(flatten(provenance).items()),
-                has_rates=front.certificates is not None and len(front.names) > 1,
-                style=_page_file("page.css"),
-                script=script,
-                hashes=[_hash(script), _hash(plotly_bundle())],
-                bundle=_packed_bundle(),
-                data=_embed({**self._data, "blocks": {str(number): block for number, block in blocks.items()}}),
-            )
+        checks += [("certificate", "local type of the point")] * (certificates is not None)
+        for row, number in enumerate(front.ids.tolist()):
+            cells = [f"{value:.6g}" for value in front.objectives[row]]
+            for value in (values[row] for _, values in self._checks.values()):
+                cells.append("0" if value == 0 else f"{value:.1e}" if np.isfinite(value) else "unknown")
+            status = "" if certificates is None else str(certificates.status[row])
+            reason = "" if certificates is None else str(certificates.reason[row])
+            mark = self._marks.get(number, "")
+            rows.append({"id": number, "cells": cells, "status": status, "reason": reason, "mark": mark})
+        # JSON that no HTML parser can leave
+        data = {**self._data, "blocks": {str(number): block for number, block in blocks.items()}}
+        text = json.dumps(data, allow_nan=False, separators=(",", ":"), ensure_ascii=False)
+        for character in "<\u2028\u2029":
+            text = text.replace(character, f"\\u{ord(character):04x}")
+        environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+        moving = set(blocks) if self._motions is not None else set(front.ids.tolist())
+        return environment.from_string(_page_file("page.html")).render(
+            title=self.report.title,
+            front=whole,
+            nearest=self.report.nearest,
+            rows=rows,
+            checks=checks,
+            columns=[objective_label(*each) for each in zip(front.names, front.units, front.maximised, strict=True)],
+            notes=[line for note in self.report.notes for line in note.splitlines() if line],
+            choices=self.report.choices,
+            compromise=compromise(whole) if len(whole) > 1 else None,
+            left_out=len(whole) - len(front),
+            without_motion=[number for number in front.ids.tolist() if number not in moving],
+            provenance=list(flatten(provenance).items()),
+            has_rates=certificates is not None and len(front.names) > 1,
+            style=_page_file("page.css"),
+            script=script,
+            hashes=[  # with these a browser only runs these scripts (Content Security Policy, level 2)
+                "sha256-" + base64.b64encode(hashlib.sha256(each.encode()).digest()).decode()
+                for each in (script, plotly_bundle())
+            ],
+            bundle=_packed_bundle(),
+            data=text,
         )
 
     @cached_property
@@ -295,16 +300,6 @@ class ReportPage:
             if np.isfinite(errors).any()
         }
 
-    def _table_row(self, row: int) -> dict[str, Any]:
-        front = self.front
-        cells = [f"{value:.6g}" for value in front.objectives[row]]
-        cells += [_size(values[row]) for _, values in self._checks.values()]
-        status, reason = "", ""
-        if front.certificates is not None:
-            status, reason = str(front.certificates.status[row]), str(front.certificates.reason[row])
-        number = int(front.ids[row])
-        return {"id": number, "cells": cells, "status": status, "reason": reason, "mark": self._marks.get(number, "")}
-
 
 @cache
 def plotly_bundle() -> str:
@@ -323,38 +318,6 @@ def _packed_bundle() -> str:
 @cache
 def _page_file(name: str) -> str:
     return files("paretoik.review").joinpath("page", name).read_text(encoding="utf-8")
-
-
-@cache
-def _template() -> Any:
-    from jinja2 import Environment, StrictUndefined
-
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    return environment.from_string(_page_file("page.html"))
-
-
-def _hash(script: str) -> str:
-    """Return the hash with which a browser only runs this script (Content Security Policy, level 2)."""
-    return "sha256-" + base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
-
-
-def _embed(data: Mapping[str, Any]) -> str:
-    """Return JSON that no HTML parser can leave: "<" is escaped."""
-    text = json.dumps(data, allow_nan=False, separators=(",", ":"), ensure_ascii=False)
-    return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
-
-
-def _size(value: float) -> str:
-    return "0" if value == 0 else f"{value:.1e}" if np.isfinite(value) else "unknown"
-
-
-def _significant(values: np.ndarray) -> Any:
-    """Return nested numbers with 5 significant digits, None if they are not finite."""
-    rounded = [float(f"{value:.5g}") if np.isfinite(value) else None for value in values.ravel()]
-    return np.array(rounded, dtype=object).reshape(values.shape).tolist()
-
-
-# The report of a front.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -399,18 +362,15 @@ class Report:
 
     def page(self) -> str:
         """Return the page; the same report makes the same page."""
-        count = min(self.options.points, len(self.front))
-        while True:
-            page = ReportPage(report=self, rows=self._rows(count))
+        count, first = min(self.options.points, len(self.front)), list(self.marks) or [0]
+        while True:  # the marked points, then each next one far from all earlier ones (MaxiMin)
+            distances = np.full(len(self.front), np.inf)
+            rows = greedy_order(self.front.shares, count, distances, first[:count])[0]
+            page = ReportPage(report=self, rows=rows)
             room = self.options.size - page.size_without_motions
             if room >= 0 or count <= 1:
                 return page.render(room)
             count //= 2
-
-    def _rows(self, count: int) -> Int[np.ndarray, " points"]:
-        """Return ``count`` rows: the marked points, then each next one far from all earlier ones (MaxiMin)."""
-        front, first = self.front, (list(self.marks) or [0])[:count]
-        return greedy_order(front.shares, count, np.full(len(front), np.inf), first)[0]
 
     @cached_property
     def marks(self) -> dict[int, str]:

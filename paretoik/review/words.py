@@ -12,8 +12,6 @@ from paretoik.front.front import Front
 from paretoik.runs.executor import computed_text
 from paretoik.task.motion import Motion
 
-# Text about limits that motions of a front exceed between their samples.
-
 
 def describe_limits_between(front: Front, rows: Sequence[int] | None = None) -> str:
     """Return which limit, at which joint and time, motions violate most between samples, and what helps.
@@ -25,9 +23,6 @@ def describe_limits_between(front: Front, rows: Sequence[int] | None = None) -> 
         return ""
     message = task.describe_between(motions if rows is None else motions[np.asarray(rows, dtype=int)])
     return f"{message}, or refine" if message and front.certificates is None else message
-
-
-# Texts about a run: settings, endings and counts.
 
 
 SETTINGS = {  # shown settings by name, in words
@@ -75,38 +70,32 @@ def ending_words(status: str) -> str:
 
 
 def run_text(provenance: Mapping[str, Any]) -> str:
-    """Return the text of a run: its problem, settings, and how long it took; "" for nothing."""
+    """Return the text of a run: its problem, the settings that it used, and how long it took; "" for nothing."""
     counts, status = provenance.get("counts") or {}, provenance.get("status")
+    lines = [f"- problem: {provenance['problem']}"] if provenance.get("problem") else []
+    lines += [f"- computed by {words}"] if (words := computed_text(provenance.get("computed"))) else []
+    lines += [f"- ended: {ENDINGS.get(str(status), status)}"] if status else []
+    settings = {name: value for name, value in (provenance.get("settings") or {}).items() if value is not None}
+    if settings.get("refine") is False:  # then nothing was solved
+        settings.pop("solver", None)
+    searched = "population" in settings  # the most points of an archive, but the desired points of a sweep
+    names = SETTINGS | ({"points": "points of the front, at most"} if searched else {})
+    names |= {"starts": "starts for every redundant degree"} if "optima" in counts else {}
+    for name in (name for name in names if name in settings):
+        value = settings[name]
+        lines.append(f"- {names[name]}: {('no', 'yes')[value] if isinstance(value, bool) else value}")
     took = [counted(counts[name], *words) for name, words in COUNTS.items() if isinstance(counts.get(name), int)]
     took += [f"{counts['seconds']:.4g} s"] if "seconds" in counts else []
-    heads = [f"- problem: {provenance['problem']}"] if provenance.get("problem") else []
-    heads += [f"- computed by {words}"] if (words := computed_text(provenance.get("computed"))) else []
-    heads += [f"- ended: {ENDINGS.get(str(status), status)}"] if status else []
     if counts.get("failed"):
         took.append(f"{counted(counts['failed'], 'evaluation')} failed, the first with: {counts['first_cause']}")
-    results = [f"- {counted(counts[name], 'point')} {name}" for name in ("converged", "improved") if name in counts]
-    lines = heads + _settings(provenance) + ([f"- took {', '.join(took)}"] if took else []) + results
+    lines += [f"- took {', '.join(took)}"] if took else []
+    lines += [f"- {counted(counts[name], 'point')} {name}" for name in ("converged", "improved") if name in counts]
     return "## Run\n\n" + "\n".join(lines) if lines else ""
 
 
 def counted(number: int, one: str, many: str = "") -> str:
     """Return a number of things in words."""
     return f"{number} {one if number == 1 else many or one + 's'}"
-
-
-def _settings(provenance: Mapping[str, Any]) -> list[str]:
-    """Return the settings of a run, one line each, without those that it did not use."""
-    settings = {name: value for name, value in (provenance.get("settings") or {}).items() if value is not None}
-    if settings.get("refine") is False:  # then nothing was solved
-        settings.pop("solver", None)
-    searched = "population" in settings  # the most points of an archive, but the desired points of a sweep
-    words = SETTINGS | ({"points": "points of the front, at most"} if searched else {})
-    words |= {"starts": "starts for every redundant degree"} if "optima" in (provenance.get("counts") or {}) else {}
-    return [f"- {words[name]}: {_setting_text(settings[name])}" for name in words if name in settings]
-
-
-def _setting_text(setting: object) -> str:
-    return {True: "yes", False: "no"}[setting] if isinstance(setting, bool) else str(setting)
 
 
 def named_unit(name: str, unit: str) -> str:

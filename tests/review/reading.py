@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import rerun as rr
 
+from paretoik.review.drawing.axes import TEXT, Canvas
 from paretoik.review.drawing.choice_layer import ROOTS
 
 TIMELINES = (
@@ -16,6 +17,26 @@ TIMELINES = (
 )
 SECOND = 1_000_000_000  # durations are nanoseconds
 FRAME = ("/grid", "/labels", "/axes/lines")  # of charts: on their own they are not a picture
+
+
+def drawn_labels(canvas: Canvas) -> tuple[list[str], np.ndarray]:
+    """Return the words of an axis's ticks and labels, and their middles [pixels]."""
+    stream = Drawn()
+    canvas.log(stream, "canvas")
+    (label,) = stream.drawn["canvas/labels"]
+    places = np.array(label.positions.as_arrow_array().to_pylist()).reshape(-1, 2) + np.array([0.0, TEXT.drop])
+    return label.labels.as_arrow_array().to_pylist(), places
+
+
+class Drawn(rr.RecordingStream):
+    """Keeps what is drawn, by entity."""
+
+    def __init__(self) -> None:
+        super().__init__("drawn")
+        self.drawn: dict[str, Any] = {}
+
+    def log(self, entity: str, *drawings: Any, static: bool = False) -> None:
+        self.drawn[entity] = drawings
 
 
 def read(file: Path) -> dict[str, list]:
@@ -71,6 +92,19 @@ def _views(file: Path, number: int) -> dict[str, str]:
             (origin,) = batch.column("ViewBlueprint:space_origin").to_pylist()[-1]
             origins[str(chunk.entity_path)] = "/" + origin.strip("/")
     return origins
+
+
+def layout_parts(file: Path) -> dict[str, dict[str, Any]]:
+    """Return the final components of each entity of the opening layout."""
+    reader = rr.chunk.RrdReader(file)
+    parts: dict[str, dict[str, Any]] = {}
+    for chunk in reader.stream(store=reader.blueprints()[opening_layout(file)]):
+        batch = chunk.to_record_batch()
+        part = parts.setdefault(str(chunk.entity_path).strip("/"), {})
+        for name in batch.schema.names:
+            if ":" in name:
+                part[name] = batch.column(name).to_pylist()[-1]
+    return parts
 
 
 def shown(entities: dict[str, list], origin: str, timeline: str, time: int) -> list[str]:

@@ -198,13 +198,6 @@ def long_front(problem, *, count: int, samples: int) -> Front:
     )  # fmt: skip
 
 
-def test_hundreds_of_long_motions_fit_into_five_megabytes(problem):
-    front = long_front(problem, count=400, samples=401)
-    text = Report(front=front, title="t").page()
-    assert 4_950_000 < len(text.encode()) <= 5_000_000  # noise compresses badly: the space is used
-    assert 50 < len(Page(text).data["blocks"]) < 400
-
-
 def test_an_empty_front_says_so(make_front):
     assert "No feasible point." in page(make_front(2, points=0, moving=False)).texts("p")
 
@@ -246,21 +239,6 @@ def test_the_points_of_a_page_are_the_marked_ones_and_then_always_the_farthest(m
         assert distance[front.ids == added] == pytest.approx(distance.max())
 
 
-def test_only_the_points_of_the_page_are_processed(problem, monkeypatch):
-    count = 2500
-    drawn: list[int] = []
-
-    def channels(motions: ReportMotions) -> np.ndarray:
-        drawn.append(len(motions.front))
-        return whole.func(motions)
-
-    whole = ReportMotions.channels
-    monkeypatch.setattr(ReportMotions, "channels", property(channels))
-    front = long_front(problem, count=count, samples=3)
-    assert len(page(front, options=ReportOptions(points=20)).table) == 20
-    assert set(drawn) == {20}
-
-
 def test_thousands_of_points_fit_into_five_megabytes_with_the_list_of_what_is_left_out(problem):
     front = long_front(problem, count=2500, samples=101)
     text = Report(front=front, title="t").page()
@@ -278,11 +256,3 @@ def test_a_page_without_space_for_its_table_has_fewer_points_and_says_so(make_fr
     assert len(text.encode()) <= size
     assert len(Page(text).table) == 100
     assert any(words.startswith("100 more points") for words in Page(text).texts("p"))
-
-
-def test_a_page_without_space_for_motions_says_that_all_are_left_out(front):
-    size = len(Report(front=replace(front, motions=None), title="t").page().encode())
-    text = Report(front=front, title="t", options=ReportOptions(size=size + 5_000)).page()
-    read = Page(text)
-    assert read.data["blocks"] == {}
-    assert re.search(r"motions of 9 points", read.texts("p", id="left-out")[0])

@@ -14,10 +14,10 @@ from jaxtyping import Float
 
 from paretoik.arrays import Vector3
 from paretoik.review.drawing.axes import labels
-from paretoik.review.drawing.labels import separate_label_places
+from paretoik.review.drawing.labels import label_area, label_place
 from paretoik.review.drawing.space import ArmMeshes, Stage, find_meshes
 from paretoik.review.outlines import Polyline, outline
-from paretoik.review.palette import MARKS, SCENES, SCREEN, VIEWS, Colour
+from paretoik.review.palette import MARKS, SCENES, SCREEN, VIEWS
 from paretoik.review.recording.messages import Workcell, in_space
 from paretoik.task.obstacles import Capsule, Circle, Obstacle, Sphere
 
@@ -39,43 +39,24 @@ def hatch(corners: Polyline, *, gap: float) -> list[Float[np.ndarray, "2 2"]]:
     return lines
 
 
-def bodies(obstacles: Sequence[Obstacle], low: Vector3, high: Vector3) -> list[tuple[str, Any]]:
-    """Return obstacles in space as numbered archetypes; unbounded ones reach beyond ``low`` and ``high``."""
-    colour, fill = SCREEN.obstacle_body, rr.components.FillMode.Solid
-    length = 1.2 * float(np.linalg.norm(high - low))
-    drawn: list[tuple[str, Any]] = []
-    for number, obstacle in enumerate(obstacles, start=1):
-        body: Any
-        if isinstance(obstacle, Sphere):
-            body = rr.Ellipsoids3D(
-                centers=[obstacle.center], half_sizes=[[obstacle.radius] * 3], colors=colour, fill_mode=fill
-            )
-        elif isinstance(obstacle, Circle):
-            middle = [*obstacle.center, (low + high)[2] / 2]
-            height = float((high - low)[2])
-            body = rr.Cylinders3D(
-                centers=[middle], lengths=[height], radii=[obstacle.radius], colors=colour, fill_mode=fill
-            )
-        elif isinstance(obstacle, Capsule):
-            axis = obstacle.end - obstacle.start
-            body = rr.Capsules3D(
-                translations=[obstacle.start],
-                lengths=[float(np.linalg.norm(axis))],
-                radii=[obstacle.radius],
-                quaternions=[rr.Quaternion(xyzw=turn_of_z(axis))],
-                colors=colour,
-                fill_mode=fill,
-            )
+def bodies(obstacles: Sequence[Obstacle], low: Vector3, high: Vector3) -> list[Any]:
+    """Return obstacles in space as archetypes; unbounded ones reach beyond ``low`` and ``high``."""
+    style: dict[str, Any] = {"colors": SCREEN.obstacle_body, "fill_mode": rr.components.FillMode.Solid}
+    length, drawn = 1.2 * float(np.linalg.norm(high - low)), list[Any]()
+    for each in obstacles:
+        if isinstance(each, Sphere):
+            drawn.append(rr.Ellipsoids3D(centers=[each.center], half_sizes=[[each.radius] * 3], **style))
+        elif isinstance(each, Circle):
+            middle, height = [*each.center, (low + high)[2] / 2], float((high - low)[2])
+            drawn.append(rr.Cylinders3D(centers=[middle], lengths=[height], radii=[each.radius], **style))
+        elif isinstance(each, Capsule):
+            axis, radii = each.end - each.start, [each.radius]
+            place: dict[str, Any] = {"translations": [each.start], "quaternions": [rr.Quaternion(xyzw=turn_of_z(axis))]}
+            drawn.append(rr.Capsules3D(lengths=[float(np.linalg.norm(axis))], radii=radii, **place, **style))
         else:
-            sizes = obstacle.half_sizes if len(obstacle.half_sizes) == 3 else [*obstacle.half_sizes, length / 2]
-            body = rr.Boxes3D(
-                centers=[obstacle.pose.position],
-                half_sizes=[sizes],
-                quaternions=[rr.Quaternion(xyzw=np.roll(obstacle.pose.quaternion, -1))],
-                colors=colour,
-                fill_mode=fill,
-            )
-        drawn.append((f"{number}", body))
+            sizes = each.half_sizes if len(each.half_sizes) == 3 else [*each.half_sizes, length / 2]
+            turn = rr.Quaternion(xyzw=np.roll(each.pose.quaternion, -1))
+            drawn.append(rr.Boxes3D(centers=[each.pose.position], half_sizes=[sizes], quaternions=[turn], **style))
     return drawn
 
 
@@ -105,24 +86,6 @@ def turn_of_z(axis: Vector3) -> np.ndarray:
     return quaternion / np.linalg.norm(quaternion)
 
 
-# The surfaces of links in space: translucent capsules, so that what runs inside a link stays visible.
-
-
-def _capsules(links: Float[np.ndarray, "rows nodes 3"]) -> dict[str, Any]:
-    """Return the fields of the capsules of all rows, posture after posture."""
-    axes = np.diff(links, axis=1)
-    lengths = np.linalg.norm(axes, axis=2)
-    is_link = (lengths > SCENES.shortest * lengths.max()).any(axis=0)
-    return {
-        "lengths": lengths[:, is_link].ravel(),
-        "translations": links[:, :-1][:, is_link].reshape(-1, 3),
-        "quaternions": np.array([turn_of_z(axis) for axis in axes[:, is_link].reshape(-1, 3)]),
-    }
-
-
-# Views of arms in a recording.
-
-
 Links = Float[np.ndarray, "rows nodes 3"]
 
 
@@ -140,12 +103,46 @@ class ArmDrawing:
 
     def log_workcell(self, recording: rr.RecordingStream) -> None:
         """Draw axes, base, obstacles, paths and places, for all times."""
-        self.stage.log_axes(recording)
-        self._log_obstacles(recording)
-        self._log_base(recording)
-        self._log_places(recording)
+        stage, cell, entity = self.stage, self.workcell, self.entity
+        stage.log_axes(recording)
+        borders = [each for each in map(outline, cell.obstacles) if each is not None] if self.planar else []
+        if borders:
+            gap = 9.0 * float(stage.canvas.high[0] - stage.canvas.low[0]) / stage.canvas.width
+            lines = [in_space(line) for each in borders for line in hatch(each, gap=gap)]
+            recording.log(
+                f"{entity}/obstacles/hatch", stage.strips(lines, SCREEN.obstacle_body, 0.7, -2.0), static=True
+            )
+            outlines = stage.strips([in_space(each) for each in borders], SCREEN.obstacle, 1.3, -2.0)
+            recording.log(f"{entity}/obstacles/outlines", outlines, static=True)
+        elif not self.planar:
+            for number, body in enumerate(bodies(cell.obstacles, stage.ground.low, stage.ground.high), start=1):
+                recording.log(f"{entity}/obstacles/{number}", body, static=True)
+        recording.log(f"{entity}/base", self._base(), static=True)
+        if cell.paths and self.planar:  # wide, below other lines
+            recording.log(f"{entity}/target", stage.strips(cell.paths, SCREEN.target, 4.0, 0.0), static=True)
+        elif cell.paths:  # beads: in space two lines in one place would flicker, whatever their widths
+            gap = SCENES.bead_gap * float(np.ptp(self._extent, axis=0).max())
+            places = np.concatenate([beads(path, gap=gap) for path in cell.paths])
+            recording.log(f"{entity}/target", stage.points(places, SCREEN.target, 2.6, 0.0), static=True)
+        if cell.places:
+            places = np.array(list(cell.places.values()))
+            recording.log(f"{entity}/places", stage.points(places, SCREEN.target, 4.0, 1.0), static=True)
+            recording.log(f"{entity}/places/names", self._names(list(cell.places), places), static=True)
+        if len(cell.directions):
+            start, ends = next(iter(cell.places.values())), self._arrow_ends
+            arrows = stage.strips([np.array([start, end]) for end in ends], SCREEN.target, 1.6, 1.0)
+            recording.log(f"{entity}/directions/lines", arrows, static=True)
+            recording.log(f"{entity}/directions/heads", stage.points(ends, SCREEN.target, 3.0, 1.0), static=True)
+            recording.log(f"{entity}/directions/heads/names", self._names(self._arrow_names, ends), static=True)
         if self.meshes is not None:
-            self.meshes.log(recording, self.entity)
+            self.meshes.log(recording, entity)
+
+    def log_arm(
+        self, recording: rr.RecordingStream, layer: str, links: Float[np.ndarray, "nodes 3"], axis: int | None
+    ) -> None:
+        """Draw an arm in one posture at the current time, as ``send_arms`` does."""
+        for part, kind, fields, _ in self._parts(recording, layer, links[None], axis):
+            recording.log(f"{self.entity}/{layer}/{part}", kind.from_fields(**fields))
 
     def send_arms(
         self,
@@ -160,59 +157,51 @@ class ArmDrawing:
         The chosen arm has no ``axis``. It also has the width of its links and is drawn above the arms that have an
         axis; among these, a later one is drawn above an earlier one.
         """
-        placed, (rows, nodes, _) = self.stage.place(links), links.shape
-        kind, dots = self.stage.line_kind, self.stage.point_kind
-        for part in self._log_style(recording, layer, nodes, axis):
-            recording.send_columns(f"{self.entity}/{layer}/{part}", columns, kind.columns(strips=list(placed)))
-        if axis is None and self._has_hulls:
-            capsules = _capsules(links)
-            per_row = [len(capsules["lengths"]) // rows] * rows
-            recording.send_columns(
-                f"{self.entity}/{layer}/body", columns, rr.Capsules3D.columns(**capsules).partition(per_row)
-            )
-        positions = dots.columns(positions=placed.reshape(rows * nodes, -1)).partition([nodes] * rows)
-        recording.send_columns(f"{self.entity}/{layer}/joints", columns, positions)
+        for part, kind, fields, count in self._parts(recording, layer, links, axis):
+            values = kind.columns(**fields).partition([count] * len(links))
+            recording.send_columns(f"{self.entity}/{layer}/{part}", columns, values)
 
-    def log_arm(
-        self,
-        recording: rr.RecordingStream,
-        layer: str,
-        links: Float[np.ndarray, "nodes 3"],
-        axis: int | None,
-    ) -> None:
-        """Draw an arm in one posture at the current time, as ``send_arms`` does."""
-        placed = self.stage.place(links)
-        kind, dots = self.stage.line_kind, self.stage.point_kind
-        for part in self._log_style(recording, layer, len(links), axis):
-            recording.log(f"{self.entity}/{layer}/{part}", kind.from_fields(strips=[placed]))
-        if axis is None and self._has_hulls:
-            recording.log(f"{self.entity}/{layer}/body", rr.Capsules3D.from_fields(**_capsules(links[None])))
-        recording.log(f"{self.entity}/{layer}/joints", dots.from_fields(positions=placed))
+    def _parts(
+        self, recording: rr.RecordingStream, layer: str, links: Links, axis: int | None
+    ) -> list[tuple[str, Any, dict[str, Any], int]]:
+        """Log the colours and widths of an arm, for all times.
 
-    def _log_style(self, recording: rr.RecordingStream, layer: str, nodes: int, axis: int | None) -> list[str]:
-        """Log the colours and widths of an arm, for all times; return the entities of its lines."""
-        entity, stage = f"{self.entity}/{layer}", self.stage
+        Return its parts: each one's entity, archetype and fields, posture after posture, and how many a posture has.
+        """
+        entity, stage, cell = f"{self.entity}/{layer}", self.stage, self.workcell
+        placed, (rows, nodes, _) = stage.place(links), links.shape
         solid, place = axis is None, 0 if axis is None else axis % len(MARKS.arms)
         widths = (MARKS.solid_arm, MARKS.arms[place]) if self.planar else MARKS.spatial_arms
         colour, width = (SCREEN.arm if axis is None else SCREEN.end(axis)), widths[0 if solid else 1]
         order = 7.0 if solid else 5.0 + 0.1 * place
-        parts: dict[str, tuple[Any, Colour, float]] = {"links": (rr.Radius.ui_points(width), colour, order)}
-        if solid and self.workcell.link_radius and self.planar:
-            canvas = stage.canvas
-            radius = canvas.width / float(canvas.high[0] - canvas.low[0]) * self.workcell.link_radius
-            parts["body"] = (radius, SCREEN.body, 2.0)
-        for part, (radii, tint, above) in parts.items():
-            style = stage.line_kind.from_fields(colors=tint, radii=radii, **stage.order(above))
-            recording.log(f"{entity}/{part}", style, static=True)
+        strips: dict[str, Any] = {"strips": list(placed)}
+        joints: dict[str, Any] = {"positions": placed.reshape(rows * nodes, -1)}
+        parts = [("links", stage.line_kind, strips, 1), ("joints", stage.point_kind, joints, nodes)]
+        style: dict[str, Any] = {"colors": colour, "radii": rr.Radius.ui_points(width)}
+        recording.log(f"{entity}/links", stage.line_kind.from_fields(**style, **stage.order(order)), static=True)
         sizes = rr.Radius.ui_points([1.5 * width] * (nodes - 1) + [1.875 * width])
-        tints = [colour] * (nodes - 1) + [SCREEN.tool if solid else colour]
-        style = stage.point_kind.from_fields(colors=tints, radii=sizes, **stage.order(order + 0.05))
-        recording.log(f"{entity}/joints", style, static=True)
-        if solid and self._has_hulls:
-            fill = rr.components.FillMode.Solid
-            hull = rr.Capsules3D.from_fields(radii=[self.workcell.link_radius], colors=[SCREEN.hull], fill_mode=fill)
-            recording.log(f"{entity}/body", hull, static=True)
-        return list(parts)
+        style = {"colors": [colour] * (nodes - 1) + [SCREEN.tool if solid else colour], "radii": sizes}
+        recording.log(
+            f"{entity}/joints", stage.point_kind.from_fields(**style, **stage.order(order + 0.05)), static=True
+        )
+        if solid and cell.link_radius and self.planar:
+            radius = stage.canvas.width / float(stage.canvas.high[0] - stage.canvas.low[0]) * cell.link_radius
+            style = {"colors": SCREEN.body, "radii": radius}
+            recording.log(f"{entity}/body", stage.line_kind.from_fields(**style, **stage.order(2.0)), static=True)
+            parts.append(("body", stage.line_kind, strips, 1))
+        elif solid and cell.link_radius:  # translucent capsules, so that what runs inside a link stays visible
+            style = {"colors": [SCREEN.hull], "radii": [cell.link_radius], "fill_mode": rr.components.FillMode.Solid}
+            recording.log(f"{entity}/body", rr.Capsules3D.from_fields(**style), static=True)
+            axes = np.diff(links, axis=1)
+            lengths = np.linalg.norm(axes, axis=2)
+            is_link = (lengths > SCENES.shortest * lengths.max()).any(axis=0)
+            capsules = {
+                "lengths": lengths[:, is_link].ravel(),
+                "translations": links[:, :-1][:, is_link].reshape(-1, 3),
+                "quaternions": np.array([turn_of_z(each) for each in axes[:, is_link].reshape(-1, 3)]),
+            }
+            parts.append(("body", rr.Capsules3D, capsules, int(is_link.sum())))
+        return parts
 
     @property
     def planar(self) -> bool:
@@ -225,76 +214,29 @@ class ArmDrawing:
         root = self.entity.replace("/", "_") + "_meshes"
         return None if self.planar else find_meshes(self.workcell.arm, root)
 
-    @property
-    def _has_hulls(self) -> bool:
-        """Whether links have surfaces: in space, if they have a width; in the plane a wide line is enough."""
-        return bool(self.workcell.link_radius) and not self.planar
-
-    def _log_obstacles(self, recording: rr.RecordingStream) -> None:
-        obstacles, entity = self.workcell.obstacles, f"{self.entity}/obstacles"
-        if not self.planar:
-            for name, body in bodies(obstacles, self.stage.ground.low, self.stage.ground.high):
-                recording.log(f"{entity}/{name}", body, static=True)
-            return
-        borders = [each for each in map(outline, obstacles) if each is not None]
-        if borders:
-            canvas = self.stage.canvas
-            gap = 9.0 * float(canvas.high[0] - canvas.low[0]) / canvas.width
-            lines = [line for each in borders for line in hatch(each, gap=gap)]
-            for part, strips, colour, radius in (
-                ("hatch", lines, SCREEN.obstacle_body, 0.7),
-                ("outlines", borders, SCREEN.obstacle, 1.3),
-            ):
-                drawn = self.stage.strips([in_space(strip) for strip in strips], colour, radius, -2.0)
-                recording.log(f"{entity}/{part}", drawn, static=True)
-
-    def _log_base(self, recording: rr.RecordingStream) -> None:
-        """Mark the base of the arm: the ground sign of mechanics in the plane, a foot in space."""
+    def _base(self) -> Any:
+        """Return the mark of the arm's base: the ground sign of mechanics in the plane, a foot in space."""
         base = self.workcell.arm.base
-        if self.planar:
-            foot = [[(0, 0), (-9, 14), (9, 14), (0, 0)], [(-15, 14), (15, 14)]]
-            ground = [[(d, 14), (d - 5, 20)] for d in (-8, 0, 8, 15)]
-            place, turn = self.stage.place(base.position), self._foot_turn
-            strips = [place + np.array(strip) @ turn for strip in [*foot, *ground]]
-            sign = rr.LineStrips2D(strips, colors=SCREEN.base, radii=rr.Radius.ui_points(1.1), draw_order=0.5)
-            recording.log(f"{self.entity}/base", sign, static=True)
-            return
-        size = 0.05 * float(np.linalg.norm(self.stage.ground.high - self.stage.ground.low))
-        pedestal = rr.Cylinders3D(
-            centers=[base.position - base.rotation[:, 2] * 0.1 * size],
-            lengths=[0.2 * size],
-            radii=[size],
-            colors=SCREEN.base,
-            quaternions=[rr.Quaternion(xyzw=np.roll(base.quaternion, -1))],
-            fill_mode="solid",
-        )
-        recording.log(f"{self.entity}/base", pedestal, static=True)
-
-    @property
-    def _foot_turn(self) -> Float[np.ndarray, "2 2"]:
-        """Return the quarter turns of the ground sign: it points down, unless first links would cover it."""
-        base = self.workcell.arm.base.position
-        first = self.nodes[1:][np.linalg.norm(self.nodes[:-1] - base, axis=1) < 1e-9] - base
+        if not self.planar:
+            size = 0.05 * float(np.linalg.norm(self.stage.ground.high - self.stage.ground.low))
+            return rr.Cylinders3D(
+                centers=[base.position - base.rotation[:, 2] * 0.1 * size],
+                lengths=[0.2 * size],
+                radii=[size],
+                colors=SCREEN.base,
+                quaternions=[rr.Quaternion(xyzw=np.roll(base.quaternion, -1))],
+                fill_mode="solid",
+            )
+        # the sign points down, unless first links would cover it; then it takes the freest of all quarter turns
+        first = self.nodes[1:][np.linalg.norm(self.nodes[:-1] - base.position, axis=1) < 1e-9] - base.position
         links = (first[:, :2] / np.maximum(np.linalg.norm(first[:, :2], axis=1), 1e-12)[:, None]) * (1.0, -1.0)
         turns = [np.linalg.matrix_power(np.array([[0.0, 1.0], [-1.0, 0.0]]), number) for number in (0, 1, 3, 2)]
         nearest = [float((links @ turn[1]).max(initial=-1.0)) for turn in turns]  # the cosine to its direction
-        return turns[0] if nearest[0] < SCENES.covered else turns[int(np.argmin(nearest))]
-
-    def _log_places(self, recording: rr.RecordingStream) -> None:
-        cell = self.workcell
-        if cell.paths:
-            recording.log(f"{self.entity}/target", self._targets(), static=True)
-        if cell.places:
-            places = np.array(list(cell.places.values()))
-            recording.log(f"{self.entity}/places", self.stage.points(places, SCREEN.target, 4.0, 1.0), static=True)
-            recording.log(f"{self.entity}/places/names", self._names(list(cell.places), places), static=True)
-        if len(cell.directions):
-            start, ends = next(iter(cell.places.values())), self._arrow_ends
-            arrows = self.stage.strips([np.array([start, end]) for end in ends], SCREEN.target, 1.6, 1.0)
-            recording.log(f"{self.entity}/directions/lines", arrows, static=True)
-            heads = self.stage.points(ends, SCREEN.target, 3.0, 1.0)
-            recording.log(f"{self.entity}/directions/heads", heads, static=True)
-            recording.log(f"{self.entity}/directions/heads/names", self._names(self._arrow_names, ends), static=True)
+        turn = turns[0] if nearest[0] < SCENES.covered else turns[int(np.argmin(nearest))]
+        foot = [[(0, 0), (-9, 14), (9, 14), (0, 0)], [(-15, 14), (15, 14)]]
+        ground = [[(d, 14), (d - 5, 20)] for d in (-8, 0, 8, 15)]
+        strips = [self.stage.place(base.position) + np.array(strip) @ turn for strip in [*foot, *ground]]
+        return rr.LineStrips2D(strips, colors=SCREEN.base, radii=rr.Radius.ui_points(1.1), draw_order=0.5)
 
     def _names(self, names: Sequence[str], places: Float[np.ndarray, "names 3"]) -> Any:
         """Return the names of places [m]; in the plane they avoid arms, arrows and all earlier names."""
@@ -305,23 +247,11 @@ class ArmDrawing:
         arrows = (start + shares * (self._arrow_ends - start)).reshape(-1, 3)
         links = self.nodes[:-1] + shares * np.diff(self.nodes, axis=0)  # posture after posture
         others = self.stage.place(np.concatenate([links.reshape(-1, 3), arrows]))
-        words, marks = (
-            [*self.workcell.places, *self._arrow_names],
-            self.stage.place(np.array([*named, *self._arrow_ends])),
-        )
-        middles = separate_label_places(self.stage.canvas, marks, words, others)
-        return labels(names, middles[[words.index(name) for name in names]], SCREEN.target)
-
-    def _targets(self) -> Any:
-        """Return the paths to follow: a wide line below other lines in the plane, beads along the path in space.
-
-        In space two lines in one place would flicker, whatever their widths.
-        """
-        paths = self.workcell.paths
-        if self.planar:
-            return self.stage.strips(paths, SCREEN.target, 4.0, 0.0)
-        gap = SCENES.bead_gap * float(np.ptp(self._extent, axis=0).max())
-        return self.stage.points(np.concatenate([beads(path, gap=gap) for path in paths]), SCREEN.target, 2.6, 0.0)
+        marks, middles = self.stage.place(np.array([*named, *self._arrow_ends])), dict[str, np.ndarray]()
+        for words, mark in zip([*self.workcell.places, *self._arrow_names], marks, strict=True):
+            middles[words] = label_place(self.stage.canvas, mark, words, others, is_joined=False)
+            others = np.concatenate([others, label_area(middles[words], words)])
+        return labels(names, np.array([middles[name] for name in names]), SCREEN.target)
 
     @property
     def _arrow_ends(self) -> np.ndarray:
@@ -357,9 +287,6 @@ def beads(path: Float[np.ndarray, "samples 3"], *, gap: float) -> Float[np.ndarr
     lengths = np.append(0.0, np.linalg.norm(np.diff(path, axis=0), axis=1).cumsum())
     places = np.linspace(0.0, lengths[-1], 1 + max(1, round(float(lengths[-1]) / gap)))
     return np.stack([np.interp(places, lengths, path[:, axis]) for axis in range(3)], axis=1)
-
-
-# The mark of a tool's target, and whether a solid arm hides another one.
 
 
 def target_mark(drawing: ArmDrawing, place: Float[np.ndarray, " 3"]) -> Any:

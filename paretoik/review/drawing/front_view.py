@@ -21,7 +21,6 @@ from paretoik.front.front import Choice, Front
 from paretoik.front.points import NAVIGATIONS, check_has_points
 from paretoik.front.preferences.compromise import compromise
 from paretoik.inputs import shown
-from paretoik.review.drawing.axes import drawn_rows
 from paretoik.review.drawing.choice_layer import ROOTS, ChoiceLayer
 from paretoik.review.drawing.motion import motion_frames
 from paretoik.review.palette import DRAWING, VIEWS, even_rows
@@ -62,9 +61,7 @@ class FrontView:
         self.viewer.on_event(self._receive)
         from paretoik.review.drawing.preference_sliders import PreferenceSliders  # here: anywidget is an extra
 
-        self.sliders = PreferenceSliders(
-            front, self._choice, drag=self._predict, release=self._move, cancel=self._cancel
-        )
+        self.sliders = PreferenceSliders(front, self._choice, follow=self._follow, cancel=self._cancel)
         self._cancel()
 
     @property
@@ -101,25 +98,22 @@ class FrontView:
     def _cancel(self) -> None:
         self._draw(None, "idle", f"point {self._choice.id}: drag a slider to what should get better")
 
-    def _predict(self, wish: SliderWish) -> None:
-        """Draw the expected result of the desired move, or give the reason if it is unknown."""
-        try:
-            prediction = self._front.predict(self._choice, improve=wish.improve, to=wish.to, hold=wish.hold)
-        except ParetoikError as error:
-            self._draw(None, "refused", str(error))
-        else:
-            self._draw(prediction, "predicted", "predicted, not certified: release to move there")
+    def _follow(self, wish: SliderWish, *, release: bool) -> None:
+        """Draw the expected result of the desired move; on ``release`` move to the certified point and select it.
 
-    def _move(self, wish: SliderWish) -> None:
-        """Move to the certified point, show it, and select it, or give the reason if there is none."""
+        If that fails, say why.
+        """
         try:
+            if not release:
+                prediction = self._front.predict(self._choice, improve=wish.improve, to=wish.to, hold=wish.hold)
+                self._draw(prediction, "predicted", "predicted, not certified: release to move there")
+                return
             moved = self._front.navigate(self._choice, improve=wish.improve, to=wish.to, hold=wish.hold)
         except ParetoikError as error:
             self._draw(None, "refused", str(error))
             return
         note = moved.provenance[NAVIGATIONS][-1]
-        self._front = moved
-        self._choice = moved[note["to"]]
+        self._front, self._choice = moved, moved[note["to"]]
         self._layer = replace(self._layer, front=moved, choices=(self._choice,))
         self._layer.log_front(self._stream)
         self._log_choice()
@@ -150,39 +144,29 @@ class FrontView:
         self._layer.log_choices(self._stream, self._times)
 
     def _receive(self, event: Any) -> None:
-        """Handle an event of the viewer."""
+        """Handle an event of the viewer: take the ids of selected points, and show the first one."""
         if event.type != "selection_change":
             return
-        items = [item for item in event.items if item.type == "entity"]
-        ids = np.concatenate([np.zeros(0, dtype=np.int64), *map(self._ids_of, items)])
-        ids = ids[np.sort(np.unique(ids, return_index=True)[1])]
-        if len(ids) and int(ids[0]) != self._choice.id:
-            self.show(int(ids[0]))
-        self._select(ids)
+        ids, all_ids = list[int](), self._front.ids.tolist()
+        for item in (item for item in event.items if item.type == "entity"):
+            first, *_, last = parts = item.entity_path.strip("/").split("/")
+            if not first.startswith(ROOT) or "predicted" in parts:  # a prediction is not a point
+                continue
+            is_choice = first != ROOT or last == ROOT or parts[-2:] == [ROOT, "name"]
+            if last == "front":
+                number = item.instance_id
+                ids += all_ids if number is None else all_ids[number : number + 1]
+            elif is_choice or parts[1:2] in (["arm"], ["joint_charts"]):
+                ids.append(self._choice.id)
+        ids = list(dict.fromkeys(ids))
+        if ids and ids[0] != self._choice.id:
+            self.show(ids[0])
+        self._select(np.array(ids, dtype=np.int64))
 
     def _select(self, ids: Ids) -> None:
         self._selected = ids
         for callback in self._callbacks:
             callback(self._selected)
-
-    def _ids_of(self, item: Any) -> Ids:
-        """Return the ids of the points that an entity, or one instance of it, represents."""
-        first, *_, last = parts = item.entity_path.strip("/").split("/")
-        if not first.startswith(ROOT) or "predicted" in parts:  # a prediction is not a point
-            return np.zeros(0, dtype=np.int64)
-        ids = self._front.ids
-        if last == "front" and "parallel" in parts[1:2]:
-            ids = ids[drawn_rows(len(ids))]
-        elif last != "front":
-            is_choice = (
-                last == ROOT
-                or parts[-2:] == [ROOT, "name"]
-                or parts[1:2] in (["arm"], ["joint_charts"])
-                or first != ROOT
-            )
-            return np.array([self._choice.id] if is_choice else [], dtype=np.int64)
-        number = item.instance_id
-        return np.asarray(ids if number is None else ids[number : number + 1], dtype=np.int64)
 
 
 def open_view(

@@ -1,9 +1,11 @@
-"""The layout of a recording in the viewer: legend, front and charts, arm and joints, words."""
+"""The layout of a recording in the viewer: legend, front and charts, arm and joints, words; and its stream."""
 
 from __future__ import annotations
 
+import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
@@ -47,12 +49,15 @@ def nested_tabs(names: Sequence[str], width: float) -> list[bool]:
 def _arrange(names: Sequence[str], width: float) -> tuple[list[str], list[Group]]:
     """Return the shown names of views, and the tabs."""
     room, shown = width - VIEWS.tab_controls, list(names)
-    if _width(shown) > room:
-        shown = [_without_unit(name) for name in shown]
+    if _width(shown) > room:  # without units
+        shown = [re.sub(r" \[[^\]]*\]", "", name, count=1) for name in shown]
     groups: list[Group] = [(name, [number]) for number, name in enumerate(shown)]
-    for word, count in Counter(_first_word(name) for name in shown).most_common():
-        if count > 1 and _width([name for name, _ in groups]) > room:
-            groups = _grouped(groups, shown, word)
+    first = [name.split(" ")[0] for name in shown]
+    for word, count in Counter(first).most_common():
+        if count > 1 and _width([name for name, _ in groups]) > room:  # one group, at the place of its first view
+            members = [number for number, each in enumerate(first) if each == word]
+            joined = [(word, members) if group[1] == members[:1] else group for group in groups]
+            groups = [group for group in joined if group[1] == members or group[1][0] not in members]
     tabs = [name for name, _ in groups]
     while _width(tabs) > room and max(map(len, tabs)) > 2:
         longest = tabs.index(max(tabs, key=len))
@@ -64,36 +69,8 @@ def _width(names: Sequence[str]) -> float:
     return sum(VIEWS.tab_margin + VIEWS.tab_character * len(name) for name in names)
 
 
-def _without_unit(name: str) -> str:
-    """Return a name without the part in brackets.
-
-    >>> _without_unit("best speed [m/s] ↑")
-    'best speed ↑'
-    """
-    before, bracket, after = name.partition(" [")
-    return before + after.partition("]")[2] if bracket else name
-
-
-def _first_word(name: str) -> str:
-    return name.split(" ")[0]
-
-
-def _grouped(groups: Sequence[Group], names: Sequence[str], word: str) -> list[Group]:
-    """Return groups; views whose names begin with a word form one, at the place of the first."""
-    members = [number for number, name in enumerate(names) if _first_word(name) == word]
-    joined: list[Group] = []
-    for group in groups:
-        if group[1][0] not in members:
-            joined.append(group)
-        elif group[1][0] == members[0]:
-            joined.append((word, members))
-    return joined
-
-
-# The legend of a recording: the meaning of each colour, in a strip above everything else.
-
-
 BULLET = "● "
+ROW = 1.5 * TEXT.line  # height of a row [pixels]
 Entry: TypeAlias = tuple[str, Colour]
 
 
@@ -116,21 +93,14 @@ class Legend:
     @property
     def height(self) -> float:
         """The height of the strip [pixels]."""
-        return self._row * (1 + max(row for row, _ in self._places()))
+        return ROW * (1 + max(row for row, _ in self._places()))
 
     def log(self, recording: rr.RecordingStream) -> None:
         """Draw the words, for all times."""
-        words = [BULLET + word for word, _ in self.entries]
-        middles = [
-            (x + 0.5 * text_width(word), (row + 0.5) * self._row)
-            for word, (row, x) in zip(words, self._places(), strict=True)
-        ]
-        colours = [colour for _, colour in self.entries]
-        recording.log(f"{self.entity}/words", labels(words, np.array(middles), colours), static=True)
-
-    @property
-    def _row(self) -> float:
-        return 1.5 * TEXT.line
+        words, colours = [BULLET + word for word, _ in self.entries], [colour for _, colour in self.entries]
+        beside = zip(words, self._places(), strict=True)
+        middles = np.array([(x + 0.5 * text_width(word), (row + 0.5) * ROW) for word, (row, x) in beside])
+        recording.log(f"{self.entity}/words", labels(words, middles, colours), static=True)
 
     def _places(self) -> list[tuple[int, float]]:
         """Return the row of each entry, and its beginning."""
@@ -142,9 +112,6 @@ class Legend:
             places.append((row, x))
             x += width
         return places
-
-
-# The layout of a recording in the viewer.
 
 
 TEXT_ENTITY = "text"  # entity of the text about the point shown
@@ -203,7 +170,6 @@ class Layout:
 def choice_blueprint(
     legend: Legend,
     front: rrb.View | None,
-    below: Sequence[rrb.View],
     arms: Sequence[Mapping[str, Any]],
     texts: Sequence[rrb.View],
     *,
@@ -219,9 +185,9 @@ def choice_blueprint(
     """
     further = [] if recorded is None else [recorded]
     if len(texts) == 1 and not narrow:
-        layout = Layout(legend=legend, front=front, charts=below, texts=texts, timeline=timeline, name=name)
+        layout = Layout(legend=legend, front=front, charts=(), texts=texts, timeline=timeline, name=name)
         return replace(layout, further=further, **(arms[0] if arms else {})).blueprint()
-    columns = [_column(front, [*texts, *below]), *(_column(each["arm"], each["joints"]) for each in arms)]
+    columns = [_column(front, texts), *(_column(each["arm"], each["joints"]) for each in arms)]
     body = legend.above(rrb.Horizontal(*(each for each in columns if each is not None)), name)
     return _blueprint([body, *further], rrb.TimePanel(timeline=timeline, state="collapsed", fps=DRAWING.frames))
 
@@ -247,3 +213,33 @@ def _column(above: rrb.View | None, below: Sequence[rrb.View]) -> rrb.Container 
     views = ([above] if above is not None else []) + ([fitting_tabs(below, VIEWS.panels[0])] if below else [])
     shares = [VIEWS.panels[1] + VIEWS.title, VIEWS.chart[1] + VIEWS.title][: len(views)]
     return rrb.Vertical(*views, row_shares=shares) if views else None
+
+
+class RecordedLayout(rrb.Blueprint):
+    """The layout of a recording, to be written again unchanged."""
+
+    def __init__(self, chunks: rr.chunk.LazyChunkStream) -> None:
+        super().__init__()
+        self._chunks = chunks
+
+    def _log_to_stream(self, stream: rr.RecordingStream) -> None:
+        stream.send_chunks(self._chunks)
+
+
+@contextmanager
+def stream_in_memory(
+    application: str, batch: int, identity: str | None = None
+) -> Iterator[tuple[rr.RecordingStream, bytearray]]:
+    """Yield a stream, and where its content is afterwards: Rerun's file sink may hang on a full disk.
+
+    ``batch``: bytes that are packed at once, since many small chunks make large files.
+    """
+    batcher, content = rr.ChunkBatcherConfig(flush_tick=3600.0, flush_num_bytes=batch), bytearray()
+    stream = rr.RecordingStream(
+        application, recording_id=identity, batcher_config=batcher, send_properties=identity is None
+    )
+    memory = stream.memory_recording()
+    yield stream, content
+    stream.flush()
+    content += memory.drain_as_bytes()
+    stream.disconnect()

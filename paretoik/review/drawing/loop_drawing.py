@@ -1,9 +1,9 @@
-"""The recording of a finished closed loop: every step at its sample of the motion, and some searches."""
+"""The recording of a closed loop: every step at its sample of the motion, and some searches."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -13,7 +13,7 @@ from jaxtyping import Float, Int
 
 from paretoik.review.drawing.arm import ArmDrawing, is_seen_beside, target_mark
 from paretoik.review.drawing.axes import screen_text
-from paretoik.review.drawing.front_panels import normalised
+from paretoik.review.drawing.charts import Chart
 from paretoik.review.drawing.layout import Layout, Legend, log_text, text_view
 from paretoik.review.drawing.motion import MotionScene, motion_views
 from paretoik.review.drawing.point_text import (
@@ -25,11 +25,11 @@ from paretoik.review.drawing.point_text import (
     search_hint,
     text_of,
 )
-from paretoik.review.drawing.scatter import Scatter, SearchScene
-from paretoik.review.drawing.search_charts import FrontViews, log_styles, search_entries
+from paretoik.review.drawing.scatter import Scatter, normalised
+from paretoik.review.drawing.search_charts import log_generation, search_charts, search_entries
 from paretoik.review.palette import SCREEN, VIEWS
 from paretoik.review.recording.messages import RecordedPoint, Workcell, chosen_point
-from paretoik.review.recording.recorder import Generation, SearchedStep, SearchEnd
+from paretoik.review.recording.recorder import Generation, SearchedFront, SearchedStep, SearchEnd
 from paretoik.review.words import counted
 from paretoik.robot.kinematics import link_nodes
 
@@ -53,11 +53,10 @@ ENTRIES = (
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StepScene:
-    """The search of one step of a closed loop, whose objectives ``loop`` names, in a ``workcell``."""
+    """The search of one step of a closed ``loop``."""
 
-    loop: SearchScene
+    loop: SearchedFront
     step: SearchedStep
-    workcell: Workcell | None = None
 
     def view(self) -> rrb.Container:
         """Return the views: the fronts, with the arm next to them, below a legend."""
@@ -163,13 +162,13 @@ class StepScene:
 
     @cached_property
     def _legend(self) -> Legend:
-        obstacles = [("obstacle", SCREEN.obstacle)] if self.workcell is not None and self.workcell.obstacles else []
-        has_path = bool(self._drawing.workcell.paths)
+        cell = self._drawing.workcell
+        obstacles = [("obstacle", SCREEN.obstacle)] if cell.obstacles else []
         within = [
             normalised(np.delete(objectives, front, axis=0), objectives[front]) if len(front) else objectives
             for objectives, front in zip(self.step.objectives, self.step.fronts, strict=True)
         ]  # individuals outside the front of their generation
-        shows = {POPULATION: any(map(self._scatter.shows_any, within)), ARMS: self._shows_arms, PATH: has_path}
+        shows = {POPULATION: any(map(self._scatter.shows_any, within)), ARMS: self._shows_arms, PATH: bool(cell.paths)}
         entries = [(words, colour) for words, colour in ENTRIES if shows.get(words, True)]
         return Legend(entity=f"{self._root}/legend", entries=[*entries, *obstacles])
 
@@ -190,64 +189,55 @@ class StepScene:
     @cached_property
     def _scatter(self) -> Scatter:
         alive = np.isfinite(self.step.objectives).all(axis=2)
-        return Scatter(scene=replace(self.loop, root=(self._root,)), shown=self.step.objectives[alive])
+        return Scatter(scene=self.loop, shown=self.step.objectives[alive], root=(self._root,))
 
     @cached_property
     def _drawing(self) -> ArmDrawing:
-        cell = Workcell(arm=self.step.arm) if self.workcell is None else self.workcell
+        cell = self.loop.workcell or Workcell(arm=self.step.arm)
         shown = [self._links(number, front) for number, front in enumerate(self.step.fronts)]
         nodes = np.concatenate([*(links.reshape(-1, 3) for links in shown), self.step.target[None]])
         return ArmDrawing(entity=f"{self._root}/arm", workcell=cell, nodes=nodes)
 
 
-# The recording of a finished closed loop.
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LoopDrawing:
-    """A closed loop, whose steps are ``generations``, and its motion in the workcell ``cell``.
+    """A closed loop, whose steps are its ``messages``, and its ``end``; ``note``: what was left out."""
 
-    ``note``: what was left out.
-    """
-
-    scene: SearchScene
-    cell: Workcell | None
-    generations: Sequence[Generation]
+    scene: SearchedFront
+    messages: Sequence[Generation]
     end: SearchEnd
     note: str = ""
 
     def log(self, stream: rr.RecordingStream) -> None:
         """Draw everything."""
-        log_styles(self.scene, stream)
-        self._views.log(stream)
+        self._scatter.log_axes(stream)
+        for chart in self._charts:
+            chart.log(stream)
         if self._motions is not None:
             self._motions.log(stream)
-        self._log_beginning(stream)
-        for generation in self.generations:
+        first = self.messages[0].number if self.messages else 0
+        if first:  # explain at step 0 why it has no front, next to its picture and in it
+            self._set_time(stream, 0)
+            log_text(stream, beginning_text(first))
+            for chart in self._charts:
+                chart.log_cursor(stream, float(first))
+            self._scatter.log_note(stream, f"no front before step {first}")
+            self._set_time(stream, first)
+            self._scatter.log_note(stream, "")
+        for generation in self.messages:
             self._set_time(stream, generation.number)
             self._log_step(stream, generation)
-        stream.reset_time()
         self._send_motion(stream)
-        if self._searches and self.generations:
+        stream.reset_time()
+        if self._searches and self.messages:
             for timeline in ("generation", "individual"):  # of searched steps: the loop does not move meanwhile
                 stream.set_time(timeline, sequence=0)
             hint = search_hint([each.step.sample for each in self._searches])
-            self._log_step(stream, self._opening or self.generations[-1], hint)
+            self._log_step(stream, self._opening or self.messages[-1], hint)
         for each in self._searches:
             each.log(stream, self._times_of(each.step.sample))
         stream.reset_time()
         self._layout.log(stream)
-
-    def _log_beginning(self, stream: rr.RecordingStream) -> None:
-        """Explain at step 0 why it has no front, next to its picture and in it; cursors start at the first front."""
-        if not self.generations or self.generations[0].number == 0:
-            return
-        self._set_time(stream, 0)
-        log_text(stream, beginning_text(self.generations[0].number))
-        self._views.log_cursors(stream, self.generations[0].number)
-        self._views.scatter.log_note(stream, f"no front before step {self.generations[0].number}")
-        self._set_time(stream, self.generations[0].number)
-        self._views.scatter.log_note(stream, "")
 
     def _set_time(self, stream: rr.RecordingStream, step: int) -> None:
         stream.reset_time()
@@ -267,7 +257,7 @@ class LoopDrawing:
         if choice is not None:
             words.append(f"## The whole loop\n\n{screen_text(choice.reason)}")
         words.append(loop_guide([each.step.sample for each in self._searches], opening))
-        self._views.log_generation(stream, generation, "\n\n".join(filter(None, words)))
+        log_generation(stream, self._scatter, self._charts, generation, "\n\n".join(filter(None, words)))
 
     def _send_motion(self, stream: rr.RecordingStream) -> None:
         """Move the arm, one sample per step; before the first sample it is at its start."""
@@ -284,7 +274,7 @@ class LoopDrawing:
                 stream.set_time(timeline, sequence=0)
             self._motions.log_whole(stream, [point], row=self._opening.number)
         stream.reset_time()
-        self._motions.send(stream, point, columns)
+        self._motions.send(stream, point, columns, point.motion.q, times)
         self._motions.send_series(stream, point, columns)
 
     @cached_property
@@ -294,16 +284,11 @@ class LoopDrawing:
         The widest front has the largest product of ranges among those in which every objective varies.
         """
         recorded = {each.sample for each in self.end.searched}
-        steps = [each for each in self.generations if each.number in recorded]
-        if steps:
-            return steps[0]
-        widths = [
-            np.log(np.ptp(each.front, axis=0)).sum()
-            if len(each.front) and np.ptp(each.front, axis=0).all()
-            else -np.inf
-            for each in self.generations
-        ]
-        return self.generations[int(np.argmax(widths))] if widths and np.isfinite(max(widths)) else None
+        steps = [each for each in self.messages if each.number in recorded]
+        varying = [each for each in self.messages if len(each.front) and np.ptp(each.front, axis=0).all()]
+        if steps or not varying:
+            return steps[0] if steps else None
+        return max(varying, key=lambda each: float(np.log(np.ptp(each.front, axis=0)).sum()))
 
     @cached_property
     def _point(self) -> RecordedPoint | None:
@@ -311,34 +296,36 @@ class LoopDrawing:
 
     @cached_property
     def _motions(self) -> MotionScene | None:
-        cell = self.cell
+        cell = self.scene.workcell
         if cell is None or self._point is None or self._point.motion is None:
             return None
-        return MotionScene(workcell=cell, names=self.scene.names, points=[self._point], title="arm")
+        return MotionScene(workcell=cell, names=self.scene.names, points=[self._point])
 
     @cached_property
     def _searches(self) -> list[StepScene]:
-        scene, cell = self.scene, self.cell
-        return [StepScene(loop=scene, step=each, workcell=cell) for each in self.end.searched]
+        return [StepScene(loop=self.scene, step=each) for each in self.end.searched]
 
     @cached_property
-    def _views(self) -> FrontViews:
-        fronts = [np.empty((0, len(self.scene.names))), *(each.front for each in self.generations)]
-        scatter = Scatter(scene=self.scene, shown=np.concatenate(fronts))
-        return FrontViews(scatter=scatter, generations=self.generations)
+    def _scatter(self) -> Scatter:
+        fronts = [np.empty((0, len(self.scene.names))), *(each.front for each in self.messages)]
+        return Scatter(scene=self.scene, shown=np.concatenate(fronts))
+
+    @cached_property
+    def _charts(self) -> list[Chart]:
+        return search_charts(self.scene, self.messages)
 
     @property
     def _layout(self) -> Layout:
         motions, opening = self._motions, self._opening
         return Layout(
             legend=Legend(entries=search_entries(self.scene, motions, chosen="chosen")),
-            front=self._views.scatter.view(),
-            charts=self._views.charts,
+            front=self._scatter.view(),
+            charts=[chart.view() for chart in self._charts],
             texts=[text_view("step")],
             note=self.note,
             timeline="step",
             start=None if opening is None else opening.number,
-            end=self.generations[-1].number if self.generations else 0,
+            end=self.messages[-1].number if self.messages else 0,
             name="loop",
             further=[each.view() for each in self._searches],
             **motion_views(motions),

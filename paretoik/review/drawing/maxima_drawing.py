@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -13,7 +13,7 @@ import rerun as rr
 from paretoik.review.drawing.arm import ArmDrawing
 from paretoik.review.drawing.axes import screen_text
 from paretoik.review.drawing.charts import Chart, LimitLine, fit_below_tabs
-from paretoik.review.drawing.labels import joined_label, no_label
+from paretoik.review.drawing.labels import joined_labels, label_place
 from paretoik.review.drawing.layout import Entry, Layout, Legend, log_text, text_view
 from paretoik.review.drawing.motion import CHOSEN, limit_lines
 from paretoik.review.drawing.space import Stage
@@ -23,44 +23,42 @@ from paretoik.review.words import run_text
 from paretoik.robot.kinematics import link_nodes
 from paretoik.task.limits import JOINT_UNITS
 
-# The text of a directional maximum, in Markdown.
-
 
 def maximum_text(scene: MaximaScene, end: MaximaEnd, number: int) -> str:
     """Return the text of the maximum along a direction, by its number from 1."""
     row, arm = number - 1, scene.workcell.arm
-    value, direction = end.values[row], end.directions[row]
+    value, direction = end.polygon.values[row], end.polygon.directions[row]
     lines = [
-        f"# Direction {number} of {len(end)}",
+        f"# Direction {number} of {len(end.polygon)}",
         f"- along ({', '.join(f'{_without_dust(each, direction):.3g}' for each in direction)})",
     ]
     if len(direction) == 2:
         lines[-1] += f", {np.degrees(np.arctan2(direction[1], direction[0])) % 360:.4g}° from x"
     if not np.isfinite(value):
         return screen_text("\n".join([*lines, "- no posture was found that reaches it and can be held"]))
-    best, worst = int(np.nanargmax(end.values)), int(np.nanargmin(end.values))
-    lines += [
-        f"- highest {scene.word} {value:.4g} {scene.unit}; of all directions {end.values[worst]:.4g} (direction "
-        f"{worst + 1}) to {end.values[best]:.4g} (direction {best + 1})",
-        "",
-        "## Joints",
-        "",
-    ]
+    best, worst = int(np.nanargmax(end.polygon.values)), int(np.nanargmin(end.polygon.values))
+    least, most = end.polygon.values[worst], end.polygon.values[best]
+    words = (
+        f"- highest {scene.word} {value:.4g} {scene.unit}; of all directions {least:.4g} (direction {worst + 1}) to "
+    )
+    lines += [f"{words}{most:.4g} (direction {best + 1})", "", "## Joints", ""]
     for joint, (name, kind) in enumerate(zip(arm.joint_names, arm.joint_types, strict=True)):
         position, speed, effort = ("m", "m/s", "N") if kind == "prismatic" else ("rad", "rad/s", "N m")
-        torque = _without_dust(end.torque[row, joint], end.torque)
-        words = f"- **{name}**: {end.q[row, joint]:.4g} {position}, {'force' if kind == 'prismatic' else 'torque'} "
+        torque = _without_dust(end.polygon.torque[row, joint], end.polygon.torque)
+        words = (
+            f"- **{name}**: {end.polygon.q[row, joint]:.4g} {position}, {'force' if kind == 'prismatic' else 'torque'} "
+        )
         words += f"{torque:.3g} {effort}"
         unit = speed if scene.quantity == "velocity" else effort
         if scene.quantity == "velocity":
-            words += f", {_without_dust(end.dq[row, joint], end.dq):.4g} {speed}"
+            words += f", {_without_dust(end.polygon.dq[row, joint], end.polygon.dq):.4g} {speed}"
         low, high = end.lower[row, joint], end.upper[row, joint]
         lines.append(f"{words}; motors allow {low:.3g} to {high:.3g} {unit}")
-    if end.sliders is not None:
+    if end.polygon.sliders is not None:
         lines += ["", "## Sliders", ""]
         lines += [
-            f"- **{name}**: its front slider at {1e3 * end.sliders[row, 0, joint]:.4g} mm, its back slider at "
-            f"{1e3 * end.sliders[row, 1, joint]:.4g} mm"
+            f"- **{name}**: its front slider at {1e3 * end.polygon.sliders[row, 0, joint]:.4g} mm, its back slider at "
+            f"{1e3 * end.polygon.sliders[row, 1, joint]:.4g} mm"
             for joint, name in enumerate(arm.joint_names)
         ]
     return screen_text("\n".join([*lines, "", run_text(end.provenance)]))
@@ -69,9 +67,6 @@ def maximum_text(scene: MaximaScene, end: MaximaEnd, number: int) -> str:
 def _without_dust(value: float, all_values: np.ndarray) -> float:
     """Return a value, or 0 if it is only rounding compared with the largest of all."""
     return 0.0 if abs(value) <= DRAWING.rounding * float(np.nanmax(np.abs(all_values))) else float(value)
-
-
-# The recording of directional maxima: vectors that form a polygon in the plane, rays in space.
 
 
 ENTITY = "maxima"
@@ -88,37 +83,43 @@ class MaximaDrawing:
 
     def log(self, stream: rr.RecordingStream) -> None:
         """Draw everything."""
-        self._log_axes(stream)
-        self._drawing.log_workcell(stream)
+        count, stage, end, drawing = len(self.end.polygon), self._stage, self.end, self._drawing
+        stage.log_axes(stream)
+        final = self._outline(count, SCREEN.final, 0.8, 0.5) if stage.planar else self._rays(count, SCREEN.final, 0.8)
+        stream.log(f"{ENTITY}/final", final, static=True)  # all maxima, behind everything else
+        stream.log(f"{ENTITY}/origin", stage.points(np.zeros((1, 3)), SCREEN.target, 4.0, 1.0), static=True)
+        drawing.log_workcell(stream)
         for chart in self._charts:
             chart.log(stream)
-        stream.log(
-            "search/maxima",
-            rr.AnyValues(values=self.end.values, directions=self.end.directions.ravel(), q=self.end.q.ravel()),
-            static=True,
+        values = rr.AnyValues(
+            values=end.polygon.values, directions=end.polygon.directions.ravel(), q=end.polygon.q.ravel()
         )
-        for number in range(1, len(self.end) + 1):
+        stream.log("search/maxima", values, static=True)
+        for number in range(1, count + 1):
             stream.set_time("direction", sequence=number)
             self._log_maxima(stream, number)
-            self._log_posture(stream, number)
-            words = maximum_text(self.scene, self.end, number)
-            log_text(stream, words)
+            # the arm in the posture of the direction, with the earlier postures behind it
+            is_reached = np.isfinite(end.polygon.values[:number])
+            before = list(self._links[: number - 1][is_reached[:-1]])
+            stream.log(f"{drawing.entity}/postures", drawing.stage.strips(before, SCREEN.ghost, 1.0, 0.0))
+            arrow = np.stack([self._place, self._arrow_ends[number - 1]])
+            stream.log(f"{drawing.entity}/direction/line", drawing.stage.strips([arrow], SCREEN.chosen, 2.0, 9.0))
+            stream.log(f"{drawing.entity}/direction/head", drawing.stage.points(arrow[1:], SCREEN.chosen, 4.5, 9.0))
+            if not is_reached[-1]:
+                stream.log(f"{drawing.entity}/{CHOSEN}", rr.Clear(recursive=True))
+            else:
+                drawing.log_arm(stream, CHOSEN, self._links[number - 1], None)
+                if drawing.meshes is not None:
+                    drawing.meshes.log_posture(stream, end.polygon.q[number - 1])
+            log_text(stream, maximum_text(self.scene, self.end, number))
             for chart in self._charts:
                 chart.log_cursor(stream, float(number))
         stream.reset_time()
         self._layout.log(stream)
 
-    def _log_axes(self, stream: rr.RecordingStream) -> None:
-        """Draw axes and, behind everything else, all maxima, for all times."""
-        count, stage = len(self.end), self._stage
-        stage.log_axes(stream)
-        final = self._outline(count, SCREEN.final, 0.8, 0.5) if stage.planar else self._rays(count, SCREEN.final, 0.8)
-        stream.log(f"{ENTITY}/final", final, static=True)
-        stream.log(f"{ENTITY}/origin", stage.points(np.zeros((1, 3)), SCREEN.target, 4.0, 1.0), static=True)
-
     def _log_maxima(self, stream: rr.RecordingStream, count: int) -> None:
-        """Draw the first ``count`` maxima; the last of them is the chosen one."""
-        tips, stage = self._tips[:count], self._stage
+        """Draw the first ``count`` maxima; the last of them is the chosen one, named off all rays and corners."""
+        tips, stage, words = self._tips[:count], self._stage, f"direction {count}"
         is_reached = np.isfinite(tips).all(axis=1)
         stream.log(f"{ENTITY}/rays", self._rays(count, SCREEN.front, 0.6))
         stream.log(f"{ENTITY}/outline", self._outline(count, SCREEN.front, 1.6, 2.0))
@@ -129,18 +130,15 @@ class MaximaDrawing:
         arrow = [np.stack([np.zeros(3), tip]) for tip in chosen]
         stream.log(f"{ENTITY}/chosen/ray", stage.strips(arrow, SCREEN.chosen, 2.0, 4.0))
         stream.log(f"{ENTITY}/chosen/tip", stage.points(chosen, SCREEN.chosen, 6.0, 5.0))
-        stream.log(f"{ENTITY}/chosen/name", *self._name(chosen, f"direction {count}"))
-
-    def _name(self, tip: np.ndarray, words: str) -> Sequence[Any]:
-        """Return the name of a tip (0 or 1, 3); in the plane it avoids all rays and corners."""
-        stage = self._stage
-        if not len(tip):
-            return no_label() if stage.planar else [rr.Points3D([])]
-        if not stage.planar:
-            return [stage.points(1.12 * tip, SCREEN.chosen, 0.0, 0.0, labels=[words], show_labels=True)]
-        shares = np.linspace(0.0, 1.0, 12)[:, None, None]
-        rays = (shares * self._tips[np.isfinite(self._tips).all(axis=1)]).reshape(-1, 3)
-        return joined_label(stage.canvas, stage.place(tip[0]), words, stage.place(rays), SCREEN.chosen)
+        said = [words] * len(chosen)
+        name = [stage.points(1.12 * chosen, SCREEN.chosen, 0.0, 0.0, labels=said, show_labels=True)]
+        if stage.planar:
+            shares = np.linspace(0.0, 1.0, 12)[:, None, None]
+            rays = stage.place((shares * self._tips[np.isfinite(self._tips).all(axis=1)]).reshape(-1, 3))
+            marks = stage.place(chosen)
+            middles = [label_place(stage.canvas, mark, words, rays) for mark in marks]
+            name = [*joined_labels(marks, middles, said, SCREEN.chosen)]
+        stream.log(f"{ENTITY}/chosen/name", *name)
 
     def _rays(self, count: int, colour: Colour, radius: float) -> Any:
         rays = [np.stack([np.zeros(3), tip]) for tip in self._tips[:count] if np.isfinite(tip).all()]
@@ -152,35 +150,20 @@ class MaximaDrawing:
         tips = tips[np.isfinite(tips).all(axis=1)]
         if not self._stage.planar or len(tips) < 2:
             return self._stage.strips([], colour, radius, order)
-        if count == len(self.end) and len(tips) > 2:
+        if count == len(self.end.polygon) and len(tips) > 2:
             around = np.argsort(np.arctan2(tips[:, 1], tips[:, 0]), kind="stable")
             tips = tips[np.append(around, around[0])]
         return self._stage.strips([tips], colour, radius, order)
 
-    def _log_posture(self, stream: rr.RecordingStream, number: int) -> None:
-        """Draw the arm in the posture of a direction, by its number, with the earlier postures behind it."""
-        drawing, is_reached = self._drawing, np.isfinite(self.end.values[:number])
-        before = self._links[: number - 1][is_reached[:-1]]
-        stream.log(f"{drawing.entity}/postures", drawing.stage.strips(list(before), SCREEN.ghost, 1.0, 0.0))
-        arrow = np.stack([self._place, self._arrow_ends[number - 1]])
-        stream.log(f"{drawing.entity}/direction/line", drawing.stage.strips([arrow], SCREEN.chosen, 2.0, 9.0))
-        stream.log(f"{drawing.entity}/direction/head", drawing.stage.points(arrow[1:], SCREEN.chosen, 4.5, 9.0))
-        if is_reached[-1]:
-            drawing.log_arm(stream, CHOSEN, self._links[number - 1], None)
-            if drawing.meshes is not None:
-                drawing.meshes.log_posture(stream, self.end.q[number - 1])
-        else:
-            stream.log(f"{drawing.entity}/{CHOSEN}", rr.Clear(recursive=True))
-
     @cached_property
     def _tips(self) -> np.ndarray:
         """The maxima as vectors (directions, 3), NaN if none was found."""
-        return in_space(self.end.values[:, None] * self.end.directions)
+        return in_space(self.end.polygon.values[:, None] * self.end.polygon.directions)
 
     @cached_property
     def _stage(self) -> Stage:
         """The plane or space of the maxima."""
-        planar = self.end.directions.shape[1] == 2
+        planar = self.end.polygon.directions.shape[1] == 2
         along = f"{self.scene.word} along " if planar else ""  # in space short labels stay visible
         x, y, z = (f"{along}{axis} [{self.scene.unit}]" for axis in "xyz")
         seen = np.concatenate([np.zeros((1, 3)), self._tips[np.isfinite(self._tips).all(axis=1)]])
@@ -190,7 +173,7 @@ class MaximaDrawing:
 
     @cached_property
     def _links(self) -> np.ndarray:
-        return np.asarray(link_nodes(self.scene.workcell.arm, self.end.q))
+        return np.asarray(link_nodes(self.scene.workcell.arm, self.end.polygon.q))
 
     @property
     def _place(self) -> np.ndarray:
@@ -200,65 +183,51 @@ class MaximaDrawing:
     @cached_property
     def _arrow_ends(self) -> np.ndarray:
         reach = float(np.nanmax(np.ptp(self._links, axis=(0, 1))))
-        return np.asarray(self._place + SCENES.arrow * reach * in_space(self.end.directions))
+        return np.asarray(self._place + SCENES.arrow * reach * in_space(self.end.polygon.directions))
 
     @cached_property
     def _drawing(self) -> ArmDrawing:
-        nodes = self._links[np.isfinite(self.end.values)].reshape(-1, 3)
+        nodes = self._links[np.isfinite(self.end.polygon.values)].reshape(-1, 3)
         return ArmDrawing(entity="arm", workcell=self.scene.workcell, nodes=np.concatenate([nodes, self._arrow_ends]))
 
     @cached_property
     def _charts(self) -> list[Chart]:
         """The charts over the directions: the maxima, then joints and motors."""
-        end, cell, names = self.end, self.scene.workcell, self.scene.workcell.arm.joint_names
-        label = f"highest {self.scene.word} [{self.scene.unit}]"
-        charts = [self._chart("maximum", label, end.values[None], [self.scene.word])]
-        ends = np.array([1.0, float(max(len(end), 2))])
-        limits = [
-            LimitLine(instants=ends, values=each.values[[0, -1]], name=each.name, colours=each.colours)
-            for each in limit_lines(cell, "position", 1.0)
-        ]
-        charts.append(self._chart("position", self._joint_label("position"), end.q.T, names, limits))
-        speed = self.scene.quantity == "velocity"
-        if speed:
-            charts.append(self._chart("velocity", self._joint_label("velocity"), end.dq.T, names, self._capability))
-        of_torque = [] if speed else self._capability
-        charts.append(self._chart("torque", self._joint_label("torque"), end.torque.T, names, of_torque))
-        if end.sliders is not None:
-            places = [f"{side} {name}" for side in ("front", "back") for name in names]
-            flat = end.sliders.reshape(len(end), -1).T
-            charts.append(self._chart("sliders", "slider position [m]", flat, places))
-            charts.append(self._chart("motor_speeds", "motor speed [m/s]", _motors(end.motor_speeds), places))
-            charts.append(self._chart("motor_efforts", "motor force [N]", _motors(end.motor_efforts), places))
-        return [charts[0], *fit_below_tabs(charts[1:])]
-
-    @property
-    def _capability(self) -> list[LimitLine]:
-        """The joint limits that the motors allow, over the directions."""
-        numbers = np.arange(1.0, len(self.end) + 1)
-        return [
-            LimitLine(instants=numbers, values=values[:, joint], name=name, colours=[SCREEN.joint(joint)])
-            for joint, name in enumerate(self.scene.workcell.arm.joint_names)
-            for values in (self.end.lower, self.end.upper)
-        ]
-
-    def _joint_label(self, kind: str) -> str:
-        return f"joint {kind} [{joint_units(self.scene.workcell.arm, JOINT_UNITS[kind])}]"
-
-    def _chart(
-        self, name: str, label: str, curves: np.ndarray, names: Sequence[str], limits: Sequence[LimitLine] = ()
-    ) -> Chart:
-        return Chart(
-            entity=f"charts/{name}",
-            dots=True,
-            title=label,
-            labels=("direction", label),
-            names=names,
-            colours=[SCREEN.joint(number) for number in range(len(names))],
-            instants=np.arange(1.0, len(self.end) + 1),
-            curves=curves,
-            limits=limits,
+        end, cell, arm, numbers = (
+            self.end,
+            self.scene.workcell,
+            self.scene.workcell.arm,
+            np.arange(1.0, len(self.end.polygon) + 1),
         )
+        speed, joints = self.scene.quantity == "velocity", arm.joint_names
+        labels = {kind: f"joint {kind} [{joint_units(arm, JOINT_UNITS[kind])}]" for kind in JOINT_UNITS}
+        ends = np.array([1.0, float(max(len(end.polygon), 2))])
+        limits = [
+            replace(each, instants=ends, values=each.values[[0, -1]]) for each in limit_lines(cell, "position", 1.0)
+        ]
+        capability = [  # the joint limits that the motors allow, over the directions
+            LimitLine(instants=numbers, values=values[:, joint], name=name, colours=[SCREEN.joint(joint)])
+            for joint, name in enumerate(joints)
+            for values in (end.lower, end.upper)
+        ]
+        label = f"highest {self.scene.word} [{self.scene.unit}]"
+        shown: list[tuple[str, str, Any, Sequence[str], Sequence[LimitLine]]] = [
+            ("maximum", label, end.polygon.values[:, None], [self.scene.word], []),
+            ("position", labels["position"], end.polygon.q, joints, limits),
+            *([("velocity", labels["velocity"], end.polygon.dq, joints, capability)] if speed else []),
+            ("torque", labels["torque"], end.polygon.torque, joints, [] if speed else capability),
+        ]
+        if end.polygon.sliders is not None:
+            places = [f"{side} {name}" for side in ("front", "back") for name in joints]
+            shown.append(("sliders", "slider position [m]", end.polygon.sliders, places, []))
+            shown.append(("motor_speeds", "motor speed [m/s]", end.polygon.motor_speeds, places, []))
+            shown.append(("motor_efforts", "motor force [N]", end.polygon.motor_efforts, places, []))
+        charts = []
+        for name, label, values, names, lines in shown:
+            colours, more = [SCREEN.joint(number) for number in range(len(names))], {"names": names, "limits": lines}
+            curves = values.reshape(len(end.polygon), -1).T
+            charts.append(Chart.over("direction", name, label, numbers, curves, colours, dots=True, **more))
+        return [charts[0], *fit_below_tabs(charts[1:])]
 
     @property
     def _layout(self) -> Layout:
@@ -286,8 +255,3 @@ class MaximaDrawing:
             frames=DRAWING.slow_frames,
             note=self.note,
         )
-
-
-def _motors(values: np.ndarray) -> np.ndarray:
-    """Return motor values (directions, motors, dof) as curves (motors · dof, directions)."""
-    return np.asarray(values.reshape(len(values), -1).T)

@@ -22,9 +22,6 @@ from paretoik.review.recording.messages import RecordedMotion, RecordedPoint, Wo
 from paretoik.robot.kinematics import joint_scales, link_nodes
 from paretoik.task.limits import JOINT_UNITS, usual_ranges
 
-# Charts of joint quantities along a motion, with their limits.
-
-
 CurvedMotion = tuple[np.ndarray, Mapping[str, np.ndarray]]  # times (time,), and (time, dof) by kind
 ALWAYS = ("position", "velocity", "torque")
 OF_MASSES = ("torque", "power")
@@ -82,30 +79,20 @@ def limit_lines(cell: Workcell, kind: str, end: float) -> list[LimitLine]:
 
     A limit that all joints share has one colour.
     """
-    if kind not in cell.bounds:
-        return []
-    bounds = cell.bounds[kind]
+    bounds, lines, names = cell.bounds.get(kind, np.zeros((1, 0, 2))), list[LimitLine](), cell.arm.joint_names
     instants = np.array([0.0, end]) if len(bounds) == 1 else cell.times
-    bounds = np.broadcast_to(bounds, (max(len(bounds), 2), *bounds.shape[1:])) if len(bounds) == 1 else bounds
-    return [
-        LimitLine(
-            instants=instants,
-            values=values,
-            name="" if len(joints) == cell.arm.dof else ", ".join(cell.arm.joint_names[number] for number in joints),
-            colours=[SCREEN.limit] if len(joints) == cell.arm.dof else [SCREEN.joint(number) for number in joints],
-        )
-        for side in (0, 1)
-        for values, joints in _shared(bounds[:, :, side])
-    ]
-
-
-def _shared(limits: Float[np.ndarray, "time dof"]) -> list[tuple[Times, list[int]]]:
-    """Return the different finite limits of joints, each with the numbers of its joints."""
-    joints: dict[bytes, list[int]] = {}
-    for number, values in enumerate(limits.T):
-        if np.isfinite(values).any():
-            joints.setdefault((values + 0.0).tobytes(), []).append(number)
-    return [(limits[:, numbers[0]].copy(), numbers) for numbers in joints.values()]
+    bounds = np.repeat(bounds, 2, axis=0) if len(bounds) == 1 else bounds
+    for limits in np.moveaxis(bounds, -1, 0):  # the lower ones (time, dof), then the upper ones
+        joints: dict[bytes, list[int]] = {}
+        for number, values in enumerate(limits.T):
+            if np.isfinite(values).any():
+                joints.setdefault((values + 0.0).tobytes(), []).append(number)
+        for numbers in joints.values():
+            is_common = len(numbers) == cell.arm.dof
+            name = "" if is_common else ", ".join(names[number] for number in numbers)
+            colours = [SCREEN.limit] if is_common else [SCREEN.joint(number) for number in numbers]
+            lines.append(LimitLine(instants=instants, values=limits[:, numbers[0]], name=name, colours=colours))
+    return lines
 
 
 # The timeline ``replay``: one generation after another; the arm moves in generations with motions.
@@ -142,16 +129,6 @@ class ReplayClock:
         return ReplayClock(begins=ends[:-1], moving=moving, end=float(ends[-1]))
 
 
-def replay_times(point: RecordedPoint, points: Sequence[RecordedPoint], begin: float) -> tuple[np.ndarray, Times]:
-    """Return rows of a motion and the times of the arm there; the longest of ``points`` fills its time slot."""
-    motion = point.motion
-    assert motion is not None
-    longest = max(float(each.motion.time[-1] - each.motion.time[0]) for each in points if each.motion is not None)
-    rows = even_rows(len(motion.time), OPTIONS.samples)
-    share = (motion.time[rows] - motion.time[0]) / max(longest, 1e-12)
-    return rows, begin + 0.9 * OPTIONS.moving * share
-
-
 def is_moving(points: Sequence[RecordedPoint]) -> bool:
     """Return whether points have motions in which an arm moves."""
     return any(point.motion is not None and not point.motion.is_standing for point in points)
@@ -160,9 +137,6 @@ def is_moving(points: Sequence[RecordedPoint]) -> bool:
 def has_motions(points: Sequence[RecordedPoint]) -> bool:
     """Return whether points have motions."""
     return any(point.motion is not None for point in points)
-
-
-# Motions in a recording: arms and joint charts.
 
 
 CHOSEN = "chosen"
@@ -217,7 +191,7 @@ class MotionScene:
     def charts(self) -> dict[str, Chart]:
         """The charts of joints by kind of quantity."""
         motions = [point.motion for point in self.points if point.motion is not None and point.axis is None]
-        curves = [(motion.time, self._curves(motion)) for motion in motions]
+        curves = [(motion.time, joint_curves(self.workcell, motion)) for motion in motions]
         return joint_charts(f"{self.root}joint_charts", self.workcell, curves)
 
     def log(self, recording: rr.RecordingStream) -> None:
@@ -248,7 +222,7 @@ class MotionScene:
                 continue
             ghosts = drawing.stage.strips(list(links[even_rows(len(links), SCREEN.ghosts)]), SCREEN.ghost, 1.0, 0.0)
             recording.log(f"{layer}/ghosts", ghosts)
-            curves = self._curves(motion)
+            curves = joint_curves(self.workcell, motion)
             for kind, chart in self.charts.items():
                 chart.draw(recording, motion.time, curves[kind].T)
                 chart.log_cursor(recording, float(motion.time[place]))
@@ -273,32 +247,21 @@ class MotionScene:
         ghosts = self.drawing.stage.strips(list(self._links(postures[rows])), SCREEN.ghost, 1.0, 0.0)
         recording.log(f"{self.drawing.entity}/postures", ghosts, static=True)
 
-    def send(
-        self,
-        recording: rr.RecordingStream,
-        point: RecordedPoint,
-        columns: Sequence[rr.TimeColumn],
-        rows: np.ndarray | None = None,
-    ) -> None:
-        """Move the arm of a point: one row of ``columns`` per sample of its motion, or of its ``rows``."""
-        motion = point.motion
-        if motion is None:
-            return
-        rows = np.arange(len(motion.time)) if rows is None else rows
-        self.send_postures(recording, self.layer(point), columns, motion.q[rows], point.axis)
-        if point.axis is None:
-            for chart in self.charts.values():
-                chart.send_cursor(recording, columns, motion.time[rows])
-
     def send_replay(
         self, recording: rr.RecordingStream, slots: Sequence[tuple[float, Sequence[RecordedPoint]]]
     ) -> None:
-        """Move the arms of points on the timeline ``replay``, from the time [s] of each of ``slots`` on."""
+        """Move the arms of points on the timeline ``replay``, from the time [s] of each of ``slots`` on.
+
+        The longest motion of a slot fills it.
+        """
         for begin, points in slots:
-            for point in points:
-                if point.motion is not None:
-                    rows, times = replay_times(point, points, begin)
-                    self.send(recording, point, [rr.TimeColumn("replay", duration=times)], rows)
+            motions = [(point, point.motion) for point in points if point.motion is not None]
+            longest = max((float(np.ptp(motion.time)) for _, motion in motions), default=0.0)
+            for point, motion in motions:
+                rows = even_rows(len(motion.time), OPTIONS.samples)
+                share = (motion.time[rows] - motion.time[0]) / max(longest, 1e-12)
+                column = rr.TimeColumn("replay", duration=begin + 0.9 * OPTIONS.moving * share)
+                self.send(recording, point, [column], motion.q[rows], motion.time[rows])
 
     def send_motion(
         self,
@@ -320,11 +283,27 @@ class MotionScene:
         times = np.union1d(motion_frames(samples), times)
         columns = [rr.TimeColumn("motion", duration=times)]
         q = np.stack([np.interp(times, samples, each) for each in motion.q.T], axis=1)
-        self.send_postures(recording, self.layer(point), columns, q, point.axis)
+        self.send(recording, point, columns, q, motion.time[0] + np.minimum(times, samples[-1]), charts)
         if point.axis is None:
-            for chart in (*self.charts.values(), *charts):
-                chart.send_cursor(recording, columns, motion.time[0] + np.minimum(times, samples[-1]))
             self.send_series(recording, point, [rr.TimeColumn("motion", duration=samples)])
+
+    def send(
+        self,
+        recording: rr.RecordingStream,
+        point: RecordedPoint,
+        columns: Sequence[rr.TimeColumn],
+        q: Float[np.ndarray, "rows dof"],
+        instants: Times,
+        charts: Sequence[Chart] = (),
+    ) -> None:
+        """Move the arm of a point, one row of ``columns`` per posture; cursors are at its ``instants``."""
+        self.drawing.send_arms(recording, self.layer(point), columns, self._links(q), point.axis)
+        if point.axis is not None:
+            return
+        if self.drawing.meshes is not None:
+            self.drawing.meshes.send(recording, columns, q)
+        for chart in (*self.charts.values(), *charts):
+            chart.send_cursor(recording, columns, instants)
 
     def send_series(
         self, recording: rr.RecordingStream, point: RecordedPoint, columns: Sequence[rr.TimeColumn]
@@ -332,24 +311,11 @@ class MotionScene:
         """Record the exact joint quantities of a point, one row of ``columns`` per sample."""
         if point.motion is None:
             return
-        for kind, values in self._curves(point.motion).items():
+        for kind, values in joint_curves(self.workcell, point.motion).items():
             style = rr.SeriesLines(names=[screen_text(name) for name in self.workcell.arm.joint_names])
             recording.log(f"{self.root}joints/{kind}", style, static=True)
             scalars = rr.Scalars.columns(scalars=values.ravel()).partition([values.shape[1]] * len(values))
             recording.send_columns(f"{self.root}joints/{kind}", columns, scalars)
-
-    def send_postures(
-        self,
-        recording: rr.RecordingStream,
-        layer: str,
-        columns: Sequence[rr.TimeColumn],
-        q: Float[np.ndarray, "rows dof"],
-        axis: int | None,
-    ) -> None:
-        """Draw the arm of a layer in postures, one row of ``columns`` each; the chosen one, without axis, is solid."""
-        self.drawing.send_arms(recording, layer, columns, self._links(q), axis)
-        if axis is None and self.drawing.meshes is not None:
-            self.drawing.meshes.send(recording, columns, q)
 
     def layer(self, point: RecordedPoint) -> str:
         """Return the part of entity paths that belongs to a point's arm."""
@@ -362,17 +328,6 @@ class MotionScene:
         picked = [motion.q[even_rows(len(motion.q), SCREEN.ghosts)] for motion in motions]
         nodes = self._links(np.concatenate(picked)).reshape(-1, 3)
         return ArmDrawing(entity=f"{self.root}arm", workcell=self.workcell, nodes=nodes)
-
-    def _curves(self, motion: RecordedMotion) -> Mapping[str, np.ndarray]:
-        """Return the joint quantities of a motion."""
-        if id(motion) not in self._known_curves:
-            self._known_curves[id(motion)] = joint_curves(self.workcell, motion)
-        return self._known_curves[id(motion)]
-
-    @cached_property
-    def _known_curves(self) -> dict[int, Mapping[str, np.ndarray]]:
-        """Joint quantities by the identity of motions, which ``points`` keep alive."""
-        return {}
 
     def _links(self, q: Float[np.ndarray, "rows dof"]) -> Float[np.ndarray, "rows nodes 3"]:
         return np.asarray(link_nodes(self.workcell.arm, q))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import rerun as rr
@@ -34,7 +35,7 @@ class PathDrawing:
         """Draw everything."""
         stage, tool = self._stage, in_space(self.end.tool)
         if stage.planar:
-            stage.canvas.log(stream, ENTITY, static=True)
+            stage.canvas.log(stream, ENTITY)
         if self.end.reference is not None:
             reference = stage.strips([in_space(self.end.reference)], SCREEN.target, 1.0, 20.0)
             stream.log(f"{ENTITY}/reference", reference, static=True)
@@ -43,7 +44,9 @@ class PathDrawing:
         stream.log(f"{ENTITY}/ends", stage.points(ends, SCREEN.text, 4.5, 3.0), static=True)
         for chart in self._charts:
             chart.log(stream)
-        log_text(stream, self._words, static=True)
+        lines = [f"# {self.scene.title}", f"- {self.end.times[-1]:.6g} s, {len(self.end.times)} samples"]
+        lines += [f"- ends {self.end.distance[-1]:.3g} m from the target", "", run_text(self.end.provenance)]
+        log_text(stream, screen_text("\n".join(lines)), static=True)
         for row in even_rows(len(self.end.times), DRAWING.walk):
             stream.set_time("motion", duration=float(self.end.times[row]))
             stream.log(f"{ENTITY}/tool", stage.points(tool[row, None], SCREEN.tool, 4.5, 3.0))
@@ -59,55 +62,33 @@ class PathDrawing:
         seen = np.concatenate([self.end.tool, reference, self.scene.start[None], self.scene.target[None]])
         return Stage(entity=ENTITY, planar=seen.shape[1] == 2, seen=in_space(seen), margin=0.06)
 
-    def _view(self) -> rrb.View:
-        if self._stage.planar:
-            return self._stage.view(self.scene.title)
-        return rrb.Spatial3DView(
-            origin=ENTITY,
-            name=screen_text(self.scene.title),
-            background=SCREEN.background,
-            eye_controls=fitting_eye(self._stage.seen),
-        )
-
     @cached_property
     def _charts(self) -> list[Chart]:
-        end = self.end
+        curves = {
+            "speed": ("tool speed [m/s]", self.end.middles, self.end.speed),
+            "distance": ("distance to the target [m]", self.end.times, self.end.distance),
+        }
         return fit_below_tabs(
             [
-                _chart("speed", "tool speed [m/s]", end.middles, end.speed),
-                _chart("distance", "distance to the target [m]", end.times, end.distance),
+                Chart.over("time [s]", name, label, times, values[None], [SCREEN.tool])
+                for name, (label, times, values) in curves.items()
             ]
         )
-
-    @property
-    def _words(self) -> str:
-        end = self.end
-        lines = [f"# {self.scene.title}", f"- {end.times[-1]:.6g} s, {len(end.times)} samples"]
-        lines.append(f"- ends {end.distance[-1]:.3g} m from the target")
-        return screen_text("\n".join([*lines, "", run_text(end.provenance)]))
 
     @property
     def _layout(self) -> Layout:
         entries = [("path of the tool", SCREEN.path), ("tool", SCREEN.tool), ("start and target", SCREEN.text)]
         if self.end.reference is not None:
             entries.append(("reference", SCREEN.target))
+        view = self._stage.view(self.scene.title)
+        if not self._stage.planar:  # no ground: the eye looks at the path only
+            settings: Any = {"origin": ENTITY, "name": view.name, "background": SCREEN.background}
+            view = rrb.Spatial3DView(eye_controls=fitting_eye(self._stage.seen), **settings)
         return Layout(
             legend=Legend(entries=entries),
-            front=self._view(),
+            front=view,
             charts=[chart.view() for chart in self._charts],
             texts=[text_view("run")],
             timeline="motion",
             name=self.scene.title,
         )
-
-
-def _chart(name: str, label: str, instants: np.ndarray, values: np.ndarray) -> Chart:
-    return Chart(
-        entity=f"charts/{name}",
-        title=label,
-        labels=("time [s]", label),
-        names=[label],
-        colours=[SCREEN.tool],
-        instants=instants,
-        curves=values[None],
-    )

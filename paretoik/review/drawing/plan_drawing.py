@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -15,7 +15,7 @@ from paretoik.review.drawing.charts import Chart, curve_points
 from paretoik.review.drawing.layout import Entry, Layout, Legend, log_text, text_view
 from paretoik.review.drawing.motion import MotionScene, ReplayClock, motion_views
 from paretoik.review.drawing.plan_panel import PlanPanel
-from paretoik.review.drawing.point_text import broken_lines, infeasible_text
+from paretoik.review.drawing.point_text import infeasible_text
 from paretoik.review.palette import DRAWING, SCREEN, even_rows, screen_label
 from paretoik.review.recording.messages import (
     PlanEnd,
@@ -45,7 +45,12 @@ def level_text(panel: PlanPanel, level: PlannedLevel) -> str:
     if len(panel.levels) > 1:
         lines.append("Values of different levels are not comparable: a motion of other samples has another value.")
     if level.least_violating is not None:
-        lines += ["", "Constraints broken by the least-violating motion:", "", *broken_lines(level.least_violating)]
+        lines += [
+            "",
+            "Constraints broken by the least-violating motion:",
+            "",
+            *(f"- {each}" for each in level.least_violating.broken),
+        ]
         return screen_text("\n".join(lines))
     lines += ["", "## Optima of the level", ""]
     for place, value in enumerate(level.optima[: DRAWING.optima]):
@@ -137,9 +142,6 @@ def _value(scene: PlannedScene, value: float) -> str:
     return f"{value:.5g} {scene.unit}".rstrip()
 
 
-# The recording of a plan.
-
-
 START = "start"  # layer of a start's arm
 DISTINCT = "distinct optima of the level so far"
 
@@ -160,9 +162,10 @@ class PlanDrawing:
 
     def log(self, stream: rr.RecordingStream) -> None:
         """Draw everything."""
+        motions = self._motions
         self._panel.log(stream)
-        if self._motions is not None:
-            self._motions.log(stream)
+        if motions is not None:
+            motions.log(stream)
         for chart in self._charts:
             chart.log(stream)
         for place, level in enumerate(self.messages):
@@ -171,24 +174,19 @@ class PlanDrawing:
             stream.set_time("replay", duration=float(self._clock.begins[place]))
             if self.end is None and place == len(self.messages) - 1:
                 self._at_the_end(stream)
-            self._log_level(stream, place, level)
+            self._panel.log_until(stream, self._lasts[place])
+            log_text(stream, level_text(self._panel, level))
+            numbers: dict[str, Any] = {name: getattr(level, name) for name in ("starts", "ends", "optima", "samples")}
+            stream.log("search/level", rr.AnyValues(**numbers))
+            self._log_cursors(stream, float(place))
+            if motions is not None:
+                motions.log_whole(stream, self._bests[place])
         if self.end is not None:
             self._log_end(stream, self.end)
-        if self._motions is not None:
-            self._send_motions(stream, self._motions)
-            self._log_starts(stream, self._motions)
-            self._log_optima(stream, self._motions)
+        if motions is not None:
+            self._log_motions(stream, motions)
         stream.reset_time()
         self._layout.log(stream)
-
-    def _log_level(self, stream: rr.RecordingStream, place: int, level: PlannedLevel) -> None:
-        self._panel.log_until(stream, self._lasts[place])
-        log_text(stream, level_text(self._panel, level))
-        numbers: dict[str, Any] = {name: getattr(level, name) for name in ("starts", "ends", "optima", "samples")}
-        stream.log("search/level", rr.AnyValues(**numbers))
-        self._log_cursors(stream, float(place))
-        if self._motions is not None:
-            self._motions.log_whole(stream, self._bests[place])
 
     def _log_cursors(self, stream: rr.RecordingStream, instant: float) -> None:
         for chart in self._charts:
@@ -207,9 +205,8 @@ class PlanDrawing:
             words = infeasible_text((scene.name,), (scene.unit,), nearest, scene.workcell, "No feasible motion")
         log_text(stream, words)
         if end.optima:
-            stream.log(
-                "search/optima", rr.AnyValues(objective=[float(each.point.objectives[0]) for each in end.optima])
-            )
+            values = [float(each.point.objectives[0]) for each in end.optima]
+            stream.log("search/optima", rr.AnyValues(objective=values))
         self._log_cursors(stream, float(len(self.messages) - 1))
         if self._motions is not None:
             self._motions.log_whole(stream, self._best)
@@ -221,27 +218,20 @@ class PlanDrawing:
         if self._count > 1:
             stream.set_time("optimum", sequence=0)
 
-    def _send_motions(self, stream: rr.RecordingStream, motions: MotionScene) -> None:
-        """Move the best arm: the final one on ``motion``, that of every level on ``replay``."""
+    def _log_motions(self, stream: rr.RecordingStream, motions: MotionScene) -> None:
+        """Move the best arms, then show starts and optima one by one."""
         stream.reset_time()
         for point in self._best:
             motions.send_motion(stream, point)
         slots = [(float(self._clock.begins[place]), points) for place, points in enumerate(self._bests)]
         motions.send_replay(stream, [*slots, (self._clock.end, self._best)])
-
-    def _log_starts(self, stream: rr.RecordingStream, motions: MotionScene) -> None:
-        """Show one start after another: its motion, and next to it its result."""
-        for number, level, row, points in self._walk:
+        for number, level, row, points in self._walk:  # a start, and next to it its result
             stream.reset_time()
             stream.set_time("start", sequence=number)
             self._panel.log_until(stream, number, looked_at=number)
-            self._panel.log_start(stream, number)
             log_text(stream, start_text(self.scene, level, row))
             self._log_cursors(stream, float(self._instants[number - 1]))
             motions.log_whole(stream, points)
-
-    def _log_optima(self, stream: rr.RecordingStream, motions: MotionScene) -> None:
-        """Show one optimum after another."""
         optima = () if self.end is None or self._count < 2 else self.end.optima[: DRAWING.walk]
         for place, optimum in enumerate(optima):
             stream.reset_time()
@@ -315,40 +305,31 @@ class PlanDrawing:
         """The best and the number of distinct optima so far, over the starts of each level."""
         if not np.isfinite(self._panel.ends).any():
             return []
+        best, distinct = np.full((2, len(self.messages), self._lasts[-1]), np.nan)  # NaN at other levels
+        accumulate = np.fmax.accumulate if self.scene.maximised else np.fmin.accumulate
+        for place, (level, last) in enumerate(zip(self.messages, self._lasts, strict=True)):
+            columns, optimum = slice(last - len(level.starts), last), level.motions.optimum
+            best[place, columns] = accumulate(np.where(np.isfinite(level.ends), level.ends, np.nan))
+            first = [number >= 0 and number not in optimum[:row] for row, number in enumerate(optimum)]
+            distinct[place, columns] = np.cumsum(first)
         label = screen_label(f"best {self.scene.name} of the level so far", self.scene.unit, self.scene.maximised)
-        best = list(self._over_starts(_best_so_far(level, self.scene.maximised) for level in self.messages))
-        distinct = list(self._over_starts(_distinct_so_far(level) for level in self.messages))
-        return [
-            self._chart("best", "best of the level so far", label, best),
-            self._chart("distinct", "distinct optima", DISTINCT, distinct),
-        ]
-
-    def _over_starts(self, curves: Iterator[np.ndarray]) -> Iterator[np.ndarray]:
-        """Yield the curve of each level over the starts of all levels; NaN at other levels."""
-        for last, curve in zip(self._lasts, curves, strict=True):
-            whole = np.full(self._lasts[-1], np.nan)
-            whole[last - len(curve) : last] = curve
-            yield whole
+        charts = []
+        for name, title, words, curves in (
+            ("best", "best of the level so far", label, best),
+            ("distinct", "distinct optima", DISTINCT, distinct),
+        ):
+            shown = curve_points(self._instants, curves)
+            edges = np.array([[at, np.nanmin(shown[:, 1])] for at in (-0.5, len(self.messages) - 0.5)])
+            more = {"title": title, "names": [f"{level.samples} samples" for level in self.messages]}
+            colours = [SCREEN.joint(level.number) for level in self.messages]
+            shown = np.concatenate([shown, edges])
+            charts.append(Chart.over("level", name, words, self._instants, curves, colours, shown=shown, **more))
+        return charts
 
     @property
     def _instants(self) -> np.ndarray:
         """Places of starts in charts: around the number of their level."""
         return self._panel.across - 0.5
-
-    def _chart(self, name: str, title: str, label: str, curves: Sequence[np.ndarray]) -> Chart:
-        instants, values = self._instants, np.stack(curves)
-        shown = curve_points(instants, values)
-        edges = np.array([[-0.5, np.nanmin(shown[:, 1])], [len(self.messages) - 0.5, np.nanmin(shown[:, 1])]])
-        return Chart(
-            entity=f"charts/{name}",
-            title=title,
-            labels=("level", label),
-            instants=instants,
-            curves=values,
-            shown=np.concatenate([shown, edges]),
-            names=[f"{level.samples} samples" for level in self.messages],
-            colours=[SCREEN.joint(level.number) for level in self.messages],
-        )
 
     @property
     def _layout(self) -> Layout:
@@ -385,15 +366,3 @@ class PlanDrawing:
 def _point(place: int, value: float, time: np.ndarray, q: np.ndarray, axis: int | None = None) -> RecordedPoint:
     motion = RecordedMotion(time=time, q=q)
     return RecordedPoint(id=place, objectives=np.array([value]), axis=axis, motion=motion)
-
-
-def _best_so_far(level: PlannedLevel, maximised: bool) -> np.ndarray:
-    values = np.where(np.isfinite(level.ends), level.ends, -np.inf if maximised else np.inf)
-    best = np.maximum.accumulate(values) if maximised else np.minimum.accumulate(values)
-    return np.where(np.isfinite(best), best, np.nan)
-
-
-def _distinct_so_far(level: PlannedLevel) -> np.ndarray:
-    optimum = level.motions.optimum
-    first = [number >= 0 and number not in optimum[:row] for row, number in enumerate(optimum)]
-    return np.cumsum(first).astype(float)

@@ -11,9 +11,9 @@ import rerun as rr
 import rerun.blueprint as rrb
 from jaxtyping import Float
 
-from paretoik.arrays import Values
+from paretoik.arrays import Mask, Values
 from paretoik.review.drawing.axes import TEXT, Canvas, labels, window
-from paretoik.review.drawing.labels import joined_label, label_points, line_points, no_label
+from paretoik.review.drawing.labels import joined_labels, label_area, label_place, line_points
 from paretoik.review.palette import DRAWING, MARKS, SCREEN, Colour, screen_label
 from paretoik.review.recording.messages import PlannedLevel, PlannedOptimum, PlannedScene
 
@@ -42,70 +42,62 @@ class PlanPanel:
     def log(self, recording: rr.RecordingStream) -> None:
         """Draw axes, borders between bands with the name of each below it, and the final optima, for all times."""
         canvas = self.canvas
-        canvas.log(recording, ENTITY, static=True)
-        style = rr.LineStrips2D(self._borders, colors=SCREEN.frame, radii=rr.Radius.ui_points(0.7), draw_order=0.2)
-        recording.log(f"{ENTITY}/levels/lines", style, static=True)
+        canvas.log(recording, ENTITY)
+        for entity, lines, colour, order in (
+            ("levels/lines", self._borders, SCREEN.frame, 0.2),
+            ("final", self._value_lines, SCREEN.final, 0.5),
+        ):
+            strips = rr.LineStrips2D(lines, colors=colour, radii=rr.Radius.ui_points(0.7), draw_order=order)
+            recording.log(f"{ENTITY}/{entity}", strips, static=True)
         words = [f"{level.samples} samples" for level in self.levels] + ["optima"] * bool(self.optima)
         middles = canvas.place(np.array([(band + 0.5, canvas.low[1]) for band in range(len(words))]).reshape(-1, 2))
         title = np.array([[canvas.width / 2, canvas.height + 1.75 * TEXT.line]])
         places = np.concatenate([middles + np.array([0.0, 0.7 * TEXT.line]), title])
         names = labels([*words, "level by level, its starts in the order of the search"], places)
         recording.log(f"{ENTITY}/levels/names", names, static=True)
-        lines = rr.LineStrips2D(self._value_lines, colors=SCREEN.final, radii=rr.Radius.ui_points(0.7), draw_order=0.5)
-        recording.log(f"{ENTITY}/final", lines, static=True)
 
     def log_until(
         self, recording: rr.RecordingStream, count: int, *, ended: bool = False, looked_at: int | None = None
     ) -> None:
         """Draw the first ``count`` starts with their results and the best of the level; the optima if all ``ended``.
 
-        Labels avoid the cursor of the start ``looked_at``, by its number from 1. Values of other levels are not
-        comparable, because these have other samples.
+        A cursor is at the start ``looked_at``, by its number from 1, and labels avoid it. Values of other levels are
+        not comparable, because these have other samples.
         """
-        across = self.across[:count]
-        starts, ends = self.starts[:count], self.ends[:count]
+        across, starts, ends = self.across[:count], self.starts[:count], self.ends[:count]
         failed, borders = ~np.isfinite(ends), np.cumsum([0, *(len(level.starts) for level in self.levels)])
         first = int(borders[borders < count].max(initial=0))  # of the level of the last start
-        self._log_starts(recording, "starts", across[~failed], starts[~failed], SCREEN.population)
-        self._log_starts(recording, "failed", across[failed], starts[failed], SCREEN.failed)
+        for layer, rows, colour in (("starts", ~failed, SCREEN.population), ("failed", failed, SCREEN.failed)):
+            # dots in the axes; those beyond are dashes that point towards them
+            x, values, (low, high) = across[rows], starts[rows], (self.canvas.low[1], self.canvas.high[1])
+            near, strips = self._is_near(values), list[np.ndarray]()
+            self._log_points(recording, layer, x[near], values[near], colour, MARKS.start, 1.0)
+            for at, value in zip(x[~near & np.isfinite(values)], values[~near & np.isfinite(values)], strict=True):
+                tip = self.canvas.place(np.array([at, np.clip(value, low, high)]))
+                strips.append(
+                    tip + np.array([(0.0, 0.0), (0.0, MARKS.edge_dash if value > high else -MARKS.edge_dash)])
+                )
+            lines = rr.LineStrips2D(strips, colors=colour, radii=rr.Radius.ui_points(0.8), draw_order=1.0)
+            recording.log(f"{ENTITY}/{layer}/beyond", lines)
         self._log_points(recording, "ends", across[~failed], ends[~failed], SCREEN.front, 3.2, 2.0)
         places = self._places if ended else np.zeros(0)
         self._log_points(recording, "optima", places, self._final[: len(places)], SCREEN.front, 4.5, 3.0)
-        where, best = np.zeros(0), np.zeros(0)  # a level without an optimum has no best
-        if ended and len(places):
-            where, best = places[:1], self._final[:1]
-        elif np.isfinite(ends[first:]).any():
+        where, best = places[:1], self._final[: len(places[:1])]
+        if not len(where) and np.isfinite(ends[first:]).any():  # a level without an optimum has no best
             row = first + int(np.nanargmax(ends[first:]) if self.scene.maximised else np.nanargmin(ends[first:]))
             where, best = across[row, None], ends[row, None]
-        self._log_points(recording, "best", where, best, SCREEN.chosen, 6.5, 4.0, [BEST])
-        if len(where):
-            cursor = [] if looked_at is None else [self._cursor(looked_at)]
-            self._log_name(recording, "best", float(where[0]), float(best[0]), BEST, SCREEN.chosen, cursor)
-        else:
-            recording.log(f"{ENTITY}/best/name", *no_label())
-        self._log_none_looked_at(recording)
-
-    def log_start(self, recording: rr.RecordingStream, number: int) -> None:
-        """Mark a start by its number, from 1, and its result."""
-        cursor = rr.LineStrips2D(
-            [self._cursor(number)], colors=SCREEN.text, radii=rr.Radius.ui_points(0.8), draw_order=0.8
-        )
-        recording.log(f"{ENTITY}/cursor", cursor)
+        cursors = [] if looked_at is None else [self._upright(float(self.across[looked_at - 1]))]
+        self._log_named(recording, "best", where, best, SCREEN.chosen, 4.0, BEST, cursors)
+        self._log_named(recording, "looked_at", np.zeros(0), np.zeros(0), SCREEN.arm, 4.5, "")
+        if looked_at is not None:
+            line = rr.LineStrips2D(cursors, colors=SCREEN.text, radii=rr.Radius.ui_points(0.8), draw_order=0.8)
+            recording.log(f"{ENTITY}/cursor", line)
 
     def log_optimum(self, recording: rr.RecordingStream, place: int) -> None:
         """Mark a final optimum that is looked at, by its place; the best is already marked and stays the best."""
-        if place == 0:
-            self._log_none_looked_at(recording)
-            return
-        where = self._places[min(place, DRAWING.optima - 1), None]
-        value = np.array([self.optima[place].point.objectives[0]])
-        words = f"optimum {place}"
-        self._log_points(recording, "looked_at", where, value, SCREEN.arm, 6.5, 4.5, [words])
-        self._log_name(recording, "looked_at", float(where[0]), float(value[0]), words, SCREEN.arm)
-
-    def _log_none_looked_at(self, recording: rr.RecordingStream) -> None:
-        self._log_points(recording, "looked_at", np.zeros(0), np.zeros(0), SCREEN.arm, 6.5, 4.5)
-        recording.log(f"{ENTITY}/looked_at/name", *no_label())
+        where = self._places[min(place, DRAWING.optima - 1), None][: int(place > 0)]
+        value = np.array([self.optima[place].point.objectives[0]])[: len(where)]
+        self._log_named(recording, "looked_at", where, value, SCREEN.arm, 4.5, f"optimum {place}")
 
     @cached_property
     def starts(self) -> Values:
@@ -147,7 +139,7 @@ class PlanPanel:
 
     def beyond(self, level: PlannedLevel) -> int:
         """Return how many of a level's starts are too far away, at the edge."""
-        return int(sum(not self._is_near(value) for value in level.starts))
+        return int((~self._is_near(level.starts)).sum())
 
     @property
     def _final(self) -> Values:
@@ -168,95 +160,69 @@ class PlanPanel:
         shares = (np.arange(count) + 0.5) / max(count, 1)
         return np.asarray(place + margin + (1.0 - 2.0 * margin) * shares)
 
-    def _is_near(self, value: float) -> bool:
-        return bool(self.canvas.low[1] <= value <= self.canvas.high[1])
+    def _is_near(self, values: Values) -> Mask:
+        return np.asarray((values >= self.canvas.low[1]) & (values <= self.canvas.high[1]))
 
-    def _log_starts(
-        self,
-        recording: rr.RecordingStream,
-        layer: str,
-        across: Float[np.ndarray, " points"],
-        values: Values,
-        colour: Colour,
-    ) -> None:
-        """Draw starts: as dots in the axes, otherwise as dashes that point towards them."""
-        near = (values >= self.canvas.low[1]) & (values <= self.canvas.high[1])
-        self._log_points(recording, layer, across[near], values[near], colour, MARKS.start, 1.0)
-        strips = list[np.ndarray]()
-        for x, value in zip(across[~near & np.isfinite(values)], values[~near & np.isfinite(values)], strict=True):
-            edge, inwards = (self.canvas.high[1], 1.0) if value > self.canvas.high[1] else (self.canvas.low[1], -1.0)
-            tip = self.canvas.place(np.array([x, edge]))
-            strips.append(tip + np.array([(0.0, 0.0), (0.0, inwards * MARKS.edge_dash)]))
-        lines = rr.LineStrips2D(strips, colors=colour, radii=rr.Radius.ui_points(0.8), draw_order=1.0)
-        recording.log(f"{ENTITY}/{layer}/beyond", lines)
+    def _mark(self, across: Values, values: Values) -> Float[np.ndarray, "points 2"]:
+        """Return where points are drawn [pixels]: those beyond the axes at their edge, and none without a value."""
+        clipped = np.clip(values, self.canvas.low[1], self.canvas.high[1])
+        return self.canvas.place(np.stack([across, clipped], axis=1)[np.isfinite(values)])
 
     def _log_points(
         self,
         recording: rr.RecordingStream,
         layer: str,
-        across: Float[np.ndarray, " points"],
+        across: Values,
         values: Values,
         colour: Colour,
         radius: float,
         order: float,
-        names: Sequence[str] | None = None,
+        name: str = "",
     ) -> None:
-        places = np.stack([across, np.clip(values, self.canvas.low[1], self.canvas.high[1])], axis=1)
-        seen = np.isfinite(values)
-        drawn = rr.Points2D(
-            self.canvas.place(places[seen]),
-            colors=colour,
-            radii=rr.Radius.ui_points(radius),
-            labels=names if names and seen.any() else None,
-            show_labels=False,
-            draw_order=order,
-        )
-        recording.log(f"{ENTITY}/{layer}", drawn)
+        at, radii = self._mark(across, values), rr.Radius.ui_points(radius)
+        names = [name] if name and len(at) else None
+        points = rr.Points2D(at, colors=colour, radii=radii, labels=names, show_labels=False, draw_order=order)
+        recording.log(f"{ENTITY}/{layer}", points)
 
-    def _log_name(
+    def _log_named(
         self,
         recording: rr.RecordingStream,
         layer: str,
-        across: float,
-        value: float,
-        words: str,
+        across: Values,
+        values: Values,
         colour: Colour,
+        order: float,
+        words: str,
         lines: Sequence[np.ndarray] = (),
     ) -> None:
-        """Name a point, off everything drawn, further ``lines`` [pixels], and the name of the best if another point."""
-        canvas, others = self.canvas, np.concatenate([self._drawn, line_points(np.array(lines).reshape(-1, 2, 2))])
-        low, high = canvas.low[1], canvas.high[1]
-        mark = canvas.place(np.array([across, np.clip(value, low, high)]))
-        if layer == "looked_at":
-            best = canvas.place(np.array([self._places[0], np.clip(self._final[0], low, high)]))
-            others = np.concatenate([others, label_points(canvas, best, BEST, others)])
-        recording.log(f"{ENTITY}/{layer}/name", *joined_label(canvas, mark, words, others, colour))
+        """Draw a point, or none, with its name off everything drawn, further ``lines`` [pixels] and the best's name."""
+        self._log_points(recording, layer, across, values, colour, 6.5, order, words)
+        canvas, marks, middles = self.canvas, self._mark(across, values), list[np.ndarray]()
+        for mark in marks:
+            others = np.concatenate([self._drawn, line_points(np.array(lines).reshape(-1, 2, 2))])
+            if layer == "looked_at":
+                best = self._mark(self._places[:1], self._final[:1])[0]
+                others = np.concatenate([others, label_area(label_place(canvas, best, BEST, others), BEST)])
+            middles.append(label_place(canvas, mark, words, others))
+        recording.log(f"{ENTITY}/{layer}/name", *joined_labels(marks, middles, [words] * len(marks), colour))
 
     @cached_property
     def _drawn(self) -> Float[np.ndarray, "points 2"]:
         """Points [pixels] on starts, results, optima, their value lines, and borders of levels."""
-        canvas = self.canvas
         x = np.concatenate([self.across, self.across, self._places])
-        values = np.concatenate([self.starts, self.ends, self._final])
-        seen = np.isfinite(values)
-        clipped = np.clip(values[seen], canvas.low[1], canvas.high[1])
-        marks = canvas.place(np.stack([x[seen], clipped], axis=1))
+        marks = self._mark(x, np.concatenate([self.starts, self.ends, self._final]))
         return np.concatenate([marks, line_points(np.array([*self._value_lines, *self._borders]).reshape(-1, 2, 2))])
 
     @property
     def _value_lines(self) -> list[np.ndarray]:
         """Lines [pixels] at the values of the final optima."""
-        final = [np.array([(0.0, value), (self._end, value)]) for value in self._final if self._is_near(value)]
-        return [self.canvas.place(line) for line in final]
+        final = self._final[self._is_near(self._final)]
+        return [self.canvas.place(np.array([(0.0, value), (self._end, value)])) for value in final]
 
     @property
     def _borders(self) -> list[np.ndarray]:
         """Lines [pixels] between bands."""
         return [self._upright(float(x)) for x in np.arange(1, int(self._end))]
-
-    def _cursor(self, number: int) -> np.ndarray:
-        """Return the line [pixels] at a start by its number, from 1."""
-        return self._upright(float(self.across[number - 1]))
 
     def _upright(self, x: float) -> np.ndarray:
         return self.canvas.place(np.array([(x, self.canvas.low[1]), (x, self.canvas.high[1])]))

@@ -12,16 +12,12 @@ from paretoik.front.choice import Choice
 from paretoik.front.front import Front
 from paretoik.front.preferences.compromise import COMPROMISE_IN_WORDS
 from paretoik.review.drawing.axes import screen_text, unbroken_units
-from paretoik.review.drawing.scatter import SearchScene
-from paretoik.review.drawing.search_charts import front_size
 from paretoik.review.palette import DRAWING, is_sliding
 from paretoik.review.recording.messages import LeastViolating, RecordedMotion, Workcell, joint_curves
-from paretoik.review.recording.recorder import Generation, Population
+from paretoik.review.recording.recorder import Generation, Population, SearchedFront
 from paretoik.review.words import counted, named_unit, run_text, value_text
 from paretoik.search.maximin import dominates
 from paretoik.task.limits import JOINT_UNITS, limit_ranges
-
-# Joint limits that a motion breaks, in words: a method may not know them, and its result then shows it.
 
 
 def broken_limits(cell: Workcell, motion: RecordedMotion) -> list[str]:
@@ -50,9 +46,6 @@ def broken_limits(cell: Workcell, motion: RecordedMotion) -> list[str]:
     return lines
 
 
-# The text, in Markdown, of a run without a feasible result: the reason, and the broken constraints.
-
-
 def infeasible_text(
     names: Sequence[str], units: Sequence[str], nearest: LeastViolating, cell: Workcell | None, heading: str
 ) -> str:
@@ -62,7 +55,7 @@ def infeasible_text(
     """
     lines = [f"# {heading}", "", nearest.reason]
     if nearest.broken:
-        lines += ["", "## Constraints broken", "", *broken_lines(nearest)]
+        lines += ["", "## Constraints broken", "", *(f"- {words}" for words in nearest.broken)]
     point = nearest.point
     limits = [] if cell is None or point is None or point.motion is None else broken_limits(cell, point.motion)
     lines += ["", "## Limits of joints broken", "", *limits] if limits else []
@@ -73,14 +66,6 @@ def infeasible_text(
             for axis, (name, unit) in enumerate(zip(names, units, strict=True))
         ]
     return screen_text(unbroken_units("\n".join(lines), units))
-
-
-def broken_lines(nearest: LeastViolating) -> list[str]:
-    """Return a line of Markdown for every constraint that is broken."""
-    return [f"- {words}" for words in nearest.broken]
-
-
-# Texts of points and choices, in Markdown.
 
 
 NO_RANGE = "One point has no range to have a share of: it is drawn in the middle."
@@ -121,23 +106,52 @@ def point_text(front: Front, row: int, *, chosen: Choice | None) -> str:
 
 
 def _point_text(front: Front, row: int, title: str, reason: str) -> str:
-    why = f"## Why\n\n{reason}" if reason else ""
-    parts = [f"# Point {front.ids[row]}, {title}", _objectives(front, row), why]
-    if front.certificates is not None:
-        parts += [_certificate(front, row), _rates(front, row)]
+    """Return the text of a row: its objectives, the reason if any, its certificate and the run."""
+    certificates, units = front.certificates, front.units
+    names = [named_unit(name, unit) for name, unit in zip(front.names, units, strict=True)]
+    lines = [f"# Point {front.ids[row]}, {title}", "", "## Objectives", ""]
+    for axis, name in enumerate(names):
+        low, high = front.ranges[axis]
+        share = f"{front.shares[row, axis]:.0%} of the way from the best to the worst"
+        place = f"{low:.4g} to {value_text(high, units[axis])}, {share}" if high > low else "the only value"
+        value, sense = value_text(front.objectives[row, axis], units[axis]), "more" if front.maximised[axis] else "less"
+        lines.append(f"- **{name}, {sense} is better**: {value}; on the front {place}")
+    lines += ["", "## Why", "", reason] if reason else []
+    if certificates is not None:
+        status, why = certificates.status[row], certificates.reason[row]
+        lines += [
+            "",
+            "## Certificate",
+            "",
+            f"- {status} (local)" + (f": {why}" if why else ""),
+            f"- criticality χ {certificates.criticality[row]:.2g} of the objectives' ranges: what all could still gain "
+            "at once",
+            f"- violation {certificates.violation[row]:.2g} at samples, {certificates.violation_between[row]:.2g} "
+            "between, of a limit's range",
+        ]
+        errors = zip(front.names, units, certificates.discretisation_error[row], strict=True)
+        texts = [f"{name} {value_text(error, unit)}" for name, unit, error in errors if np.isfinite(error)]
+        lines += [f"- off the values of the curve by {', '.join(texts)}"] * bool(texts)
+        rates = certificates.exchange_rates[row]
+        known = [(i, j) for i, j in np.argwhere(np.isfinite(rates)).tolist() if i != j]
+        lines += ["", "## Exchange rates", ""] if known else []
+        lines += [
+            f"- {value_text(1.0, units[i])} more of {names[i]}: {value_text(rates[i, j], units[j], sign='+')} "
+            f"of {names[j]}"
+            for i, j in known
+        ]
     elif front.violation is not None:
-        parts.append(
-            f"## Certificate\n\nNone: the point was not refined. Largest violation at samples: "
-            f"{front.violation[row]:.2g} of a limit's range."
-        )
-    parts.append(run_text(front.provenance))
-    if front.certificates is not None and front.provenance.get("settings", {}).get("refine"):
-        parts.append("Curves over generations are those of the search, before its points were refined.")
-    return screen_text(unbroken_units("\n\n".join(part for part in parts if part), front.units))
+        words = "None: the point was not refined. Largest violation at samples: "
+        lines += ["", "## Certificate", "", f"{words}{front.violation[row]:.2g} of a limit's range."]
+    if run := run_text(front.provenance):
+        lines += ["", run]
+    if certificates is not None and front.provenance.get("settings", {}).get("refine"):
+        lines += ["", "Curves over generations are those of the search, before its points were refined."]
+    return screen_text(unbroken_units("\n".join(lines), units))
 
 
 def text_of(
-    scene: SearchScene,
+    scene: SearchedFront,
     generation: Generation,
     moved: int | None = None,
     *,
@@ -149,12 +163,64 @@ def text_of(
     ``moved``: the generation whose motions are shown with it. ``outside``: number of individuals outside the axes,
     which show the neighbourhood of the ``end``.
     """
+    number, front, units = generation.number, generation.front, scene.units
     if scene.timeline == "step":
-        return screen_text(_step_text(scene, generation))
-    better = better_but_infeasible(scene, generation.population, generation.front)
-    notes = [*outside_text(outside, len(generation.population), end), "", better]
-    words = "\n".join([_generation_text(scene, generation, moved), *notes]).rstrip()
-    return screen_text(unbroken_units(words, scene.units))
+        lines = [f"# Step {number}", f"{counted(len(front), 'point')} on its front."]
+        lines += ["", NO_RANGE, ""] if len(front) == 1 else []
+        for axis, name in enumerate(scene.names if generation.chosen is not None and len(front) else ()):
+            chosen = value_text(generation.chosen[axis], units[axis], digits=6)  # type: ignore[index]
+            reach = range_text(front[:, axis].min(), front[:, axis].max(), units[axis])
+            lines.append(f"- **{name}**: chosen {chosen}; front: {reach}")
+        return screen_text("\n".join(lines))
+    count, heading = generation.count, f"{scene.timeline.capitalize()} {number}"
+    if scene.timeline == "refinement":
+        heading = "Before" if generation.origins is None else "After"
+    summary = f"{counted(count, 'point')} on the front"
+    if generation.hypervolume is not None:
+        summary += f", hypervolume {generation.hypervolume:.4g} {scene.volume_unit}"
+    lines = [
+        f"# {heading}",
+        summary + (f"; {generation.failed} evaluations failed so far." * (generation.failed > 0) or "."),
+    ]
+    lines += ["", *_why_empty(generation)] if not count else []
+    if generation.epsilon is not None:
+        bounds = [
+            f"{name} {'≥' if more else '≤'} {value_text(bound, unit)}"
+            for name, unit, more, bound in zip(scene.names, units, scene.maximised, generation.epsilon, strict=True)
+            if np.isfinite(bound)
+        ]
+        words = f"The other objective was improved as far as these bounds ε allow: {', '.join(bounds)}."
+        lines += ["", words, ""] if bounds else []
+    compromise = next((point for point in generation.points if point.axis is None), None)
+    for axis, name in enumerate(scene.names if len(front) else ()):
+        line = f"- **{named_unit(name, units[axis])}**: best {value_text(scene.best(front)[axis], units[axis])}"
+        if compromise is not None:
+            line += f", compromise {value_text(compromise.objectives[axis], units[axis])}"
+        lines.append(line)
+    if compromise is not None:
+        name = f"point {compromise.id}"
+        if scene.timeline == "level":
+            name += f" of level {number} (the final front renumbers its points)"
+        lines += ["", f"The compromise, {name}, is {COMPROMISE_IN_WORDS}."]
+    if moved is not None and moved != number:
+        words = "The search is not slowed to record motions of every generation: the arm shows those of generation"
+        lines += ["", f"{words} {moved}."]
+    lines += outside_text(outside, len(generation.population), end)
+    lines += ["", better_but_infeasible(scene, generation.population, front)]
+    return screen_text(unbroken_units("\n".join(lines).rstrip(), units))
+
+
+def _why_empty(generation: Generation) -> list[str]:
+    """Return why a generation has no front."""
+    count, nearest = len(generation.population), generation.least_violating
+    if not count:
+        return ["Nothing could be evaluated yet."]
+    words = f"None of the {counted(count, 'individual')} keeps all limits and constraints of the problem: "
+    lines = [f"{words}a front has only points that do."]
+    if nearest is not None:
+        lines += ["", "Constraints broken by the least-violating individual so far:", ""]
+        lines += [f"- {words}" for words in nearest.broken]
+    return lines
 
 
 def outside_text(outside: int, count: int, what: str) -> list[str]:
@@ -164,7 +230,7 @@ def outside_text(outside: int, count: int, what: str) -> list[str]:
     return ["", words] if outside else []
 
 
-def better_but_infeasible(scene: SearchScene, population: Population, front: Objectives) -> str:
+def better_but_infeasible(scene: SearchedFront, population: Population, front: Objectives) -> str:
     """Return how many individuals dominate the front without being on it; these are infeasible.
 
     "" if there are none.
@@ -175,41 +241,6 @@ def better_but_infeasible(scene: SearchScene, population: Population, front: Obj
     count = int(dominates((population * signs)[:, None], (front * signs)[None]).any(axis=1).sum())
     verb = "looks better than the front and breaks" if count == 1 else "look better than the front and break"
     return f"{counted(count, 'individual')} {verb} a limit or a constraint." if count else ""
-
-
-def _generation_text(scene: SearchScene, generation: Generation, moved: int | None) -> str:
-    size = front_size(generation)
-    summary = f"{counted(size, 'point')} on the front"
-    if generation.hypervolume is not None:
-        summary += f", hypervolume {generation.hypervolume:.4g} {scene.volume_unit}"
-    summary += f"; {generation.failed} evaluations failed so far." if generation.failed else "."
-    heading = f"{scene.timeline.capitalize()} {generation.number}"
-    if scene.timeline == "refinement":
-        heading = "Before" if generation.origins is None else "After"
-    lines = [f"# {heading}", summary]
-    if not size:
-        lines += ["", _why_empty(generation)]
-    lines += _bounds(scene, generation)
-    chosen = next((point for point in generation.points if point.axis is None), None)
-    if len(generation.front):
-        best = scene.best(generation.front)
-        lines += [
-            f"- **{named_unit(name, unit)}**: best {value_text(best[axis], unit)}"
-            + ("" if chosen is None else f", compromise {value_text(chosen.objectives[axis], unit)}")
-            for axis, (name, unit) in enumerate(zip(scene.names, scene.units, strict=True))
-        ]
-    if chosen is not None:
-        name = f"point {chosen.id}"
-        if scene.timeline == "level":
-            name += f" of level {generation.number} (the final front renumbers its points)"
-        lines += ["", f"The compromise, {name}, is {COMPROMISE_IN_WORDS}."]
-    if moved is not None and moved != generation.number:
-        lines += [
-            "",
-            "The search is not slowed to record motions of every generation: the arm shows those of generation "
-            f"{moved}.",
-        ]
-    return "\n".join(lines)
 
 
 def beginning_text(first: int) -> str:
@@ -239,91 +270,6 @@ def loop_guide(searched: Sequence[int], opening: int | None) -> str:
             "them. The loop button plays all."
         )
     return "## How to look at it\n\n" + "\n".join(lines) if lines else ""
-
-
-def _bounds(scene: SearchScene, generation: Generation) -> list[str]:
-    """Return the bounds of a level of a sweep."""
-    if generation.epsilon is None:
-        return []
-    bounds = [
-        f"{scene.names[axis]} {'≥' if scene.maximised[axis] else '≤'} {value_text(bound, scene.units[axis])}"
-        for axis, bound in enumerate(generation.epsilon)
-        if np.isfinite(bound)
-    ]
-    words = f"The other objective was improved as far as these bounds ε allow: {', '.join(bounds)}."
-    return ["", words, ""] if bounds else []
-
-
-def _why_empty(generation: Generation) -> str:
-    count = len(generation.population)
-    if not count:
-        return "Nothing could be evaluated yet."
-    words = (
-        f"None of the {counted(count, 'individual')} keeps all limits and constraints of the problem: a front has only "
-        "points that do."
-    )
-    if generation.least_violating is None:
-        return words
-    broken = "Constraints broken by the least-violating individual so far:"
-    return "\n".join([words, "", broken, "", *broken_lines(generation.least_violating)])
-
-
-def _step_text(scene: SearchScene, generation: Generation) -> str:
-    count = len(generation.front)
-    lines = [f"# Step {generation.number}", f"{counted(count, 'point')} on its front."]
-    if count == 1:
-        lines += ["", NO_RANGE, ""]
-    if generation.chosen is not None and len(generation.front):
-        low, high = generation.front.min(axis=0), generation.front.max(axis=0)
-        lines += [
-            f"- **{name}**: chosen {value_text(generation.chosen[axis], unit, digits=6)}; front: "
-            f"{range_text(low[axis], high[axis], unit)}"
-            for axis, (name, unit) in enumerate(zip(scene.names, scene.units, strict=True))
-        ]
-    return "\n".join(lines)
-
-
-def _objectives(front: Front, row: int) -> str:
-    lines = ["## Objectives", ""]
-    for axis, name in enumerate(front.names):
-        low, high = front.ranges[axis]
-        sense, unit = "more" if front.maximised[axis] else "less", front.units[axis]
-        share = f"{front.shares[row, axis]:.0%} of the way from the best to the worst"
-        place = f"{low:.4g} to {value_text(high, unit)}, {share}" if high > low else "the only value"
-        value = value_text(front.objectives[row, axis], unit)
-        lines.append(f"- **{named_unit(name, unit)}, {sense} is better**: {value}; on the front {place}")
-    return "\n".join(lines)
-
-
-def _certificate(front: Front, row: int) -> str:
-    certificates = front.certificates
-    assert certificates is not None
-    lines = [
-        f"- {certificates.status[row]} (local)" + (f": {certificates.reason[row]}" if certificates.reason[row] else ""),
-        f"- criticality χ {certificates.criticality[row]:.2g} of the objectives' ranges: what all could still gain at "
-        "once",
-        f"- violation {certificates.violation[row]:.2g} at samples, {certificates.violation_between[row]:.2g} between, "
-        "of a limit's range",
-    ]
-    errors = zip(front.names, front.units, certificates.discretisation_error[row], strict=True)
-    texts = [f"{name} {value_text(error, unit)}" for name, unit, error in errors if np.isfinite(error)]
-    lines += [f"- off the values of the curve by {', '.join(texts)}"] * bool(texts)
-    return "## Certificate\n\n" + "\n".join(lines)
-
-
-def _rates(front: Front, row: int) -> str:
-    certificates = front.certificates
-    assert certificates is not None
-    rates = certificates.exchange_rates[row]
-    names = [named_unit(name, unit) for name, unit in zip(front.names, front.units, strict=True)]
-    lines = [
-        f"- {value_text(1.0, front.units[i])} more of {names[i]}: "
-        f"{value_text(rates[i, j], front.units[j], sign='+')} of {names[j]}"
-        for i in range(len(front.names))
-        for j in range(len(front.names))
-        if i != j and np.isfinite(rates[i, j])
-    ]
-    return "## Exchange rates\n\n" + "\n".join(lines) if lines else ""
 
 
 def range_text(low: float, high: float, unit: str) -> str:

@@ -29,7 +29,8 @@ class SliderWish:
 class PreferenceSliders(anywidget.AnyWidget):
     """One slider per objective of a front, from its worst to its best value, at the values of a choice.
 
-    ``drag`` and ``release`` are called with a ``SliderWish``; ``cancel`` is called when a slider is back at its start.
+    ``follow`` is called with a ``SliderWish``, and with ``release`` when the slider is let go; ``cancel`` when a slider
+    is back at its start.
     """
 
     _esm = HERE / "preference_sliders.js"
@@ -41,12 +42,11 @@ class PreferenceSliders(anywidget.AnyWidget):
         front: Front,
         choice: Choice,
         *,
-        drag: Callable[[SliderWish], None],
-        release: Callable[[SliderWish], None],
+        follow: Callable[..., None],
         cancel: Callable[[], None],
     ) -> None:
         self._front, self._choice, self._answered = front, choice, 0
-        self._drag, self._release, self._cancel = drag, release, cancel
+        self._follow, self._cancel = follow, cancel
         super().__init__(state=self._state(choice, "idle", "", None))
         self.on_msg(self._receive)
 
@@ -65,7 +65,7 @@ class PreferenceSliders(anywidget.AnyWidget):
             if message["kind"] == "cancel":
                 self._cancel()
             else:
-                {"drag": self._drag, "release": self._release}[message["kind"]](wish)
+                self._follow(wish, release=message["kind"] == "release")
         except BaseException as error:  # a browser without an answer would keep waiting
             self.show(self._front, self._choice, "refused", str(error) or type(error).__name__)
             raise

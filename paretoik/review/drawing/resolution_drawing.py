@@ -10,20 +10,14 @@ from functools import cached_property
 import numpy as np
 import rerun as rr
 
-from paretoik.arrays import Times
 from paretoik.review.drawing.axes import screen_text
 from paretoik.review.drawing.charts import Chart, LimitLine, curve_points
 from paretoik.review.drawing.layout import Entry, Layout, Legend, log_text, text_view
 from paretoik.review.drawing.motion import MotionScene, motion_views
 from paretoik.review.drawing.point_text import broken_limits
-from paretoik.review.palette import DRAWING, SCREEN, VIEWS, Colour, even_rows, is_sliding, joint_units
+from paretoik.review.palette import DRAWING, SCREEN, VIEWS, even_rows
 from paretoik.review.recording.messages import RecordedPoint, RecordedTraces, ResolutionEnd, ResolvedScene
 from paretoik.review.words import run_text
-from paretoik.robot.arm import Arm
-from paretoik.task.limits import JOINT_UNITS
-
-# The text of a resolved motion, in Markdown.
-
 
 STATUSES = {
     "done": "done, neither damped nor cut short",
@@ -42,7 +36,7 @@ def motion_text(scene: ResolvedScene, traces: RecordedTraces, end: ResolutionEnd
         f"# {scene.method}" + (f", {traces.name} ({traces.point.id + 1} of {end.count})" if end.count > 1 else ""),
         f"- largest error {traces.error[worst]:.3g} {scene.error_unit} at {traces.time[worst]:.3g} s; "
         f"the path counts as lost from {scene.tolerance:.3g} {scene.error_unit} on",
-        f"- greatest joint speed, all joints together: {traces.speed.max():.4g} {speed_unit(scene.workcell.arm)} at "
+        f"- greatest joint speed, all joints together: {traces.speed.max():.4g} {scene.speed_unit} at "
         f"{traces.time[int(traces.speed.argmax()) + 1]:.3g} s",
     ]
     if traces.clearance is not None:
@@ -60,23 +54,12 @@ def motion_text(scene: ResolvedScene, traces: RecordedTraces, end: ResolutionEnd
     return screen_text("\n".join([*lines, "", run_text(end.provenance)]))
 
 
-def speed_unit(arm: Arm) -> str:
-    """Return the unit of joint speeds; both units if an arm has both kinds of joints."""
-    return joint_units(arm, JOINT_UNITS["velocity"])
-
-
-def damping_unit(scene: ResolvedScene) -> str:
-    """Return the unit of the damping, which is that of the Jacobian."""
-    turns = not is_sliding(scene.workcell.arm).any()
-    return "m/rad" if turns and scene.error_unit == "m" else "units of the Jacobian"
-
-
 def _method(scene: ResolvedScene, traces: RecordedTraces, end: ResolutionEnd) -> list[str]:
     """Return the method's numbers with their units; numbers that vary between motions are this motion's."""
     units = {
-        "damping": damping_unit(scene),
-        "region": damping_unit(scene),
-        "repulsion": speed_unit(scene.workcell.arm),
+        "damping": scene.damping_unit,
+        "region": scene.damping_unit,
+        "repulsion": scene.speed_unit,
         "buffer": "of a joint's range",
         "band": "of a criterion's range",
     }
@@ -85,21 +68,11 @@ def _method(scene: ResolvedScene, traces: RecordedTraces, end: ResolutionEnd) ->
     for name, value in method.items():
         if name == "name" or value in (None, []):
             continue
-        by_motion = np.ravel(value) if isinstance(value, list) and _is_numeric(value) else np.zeros(0)
-        if end.count > 1 and len(by_motion) == end.count:
+        by_motion = np.array(value if isinstance(value, list) else [], dtype=object).ravel()
+        if end.count > 1 and len(by_motion) == end.count and all(isinstance(each, int | float) for each in by_motion):
             value = float(by_motion[traces.point.id])
         numbers.append(f"- {name.replace('_', ' ')}: {_value(value)} {units.get(name, '')}".rstrip())
     return ["", "## Method", "", *numbers] if numbers else []
-
-
-def _is_numeric(value: list[object]) -> bool:
-    return all(_is_numeric(each) if isinstance(each, list) else isinstance(each, int | float) for each in value)
-
-
-def step_text(traces: RecordedTraces, step: int) -> str:
-    """Return the text about a new status at a step."""
-    status = str(traces.status[step])
-    return screen_text(f"**From {traces.time[step]:.4g} s on: {STATUSES.get(status, status)}**")
 
 
 def _value(value: object) -> str:
@@ -109,9 +82,6 @@ def _value(value: object) -> str:
     if isinstance(value, list):
         return ", ".join(_value(each) for each in value[:6]) + (", …" if len(value) > 6 else "")
     return f"{value:.5g}" if isinstance(value, float) and np.isfinite(value) else str(value)
-
-
-# The recording of resolved motions.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -129,17 +99,25 @@ class ResolutionDrawing:
 
     def log(self, stream: rr.RecordingStream) -> None:
         """Draw everything."""
+        first = self.end.motions[0]
         self._motions.log(stream)
         for chart in self._charts:
             chart.log(stream)
         stream.set_time("motion", duration=0.0)
         if len(self.end.motions) > 1:
             stream.set_time("solution", sequence=0)
-        self._log_whole(stream, self.end.motions[0], self._points)
+        self._log_whole(stream, first, self._points)
         stream.reset_time()
         for point in self._points:
             self._motions.send_motion(stream, point, charts=self._all_charts)
-        self._log_events(stream, self.end.motions[0])
+        # each step whose status differs from that of the previous step, while the arm moves
+        words = motion_text(self.scene, first, self.end)
+        changes = np.flatnonzero(first.status[1:] != first.status[:-1]) + 1
+        for step in [*([0] if first.status[0] != "done" else []), *changes[: DRAWING.walk]]:
+            stream.reset_time()
+            stream.set_time("motion", duration=float(first.time[step + 1] - first.time[0]))
+            status = STATUSES.get(str(first.status[step]), str(first.status[step]))
+            log_text(stream, screen_text(f"**From {first.time[step]:.4g} s on: {status}**") + f"\n\n{words}")
         for number, traces in enumerate(self.end.motions[1:], start=1):
             stream.reset_time()
             stream.set_time("solution", sequence=number)
@@ -162,16 +140,6 @@ class ResolutionDrawing:
         for chart in self._all_charts:
             chart.log_cursor(stream, float(traces.time[len(traces.time) // 2]))
 
-    def _log_events(self, stream: rr.RecordingStream, traces: RecordedTraces) -> None:
-        """Show, while the arm moves, each step whose status differs from that of the previous step."""
-        words = motion_text(self.scene, traces, self.end)
-        changes = np.flatnonzero(traces.status[1:] != traces.status[:-1]) + 1
-        first = [0] if traces.status[0] != "done" else []
-        for step in [*first, *changes[: DRAWING.walk]]:
-            stream.reset_time()
-            stream.set_time("motion", duration=float(traces.time[step + 1] - traces.time[0]))
-            log_text(stream, f"{step_text(traces, int(step))}\n\n{words}")
-
     @cached_property
     def _thin_motions(self) -> list[RecordedTraces]:
         """The motions next to the first one, one colour each."""
@@ -193,79 +161,55 @@ class ResolutionDrawing:
     @cached_property
     def _charts(self) -> list[Chart]:
         """Charts with one curve per drawn motion; the task error is first."""
-        shown, unit = [self.end.motions[0], *self._thin_motions], self.scene.error_unit
-        exponent = np.log10(max(self.scene.tolerance, DRAWING.least_error))
-        tolerance = self._limit(exponent, "tolerance" if len(shown) > 1 else "", SCREEN.limit)
-        errors = [_logarithm(each.error) for each in shown]
-        moving = [np.append(curve[1:2], curve[1:]) for curve in errors]  # at its start an arm often has no error
-        error = self._chart("error", f"log10 of the task error [{unit}]", errors, [tolerance], moving)
-        error = replace(error, total=VIEWS.panels)
-        speeds, damping = speed_unit(self.scene.workcell.arm), damping_unit(self.scene)
-        speed = self._chart(
-            "speed", f"commanded joint speed, all joints [{speeds}]", [_steps(each.speed) for each in shown]
-        )
-        charts = [error, speed]
+        scene, shown = self.scene, [self.end.motions[0], *self._thin_motions]
+        time, several = shown[0].time, len(shown) > 1
+        curves: dict[str, tuple[str, list[np.ndarray]]] = {
+            "error": (f"log10 of the task error [{scene.error_unit}]", [_logarithm(each.error) for each in shown]),
+            "speed": (
+                f"commanded joint speed, all joints [{scene.speed_unit}]",
+                [_steps(each.speed) for each in shown],
+            ),
+        }
         for name, label in (
-            ("damping", f"damping [{damping}]"),
-            ("repulsion", f"joint speed away from limits [{speeds}]"),
+            ("damping", f"damping [{scene.damping_unit}]"),
+            ("repulsion", f"joint speed away from limits [{scene.speed_unit}]"),
         ):
-            curves = [_steps(getattr(each, name)) for each in shown]
-            if any(np.nanmax(np.abs(curve), initial=0.0) > 0 for curve in curves):
-                charts.append(self._chart(name, label, curves))
+            values = [_steps(getattr(each, name)) for each in shown]
+            if any(np.nanmax(np.abs(each), initial=0.0) > 0 for each in values):
+                curves[name] = label, values
         if shown[0].clearance is not None:
-            least = self._limit(self.scene.min_clearance, "", SCREEN.limit)
-            distances = [each.clearance for each in shown if each.clearance is not None]
-            charts.append(self._chart("clearance", "clearance [m]", distances, [least]))
+            curves["clearance"] = "clearance [m]", [each.clearance for each in shown if each.clearance is not None]
+        tolerance = float(np.log10(max(scene.tolerance, DRAWING.least_error)))
+        limits = {"error": (tolerance, "tolerance" if several else ""), "clearance": (scene.min_clearance, "")}
+        moving = np.stack([np.append(each[1:2], each[1:]) for each in curves["error"][1]])
+        special = {"error": {"total": VIEWS.panels, "shown": curve_points(time, moving)}}  # no error at the start
+        charts = []
+        for name, (label, values) in curves.items():
+            limit = [
+                LimitLine(instants=time[[0, -1]], values=np.full(2, value), name=words, colours=[SCREEN.limit])
+                for value, words in ([limits[name]] if name in limits else [])
+            ]
+            colours = [SCREEN.arm, *(SCREEN.end(axis) for axis in range(len(self._thin_motions)))]
+            more = {"names": [each.name for each in shown], "limits": limit, **special.get(name, {})}
+            charts.append(Chart.over("time [s]", name, label, time, np.stack(values), colours, **more))
         return charts
 
     @cached_property
     def _criteria_chart(self) -> Chart | None:
         """The chart of speeds due to each criterion, whose curves are those of one motion."""
-        names = self.scene.criteria
+        names, none = self.scene.criteria, np.zeros((0, 0))
         if not names:
             return None
-        motions = self.end.motions
-        shown = [np.stack([each.time, _steps(curve)], axis=1) for each in motions for curve in each.criteria.T]
-        label = f"speed from criteria [{speed_unit(self.scene.workcell.arm)}]"
-        return Chart(
-            entity="charts/criteria",
-            title=label,
-            labels=("time [s]", label),
-            shown=np.concatenate(shown),
-            names=names,
-            colours=[SCREEN.joint(number) for number in range(len(names))],
+        shown = np.concatenate(
+            [np.stack([each.time, _steps(curve)], axis=1) for each in self.end.motions for curve in each.criteria.T]
         )
+        label, colours = f"speed from criteria [{self.scene.speed_unit}]", [SCREEN.joint(k) for k in range(len(names))]
+        return Chart.over("time [s]", "criteria", label, np.zeros(0), none, colours, names=names, shown=shown)
 
     @property
     def _all_charts(self) -> list[Chart]:
         criteria = [] if self._criteria_chart is None else [self._criteria_chart]
         return [*self._charts, *criteria]
-
-    def _chart(
-        self,
-        name: str,
-        label: str,
-        curves: Sequence[np.ndarray],
-        limits: Sequence[LimitLine] = (),
-        seen: Sequence[np.ndarray] | None = None,
-    ) -> Chart:
-        """Return a chart with one curve per motion, on axes that contain those, or only ``seen``."""
-        time = self.end.motions[0].time
-        return Chart(
-            entity=f"charts/{name}",
-            title=label,
-            labels=("time [s]", label),
-            instants=time,
-            curves=np.stack(curves),
-            shown=None if seen is None else curve_points(time, np.stack(seen)),
-            names=[each.name for each in (self.end.motions[0], *self._thin_motions)],
-            colours=[SCREEN.arm, *(SCREEN.end(axis) for axis in range(len(self._thin_motions)))],
-            limits=limits,
-        )
-
-    def _limit(self, value: float, name: str, colour: Colour) -> LimitLine:
-        time: Times = self.end.motions[0].time
-        return LimitLine(instants=time[[0, -1]], values=np.array([value, value]), name=name, colours=[colour])
 
     @property
     def _layout(self) -> Layout:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import tempfile
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -23,8 +23,6 @@ from paretoik.review.palette import DRAWING, SCENES, SCREEN, VIEWS
 from paretoik.robot.arm import Arm
 from paretoik.robot.pose import Pose
 
-# The eye on a scene in space: as near as possible while everything is in view.
-
 
 def fitting_eye(points: Float[np.ndarray, "points 3"]) -> rrb.EyeControls3D:
     """Return the nearest eye from which all points are visible.
@@ -32,7 +30,10 @@ def fitting_eye(points: Float[np.ndarray, "points 3"]) -> rrb.EyeControls3D:
     A point at p across and z deep is visible from the distance d if |p - c| <= h (d + z), with h half the view and c
     its middle: the least distance follows from the binding points on each side.
     """
-    axes, half = _camera_axes(), half_view()
+    half, away = half_view(), -np.array(SCENES.eye) / np.linalg.norm(SCENES.eye)
+    right = np.cross(away, (0.0, 0.0, 1.0))
+    right /= np.linalg.norm(right)
+    axes = np.stack([right, np.cross(right, away), away])  # to the right, upwards and away from the eye
     middle = points.mean(axis=0)
     places = (points - middle) @ axes.T
     across, deep = places[:, :2], half * places[:, 2:]
@@ -47,14 +48,6 @@ def half_view() -> Float[np.ndarray, " 2"]:
     width, height = VIEWS.panels[0], VIEWS.panels[1] - VIEWS.title
     whole = np.tan(np.radians(SCENES.field_of_view) / 2) * np.array([width / height, 1.0])
     return np.asarray(whole * (1.0 - 2.0 * np.array(SCENES.label_margin) / (width, height)))
-
-
-def _camera_axes() -> Float[np.ndarray, "3 3"]:
-    """Return the unit vectors to the right, upwards and away from the eye."""
-    away = -np.array(SCENES.eye) / np.linalg.norm(SCENES.eye)
-    right = np.cross(away, (0.0, 0.0, 1.0))
-    right /= np.linalg.norm(right)
-    return np.stack([right, np.cross(right, away), away])
 
 
 # Axes of a scene in space: a ground with a grid and ticks in metres, and a vertical scale.
@@ -139,9 +132,6 @@ class Ground:
         return np.round(self.low[axis] + self.step * np.arange(count + 1), 9) + 0.0
 
 
-# A view of points in the plane or in space.
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Stage:
     """A view at ``entity`` that shows all of ``seen`` (points, 3): a plane with axes, or a space above a ground.
@@ -166,7 +156,7 @@ class Stage:
     def log_axes(self, recording: rr.RecordingStream) -> None:
         """Draw the axes, for all times."""
         if self.planar:
-            self.canvas.log(recording, f"{self.entity}/axes", static=True)
+            self.canvas.log(recording, f"{self.entity}/axes")
         else:
             recording.log(self.entity, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
             self.ground.log(recording, f"{self.entity}/axes")
@@ -212,9 +202,6 @@ class Stage:
         return Ground.around(self.seen, labels=self.labels)
 
 
-# Arms of URDF files as meshes.
-
-
 PACKAGE_PATHS = ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")
 PACKAGE = "package://"
 
@@ -247,20 +234,22 @@ class ArmMeshes:
 
     def log_posture(self, recording: rr.RecordingStream, q: Float[np.ndarray, " dof"]) -> None:
         """Log the poses of links at a posture, at the current time."""
-        for joint in self.tree.joints():
-            if joint.name in self.arm.joint_names:
-                value = float(q[self.arm.joint_names.index(joint.name)])
-                recording.log(f"{self.root}_joints/{joint.name}", joint.compute_transform(value, clamp=False))
+        for entity, joint, values in self._moving(q[None]):
+            recording.log(entity, joint.compute_transform(values[0], clamp=False))
 
     def send(
         self, recording: rr.RecordingStream, columns: Sequence[rr.TimeColumn], q: Float[np.ndarray, "rows dof"]
     ) -> None:
         """Log the poses of links at joint positions, one row of ``columns`` each."""
+        for entity, joint, values in self._moving(q):
+            recording.send_columns(entity, columns, joint.compute_transform_columns(values, clamp=False))
+
+    def _moving(self, q: Float[np.ndarray, "rows dof"]) -> Iterator[tuple[str, Any, list[float]]]:
+        """Yield entity and values of every joint that moves."""
+        names = self.arm.joint_names
         for joint in self.tree.joints():
-            if joint.name in self.arm.joint_names:
-                values = q[:, self.arm.joint_names.index(joint.name)].tolist()
-                transforms = joint.compute_transform_columns(values, clamp=False)
-                recording.send_columns(f"{self.root}_joints/{joint.name}", columns, transforms)
+            if joint.name in names:
+                yield f"{self.root}_joints/{joint.name}", joint, q[:, names.index(joint.name)].tolist()
 
 
 def find_meshes(arm: Arm, root: str) -> ArmMeshes | None:
@@ -274,10 +263,18 @@ def find_meshes(arm: Arm, root: str) -> ArmMeshes | None:
     for link in description.getroot().iter("link"):
         for collision in link.findall("collision"):  # only visual meshes are drawn
             link.remove(collision)
-    size = 0
-    meshes = list(description.getroot().iter("mesh"))
-    for mesh in meshes:
-        file = _find(mesh.get("filename", ""), arm.source)
+    meshes, size = list(description.getroot().iter("mesh")), 0
+    around = arm.source.resolve().parents
+    folders = [Path(folder) for name in PACKAGE_PATHS for folder in os.environ.get(name, "").split(os.pathsep)]
+    for mesh in meshes:  # next to the URDF, or in a package around it or on the search paths
+        name = mesh.get("filename", "")
+        candidates = [arm.source.parent / name.removeprefix("file://")]
+        if name.startswith(PACKAGE):
+            package, _, inside = name.removeprefix(PACKAGE).partition("/")
+            places = [*around, *folders, *(folder / "share" for folder in folders)]
+            candidates = [parent / inside for parent in around if parent.name == package]
+            candidates += [place / package / inside for place in places]
+        file = next((file.resolve() for file in candidates if file.is_file()), None)
         if file is None:
             return None
         size += file.stat().st_size
@@ -287,29 +284,12 @@ def find_meshes(arm: Arm, root: str) -> ArmMeshes | None:
     with tempfile.TemporaryDirectory() as folder:  # Rerun only finds packages through the environment
         resolved = Path(folder) / arm.source.name
         description.write(resolved)
+        entities = {"entity_path_prefix": root, "static_transform_entity_path": f"{root}_joints/fixed"}
         try:
-            tree = UrdfTree.from_file_path(
-                resolved,
-                entity_path_prefix=root,
-                frame_prefix=root,
-                static_transform_entity_path=f"{root}_joints/fixed",
-            )
+            tree = UrdfTree.from_file_path(resolved, frame_prefix=root, **entities)
         except Exception:  # meshes that Rerun cannot read are drawn as lines
             return None
     return ArmMeshes(arm=arm, tree=tree, root=root)
-
-
-def _find(name: str, source: Path) -> Path | None:
-    """Return the file of a mesh: next to the URDF, or in a package around it or on the search paths."""
-    if not name.startswith(PACKAGE):
-        candidates = [source.parent / name.removeprefix("file://")]
-    else:
-        package, _, inside = name.removeprefix(PACKAGE).partition("/")
-        around = [parent for parent in source.resolve().parents if parent.name == package]
-        folders = [Path(folder) for name in PACKAGE_PATHS for folder in os.environ.get(name, "").split(os.pathsep)]
-        places = [*source.resolve().parents, *folders, *(folder / "share" for folder in folders)]
-        candidates = [parent / inside for parent in around] + [place / package / inside for place in places]
-    return next((file.resolve() for file in candidates if file.is_file()), None)
 
 
 def _transform(pose: Pose, parent: str, child: str) -> rr.Transform3D:

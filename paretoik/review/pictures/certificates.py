@@ -61,8 +61,7 @@ def certificates_picture(front: Front, file: Path | str) -> None:
 
 
 def _draw_trade(axes: Axes, front: Front, certificates: Certificates, pair: tuple[int, int]) -> None:
-    i, j = pair
-    x, y = front.objectives[:, i], front.objectives[:, j]
+    (i, j), (x, y) = pair, front.objectives[:, pair].T
     width = np.maximum([np.ptp(x), np.ptp(y)], 1e-300)
     slopes = certificates.exchange_rates[:, i, j]
     # same length in the picture for every slope
@@ -73,9 +72,8 @@ def _draw_trade(axes: Axes, front: Front, certificates: Certificates, pair: tupl
             axes.plot(x[rows], y[rows], linestyle="none", markersize=4, label=f"{rows.sum()} {status}", **marker)
     for a, b, slope, step in zip(x, y, slopes, half_length, strict=True):
         if np.isfinite(slope):
-            axes.plot(
-                [a - step, a + step], [b - slope * step, b + slope * step], color=PAPER.quiet, linewidth=0.9, zorder=1
-            )
+            ends = [a - step, a + step], [b - slope * step, b + slope * step]
+            axes.plot(*ends, color=PAPER.quiet, linewidth=0.9, zorder=1)
     draw_jumps(axes, front)
     axes.set(xlabel=label(front, i), ylabel=label(front, j))
     axes.locator_params(nbins=5)
@@ -95,16 +93,14 @@ def _draw_residuals(axes: Axes, certificates: Certificates) -> None:
         axes.plot(places[shown], values[shown], ".", color=colour, markersize=6, label=legend)
     for tolerance, colour in ((STYLE.critical, PAPER.accents[1]), (STYLE.feasible, PAPER.accents[0])):
         axes.axhline(tolerance, color=colour, linewidth=0.7, linestyle=":")
-    axes.set(
-        yscale="log", xlabel="point", ylabel="share of a range", ylim=(STYLE.floor, 1.0), xlim=(-0.5, len(places) - 0.5)
-    )
+    ranges: Any = {"ylim": (STYLE.floor, 1.0), "xlim": (-0.5, len(places) - 0.5)}
+    axes.set(yscale="log", xlabel="point", ylabel="share of a range", **ranges)
     axes.legend(frameon=False, handletextpad=0.3)
 
 
 def _draw_weights(axes: Axes, names: Sequence[str], certificates: Certificates) -> None:
     places, bottom = np.arange(len(certificates)), np.zeros(len(certificates))
-    for k, name in enumerate(names):
-        weights = certificates.weights[:, k]
+    for k, (name, weights) in enumerate(zip(names, certificates.weights.T, strict=True)):
         axes.bar(places, weights, bottom=bottom, width=0.9, color=PAPER.accent(k), label=name)
         bottom = bottom + weights
     axes.set(xlabel="point", ylabel="weight over its range", ylim=(0.0, 1.0), xlim=(-0.5, len(places) - 0.5))

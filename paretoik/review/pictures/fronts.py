@@ -44,36 +44,29 @@ class NameSizes:
     leader: float = 10.0  # names farther than this from their mark have a line to it
 
 
-@dataclass(frozen=True, kw_only=True)
-class NamedPoint:
-    """A point with its name next to it: its row, the words, their colour."""
-
-    row: int
-    name: str
-    colour: str
-
-
 NAMES = NameSizes()
 
 
-def name_points(axes: Axes, points: Float[np.ndarray, "points 2"], named: Sequence[NamedPoint]) -> None:
-    """Write names next to ``points``, one after another; the axes' limits must be set."""
+def name_points(axes: Axes, points: Float[np.ndarray, "points 2"], named: Sequence[tuple[int, str, str]]) -> None:
+    """Write names next to ``points``, one after another: their rows, words and colours; axes must have limits."""
     low, high = (np.array(limits) for limits in zip(axes.get_xlim(), axes.get_ylim(), strict=True))
     size = np.array(axes.bbox.size) * 72.0 / axes.figure.dpi  # before the layout exists: about the final size
     taken = (points - low) / (high - low) * size
-    for point in named:
-        mark, half = taken[point.row], np.array([0.5 * NAMES.character * len(point.name), 0.5 * NAMES.line])
+    for row, words, colour in named:
+        mark, half = taken[row], np.array([0.5 * NAMES.character * len(words), 0.5 * NAMES.line])
         middle = name_place(mark, half, taken, size)
+        is_near = np.linalg.norm(np.maximum(np.abs(middle - mark) - half, 0.0)) <= NAMES.leader
+        line = {"arrowstyle": "-", "color": colour, "linewidth": 0.7, "shrinkA": 0.0, "shrinkB": 3.0}
         axes.annotate(
-            point.name,
-            tuple(points[point.row]),
+            words,
+            tuple(points[row]),
             tuple(middle - mark),
             textcoords="offset points",
             ha="center",
             va="center",
-            color=point.colour,
+            color=colour,
             weight="bold",
-            arrowprops=_leader(mark, middle, half, point.colour),
+            arrowprops=None if is_near else line,
         )
         taken = np.concatenate([taken, places_between(middle - half, middle + half, 5)])
 
@@ -93,17 +86,7 @@ def name_place(
     free = inside & (count_covered(beside, half, taken, gap=NAMES.gap) == 0)
     if free.any():
         return np.asarray(beside[int(free.argmax())])
-    return freest_place(places_between(half, size - half, NAMES.grid), half, mark, taken, NAMES.gap)
-
-
-def _leader(mark: np.ndarray, middle: np.ndarray, half: np.ndarray, colour: str) -> dict[str, object] | None:
-    """Return the style of the line from a name to its mark; None if the name is next to it."""
-    if np.linalg.norm(np.maximum(np.abs(middle - mark) - half, 0.0)) <= NAMES.leader:
-        return None
-    return {"arrowstyle": "-", "color": colour, "linewidth": 0.7, "shrinkA": 0.0, "shrinkB": 3.0}
-
-
-# Obstacles in pictures: filled outlines in the plane, wires in space.
+    return freest_place(places_between(half, size - half, NAMES.grid), half, mark, taken, NAMES.gap)[0]
 
 
 def draw_obstacles(axes: Axes, motion: Any) -> None:
@@ -149,7 +132,7 @@ def front_picture(front: Front, file: Path | str, choice: Choice | None = None) 
             _draw_front(figure, front, highlights)
             return
         grid: Any = {"nrows": 2} if many else {"ncols": 2, "width_ratios": [1.0, 2.0]}
-        trade_off, motions = np.ravel(figure.subfigures(**grid))
+        trade_off, motions = parts(figure, **grid)
         _draw_front(trade_off, front, highlights)
         titles = [(f"point {front.ids[point.index]}, {_text(point.reason)}", point.colour) for point in highlights]
         rows = [point.index for point in highlights]
@@ -179,6 +162,11 @@ def picture(file: Path | str, size: tuple[float, float]) -> Iterator[Figure]:
     # A palette takes a third of the space of true colours, without a visible difference.
     Image.open(pixels).convert("RGB").quantize(128).save(content, format="png", optimize=True, pnginfo=mark)
     replace_file(Path(file), content.getvalue())
+
+
+def parts(figure: Figure, *grid: int, **settings: Any) -> Any:
+    """Return parts of a figure side by side, or one above the other."""
+    return np.ravel(np.asarray(figure.subfigures(*grid, **settings)))
 
 
 def label(front: Front, axis: int) -> str:
@@ -294,7 +282,7 @@ def _draw_pair(axes: Axes, front: Front, pair: tuple[int, int], highlights: Sequ
     axes.set(xlabel=label(front, pair[0]), ylabel=label(front, pair[1]))
     axes.locator_params(nbins=5)
     axes.margins(0.09)
-    named = [NamedPoint(row=each.index, name=str(front.ids[each.index]), colour=each.colour) for each in highlights]
+    named = [(each.index, str(front.ids[each.index]), each.colour) for each in highlights]
     name_points(axes, np.stack([x, y], axis=1), named)
 
 
@@ -366,13 +354,24 @@ def comparison_picture(comparison: Comparison, file: Path | str) -> None:
     More than three objectives are parallel coordinates, with the best of the merged front below. Raises InvalidInput if
     writing fails.
     """
-    n_obj = len(comparison.fronts[0].names)
-    wide = 9.6 if n_obj > 2 else 6.6
-    with picture(file, (wide, 4.2)) as figure:
+    first, styles = comparison.fronts[0], _styles(comparison)
+    n_obj = len(first.names)
+    with picture(file, (9.6 if n_obj > 2 else 6.6, 4.2)) as figure:
         if n_obj == 1:
-            _draw_compared_values(figure.subplots(), comparison)
+            axes = figure.subplots()
+            for place, (front, style) in enumerate(zip(comparison.fronts, styles, strict=True)):
+                level = np.full(len(front), place)
+                axes.plot(front.objectives[:, 0], level, linestyle="none", markersize=6, **style)
+            axes.set(xlabel=label(first, 0), yticks=range(len(comparison.labels)))
+            axes.set_yticklabels(list(map(_text, comparison.labels)))
+            axes.margins(0.2)
         elif n_obj > 3:
-            _draw_compared_parallel(figure.subplots(), comparison)
+            axes, places = figure.subplots(), np.arange(n_obj)
+            for shares, style in zip(comparison.shares, styles, strict=True):
+                axes.plot(places, shares.T, color=style["color"], alpha=0.35, linewidth=0.8)
+                axes.plot([], [], color=style["color"], label=style["label"])
+            axes.set_xticks(places, [label(first, axis) for axis in places.tolist()])
+            axes.set(ylabel="share of the merged front's range, best below")
         else:
             pairs = list(combinations(range(n_obj), 2))
             for axes, pair in zip(np.atleast_1d(figure.subplots(1, len(pairs))), pairs, strict=True):
@@ -383,8 +382,7 @@ def comparison_picture(comparison: Comparison, file: Path | str) -> None:
 
 def _styles(comparison: Comparison) -> list[dict[str, Any]]:
     """Return the style and the words of each front."""
-    order = list(comparison.groups)
-    styles = []
+    order, styles = list(comparison.groups), []
     for place, (name, volume) in enumerate(zip(comparison.labels, comparison.hypervolume, strict=True)):
         group = comparison.groups[name]
         words = f"{name}: hypervolume {volume:.4f}"
@@ -396,55 +394,22 @@ def _styles(comparison: Comparison) -> list[dict[str, Any]]:
 
 
 def _draw_compared_pair(axes: Axes, comparison: Comparison, pair: tuple[int, int]) -> None:
-    for front, style in zip(comparison.fronts, _styles(comparison), strict=True):
-        x, y = front.objectives[:, pair[0]], front.objectives[:, pair[1]]
-        axes.plot(x, y, linestyle="none", markersize=4, markeredgewidth=0, alpha=0.75, **style)
-    if len(comparison.fronts[0].names) == 2:
-        _draw_surfaces(axes, comparison)
     first = comparison.fronts[0]
+    for front, style in zip(comparison.fronts, _styles(comparison), strict=True):
+        x, y = front.objectives[:, pair].T
+        axes.plot(x, y, linestyle="none", markersize=4, markeredgewidth=0, alpha=0.75, **style)
+    if len(first.names) == 2:
+        # what the best, the median and the worst run of a label attain: the border of the dominated region
+        window = np.array([np.ptp(each) * 0.06 for each in np.concatenate([f.objectives for f in comparison.fronts]).T])
+        ends = np.concatenate([front.minimised for front in comparison.fronts]).max(axis=0) + window
+        sign = np.where(first.maximised, -1.0, 1.0)
+        for number, (name, places) in enumerate(comparison.groups.items()):
+            surfaces = comparison.surfaces(name).items() if len(places) > 1 else ()
+            for (words, surface), line in zip(surfaces, (":", "-", "--"), strict=len(places) > 1):
+                points = (surface * sign)[np.argsort((surface * sign)[:, 0], kind="stable")]
+                x, y = np.repeat([*points[:, 0], ends[0]], 2)[:-1], np.repeat([ends[1], *points[:, 1]], 2)[1:]
+                style = {"linestyle": line, "color": PAPER.accent(number), "linewidth": 1.1, "zorder": 1}
+                axes.plot(x * sign[0], y * sign[1], label=f"{name}: {words} attainment", **style)
     axes.set(xlabel=label(first, pair[0]), ylabel=label(first, pair[1]))
     axes.locator_params(nbins=5)
     axes.margins(0.06)
-
-
-def _draw_surfaces(axes: Axes, comparison: Comparison) -> None:
-    """Draw the surfaces that the best, the median and the worst run attain, for labels with several runs."""
-    window = np.stack([np.ptp(values) * 0.06 for values in np.concatenate([f.objectives for f in comparison.fronts]).T])
-    ends = np.concatenate([front.minimised for front in comparison.fronts]).max(axis=0) + window
-    for name in (name for name, places in comparison.groups.items() if len(places) > 1):
-        colour = PAPER.accent(list(comparison.groups).index(name))
-        for (words, surface), line in zip(comparison.surfaces(name).items(), (":", "-", "--"), strict=True):
-            x, y = _staircase(comparison, surface, ends).T
-            text = f"{name}: {words} attainment"
-            axes.plot(x, y, linestyle=line, color=colour, linewidth=1.1, label=text, zorder=1)
-
-
-def _staircase(
-    comparison: Comparison, surface: Float[np.ndarray, "points 2"], ends: Float[np.ndarray, " 2"]
-) -> Float[np.ndarray, "corners 2"]:
-    """Return the border of the region that a surface dominates, up to ``ends``, in the user's sign."""
-    sign = np.where(comparison.fronts[0].maximised, -1.0, 1.0)
-    points = surface * sign
-    points = points[np.argsort(points[:, 0], kind="stable")]
-    x = np.repeat([*points[:, 0], ends[0]], 2)[:-1]
-    y = np.repeat([ends[1], *points[:, 1]], 2)[1:]
-    return np.stack([x, y], axis=1) * sign
-
-
-def _draw_compared_values(axes: Axes, comparison: Comparison) -> None:
-    for place, (front, style) in enumerate(zip(comparison.fronts, _styles(comparison), strict=True)):
-        axes.plot(front.objectives[:, 0], np.full(len(front), place), linestyle="none", markersize=6, **style)
-    axes.set(xlabel=label(comparison.fronts[0], 0), yticks=range(len(comparison.labels)))
-    axes.set_yticklabels([name.replace("$", r"\$") for name in comparison.labels])
-    axes.margins(0.2)
-
-
-def _draw_compared_parallel(axes: Axes, comparison: Comparison) -> None:
-    first = comparison.fronts[0]
-    places = np.arange(len(first.names))
-    for shares, style in zip(comparison.shares, _styles(comparison), strict=True):
-        lines = {"color": style["color"], "alpha": 0.35, "linewidth": 0.8}
-        axes.plot(places, shares.T, **lines)
-        axes.plot([], [], color=style["color"], label=style["label"])
-    axes.set_xticks(places, [label(first, axis) for axis in range(len(places))])
-    axes.set(ylabel="share of the merged front's range, best below")

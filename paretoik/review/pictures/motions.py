@@ -13,22 +13,19 @@ from paretoik.capability.directional import PerformancePolygon
 from paretoik.front.front import Front
 from paretoik.resolution.protocol import ResolvedMotion
 from paretoik.review.palette import PAPER, joint_units
-from paretoik.review.pictures.fronts import arm_axes, draw_motions, label, label_arm, picture, stroboscopic
+from paretoik.review.pictures.fronts import arm_axes, draw_motions, label, label_arm, parts, picture, stroboscopic
 from paretoik.review.recording.messages import PathEnd, PlannedLevel
 from paretoik.robot.kinematics import link_nodes
 from paretoik.task.limits import JOINT_UNITS
 from paretoik.task.task import error_unit
 from paretoik.trajectory.plan import Plan
 
-# A picture of a tool path: the path, the tool's speed, and its distance from the target.
-
 
 def path_picture(path: PathEnd, file: Path | str) -> None:
     """Write a PNG of a tool path; raises InvalidInput if the file cannot be written."""
     planar = path.tool.shape[1] == 2
     with picture(file, (10.0, 3.6)) as figure:
-        parts: Any = figure.subfigures(1, 2, width_ratios=[1.2, 1.0])
-        place, curves = parts
+        place, curves = parts(figure, 1, 2, width_ratios=[1.2, 1.0])
         axes = place.subplots(subplot_kw=arm_axes(planar=planar))
         if path.reference is not None:
             axes.plot(*path.reference.T, color=PAPER.quiet, linewidth=1.0, linestyle="--", label="reference")
@@ -44,15 +41,11 @@ def path_picture(path: PathEnd, file: Path | str) -> None:
         below.set(xlabel="time [s]", ylabel="distance to the target [m]")
 
 
-# A picture of a resolved motion: the arm next to its target path, its joints, and its errors.
-
-
 def resolution_picture(motion: ResolvedMotion, criteria: list[str], file: Path | str) -> None:
     """Write a PNG of a single motion; raises InvalidInput if the file cannot be written."""
-    planar = motion.arm.is_planar
+    planar, traces = motion.arm.is_planar, motion.traces
     with picture(file, (11.0, 3.6)) as figure:
-        parts: Any = figure.subfigures(1, 3, width_ratios=[1.2, 1.0, 1.0])
-        arm, joints, steps = parts
+        arm, joints, steps = parts(figure, 1, 3, width_ratios=[1.2, 1.0, 1.0])
         axes = arm.subplots(subplot_kw=arm_axes(planar=planar))
         stroboscopic(axes, motion)
         for task in motion.tasks:
@@ -61,10 +54,23 @@ def resolution_picture(motion: ResolvedMotion, criteria: list[str], file: Path |
         label_arm(axes, planar=planar)
         axes.legend(frameon=False, loc="upper right")
         _draw_joints(joints.subplots(), motion)
+        # the largest task error of every sample, with marks where the status of the step is not done
         above, below = steps.subplots(2, 1, sharex=True)
-        _draw_errors(above, motion)
-        _draw_criteria(below, motion, criteria)
-        below.set_xlabel("time [s]")
+        shown = np.maximum(np.abs(traces.errors).max(axis=-1), 1e-16)
+        above.semilogy(motion.time, shown, color=PAPER.accents[1], linewidth=1.2)
+        for number, status in enumerate(sorted(set(traces.status.tolist()) - {"done"})):
+            at, style = np.flatnonzero(traces.status == status) + 1, {"linestyle": "none", "marker": "."}
+            above.semilogy(motion.time[at], shown[at], color=PAPER.accent(number + 2), label=status, **style)
+            above.legend(frameon=False)
+        above.set_ylabel(f"error [{error_unit(motion.tasks)}]")
+        # how fast each criterion drives the joints; without criteria the damping
+        for number, name in enumerate(criteria):
+            speed = np.linalg.norm(traces.projected[:, number], axis=-1)
+            below.plot(motion.time[1:], speed, color=PAPER.accent(number), linewidth=1.2, label=name)
+            below.legend(frameon=False)
+        if not criteria:
+            below.plot(motion.time[1:], traces.damping, color=PAPER.accents[1], linewidth=1.2)
+        below.set(xlabel="time [s]", ylabel="joint speed from\ncriteria [rad/s]" if criteria else "damping")
 
 
 def _draw_joints(axes: Axes, motion: Any) -> None:
@@ -75,53 +81,20 @@ def _draw_joints(axes: Axes, motion: Any) -> None:
     axes.legend(frameon=False)
 
 
-def _draw_errors(axes: Axes, motion: ResolvedMotion) -> None:
-    """Draw the largest task error of every sample, and mark the steps whose status is not done."""
-    errors = np.abs(motion.traces.errors).max(axis=-1)
-    shown = np.maximum(errors, 1e-16)
-    axes.semilogy(motion.time, shown, color=PAPER.accents[1], linewidth=1.2)
-    for number, status in enumerate(sorted(set(motion.traces.status.tolist()) - {"done"})):
-        at = np.flatnonzero(motion.traces.status == status) + 1
-        axes.semilogy(
-            motion.time[at], shown[at], color=PAPER.accent(number + 2), linestyle="none", marker=".", label=status
-        )
-        axes.legend(frameon=False)
-    axes.set_ylabel(f"error [{error_unit(motion.tasks)}]")
-
-
-def _draw_criteria(axes: Axes, motion: ResolvedMotion, criteria: list[str]) -> None:
-    """Draw how fast each criterion drives the joints; without criteria the damping."""
-    if not criteria:
-        axes.plot(motion.time[1:], motion.traces.damping, color=PAPER.accents[1], linewidth=1.2)
-        axes.set_ylabel("damping")
-        return
-    for number, name in enumerate(criteria):
-        speed = np.linalg.norm(motion.traces.projected[:, number], axis=-1)
-        axes.plot(motion.time[1:], speed, color=PAPER.accent(number), linewidth=1.2, label=name)
-    axes.set_ylabel("joint speed from\ncriteria [rad/s]")
-    axes.legend(frameon=False)
-
-
-# A picture of directional maxima: the polygon, and the arm in some maximising postures.
-
-
 def polygon_picture(polygon: PerformancePolygon, file: Path | str) -> None:
     """Write a PNG of a polygon; raises InvalidInput if the file cannot be written."""
     planar = polygon.arm.is_planar
-    size = 2 if planar else 3
-    solved = np.flatnonzero(np.isfinite(polygon.values))
-    unit = "m/s" if polygon.quantity == "velocity" else "N"
+    names, solved = "xyz"[: 2 if planar else 3], np.flatnonzero(np.isfinite(polygon.values))
+    kind, unit = ("speed", "m/s") if polygon.quantity == "velocity" else ("force", "N")
     with picture(file, (9.0, 4.0)) as figure:
         maxima, postures = figure.subplots(1, 2, subplot_kw=arm_axes(planar=planar))
         ends = polygon.vertices[solved]
         for end in ends:
-            maxima.plot(*np.stack([np.zeros(size), end]).T, color=PAPER.quiet, linewidth=0.7)
+            maxima.plot(*np.stack([np.zeros(len(names)), end]).T, color=PAPER.quiet, linewidth=0.7)
         outline = np.concatenate([ends, ends[:1]]) if planar and len(solved) > 2 else ends
         maxima.plot(*outline.T, color=PAPER.accents[0], marker="o", markersize=3.5, linestyle="-" if planar else "none")
-        names = ("x", "y", "z")[:size]
-        kinds = "speed" if polygon.quantity == "velocity" else "force"
-        maxima.set(**{f"{name}label": f"{kinds} along {name} [{unit}]" for name in names})
-        links = link_nodes(polygon.arm, polygon.q[solved])[..., :size]
+        maxima.set(**{f"{name}label": f"{kind} along {name} [{unit}]" for name in names})
+        links = link_nodes(polygon.arm, polygon.q[solved])[..., : len(names)]
         for line in links:
             postures.plot(*line.T, color=PAPER.ink, alpha=0.25, linewidth=1.3)
         if len(solved):
@@ -132,9 +105,6 @@ def polygon_picture(polygon: PerformancePolygon, file: Path | str) -> None:
         postures.set(**{f"{name}label": f"{name} [m]" for name in names})
 
 
-# A picture of a closed loop: its motion, its joints, and the chosen point of every step's front.
-
-
 def loop_picture(motion: Any, values: np.ndarray, ranges: np.ndarray, front: Front, file: Path | str) -> None:
     """Write a PNG of a closed loop's ``motion``, and of the chosen values between each step's best and worst.
 
@@ -142,8 +112,7 @@ def loop_picture(motion: Any, values: np.ndarray, ranges: np.ndarray, front: Fro
     has their names and units. Raises InvalidInput if the file cannot be written.
     """
     with picture(file, (11.0, 3.6)) as figure:
-        parts: Any = figure.subfigures(1, 3, width_ratios=[1.2, 1.0, 1.2])
-        arm, joints, chosen = parts
+        arm, joints, chosen = parts(figure, 1, 3, width_ratios=[1.2, 1.0, 1.2])
         planar = motion.arm.is_planar
         axes = arm.subplots(subplot_kw=arm_axes(planar=planar))
         stroboscopic(axes, motion)
@@ -161,58 +130,40 @@ def loop_picture(motion: Any, values: np.ndarray, ranges: np.ndarray, front: Fro
         rows[-1].set_xlabel("time [s]")
 
 
-# A picture of a plan: its levels, and its best motions.
-
-
 def plan_picture(plan: Plan, levels: Sequence[PlannedLevel], label: str, unit: str, file: Path | str) -> None:
     """Write a PNG of a plan whose objective has a ``label`` and a ``unit``.
 
     Raises InvalidInput if the file cannot be written.
     """
-    optima = plan.optima[: PAPER.motions]
+    optima, samples = plan.optima[: PAPER.motions], len(plan.best.motion.time)
     with picture(file, (11.0, 3.4)) as figure:
-        parts: Any = figure.subfigures(1, 2, width_ratios=[1.0, 2.0])
-        values, motions = parts
-        _draw_levels(values.subplots(), plan, levels, label)
+        values, motions = parts(figure, 1, 2, width_ratios=[1.0, 2.0])
+        axes, dots = values.subplots(), {"linestyle": "none", "marker": "o"}
+        for level in levels:
+            of_starts, of_optima = (
+                {"color": PAPER.grid, "markersize": 2.5, "zorder": 1},
+                {"color": PAPER.quiet, "markersize": 4},
+            )
+            if level is levels[-1]:
+                of_starts, of_optima = of_starts | {"label": "starts"}, of_optima | {"label": "distinct optima"}
+            axes.plot(np.full(len(level.starts), level.samples), level.starts, **dots, **of_starts)
+            axes.plot(np.full(len(level.optima), level.samples), level.optima, **dots, **of_optima)
+        for rank, optimum in enumerate(optima):
+            size, edge = (
+                7 + 4 * (len(optima) - 1 - rank),
+                {"marker": "o", "markeredgecolor": "w"},
+            )  # rings if they coincide
+            axes.plot(samples, optimum.objective, color=PAPER.accent(rank), markersize=size, **edge)
+        # axes that show the optima, and starts only if these are near
+        shown = np.concatenate([[each.objective for each in plan.optima], *(level.optima for level in levels)])
+        low, high = float(shown.min()), float(shown.max())
+        margin = 0.15 * (high - low) or 0.05 * abs(high) or 1.0
+        axes.set(xlabel="samples of the level", ylabel=label, ylim=(low - margin, high + margin))
+        axes.set_xticks(sorted({samples, *(level.samples for level in levels)}))
+        if levels:
+            axes.legend(frameon=False)
         titles = [
             (f"{f'optimum {rank}' if rank else 'best'}: {optimum.objective:.4g} {unit}".rstrip(), PAPER.accent(rank))
             for rank, optimum in enumerate(optima)
         ]
         draw_motions(motions, [optimum.motion for optimum in optima], titles)
-
-
-def _draw_levels(axes: Axes, plan: Plan, levels: Sequence[PlannedLevel], label: str) -> None:
-    """Draw the objective at the optima of every level, and at its starts if these are near."""
-    for level in levels:
-        axes.plot(
-            np.full(len(level.starts), level.samples),
-            level.starts,
-            color=PAPER.grid,
-            linestyle="none",
-            marker="o",
-            markersize=2.5,
-            zorder=1,
-            label="starts" if level is levels[-1] else None,
-        )
-        axes.plot(
-            np.full(len(level.optima), level.samples),
-            level.optima,
-            color=PAPER.quiet,
-            linestyle="none",
-            marker="o",
-            markersize=4,
-            label="distinct optima" if level is levels[-1] else None,
-        )
-    samples = len(plan.best.motion.time)
-    for rank, optimum in enumerate(plan.optima[: PAPER.motions]):
-        size = 7 + 4 * (len(plan.optima[: PAPER.motions]) - 1 - rank)  # if they coincide, each is a ring
-        axes.plot(
-            samples, optimum.objective, color=PAPER.accent(rank), marker="o", markersize=size, markeredgecolor="w"
-        )
-    values = np.concatenate([[each.objective for each in plan.optima], *(level.optima for level in levels)])
-    low, high = float(values.min()), float(values.max())
-    margin = 0.15 * (high - low) or 0.05 * abs(high) or 1.0
-    axes.set(xlabel="samples of the level", ylabel=label, ylim=(low - margin, high + margin))
-    axes.set_xticks(sorted({samples, *(level.samples for level in levels)}))
-    if levels:
-        axes.legend(frameon=False)

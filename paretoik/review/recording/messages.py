@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -17,11 +18,11 @@ from paretoik.front.choice import Choice
 from paretoik.front.front import Front
 from paretoik.front.preferences.compromise import best_rows
 from paretoik.resolution.protocol import ResolvedMotion
-from paretoik.review.palette import DRAWING, even_rows
+from paretoik.review.palette import DRAWING, even_rows, is_sliding, joint_units
 from paretoik.robot.arm import Arm
 from paretoik.robot.dynamics import gravity_torques
 from paretoik.robot.kinematics import link_nodes
-from paretoik.task.limits import LIMITED, Bounds, Limits
+from paretoik.task.limits import JOINT_UNITS, LIMITED, Bounds, Limits
 from paretoik.task.motion import Motion
 from paretoik.task.obstacles import Obstacle, clearance
 from paretoik.task.sampling import Differences
@@ -158,26 +159,16 @@ class MaximaScene:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MaximaEnd:
-    """The arrays of a polygon, as ``PerformancePolygon`` has them, and the ``provenance`` of its run.
+    """A ``polygon`` without its actuation, which may be the user's own, and the ``provenance`` of its run.
 
     ``lower`` and ``upper`` (directions, dof): joint limits that the motors allow in each posture, speeds [rad/s, m/s]
     or torques [N m, N].
     """
 
-    directions: Float[np.ndarray, "directions task"]
-    values: Float[np.ndarray, " directions"]
-    q: Float[np.ndarray, "directions dof"]
-    dq: Float[np.ndarray, "directions dof"]
-    torque: Float[np.ndarray, "directions dof"]
-    motor_speeds: Float[np.ndarray, "directions motors dof"]
-    motor_efforts: Float[np.ndarray, "directions motors dof"]
-    sliders: Float[np.ndarray, "directions 2 dof"] | None
+    polygon: PerformancePolygon
     lower: Float[np.ndarray, "directions dof"]
     upper: Float[np.ndarray, "directions dof"]
     provenance: Mapping[str, Any]
-
-    def __len__(self) -> int:
-        return len(self.values)
 
 
 def maxima_end(polygon: PerformancePolygon, provenance: Mapping[str, Any]) -> MaximaEnd:
@@ -186,24 +177,10 @@ def maxima_end(polygon: PerformancePolygon, provenance: Mapping[str, Any]) -> Ma
         speeds = joint_speeds(polygon.actuation, polygon.q, gravity_torques(polygon.arm, polygon.q))
         lower, upper = speeds.low, speeds.high
     else:
-        capacity, _ = torque_capacity(polygon.actuation, polygon.q)
-        lower, upper = -capacity, capacity
-    return MaximaEnd(
-        directions=polygon.directions,
-        values=polygon.values,
-        q=polygon.q,
-        dq=polygon.dq,
-        torque=polygon.torque,
-        motor_speeds=polygon.motor_speeds,
-        motor_efforts=polygon.motor_efforts,
-        sliders=polygon.sliders,
-        lower=lower,
-        upper=upper,
-        provenance=provenance,
-    )
-
-
-# A point of a front, and its motion.
+        upper, _ = torque_capacity(polygon.actuation, polygon.q)
+        lower = -upper
+    object.__setattr__(recorded := copy(polygon), "actuation", None)
+    return MaximaEnd(polygon=recorded, lower=lower, upper=upper, provenance=provenance)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -265,9 +242,6 @@ def joint_curves(cell: Workcell, motion: RecordedMotion) -> Mapping[str, np.ndar
     return {kind: np.asarray(getattr(full, name)) for kind, name in LIMITED.items()}
 
 
-# The end of a search as individually drawn points: the choice, and the best of every objective.
-
-
 def end_points(front: Front, choice: Choice | None) -> tuple[RecordedPoint, ...]:
     """Return the best points of a front's objectives, and its choice if there is one, with their motions."""
     if not len(front):
@@ -286,9 +260,6 @@ def front_point(front: Front, row: int, *, axis: int | None = None) -> RecordedP
 def chosen_point(choice: Choice) -> RecordedPoint:
     """Return a choice as a point."""
     return RecordedPoint(id=choice.id, objectives=choice.objectives, motion=record_motion(choice.motion, curves=True))
-
-
-# The recording of a run without a feasible result: the least-violating point and what it breaks.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -372,9 +343,6 @@ class PlanEnd:
     least_violating: LeastViolating | None = None
 
 
-# The recording of resolved motions: each with its traces at every step.
-
-
 NO_OBJECTIVES = np.zeros(0)
 
 
@@ -392,6 +360,17 @@ class ResolvedScene:
     tolerance: float
     error_unit: str
     min_clearance: float
+
+    @property
+    def speed_unit(self) -> str:
+        """Unit of joint speeds; both units if an arm has both kinds of joints."""
+        return joint_units(self.workcell.arm, JOINT_UNITS["velocity"])
+
+    @property
+    def damping_unit(self) -> str:
+        """Unit of the damping, which is that of the Jacobian."""
+        turns = not is_sliding(self.workcell.arm).any()
+        return "m/rad" if turns and self.error_unit == "m" else "units of the Jacobian"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

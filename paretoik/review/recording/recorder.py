@@ -8,7 +8,7 @@ A verb records in three lines, and none of them loads Rerun::
 
 The scene, the messages and the end are frozen dataclasses of this library with numbers, arms, motions or fronts, and
 nothing of the user's own, such as functions or problems: they go to a child process, which draws them; see
-``recording_child.drawing_of``. Messages with a ``number`` are a series: if it grows long, evenly spread ones are kept,
+``recording_child``. Messages with a ``number`` are a series: if it grows long, evenly spread ones are kept,
 including the first and the last. All other messages are kept.
 """
 
@@ -27,7 +27,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from io import BytesIO
 from pathlib import Path
 from types import MappingProxyType
@@ -41,6 +41,7 @@ from paretoik.errors import warn_user
 from paretoik.formulations.protocol import Timeline
 from paretoik.front.choice import Choice
 from paretoik.front.front import Front
+from paretoik.review.palette import screen_label
 from paretoik.review.recording.messages import (
     LeastViolating,
     MaximaScene,
@@ -65,22 +66,17 @@ HEADER = 8  # length of a message before its bytes, big-endian
 
 @dataclass(frozen=True, kw_only=True)
 class RecorderOptions:
-    """Waiting times for the child process, and bounds on queue and file.
-
-    A full or hanging disk is noticed by ``silence``. In memory Rerun's rows take many times their size, while small
-    writes make a larger file: therefore ``flush`` and ``batch``.
-    """
+    """Waiting times for the child process, and bounds on queue and file."""
 
     start: float = 60.0  # most time for the child to begin, which loads Rerun [s]
-    silence: float = 20.0  # most time that messages may stay without an answer [s]
+    silence: float = 120.0  # most time that messages may stay without an answer, longer than any drawing [s]
     queue: int = 64_000_000  # most bytes that may wait for the child
     pipe: int = 1_000_000  # bytes of these in the kernel
     size: int = 40_000_000  # bytes of the file above which every second message of a series is dropped
-    reserve: int = 2_000_000  # bytes that stay free on the disk: on a full disk Rerun may hang
     points: int = 400  # most drawn points of a front
-    flush: float = 0.5  # most time between writes of recorded data [s]
-    batch: int = 300_000  # bytes of recorded data that are written at once
-    tick: float = 0.25  # time between the child's checks of its parent, the viewer and unwritten data [s]
+    share: float = 0.1  # most of the child's time for drawing a run that is not finished
+    batch: int = 300_000  # bytes of recorded data that are packed at once: many small chunks make large files
+    tick: float = 0.25  # time between the child's checks of its parent and the viewer [s]
     niceness: int = 5  # of the child, so that the run has priority
 
 
@@ -89,41 +85,27 @@ OPTIONS = RecorderOptions()
 
 @dataclass(frozen=True, kw_only=True)
 class Opening:
-    """The first message: the file to write, its title and scene, and whether a viewer shows it live.
-
-    ``run``: id of the process whose run is recorded.
-    """
+    """The first message: the file to write, its title and scene, and whether a viewer shows it live."""
 
     file: str
     title: str
     scene: Any
     live: bool
     options: RecorderOptions
-    run: int = field(default_factory=os.getpid)
 
 
 class RecordingStoppedError(Exception):
     """The child cannot continue; the text says why."""
 
 
-@dataclass(eq=False)
-class Frame:
-    """A message in the queue: its bytes, and its number in a series that may be thinned."""
-
-    content: memoryview
-    number: int | None = None
-
-
 class RecordingProcess:
     """A child process that makes one recording; methods raise RecordingStoppedError if it cannot continue."""
 
     def __init__(self, options: RecorderOptions, notify: Callable[[str], object]) -> None:
-        self.stride = 1
-        self._first: int | None = None
         self._options, self._notify = options, notify
-        self._queue: deque[Frame] = deque()
+        self._queue: deque[tuple[memoryview, bool]] = deque()  # messages, and whether they may be dropped
         self._offset, self._part = 0, b""  # sent bytes of the first message, received part of a line
-        self._sent, self._answered, self.finished, self.stopped = 0, 0, False, False
+        self._sent, self._answered, self._dropped, self.finished, self.stopped = 0, 0, 0, False, False
         self._full = False  # of the pipe at the last write
         self._log = tempfile.TemporaryFile()  # noqa: SIM115  what the child has to say, should it die
         self._child = subprocess.Popen(
@@ -143,29 +125,38 @@ class RecordingProcess:
             fcntl.fcntl(self._input, fcntl.F_SETPIPE_SZ, self._options.pipe)
         self._patience, self._silent_since = self._options.start, time.monotonic()
 
-    def wants(self, number: int) -> bool:
-        """Return whether the message with a number is one of the kept ones of its series."""
-        self._first = number if self._first is None else self._first
-        return (number - self._first) % self.stride == 0
-
-    def send(self, kind: Kind, message: Any, number: int | None = None) -> None:
-        """Queue a message, with its number if it may be dropped, and write what fits into the pipe."""
-        content = pickle_message((kind, message, self.stride))
+    def send(self, kind: Kind, message: Any) -> None:
+        """Queue a message and write what fits into the pipe; drop every second one of a series if too much waits."""
+        content = pickle_message((kind, message, self._dropped))
         if self._answered == self._sent:
             self._silent_since = time.monotonic()  # nothing needed an answer until now
-        self._queue.append(Frame(content, number))
+        self._queue.append((content, hasattr(message, "number")))
         self._sent += 1
-        while self._waiting > self._options.queue and self._thin(2 * self.stride):
-            pass
+        if sum(len(each) for each, _ in self._queue) > self._options.queue:
+            droppable = [place for place, (_, in_series) in enumerate(self._queue) if in_series and place]
+            dropped = set(droppable[:-1:2])  # the first may be partly sent, the newest stays
+            self._queue = deque(each for place, each in enumerate(self._queue) if place not in dropped)
+            self._sent, self._dropped = self._sent - len(dropped), self._dropped + len(dropped)
         self.pump()
 
     def pump(self) -> None:
         """Write what fits into the pipe and read the child's answers, without waiting."""
-        broken = not self._write()
-        self._read()
+        can_read = self._write()
+        with suppress(BlockingIOError):
+            while content := os.read(self._output.fileno(), 65_536):
+                self._part += content
+        *lines, self._part = self._part.split(b"\n")
+        for answer in map(json.loads, lines):
+            self._silent_since, self._patience = time.monotonic(), self._options.silence
+            self._answered += answer.get("done", 0)
+            if "notice" in answer:
+                self._notify(answer["notice"])
+            if "failed" in answer:
+                self._fail(answer["failed"])
+            self.finished = self.finished or "finished" in answer
         if self.finished:
             return
-        if broken or self._child.poll() is not None:
+        if not can_read or self._child.poll() is not None:
             self._fail(self._cause_of_death())
         if self._answered < self._sent and time.monotonic() - self._silent_since > self._patience:
             self._fail(f"the process that records gave no answer within {self._patience:g} s")
@@ -193,34 +184,10 @@ class RecordingProcess:
             self._output.close()
             self._log.close()
 
-    @property
-    def _waiting(self) -> int:
-        """Bytes in the queue."""
-        return sum(len(frame.content) for frame in self._queue)
-
-    def _thin(self, stride: int) -> bool:
-        """Keep only every ``stride``-th message of a series, also in the queue; return whether any was dropped.
-
-        The newest message stays, and so does one that is partly sent.
-        """
-        self.stride = max(self.stride, stride)
-        remaining = [
-            frame
-            for place, frame in enumerate(self._queue)
-            if frame.number is None
-            or self.wants(frame.number)
-            or place == len(self._queue) - 1
-            or (place == 0 and self._offset)
-        ]
-        dropped = len(self._queue) - len(remaining)
-        self._queue = deque(remaining)
-        self._sent -= dropped
-        return dropped > 0
-
     def _write(self) -> bool:
         """Write what fits into the pipe; return whether the child can still read."""
         while self._queue:
-            content = self._queue[0].content
+            content, _ = self._queue[0]
             try:
                 self._offset += os.write(self._input.fileno(), content[self._offset :])
             except BlockingIOError:
@@ -235,30 +202,6 @@ class RecordingProcess:
                 self._offset = 0
         return True
 
-    def _read(self) -> None:
-        """Handle the answers of the child, one line of JSON each."""
-        while True:
-            try:
-                content = os.read(self._output.fileno(), 65_536)
-            except BlockingIOError:
-                break
-            if not content:
-                break
-            self._part += content
-        *lines, self._part = self._part.split(b"\n")
-        for line in lines:
-            self._take(json.loads(line))
-
-    def _take(self, answer: dict[str, Any]) -> None:
-        self._silent_since, self._patience = time.monotonic(), self._options.silence
-        self._answered += answer.get("done", 0)
-        self._thin(answer.get("stride", 1))
-        if "notice" in answer:
-            self._notify(answer["notice"])
-        if "failed" in answer:
-            self._fail(answer["failed"])
-        self.finished = self.finished or "finished" in answer
-
     def _fail(self, cause: str) -> NoReturn:
         self.stop()
         raise RecordingStoppedError(cause)
@@ -271,7 +214,7 @@ class RecordingProcess:
         lines = self._log.read().decode(errors="replace").strip().splitlines()
         if self._child.returncode is not None and self._child.returncode < 0:
             return f"the process that records was ended by {signal.Signals(-self._child.returncode).name}"
-        return lines[-1] if lines else "the process that records ended"
+        return lines[-1].removeprefix("ModuleNotFoundError: ") if lines else "the process that records ended"
 
 
 class _Pickler(pickle.Pickler):
@@ -297,19 +240,11 @@ def pickle_message(message: Any) -> memoryview:
     return frame
 
 
-def part_of(file: Path, run: int) -> Path:
-    """Return where the child writes the new content of a file before it replaces the file."""
-    return file.with_name(f".{file.name}.{run}")
-
-
-def cause_of(fault: Exception) -> str:
+def cause_of(fault: BaseException) -> str:
     """Return the cause of an error in one line."""
     if isinstance(fault, OSError) and fault.strerror:
         return fault.strerror
     return (str(fault).splitlines() or [type(fault).__name__])[0]
-
-
-# The recorder of a run, and its messages.
 
 
 Population: TypeAlias = Float[np.ndarray, "individuals n_obj"]
@@ -339,6 +274,11 @@ class Generation:
     points: tuple[RecordedPoint, ...] = ()  # the best of every objective and the compromise, sometimes with motions
     least_violating: LeastViolating | None = None  # what is broken if there is no front
 
+    @property
+    def count(self) -> int:
+        """Number of points of the front, drawn or not."""
+        return len(self.front) if self.size is None else self.size
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SearchedStep:
@@ -361,9 +301,12 @@ class SearchedStep:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SearchedFront:
-    """The scene of a search: names, units and senses of the objectives, and the kind of its generations.
+    """The scene of a search: names, units and senses of the objectives.
 
-    ``workcell``: where its motions are drawn, None if a problem has none.
+    ``timeline`` says what generations are: generations, levels of an ε-sweep, a front before and after refinement, or
+    steps of a closed loop. Steps have no hypervolume, and each is drawn as shares of its own front's ranges, because
+    objectives can change by orders of magnitude between steps. ``workcell``: where its motions are drawn, None if a
+    problem has none.
     """
 
     names: tuple[str, ...]
@@ -371,6 +314,19 @@ class SearchedFront:
     maximised: tuple[bool, ...]
     timeline: Timeline = "generation"
     workcell: Workcell | None = None
+
+    def label(self, axis: int) -> str:
+        """Return the label of an objective."""
+        return screen_label(self.names[axis], self.units[axis] or "1", self.maximised[axis])
+
+    @property
+    def volume_unit(self) -> str:
+        """Unit of the hypervolume: the product of the objectives' units."""
+        return " · ".join(unit for unit in self.units if unit) or "1"
+
+    def best(self, front: Objectives) -> Values:
+        """Return the best value of each objective on a front of at least one point."""
+        return np.asarray(np.where(self.maximised, front.max(axis=0), front.min(axis=0)))
 
 
 Scene: TypeAlias = SearchedFront | PlannedScene | ResolvedScene | MaximaScene | PathScene
@@ -396,7 +352,7 @@ class SearchEnd:
 
 
 class Recorder:
-    """Lets a child process write ``file`` during a run, one message at a time, and once more at its end.
+    """Lets a child process write ``file`` during a run, and once more at its end.
 
     The run waits for nothing before ``finish``. The recorded data survive the death of the run, including SIGKILL: the
     child then finishes the file. A recording is a view of the run and not its archive: an error, such as a missing
@@ -411,45 +367,29 @@ class Recorder:
         title: str,
         scene: Scene,
         live: bool = False,
-        notify: Callable[[str], object] | None = None,
+        notify: Callable[[str], object] = lambda text: print(text, file=sys.stderr, flush=True),
         options: RecorderOptions = OPTIONS,
     ) -> None:
         self._file = Path(file)
-        self._notify = _print_notice if notify is None else notify
         self._process: RecordingProcess | None = None
         self._failed = False
-        self._latest: Any = None  # of a thinned series, not yet sent
         opening = Opening(file=str(self._file.absolute()), title=title, scene=scene, live=live, options=options)
 
         def start() -> None:
-            self._process = RecordingProcess(options, self._notify)
+            self._process = RecordingProcess(options, notify)
             self._process.send("open", opening)
 
         self._attempt(start)
 
     def record(self, message: Any) -> None:
-        """Add a message to the recording, or hold it back if the series is thinned."""
-        process, number = self._process, getattr(message, "number", None)
-        if process is None or self._failed:
-            return
-        if number is None:
+        """Add a message to the recording."""
+        if (process := self._process) is not None and not self._failed:
             self._attempt(lambda: process.send("record", message))
-        elif process.wants(number):
-            self._latest = None
-            self._attempt(lambda: process.send("record", message, number))
-        else:
-            self._latest = message
-            self._attempt(process.pump)
 
     def finish(self, end: Any) -> None:
         """Complete the file with the `end` of the run, and wait for that."""
-        process = self._process
-        if process is None or self._failed:
-            return
-        if self._latest is not None:
-            self._attempt(lambda: process.send("record", self._latest))
-            self._latest = None
-        self._attempt(lambda: process.complete(end))
+        if (process := self._process) is not None and not self._failed:
+            self._attempt(lambda: process.complete(end))
 
     def close(self) -> None:
         """Complete the file with the recorded data, unless it is finished, and end the child."""
@@ -457,13 +397,10 @@ class Recorder:
         if process is None:
             return
         try:
-            if not process.finished:
-                self.finish(None)
-            if not process.finished and not process.stopped:  # a fault here must not lose the recorded data
+            if not process.finished and not process.stopped:  # an earlier fault must not lose the recorded data
                 self._attempt(lambda: process.complete(None))
         finally:
             process.stop()
-            part_of(self._file, os.getpid()).unlink(missing_ok=True)
             self._process = None
 
     def _attempt(self, step: Callable[[], None]) -> None:
@@ -472,9 +409,4 @@ class Recorder:
         except Exception as fault:  # a view may fail in any way, but must not stop its run
             if not self._failed:
                 self._failed = True
-                text = f"{self._file}: recording stopped, the run continues: {cause_of(fault)}"
-                warn_user(text)
-
-
-def _print_notice(text: str) -> None:
-    print(text, file=sys.stderr, flush=True)
+                warn_user(f"{self._file}: recording stopped, the run continues: {cause_of(fault)}")

@@ -12,8 +12,8 @@ from paretoik.review.drawing.motion import joint_charts
 from paretoik.review.palette import SCREEN, VIEWS
 from paretoik.review.recording.messages import Workcell
 from paretoik.robot.arms import marcos_nr, tringali_3r
-from paretoik.task.limits import LIMITED
 from paretoik.task.motion import Motion
+from tests.review.reading import drawn_labels
 
 TIME = np.linspace(0.0, 2.0, 5)
 KINDS = {"position": "q", "velocity": "dq", "torque": "torque"}
@@ -68,17 +68,10 @@ def test_rounding_is_drawn_as_zero_between_all_limits(values, limits):
     assert low <= -max(limits, default=1.0) < max(limits, default=1.0) <= high
 
 
-@pytest.mark.parametrize("limits", [[], [0.0], [0.0, -0.0], [1e-14]])
-@pytest.mark.parametrize("usual", [1.0, 40.0])
-def test_zeros_with_zero_limits_are_drawn_among_usual_values(limits, usual):
-    assert ends(chart(np.zeros(5), limits, usual)) == pytest.approx((-1.12 * usual, 1.12 * usual))
-    assert ends(chart(np.full(5, 1e-13), limits, usual)) == pytest.approx((-1.12 * usual, 1.12 * usual))
-
-
 @pytest.mark.parametrize("size", [0.0, 5e-324, 1e-300, 1e-280, 1e-40, 1e40])
 def test_ticks_of_a_chart_are_numbers_whatever_the_size_of_its_values(size):
     canvas = chart(size * np.array([0.0, 1.0, 0.5, 1.0, 0.0])).canvas
-    words, places = canvas._labels(*canvas._ticks())
+    words, places = drawn_labels(canvas)
     assert np.isfinite(places).all()
     assert len(words) > 5
 
@@ -97,23 +90,9 @@ def test_joints_that_stand_still_look_still(arm, duration):
         assert high - low > 1e6 * np.ptp(curves[kind])
 
 
-@pytest.mark.parametrize("kind", ["torque", "power"])
-@pytest.mark.parametrize("arm", [marcos_nr(3), tringali_3r()], ids=["without masses", "with masses"])
-def test_torques_and_powers_are_drawn_only_for_arms_with_masses_even_if_limited(arm, kind):
-    motion = Motion(
-        arm=arm,
-        time=np.linspace(0.0, 1.0, 11),
-        q=np.linspace(0.0, 1.0, 11)[:, None] * np.ones(3),
-        differences="backward",
-    )
-    curves = {each: getattr(motion, name) for each, name in LIMITED.items()}
-    cell = Workcell(arm=arm, bounds={kind: np.array([[[-1.0, 1.0]] * 3])})
-    assert (kind in joint_charts("", cell, [(motion.time, curves)])) == bool(np.any(motion.torque))
-
-
 def test_charts_in_nested_tabs_are_lower_by_the_row_of_names():
-    titles = ["best kinetic_energy [J s]", "best torque_norm [N²m²s]", "front points, failures"]
+    titles = ["hypervolume of all objectives", "front points, failures", "best kinetic_energy", "best torque_norm"]
     drawn = [chart(TIME, title=title) for title in titles]
-    fitted = fit_below_tabs(drawn, ["parallel coordinates", "hypervolume"])
-    assert [each.total[1] for each in fitted] == [VIEWS.chart[1] - VIEWS.title] * 2 + [VIEWS.chart[1]]
+    fitted = fit_below_tabs(drawn)
+    assert [each.total[1] for each in fitted] == [VIEWS.chart[1]] * 2 + [VIEWS.chart[1] - VIEWS.title] * 2
     assert [each.total for each in fit_below_tabs(drawn[:2])] == [VIEWS.chart] * 2

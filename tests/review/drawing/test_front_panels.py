@@ -2,83 +2,52 @@
 
 from __future__ import annotations
 
-from itertools import chain, combinations
+from itertools import combinations
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from paretoik.review.drawing.axes import TEXT, Canvas, text_width
-from paretoik.review.drawing.front_panels import Panels, bounds_in
-from tests.review.view_sizes import label_halves
-
-
-def boxes(canvases) -> list[tuple[str, np.ndarray, np.ndarray]]:
-    """Return the words of all panels with the corners of the areas that they cover."""
-    each, places = zip(*(canvas._labels(*canvas._ticks()) for canvas in canvases), strict=True)
-    words, middles = list(chain.from_iterable(each)), np.concatenate(places)
-    halves = label_halves(words)
-    return list(zip(words, middles - halves, middles + halves, strict=True))
-
-
-def random_points(rng: np.random.Generator, count: int) -> np.ndarray:
-    low = rng.uniform(-1.0, 1.0, count) * 10.0 ** rng.integers(-3, 3, count)
-    return low + 10.0 ** rng.uniform(-2.0, 2.0, count) * rng.random((5, count))
-
-
-@pytest.mark.parametrize("count", [2, 3])
-def test_no_number_or_name_of_a_panel_covers_another(count):
-    rng = np.random.default_rng(0)
-    panels = Panels(labels=tuple(f"objective{k} [J s]" for k in range(count)))
-    for _ in range(200):
-        covers = boxes(panels.canvases(random_points(rng, count)))
-        for (word, low, high), (other, bottom, top) in combinations(covers, 2):
-            assert (np.minimum(high, top) - np.maximum(low, bottom)).min() <= 1e-9, (word, other)
+from paretoik.review.drawing.axes import TEXT, text_width
+from paretoik.review.drawing.scatter import Panels, Scatter
+from paretoik.review.recording.recorder import Generation, SearchedFront
+from tests.review.reading import drawn_labels
 
 
 @pytest.mark.parametrize("count", [2, 3, 4])
-def test_an_axis_has_numbers_one_for_every_line_of_its_grid(count):
-    rng = np.random.default_rng(2)
+def test_every_axis_has_numbers_and_none_covers_another(count):
+    rng = np.random.default_rng(0)
     panels = Panels(labels=tuple(f"objective{k} [J s]" for k in range(count)))
-    for _ in range(200):
-        for canvas in panels.canvases(random_points(rng, count)):
-            across, _ = ticks = canvas._ticks()
-            _, places = canvas._labels(*ticks)
-            lines = canvas.place(np.stack([across, np.full(len(across), canvas.low[1])], axis=-1))[:, 0]
+    for _ in range(60):
+        low = rng.uniform(-1.0, 1.0, count) * 10.0 ** rng.integers(-3, 3, count)
+        canvases = panels.canvases(low + 10.0 ** rng.uniform(-2.0, 2.0, count) * rng.random((5, count)))
+        words, places = zip(*map(drawn_labels, canvases), strict=True)
+        for canvas, middles in zip(canvases, places, strict=True):
             foot = canvas.origin[1] + canvas.height
-            numbers = places[(places[:, 1] > foot) & (places[:, 1] < foot + TEXT.line), 0]
-            assert len(lines)
-            assert numbers.tolist() == (lines.tolist() if canvas.ticked[0] else [])
+            numbers = (middles[:, 1] > foot) & (middles[:, 1] < foot + TEXT.line)
+            assert numbers.any() == canvas.ticked[0]
+        if count < 4:
+            words, middles = [word for each in words for word in each], np.concatenate(places)
+            halves = 0.5 * np.array([(text_width(word), 0.9 * TEXT.line) for word in words])
+            for one, other in combinations(range(len(words)), 2):
+                distance = np.abs(middles[one] - middles[other])
+                assert (distance >= halves[one] + halves[other] - 1e-4).any(), (words[one], words[other])
 
 
-def test_a_panel_of_two_objectives_has_a_number_at_the_edge_of_its_frame():
-    (canvas,) = Panels(labels=("energy [J s]", "torque [N m]")).canvases(np.array([[0.03914, 1.0], [0.04198, 2.0]]))
-    across, _ = canvas._ticks()
-    np.testing.assert_allclose(across, [0.039, 0.04, 0.041, 0.042])
-
-
-# The bounds ε of a panel: the words of each are next to its line, off the other line and its words.
-
-
-NAMES = (("energy", "J s"), ("torque", "N²m²s"))
-shares = st.floats(0.0, 1.0)
-
-
-def corners(bound) -> tuple[np.ndarray, np.ndarray]:
-    half = 0.5 * np.array([text_width(bound.words), 0.8 * TEXT.line])
-    return bound.middle - half, bound.middle + half
-
-
-@pytest.mark.parametrize("size", [(500.0, 390.0), (240.0, 180.0)])
-@given(first=shares, second=shares, maximised=st.tuples(st.booleans(), st.booleans()))
-def test_the_words_of_two_crossing_bounds_are_readable(size, first, second, maximised):
-    canvas = Canvas(low=np.zeros(2), high=np.ones(2), labels=("x", "y"), width=size[0], height=size[1])
-    bounds = bounds_in(canvas, np.array([first, second]), NAMES, maximised)
-    (low, high), (bottom, top) = map(corners, bounds)
+@given(first=st.floats(0.0, 1.0), second=st.floats(0.0, 1.0), maximised=st.tuples(st.booleans(), st.booleans()))
+def test_the_words_of_two_crossing_bounds_are_readable(first, second, maximised):
+    scene = SearchedFront(names=("energy", "torque"), units=("J s", "N²m²s"), maximised=maximised, timeline="level")
+    F = np.array([[0.0, 1.0], [1.0, 0.0]])
+    generation = Generation(number=0, population=F, front=F, front_ids=np.arange(2), epsilon=np.array([first, second]))
+    scatter = Scatter(scene=scene, shown=F)
+    ((pair, _, canvas),) = scatter.canvases
+    corners = []
+    for line, words, middle in scatter._bounds(canvas, pair, generation):
+        half = 0.5 * np.array([text_width(words), 0.8 * TEXT.line])
+        corners.append((middle - half, middle + half))
+        assert (middle - half >= 0).all()
+        assert (middle + half <= (canvas.width, canvas.height)).all()
+        assert not (np.abs(line - middle) < half).all()
+    (low, high), (bottom, top) = corners
     assert (np.minimum(high, top) - np.maximum(low, bottom)).min() <= 0  # the words do not cover each other
-    for bound, (least, most) in zip(bounds, map(corners, bounds), strict=True):
-        assert (least >= 0).all()
-        assert (most <= size).all()
-        for axis, line in enumerate(bounds if size[0] == 500.0 else ()):  # a narrow panel has no space off the lines
-            assert not least[axis] < line.ends[0, axis] < most[axis], (bound.words, line.words)

@@ -15,7 +15,6 @@ import numpy as np
 import pytest
 
 from paretoik.errors import Infeasible, InvalidInput
-from paretoik.review.drawing.axes import drawn_rows
 from paretoik.robot.kinematics import link_nodes
 from paretoik.task.motion import Motion
 from tests.review.reading import read, rows
@@ -98,10 +97,10 @@ def test_the_label_of_a_sent_point_is_its_id(make_front, tmp_path):
 def test_every_picture_of_a_point_selects_it_and_frames_select_nothing(make_front):
     front = make_front(3, points=30)
     view = front.view()
-    select(view, ("/choice/parallel/front", 7))
-    assert view.selected.tolist() == [front.ids[drawn_rows(len(front))[7]]]
+    select(view, (f"{PANEL}/front", 7))
+    assert view.selected.tolist() == [front.ids[7]]
     last = view.choice.id
-    for path in (f"{PANEL}/choice", "/choice/parallel/choice", "/choice/arm/chosen/links", "/choice_arm_meshes/link"):
+    for path in (f"{PANEL}/choice", "/choice/arm/chosen/links", "/choice_arm_meshes/link"):
         select(view, (f"{PANEL}/grid", 2))
         assert view.selected.tolist() == []
         select(view, (path, 0))

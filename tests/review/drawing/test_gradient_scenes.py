@@ -7,12 +7,9 @@ import signal
 
 import numpy as np
 import pytest
-import rerun as rr
 
 import paretoik as pk
 from paretoik.front.preferences.compromise import compromise
-from paretoik.review.drawing.plan_drawing import PlanDrawing
-from paretoik.review.recording.messages import PlannedLevel, PlannedMotions, PlannedScene, workcell_of
 from tests.review.children import children
 from tests.review.reading import (
     SECOND,
@@ -21,10 +18,8 @@ from tests.review.reading import (
     missing_entities,
     read,
     rows,
-    static_values,
     static_words,
 )
-from tests.review.view_sizes import touching_words
 
 
 def arm() -> pk.Arm:
@@ -94,10 +89,6 @@ def test_a_plan_has_all_entities_at_every_instant(plan):
     } <= set(static_words(entities["/legend/words"]))
 
 
-def test_no_number_or_name_of_an_axis_of_a_plan_touches_its_frame_or_another(plan):
-    assert not touching_words(plan[2], ["/arm", "/charts", "/joint_charts", "/objective"])
-
-
 def test_a_plan_ends_on_its_optima_and_its_best_moves(plan):
     found, _, file = plan
     entities = read(file)
@@ -113,19 +104,6 @@ def test_a_plan_ends_on_its_optima_and_its_best_moves(plan):
     assert f"The first level had {first} starts; those after it begin from its optima, {later} in all." in words
     assert words.startswith(f"# Optimum 0 (1 of {len(found.optima)}), the best")
     assert f"`{found.best.label}`" in words
-
-
-def test_the_cursor_of_a_plan_stands_on_its_level_and_ticks_are_whole(plan):
-    entities = read(plan[2])
-    for chart in ("best", "distinct"):
-        words = static_words(entities[f"/charts/{chart}/labels"])
-        across = words[: words.index("level")]
-        assert across == [str(number) for number in range(len(across))]
-        labels = static_values(entities[f"/charts/{chart}/labels"], "positions")[: len(across)]
-        cursors = rows(entities[f"/charts/{chart}/cursor"], "level", "strips")
-        for number, (x, _) in enumerate(labels):
-            np.testing.assert_allclose([place[0] for place in cursors[number][0]], x, atol=1e-3)
-    assert "not comparable" in last_text(entities["/text"], "level", 0)
 
 
 def test_best_is_the_best_while_another_optimum_is_looked_at(plan, tmp_path):
@@ -290,26 +268,3 @@ def test_a_refinement_shows_before_and_after_and_where_points_came_from(fronts):
     words = rows(entities["/text"], "refinement", "text")
     assert str(words[0][0]).startswith("# Before")
     assert "Certificate" in str(words[1][0])
-
-
-def test_the_curves_of_a_start_and_of_where_its_solver_stopped_stay_within_their_axes(tmp_path):
-    tracking = problem(pk.kinetic_energy)
-    q = tracking.decode(tracking.sample_starts(1, np.random.default_rng(0))).q
-    astray = q + 9.0 * np.linspace(0.0, 1.0, q.shape[1])[:, None]
-    motions = PlannedMotions(time=tracking.task.times, starts=q, ends=astray, optima=q, optimum=np.array([-1]))
-    level = PlannedLevel(
-        number=0, samples=51, starts=np.ones(1), ends=np.full(1, np.nan), optima=np.ones(1), motions=motions
-    )
-    cell = workcell_of(tracking)
-    scene = PlannedScene(name="kinetic_energy", unit="J s", maximised=False, workcell=cell)
-    stream = rr.RecordingStream("plan")
-    stream.save(tmp_path / "plan.rrd")
-    PlanDrawing(scene=scene, messages=(level,), end=None).log(stream)
-    stream.disconnect()
-    entities = read(tmp_path / "plan.rrd")
-    frame = np.array(static_values(entities["/joint_charts/position/grid"], "strips")[-1])
-    (curves,) = rows(entities["/joint_charts/position/curves"], "start", "strips").values()
-    for curve in curves:
-        heights = np.array([place[1] for place in curve])
-        assert heights.min() > frame[:, 1].min() + 1.0  # nothing is on the frame, where it would be cut
-        assert heights.max() < frame[:, 1].max() - 1.0

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
 import paretoik as pk
 from tests.api.problems import tracking
-from tests.review.reading import blank_views, check_broken_limits, last_text, missing_entities, read, rows
+from tests.review.reading import check_broken_limits, last_text, read, rows
 
 VERBS = {
     "plan": (lambda problem, **options: pk.plan(problem, **options), (pk.kinetic_energy,)),
@@ -47,14 +46,3 @@ def test_every_level_says_what_its_least_violating_motion_breaks(narrow):
     for number in sorted(texts)[:-1]:
         assert "violated by" in str(texts[number][0])
         assert "distinct opt" not in str(texts[number][0])
-
-
-def test_the_motion_that_breaks_least_is_drawn_with_its_curves_and_limits(narrow):
-    _, error, file = narrow
-    entities = read(file)
-    recorded = [row for _, row in sorted(rows(entities["/joints/velocity"], "motion", "scalars").items())]
-    np.testing.assert_allclose(np.array(recorded), error.motion.dq, rtol=1e-9, atol=1e-12)
-    instants = {"level": (levels(file)[-1],), "motion": (0,)}
-    wanted = ["/arm/chosen/path", "/joint_charts/velocity/limits"]
-    assert missing_entities(file, wanted, instants) == []
-    assert blank_views(file, instants) == []

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import pytest
 import rerun.blueprint as rrb
-from hypothesis import given
-from hypothesis import strategies as st
 
 from paretoik.review.drawing.layout import fitting_tabs
 from paretoik.review.palette import VIEWS
@@ -39,24 +37,3 @@ def test_views_with_a_common_first_word_become_nested_tabs_before_any_name_is_cu
     assert [part.name for part in found.contents] == ["hypervolume", "best", "front points, failures"]
     inner = [view.name for view in found.contents[1].contents]
     assert inner == ["best kinetic_energy", "best torque_norm", "best obstacle_clearance ↑"]
-
-
-def words() -> st.SearchStrategy[list[str]]:
-    """Return names of tabs; some begin with the same word and some have a unit."""
-    name = st.builds(
-        lambda first, second, unit: " ".join(filter(None, [first, second, unit])),
-        st.sampled_from(["best", "joint", "hypervolume", "front points,"]),
-        st.sampled_from(["", "position", "torque", "acceleration over the final front", "energy"]),
-        st.sampled_from(["", "[J s]", "[N²m²s] ↑"]),
-    )
-    return st.lists(name, min_size=1, max_size=9)
-
-
-@given(words(), st.sampled_from([900.0, 600.0, 450.0]))
-def test_names_as_they_are_shown_lead_to_the_same_tabs_again(names, width):
-    """A recording has the shown names: next to a choice its charts must be the same tabs."""
-    before = tabs(names, width)
-    shown = [str(view.name) for view in leaves(before)]
-    again = tabs(shown, width)
-    assert [str(part.name) for part in again.contents] == [str(part.name) for part in before.contents]
-    assert [str(view.name) for view in leaves(again)] == shown

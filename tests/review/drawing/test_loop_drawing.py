@@ -7,13 +7,12 @@ import pytest
 import rerun as rr
 
 from paretoik.review.drawing.loop_drawing import StepScene
-from paretoik.review.drawing.scatter import SearchScene
 from paretoik.review.palette import MARKS, SCREEN
-from paretoik.review.recording.recorder import SearchedStep
+from paretoik.review.recording.recorder import SearchedFront, SearchedStep
 from tests.review.conftest import swinging_arm
 from tests.review.reading import last_text, read, rows, static_words
 
-LOOP = SearchScene(names=("displacement", "share"), units=("rad", ""), maximised=(False, False), timeline="step")
+LOOP = SearchedFront(names=("displacement", "share"), units=("rad", ""), maximised=(False, False), timeline="step")
 TRADE_OFF = np.stack([np.linspace(0.0, 1.0, 6), np.linspace(1.0, 0.0, 6)], axis=1)
 BEHIND = np.array([[0.0, 1.0], [1.0, 0.0], [0.4, 0.4], [0.7, 0.8], [0.8, 0.8], [5.0, 5.0]])
 

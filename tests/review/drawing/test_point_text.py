@@ -10,18 +10,17 @@ import rerun as rr
 
 from paretoik.front.certificates import Certificates
 from paretoik.front.front import Front
-from paretoik.review.drawing.axes import TEXT, text_width
 from paretoik.review.drawing.point_text import better_but_infeasible, point_text, text_of
-from paretoik.review.drawing.scatter import Scatter, SearchScene
+from paretoik.review.drawing.scatter import Scatter
 from paretoik.review.drawing.search_charts import search_charts
 from paretoik.review.recording.messages import RecordedPoint
-from paretoik.review.recording.recorder import Generation
+from paretoik.review.recording.recorder import Generation, SearchedFront
 from paretoik.review.words import run_text
 from tests.review.reading import read, rows
 
 
-def scene(timeline: str = "generation") -> SearchScene:
-    return SearchScene(names=("energy", "reach"), units=("J s", ""), maximised=(False, True), timeline=timeline)
+def scene(timeline: str = "generation") -> SearchedFront:
+    return SearchedFront(names=("energy", "reach"), units=("J s", ""), maximised=(False, True), timeline=timeline)
 
 
 def generation(front: list[list[float]], **more) -> Generation:
@@ -45,7 +44,7 @@ def test_one_point_is_counted_in_the_singular(timeline):
     assert "1 points" not in words
 
 
-def chosen_place(steps: SearchScene, step: Generation, file: Path) -> np.ndarray:
+def chosen_place(steps: SearchedFront, step: Generation, file: Path) -> np.ndarray:
     """Return the place of a step's chosen point."""
     stream = rr.RecordingStream("step")
     stream.save(file)
@@ -60,7 +59,7 @@ def test_the_only_point_of_a_step_is_in_the_middle_with_a_note_that_it_has_no_ra
     assert "no range" in text_of(steps, one)
     several = generation([[1.0, 2.0], [2.0, 3.0]], chosen=np.array([1.0, 2.0]))
     assert "no range" not in text_of(steps, several)
-    place = Scatter(scene=steps, shown=one.front).canvases[0].place
+    place = Scatter(scene=steps, shown=one.front).canvases[0][2].place
     np.testing.assert_allclose(chosen_place(steps, one, tmp_path / "one.rrd"), place(np.array([0.5, 0.5])), rtol=1e-5)
     corner = place(np.array([0.0, 0.0]))
     np.testing.assert_allclose(chosen_place(steps, several, tmp_path / "several.rrd"), corner, rtol=1e-5)
@@ -124,28 +123,6 @@ def test_a_run_is_told_in_words():
     assert "- points of the front: 12" in run_text({"settings": {"points": 12}})
     assert "- starts for every redundant degree: 2" in run_text({"settings": {"starts": 2}, "counts": {"optima": 11}})
     assert "- ended: interrupted" in run_text({"status": "interrupted"})
-
-
-@pytest.mark.parametrize("n_obj", [2, 3])
-def test_the_name_of_the_compromise_lies_on_no_dot_of_a_crowded_front(tmp_path, n_obj):
-    names = tuple(f"objective_{axis}" for axis in range(n_obj))
-    crowded = SearchScene(names=names, units=("m",) * n_obj, maximised=(False,) * n_obj)
-    F, final = np.random.default_rng(2).uniform(0, 1, (2, 400, n_obj))
-    middle = int(np.linalg.norm(F - 0.5, axis=1).argmin())
-    point = RecordedPoint(id=middle, objectives=F[middle])
-    one = Generation(number=1, population=F[:50], front=F, front_ids=np.arange(len(F)), points=(point,))
-    scatter = Scatter(scene=crowded, shown=F)
-    with rr.RecordingStream("crowd") as stream:
-        stream.save(tmp_path / "crowd.rrd")
-        stream.set_time("generation", sequence=1)
-        scatter.log_generation(stream, one, behind=final)
-    name = read(tmp_path / "crowd.rrd")["/front/objective_0\\ -\\ objective_1/chosen/name"]
-    place = rows(name, "generation", "positions")[1][0] + (0.0, TEXT.drop)
-    half = np.array([0.5 * text_width(f"point {middle}"), 0.4 * TEXT.line])
-    dots = scatter.canvases[0].place(np.concatenate([F, final])[:, :2])
-    assert not (np.abs(dots - place) < half).all(axis=1).any()
-    (leader,) = rows(name, "generation", "strips")[1]
-    np.testing.assert_allclose(leader[0], scatter.canvases[0].place(F[middle, :2]), rtol=1e-4)
 
 
 def test_individuals_that_dominate_the_front_are_said_to_break_a_limit():

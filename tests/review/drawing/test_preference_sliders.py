@@ -82,7 +82,7 @@ def test_what_is_dragged_is_predicted_in_grey_and_gone_once_a_certified_point_is
 def test_a_click_on_what_is_predicted_selects_nothing(view, tmp_path):
     say(view, "drag", 0.1)
     number = view.choice.id
-    for path in (*PICTURES, "/choice/parallel/predicted"):
+    for path in PICTURES:
         select(view, (path, 0))
         assert view.selected.tolist() == []
         assert view.choice.id == number

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 import paretoik as pk
 from paretoik.front.preferences.compromise import compromise
-from paretoik.review.drawing.axes import TEXT, text_width
-from paretoik.review.drawing.choice_layer import read_recorded, recording_with_choice
-from paretoik.review.drawing.labels import below_first, half_size, plate_half
+from paretoik.review.drawing.choice_layer import RecordedRun, recording_with_choice
 from paretoik.review.drawing.motion import limit_lines
-from paretoik.review.palette import MARKS, SCREEN
+from paretoik.review.palette import SCREEN
 from paretoik.review.recording.messages import record_motion, workcell_of
 from problems.kim_2021 import directions_dam, point_to_point_dam
 from problems.marcos_2012 import loop
@@ -29,7 +25,6 @@ from tests.review.reading import (
     static_words,
     views,
 )
-from tests.review.view_sizes import touching_words
 
 
 def planar() -> pk.Tracking:
@@ -96,7 +91,7 @@ def test_no_view_is_blank_at_any_instant(run):
 
 def test_a_timeline_exists_if_something_changes_along_it(run):
     name, front, file = run
-    timelines = read_recorded(file).timelines
+    timelines = RecordedRun(file).begins
     assert ("motion" in timelines) == (name != "directions")
     assert ("point" in timelines) == (len(front) > 1)
 
@@ -116,45 +111,6 @@ def test_an_arm_is_nowhere_seen_to_lag_behind_the_time(run):
     cursors = rows(entities["/joint_charts/position/cursor"], "motion", "strips")
     across = np.array([cursors[at][0][0][0] for at in time.tolist()])
     np.testing.assert_allclose(np.diff(across) / np.diff(time), np.ptp(across) / np.ptp(time), rtol=1e-2)
-
-
-def test_the_labels_of_the_chosen_point_and_of_the_one_looked_at_never_overlap(run):
-    _, front, file = run
-    entities, choice = read(file), compromise(front)
-    if len(front) == 1:
-        return
-    (panel,) = {path.rsplit("/", 2)[0] for path in entities if path.endswith("/looked_at/name")}
-    (chosen,) = rows(entities[f"{panel}/chosen/name"], "point", "positions").values()
-    seen = rows(entities[f"{panel}/looked_at/name"], "point", "positions")
-    wide = text_width(f"point {choice.id}")
-    for place in seen.values():
-        if len(chosen) and len(place):
-            assert (np.abs(place[0] - chosen[0]) >= (0.9 * wide, 0.6 * TEXT.line)).any()
-
-
-def test_no_name_of_a_point_lies_on_a_dot_and_one_farther_off_is_joined_to_its_own(run):
-    _, front, file = run
-    entities = read(file)
-    if len(front.names) < 2:
-        return
-    (panel, *_) = {path.rsplit("/", 2)[0] for path in entities if path.endswith("/chosen/name") and "front" in path}
-    final = static_values(entities[f"{panel}/final"], "positions")
-    drawn = {layer: rows(entities[f"{panel}/{layer}"], "generation", "positions") for layer in ("population", "front")}
-    names = entities[f"{panel}/chosen/name"]
-    words, places = (rows(names, "generation", component) for component in ("labels", "positions"))
-    leaders = rows(names, "generation", "strips")
-    for number, place in places.items():
-        if not len(place):
-            continue
-        dots = [np.array(final).reshape(-1, 2)]
-        dots += [np.array(layer.get(number, ())).reshape(-1, 2) for layer in drawn.values()]
-        label = str(words[number][0])
-        half, need = plate_half(label), half_size(label)
-        middle = place[0] + (0.0, TEXT.drop + below_first(label))
-        assert not (np.abs(np.concatenate(dots) - middle) < half).all(axis=1).any(), number
-        (mark,) = rows(entities[f"{panel}/chosen"], "generation", "positions")[number]
-        gap = np.linalg.norm(np.maximum(np.abs(mark - middle) - need, 0.0))
-        assert len(leaders.get(number, ())) == (gap > MARKS.leader)
 
 
 def test_individuals_outside_the_axes_are_counted_in_words(run):
@@ -196,8 +152,6 @@ def test_a_search_has_all_entities_at_every_instant(run):
     assert len(panels) == {2: 1, 3: 3}[len(front.names)]
     for panel in panels:
         wanted += [f"{panel}/{layer}" for layer in ("grid", "labels", "front", "final", "chosen", "ends")]
-    if len(front.names) > 2:
-        wanted += ["/parallel/axes/labels", "/parallel/front", "/parallel/chosen"]
     fronts = rows(entities["/search/front"], "generation", "F")
     first = min(number for number, F in fronts.items() if F.size)
     late = {
@@ -261,47 +215,6 @@ def test_nothing_that_runs_inside_links_or_along_a_path_is_hidden_by_them(run):
         assert "● its links" in static_words(entities["/legend/words"])
 
 
-def test_the_arm_of_the_compromise_is_drawn_on_those_of_the_best_points(run):
-    name, front, file = run
-    if name == "spatial":
-        return  # in space the nearer arm is on top
-    entities = read(file)
-    parts = [f"/arm/best\\ {objective}" for objective in front.names]
-    best = [static_values(entities[f"{part}/{each}"], "draw_order") for part in parts for each in ("links", "joints")]
-    chosen = [static_values(entities[f"/arm/chosen/{each}"], "draw_order") for each in ("links", "joints")]
-    assert np.min(chosen) > np.max(best)
-
-
-def test_the_legend_says_whose_postures_are_behind_an_arm_that_stands_still(run):
-    name, _, file = run
-    entities = read(file)
-    words = set(static_words(entities["/legend/words"]))
-    assert ("● postures of the final front" in words) == (name == "directions") == ("/arm/postures" in entities)
-    assert not any("other postures" in word for word in words)
-
-
-def test_words_of_axes_and_places_lie_off_the_lines_that_they_name(run):
-    name, front, file = run
-    entities = read(file)
-    drop, half = np.array([0.0, TEXT.drop]), 0.5 * TEXT.line  # from a label's place down to its middle
-    if len(front.names) > 2:
-        axes = entities["/parallel/axes/lines"]
-        x = np.unique([strip[0][0] for strip in static_values(axes, "strips") if strip[0][0] == strip[1][0]])
-        height = max(strip[1][1] for strip in static_values(axes, "strips"))
-        middles = static_values(entities["/parallel/axes/labels"], "positions") + drop
-        assert all(not x[0] < across < x[-1] or not 0 < down < height for across, down in middles)
-        assert len(middles) >= 3 * len(front.names)
-    if name == "directions":
-        nodes = np.concatenate(list(rows(entities["/arm/chosen/links"], "generation", "strips").values()))
-        arrows = static_values(entities["/arm/directions/lines"], "strips")
-        lines = np.concatenate([np.linspace(a, b, 50) for strip in [*nodes, *arrows] for a, b in pairwise(strip)])
-        for names in ("/arm/places/names", "/arm/directions/heads/names"):
-            words = static_words(entities[names])
-            for word, middle in zip(words, static_values(entities[names], "positions") + drop, strict=True):
-                inside = np.abs(lines - middle) < (0.5 * text_width(word), half)
-                assert not inside.all(axis=1).any(), word
-
-
 def test_limits_that_joints_share_are_drawn_once_in_the_colours_of_all_of_them():
     arm = pk.arms.wan_7r()
     path = pk.line([0.5, -0.2, 0.4], [0.5, 0.2, 0.4], duration=1.0, samples=11)
@@ -326,30 +239,11 @@ def test_each_axis_has_ticks_and_a_unit(run):
     assert sum(word.lstrip("-").replace(".", "").isdigit() for word in words) >= 4
 
 
-def joint_views(name: str) -> tuple[list[str], list[str]]:
-    """Return the charts of joints that a run's layout shows, and those that it leaves out.
-
-    Arms that stand still have their postures over the front instead of curves over time.
-    """
-    joints = ["/joint_charts"]
-    return (["/postures"], joints) if name == "directions" else (joints, [])
-
-
-def test_no_number_or_name_of_an_axis_touches_its_frame_or_another(run):
-    name, _, file = run
-    flat = [] if name == "spatial" else ["/arm"]
-    charts, not_in_layout = joint_views(name)
-    assert not touching_words(file, ["/front", "/charts", *flat, *charts], not_in_layout=not_in_layout)
-
-
 def test_two_choices_are_shown_in_the_same_recording(run, tmp_path):
-    name, front, file = run
+    _, front, file = run
     first, last = front[int(front.ids[0])], front[int(front.ids[-1])]
     (tmp_path / "choice.rrd").write_bytes(recording_with_choice(front, first, recording=file, compare=last))
     entities = read(tmp_path / "choice.rrd")
-    joints, not_in_layout = joint_views(name)
-    charts = [*joints, *("/front", "/charts", "/choice/front", "/choice/joint_charts", "/compared/joint_charts")]
-    assert not touching_words(tmp_path / "choice.rrd", charts, not_in_layout=not_in_layout)
     for root, choice in (("choice", first), ("compared", last)):
         motion = record_motion(choice.motion, curves=False)
         timeline, count = ("generation", 1) if motion.is_standing else ("motion", len(motion.time))
@@ -357,7 +251,7 @@ def test_two_choices_are_shown_in_the_same_recording(run, tmp_path):
         assert str(rows_of_text(entities[f"/{root}/text"])).startswith(f"# Point {choice.id}, ")
     everything = entities | {path: batches for path, batches in read(file).items() if path not in entities}
     for view, origin in views(tmp_path / "choice.rrd").items():
-        for timeline in {"motion", "generation"} & set(read_recorded(file).timelines):
+        for timeline in {"motion", "generation"} & set(RecordedRun(file).begins):
             assert shown(everything, origin, timeline, 5), (view, origin, timeline)
 
 
@@ -375,15 +269,15 @@ def certified_run(request, tmp_path_factory):
 
 def test_a_choice_is_on_every_timeline_of_any_verbs_recording(certified_run, tmp_path):
     timeline, front, file = certified_run
-    recorded = read_recorded(file)
+    recorded = RecordedRun(file)
     assert recorded.timeline == timeline
     walked = {"point": "sequence"} if len(front) > 1 else {}
-    kinds = {name: kind for name, first in recorded.timelines.items() for kind in first}
+    kinds = {name: kind for name, first in recorded.begins.items() for kind in first}
     assert kinds == {timeline: "sequence", "motion": "duration", "replay": "duration"} | walked
     (tmp_path / "choice.rrd").write_bytes(recording_with_choice(front, front[int(front.ids[0])], recording=file))
     entities = read(tmp_path / "choice.rrd")
     everything = entities | {path: batches for path, batches in read(file).items() if path not in entities}
-    for name in recorded.timelines:
+    for name in recorded.begins:
         assert shown(entities, "/choice/arm/chosen/links", name, 1), name
         for view, origin in views(tmp_path / "choice.rrd").items():
             drawn = [path for path in shown(everything, origin, name, 1) if not path.endswith(FRAME)]
@@ -407,7 +301,6 @@ def test_a_closed_loop_opens_on_the_step_whose_search_was_recorded(tmp_path):
                 assert drawn, (view, origin, timeline, time)
     notes = rows(entities[r"/front/joint_displacement\ -\ position_error/note"], "step", "labels")
     assert notes[0].tolist() == ["no front before step 1"]
-    assert not touching_words(file, ["/arm", "/charts", "/front", "/joint_charts", "/step_7/arm", "/step_7/front"])
     charts = {path.split("/")[2] for path in entities if path.startswith("/joint_charts/")}
     assert charts == {"position", "velocity"}, "an arm without masses has no torque"
     assert not len(notes.get(1, ()))

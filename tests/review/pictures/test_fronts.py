@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from types import SimpleNamespace
 
-import matplotlib
 import numpy as np
 import pytest
 from hypothesis import given
@@ -13,7 +12,6 @@ from hypothesis import strategies as st
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.text import Text
 from PIL import Image
 
 import paretoik as pk
@@ -26,13 +24,10 @@ from paretoik.review.palette import PAPER
 from paretoik.review.pictures.certificates import certificates_picture
 from paretoik.review.pictures.fronts import (
     NAMES,
-    NamedPoint,
     _highlights,
-    _staircase,
     comparison_picture,
     front_picture,
     name_place,
-    name_points,
     stroboscopic,
 )
 from tests.review.pictures.test_certificates import certified
@@ -175,31 +170,6 @@ def test_a_name_lies_in_its_axes_and_on_nothing_where_a_place_is_free(mark, othe
         assert not (np.abs(taken - middle) < HALF).all(axis=1).any()
 
 
-@pytest.mark.parametrize("crowd", [0, 400])
-def test_no_two_names_overlap_and_distant_names_have_a_line(crowd):
-    chance = np.random.default_rng(4)
-    points = np.concatenate([[(0.5, 0.5), (0.502, 0.5), (0.5, 0.503)], chance.uniform(0, 1, (crowd, 2))])
-    with matplotlib.rc_context(PAPER.style):
-        figure = Figure(figsize=(4.2, 3.4), dpi=125)
-        FigureCanvasAgg(figure)
-        axes = figure.subplots()
-        axes.plot(*points.T, linestyle="none", marker="o", markersize=2.0)
-        axes.set(xlim=(0, 1), ylim=(0, 1))
-        name_points(axes, points, [NamedPoint(row=row, name=f"100{row}", colour="k") for row in range(3)])
-        figure.draw_without_rendering()
-    boxes = [Text.get_window_extent(text) for text in axes.texts]  # without the lines to their marks
-    assert [text.get_text() for text in axes.texts] == ["1000", "1001", "1002"]
-    assert not any(one.overlaps(other) for i, one in enumerate(boxes) for other in boxes[:i])
-    for text, box in zip(axes.texts, boxes, strict=True):
-        mark = axes.transData.transform(text.xy)
-        gap = np.linalg.norm(
-            np.maximum(
-                np.abs(mark - [box.x0 + box.width / 2, box.y0 + box.height / 2]) - [box.width / 2, box.height / 2], 0.0
-            )
-        )
-        assert text.arrow_patch is not None or gap <= (NAMES.leader + NAMES.character) * 125 / 72
-
-
 @pytest.mark.parametrize("n_obj", [1, 2, 3, 5])
 def test_every_comparison_gets_a_small_picture_with_content(n_obj, tmp_path, make_front):
     front = make_front(n_obj, points=20, moving=False)
@@ -211,9 +181,3 @@ def test_every_comparison_gets_a_small_picture_with_content(n_obj, tmp_path, mak
     with Image.open(file) as picture:
         pixels = np.asarray(picture.convert("L"))
     assert 0.003 < (pixels < 200).mean() < 0.5
-
-
-def test_a_staircase_bounds_what_its_points_dominate(make_front):
-    comparison = Comparison(fronts=(make_front(2, moving=False),) * 2, labels=("a", "b"))
-    stairs = _staircase(comparison, np.array([[1.0, 3.0], [2.0, 1.0]]), np.array([4.0, 5.0]))
-    assert stairs.tolist() == [[1.0, 5.0], [1.0, 3.0], [2.0, 3.0], [2.0, 1.0], [4.0, 1.0]]

@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 import rerun as rr
 
+from paretoik.errors import InvalidInput
 from paretoik.front.front import Front
-from paretoik.review.recording import live_view
 from paretoik.review.recording.recorder import Generation, Opening, RecorderOptions, SearchedFront, SearchEnd
-from paretoik.review.recording.recording_file import RecordingFile
-from paretoik.review.recording_child import drawing_of
+from paretoik.review.recording_child import LIVE, RecordingFile
 from tests.review.reading import read, rows
 
 N_OBJ = 4
@@ -24,18 +23,6 @@ NAMES = tuple(f"f{axis}" for axis in range(N_OBJ))
 def strict():
     yield
     rr.set_strict_mode(False)
-
-
-class Listener:
-    """A parent that remembers its messages."""
-
-    def __init__(self) -> None:
-        self.beats = 0
-
-    def tell(self, **answer) -> None: ...
-
-    def beat(self) -> None:
-        self.beats += 1
 
 
 def sphere(points: int, seed: int) -> np.ndarray:
@@ -54,67 +41,36 @@ def front(points: int = 70) -> Front:
     return Front(ids=np.arange(points), objectives=F, names=NAMES, units=[""] * N_OBJ, maximised=[False] * N_OBJ)
 
 
-def started(file: Path, listener: Listener | None = None, *, live: bool = False, **options) -> RecordingFile:
+def started(file: Path, *, live: bool = False, **options) -> RecordingFile:
     scene = SearchedFront(names=NAMES, units=("",) * N_OBJ, maximised=(False,) * N_OBJ)
-    settings = RecorderOptions(flush=0.01, **options)
+    settings = RecorderOptions(share=1000.0, **options)  # it draws every time
     opening = Opening(file=str(file), title="long", scene=scene, live=live, options=settings)
-    return RecordingFile(opening, listener or Listener(), drawing_of(scene))
+    return RecordingFile(opening, lambda **_: None)
 
 
 def fronts(file: Path) -> dict[int, np.ndarray]:
     return rows(read(file)["/search/front"], "generation", "F")
 
 
-@pytest.mark.parametrize("count", [70, 130])
-def test_a_file_stays_below_its_size_with_evenly_spread_generations_the_first_and_the_last(count, tmp_path):
-    file, size = tmp_path / "review.rrd", 1_200_000
-    recording, largest = started(file, size=size), 0
-    for number in range(1, count + 1):
+@pytest.mark.parametrize("spacing", [1, 8])
+def test_a_file_stays_below_its_size_with_evenly_spread_generations_the_first_and_the_last(spacing, tmp_path):
+    file, size, largest = tmp_path / "review.rrd", 1_000_000, 0
+    recording, numbers = started(file, size=size), range(1, 1 + 40 * spacing, spacing)
+    for place, number in enumerate(numbers):
         recording.record(generation(number))
-        recording.look_after()
-        largest = max(largest, file.stat().st_size)
-    recording.complete(SearchEnd(front=front()))
-    stride = recording.stride
-    assert stride > 1
-    assert largest < 1.1 * size
-    assert file.stat().st_size < 1.1 * size
-    F = fronts(file)
-    assert sorted(F) == sorted({*range(1, count + 1, stride), count})
+        if place % 10 == 0:
+            recording.look_after()
+            largest = max(largest, file.stat().st_size)
+    recording.complete(SearchEnd(front=front()), 3)
+    assert recording.stride > 1
+    assert max(largest, file.stat().st_size) < size
+    F, kept = fronts(file), {number for number in numbers if (number - 1) % recording.stride == 0} | {numbers[-1]}
+    assert sorted(F) == sorted(kept)
     for number in sorted(F)[:-1]:
         np.testing.assert_array_equal(F[number], generation(number).front.ravel())
-    np.testing.assert_array_equal(F[count], front().objectives.ravel())
+    np.testing.assert_array_equal(F[numbers[-1]], front().objectives.ravel())
     (note,) = read(file)["/notes/left_out"]
-    assert f"one in {stride} of its generations" in str(note.to_pydict())
-
-
-@pytest.mark.parametrize("spacing", [2, 8])
-def test_a_file_stays_below_its_size_if_some_numbers_are_missing(spacing, tmp_path):
-    file, size = tmp_path / "review.rrd", 600_000
-    recording, largest = started(file, size=size), 0
-    numbers = range(1, 1 + 40 * spacing, spacing)
-    for number in numbers:
-        recording.record(generation(number), 8 if spacing == 8 else 1)
-        recording.look_after()
-        largest = max(largest, file.stat().st_size)
-    recording.complete(SearchEnd(front=front()))
-    assert largest < 1.1 * size
-    kept = [number for number in numbers if (number - 1) % recording.stride == 0]
-    assert sorted(fronts(file)) == sorted({*kept, numbers[-1]})
-    (note,) = read(file)["/notes/left_out"]
-    assert f"one in {recording.stride} of its generations" in str(note.to_pydict())
-
-
-def test_the_file_thins_earlier_messages_as_the_sender_does_and_says_so(tmp_path):
-    file = tmp_path / "review.rrd"
-    recording = started(file)
-    for number in range(1, 7):
-        recording.record(generation(number))
-    recording.record(generation(9), 4)
-    recording.record(generation(13), 4)
-    recording.complete(SearchEnd(front=front()), 4)
-    assert sorted(fronts(file)) == [1, 5, 9, 13]
-    (note,) = read(file)["/notes/left_out"]
-    assert "one in 4 of its generations" in str(note.to_pydict())
+    assert f"{len(kept)} of its 43 generations are kept here" in str(note.to_pydict())  # 3 were not sent
 
 
 def test_a_series_that_says_the_same_number_again_and_again_ends(tmp_path):
@@ -152,23 +108,13 @@ def test_fronts_on_the_way_are_drawn_in_part_and_the_last_one_whole(tmp_path):
     assert "25 points" in str(note.to_pydict())
 
 
-def test_the_parent_hears_of_the_work_while_a_file_is_completed(tmp_path):
-    listener = Listener()
-    recording = started(tmp_path / "review.rrd", listener)
-    for number in range(5):
-        recording.record(generation(number))
-    before = listener.beats
-    recording.complete(SearchEnd(front=front()))
-    assert listener.beats > before + 5
-
-
 def test_a_file_that_another_run_has_replaced_is_left_alone(tmp_path):
     file = tmp_path / "review.rrd"
     recording = started(file)
     recording.record(generation(1))
     file.unlink()
     file.write_text("another run's")
-    with pytest.raises(FileExistsError, match="another run"):
+    with pytest.raises(InvalidInput, match="another run"):
         recording.complete(SearchEnd(front=front()))
     assert file.read_text() == "another run's"
     assert [left.name for left in tmp_path.iterdir()] == ["review.rrd"]
@@ -183,4 +129,4 @@ def test_viewers_get_their_time_to_read_the_end_once(tmp_path, monkeypatch):
     recording.record(generation(1))
     recording.complete(SearchEnd(front=front()))
     recording.close()
-    assert pauses.count(live_view.OPTIONS.reading) == 1
+    assert pauses.count(LIVE.reading) == 1

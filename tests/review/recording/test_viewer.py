@@ -42,12 +42,6 @@ def verify(file: Path, environment: dict[str, str] | None) -> None:
     subprocess.run(command, env=environment, check=True, capture_output=True)
 
 
-def test_without_the_private_environment_rerun_writes_into_the_users_home(home, recording, monkeypatch):
-    monkeypatch.delenv("FORCE_RERUN_ANALYTICS")
-    verify(recording, None)
-    assert list(home.rglob("analytics.json"))
-
-
 def test_rerun_writes_nothing_into_the_users_home(home, recording):
     with private_environment() as environment:
         assert "FORCE_RERUN_ANALYTICS" not in environment

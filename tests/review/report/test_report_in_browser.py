@@ -8,7 +8,6 @@ import shutil
 import subprocess
 import time
 from dataclasses import dataclass
-from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -270,16 +269,6 @@ def test_the_arm_moves_along_its_motion(opened, front):
     )
 
 
-@pytest.mark.parametrize("n_obj", [2, 3, 5])
-def test_no_labels_overlap(opened, make_front, front, n_obj):
-    browser = opened(front if n_obj == 2 else certified(make_front(n_obj), ["minimum"]))
-    for figure in ("#front", "#parallel", "#curves", "#arm"):
-        boxes = browser(OVERLAPS, figure)
-        for (one, *a), (other, *b) in combinations(boxes, 2):
-            width, height = min(a[2], b[2]) - max(a[0], b[0]), min(a[3], b[3]) - max(a[1], b[1])
-            assert min(width, height) < 2.0, (figure, one, other)
-
-
 def test_a_page_requests_nothing_and_scripts_in_names_do_not_run(opened, front):
     names = ["<img src=x onerror=document.title='run'>", "</script><script>document.title='run'</script>"]
     hostile = Front(
@@ -317,11 +306,3 @@ def test_a_page_without_a_feasible_motion_shows_the_nearest_as_no_point_of_a_fro
     assert "The motion that comes nearest least-violating, not feasible" in " ".join(shown.split())
     assert not any(words in shown for words in ("from the best", "copy id", "Point 14", "Points"))
     browser.wait("document.getElementById('curves').data.length > 0")
-
-
-def test_no_numbers_of_axes_overlap_on_paper(opened, make_front):
-    browser = opened(make_front(3, moving=False))
-    browser("resize(680)")
-    for (one, *a), (other, *b) in combinations(browser(OVERLAPS, "#front"), 2):
-        width, height = min(a[2], b[2]) - max(a[0], b[0]), min(a[3], b[3]) - max(a[1], b[1])
-        assert min(width, height) < 2.0, (one, other)
