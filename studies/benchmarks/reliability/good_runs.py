@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ ARM = pk.arms.tringali_3r()
 LINE = pk.line((0.4678, 0.0), (0.0983, 0.1526), duration=1.0, samples=13)
 LIMITS = {"position": 2.5, "velocity": 3.0, "acceleration": 30.0, "torque": 2.0, "power": 3.0}
 BOTH = (pk.kinetic_energy, pk.torque_norm)
+TUNED = [pk.kinetic_energy, pk.measures.tracking_error, pk.measures.speed_ratio]
 SMALL: dict[str, Any] = {"population": 12, "generations": 5, "seed": 1, "observe": False}
 
 
@@ -39,10 +41,6 @@ def tracking(
     )
 
 
-def backward() -> pk.Tracking:
-    return tracking(limits={"velocity": 4.0}, differences="backward")
-
-
 def cyclic() -> pk.Tracking:
     path = pk.circle([0.3, 0.05], 0.08, duration=1.5, samples=13)
     return pk.Tracking(ARM, path, objectives=BOTH, cyclic=True, coefficients=4, bases=2)
@@ -55,19 +53,11 @@ def obstructed() -> pk.Tracking:
 
 
 def spatial() -> pk.Tracking:
-    urdf = Path(__file__).parents[4] / "problems" / "robots" / "panda.urdf"
+    urdf = Path(__file__).parents[3] / "problems" / "robots" / "panda.urdf"
     arm = pk.Arm.from_urdf(urdf, base="panda_link0", tip="panda_hand_tcp")
     path = pk.line([0.45, -0.25, 0.3], [0.45, 0.25, 0.3], duration=1.5, samples=9)
     objectives = [pk.kinetic_energy, pk.joint_limit_distance, pk.manipulability]
     return pk.Tracking(arm, path, objectives=objectives, coefficients=4, bases=2)
-
-
-def loop() -> pk.ClosedLoop:
-    return marcos_loop(3, 0.7, blocked=True, steps=20, population=20, generations=8)
-
-
-def planned() -> pk.Tracking:
-    return tracking(pk.kinetic_energy)
 
 
 def tuned(**options: Any) -> pk.Tuning:
@@ -76,41 +66,9 @@ def tuned(**options: Any) -> pk.Tuning:
     return pk.Tuning(arm, LINE, method, starts=tracking().encoding.charts.base[:3, 0], tolerance=None, **options)
 
 
-def tuned_from_one_start() -> pk.Tuning:
-    return tuned(judged_starts=1, objectives=[pk.kinetic_energy, pk.measures.tracking_error, pk.measures.speed_ratio])
-
-
-def search(problem: Any, out: Path) -> None:
-    pk.solve(problem, **SMALL, out=out)
-
-
-def search_on_islands(problem: Any, out: Path) -> None:
-    pk.solve(problem, **SMALL, islands=2, out=out)
-
-
-def search_and_refine(problem: Any, out: Path) -> None:
-    pk.solve(problem, **SMALL, refine=True, out=out)
-
-
-def refine(problem: Any, out: Path) -> None:
-    pk.refine(pk.solve(problem, **SMALL), out=out, observe=False)
-
-
 def navigate(problem: Any, out: Path) -> None:
     front = pk.epsilon_front(problem, points=4, starts=4, observe=False)
     front.navigate(front[front.ids[1]], improve="kinetic_energy", by=0.1 * np.ptp(front.ranges[0])).save(out)
-
-
-def sweep(problem: Any, out: Path) -> None:
-    pk.epsilon_front(problem, points=4, starts=4, out=out, observe=False)
-
-
-def follow(problem: Any, out: Path) -> None:
-    pk.solve(problem, out=out, observe=False)
-
-
-def plan(problem: Any, out: Path) -> None:
-    pk.plan(problem, starts=6, out=out, observe=False)
 
 
 def resolve(problem: Any, out: Path) -> None:
@@ -118,31 +76,39 @@ def resolve(problem: Any, out: Path) -> None:
     pk.resolve(ARM, problem.task.tasks[0].path, method, start=start, unreachable="track", out=out)
 
 
-def polygon(problem: Any, out: Path) -> None:
+def make_polygon(problem: Any, out: Path) -> None:
     pk.directional_maxima(problem.arm, problem.actuation, problem.position, directions=4, out=out)
 
 
-KINDS: dict[str, tuple[Callable[[], Any], Callable[[Any, Path], None]]] = {
+def search(problem: Any, out: Path, **settings: Any) -> None:
+    pk.solve(problem, **SMALL, **settings, out=out)
+
+
+SWEEP = partial(pk.epsilon_front, points=4, starts=4, observe=False)
+KINDS: dict[str, tuple[Callable[[], Any], Callable[..., Any]]] = {
     "search": (tracking, search),
-    "backward": (backward, search),
+    "backward": (partial(tracking, limits={"velocity": 4.0}, differences="backward"), search),
     "obstacles": (obstructed, search),
     "spatial": (spatial, search),
-    "islands": (tracking, search_on_islands),
-    "refined search": (tracking, search_and_refine),
-    "refined search of directions": (kim_2021.directions_jam, search_and_refine),
-    "refined search from point to point": (kim_2021.point_to_point_jam, search_and_refine),
-    "refinement": (tracking, refine),
+    "islands": (tracking, partial(search, islands=2)),
+    "refined search": (tracking, partial(search, refine=True)),
+    "refined search of directions": (kim_2021.directions_jam, partial(search, refine=True)),
+    "refined search from point to point": (kim_2021.point_to_point_jam, partial(search, refine=True)),
+    "refinement": (tracking, lambda problem, out: pk.refine(pk.solve(problem, **SMALL), out=out, observe=False)),
     "navigation": (tracking, navigate),
     "tuning": (tuned, search),
-    "tuning from one start": (tuned_from_one_start, search),
-    "certified": (tracking, sweep),
-    "certified cyclic": (cyclic, sweep),
-    "plan": (planned, plan),
-    "closed loop": (loop, follow),
+    "tuning from one start": (partial(tuned, judged_starts=1, objectives=TUNED), search),
+    "certified": (tracking, SWEEP),
+    "certified cyclic": (cyclic, SWEEP),
+    "plan": (partial(tracking, pk.kinetic_energy), partial(pk.plan, starts=6, observe=False)),
+    "closed loop": (
+        partial(marcos_loop, 3, 0.7, blocked=True, steps=20, population=20, generations=8),
+        partial(pk.solve, observe=False),
+    ),
     "directional maxima": (kim_2021.directions_jam, search),
     "point to point": (kim_2021.point_to_point_jam, search),
-    "resolved": (backward, resolve),
-    "polygon": (kim_2021.directions_jam, polygon),
+    "resolved": (partial(tracking, limits={"velocity": 4.0}, differences="backward"), resolve),
+    "polygon": (kim_2021.directions_jam, make_polygon),
 }
 """By name: the function that makes the problem, and the one that runs it into a folder."""
 
@@ -151,5 +117,5 @@ def make_run(kind: str, folder: Path) -> tuple[Any, Any]:
     """Make a good run in a folder; return its problem, and the subject that its motions are verified against."""
     make_problem, run = KINDS[kind]
     problem = make_problem()
-    run(problem, folder)
+    run(problem, out=folder)
     return problem, problem.arm if kind == "polygon" else problem
