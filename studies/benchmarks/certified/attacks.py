@@ -1,19 +1,24 @@
-"""Attempts to dominate the points of a front: by IPOPT, and by random steps within all limits."""
+"""Attacks on a front: IPOPT and random steps within all limits from its points; exchange rates against solves."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import permutations
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from paretoik.nlp.minimise import minimise
+from paretoik.nlp.program import Solutions
+from paretoik.pareto.sweep import OPTIONS as EPSILON
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import retract_nearest
 from paretoik.trajectory.derivatives import MotionLinearisation, linearise
 from paretoik.trajectory.motion_terms import joint_distance
 from paretoik.trajectory.tightening import violation_between
 from studies.benchmarks.certified.cases import HOLDS, Subject, goal_row
+from studies.benchmarks.peers.solvers import COLD, WARM
 from studies.reporting import Row
 
 DOMINATED = 1e-7  # of the ranges
@@ -50,18 +55,9 @@ def ipopt_rows(subject: Subject, *, barriers: Sequence[str]) -> list[Row]:
     ]
     ended, counts = sum(one.ended for one in tries), sum(one.counts for one in tries)
     note = f"{len(tries)} runs, {ended} ended well, {counts} of them within ceilings and limits"
+    place = subject.name, "IPOPT from every point", "largest gain, no loss", "share of range"
     gain = max(0.0, *(one.gain for one in tries))
-    return [
-        goal_row(
-            subject.name,
-            "IPOPT from every point",
-            "largest gain, no loss",
-            "share of range",
-            gain,
-            DOMINATED,
-            ", ".join([note, *_worst(tries)]),
-        )
-    ]
+    return [goal_row(*place, gain, DOMINATED, ", ".join([note, *_worst(tries)]))]
 
 
 def ipopt_attempt(subject: Subject, point: int, main: int, *, warm: bool) -> Attempt:
@@ -70,7 +66,7 @@ def ipopt_attempt(subject: Subject, point: int, main: int, *, warm: bool) -> Att
     how = f"{subject.front.names[main]} minimised, barrier {'low' if warm else 'high'}"
     ceilings = np.where(np.arange(len(values)) == main, np.inf, values)
     for _ in range(AGAIN):
-        end, _ = subject.peer.solve(q, main, ceilings, ranges, warm=warm)
+        end = subject.peer.solve(q, main, ceilings, ranges, WARM if warm else COLD).motion
         if end is None:
             return Attempt(point=point, how=how, gain=-np.inf, ended=False, counts=False)
         motion = led_back(subject.task, end)
@@ -101,17 +97,8 @@ def perturbation_rows(subject: Subject, *, steps: int, seed: int) -> list[Row]:
     rng = np.random.default_rng(seed)
     tries = [one for point in range(len(subject.q)) for one in perturbations(subject, point, steps, rng)]
     note = f"{len(tries)} steps, {sum(one.counts for one in tries)} within limits"
-    return [
-        goal_row(
-            subject.name,
-            "random steps from every point",
-            "largest gain of all",
-            "share of range",
-            max(one.gain for one in tries),
-            DOMINATED,
-            ", ".join([note, *_worst(tries)]),
-        )
-    ]
+    place = subject.name, "random steps from every point", "largest gain of all", "share of range"
+    return [goal_row(*place, max(one.gain for one in tries), DOMINATED, ", ".join([note, *_worst(tries)]))]
 
 
 def perturbations(subject: Subject, point: int, steps: int, rng: np.random.Generator) -> list[Attempt]:
@@ -187,3 +174,128 @@ def _worst(tries: Sequence[Attempt]) -> list[str]:
         f"{len({one.point for one in tries if one.gain > DOMINATED})} points beaten",
         f"most: point {best.point}, {best.how}, {best.distance:.1e} rad away",
     ]
+
+
+SHARES = (1e-4, 1e-5, 1e-6)  # share of the moved ceiling's range: the first whose solves stay near is used
+STAY = 0.05  # rad, m: a solve that ends farther off has gone to another valley
+WEIGHTY = 1e-3  # least weight with which both objectives count
+AGREED = 1e-3
+UNIQUE = 1e-6  # relative width below which an interval is a rate
+TABLE_ROW = "exchange rates, differences"
+
+
+@dataclass(frozen=True, kw_only=True)
+class RateComparison:
+    """A rate ∂f_j/∂f_i, NaN if it is not unique, its interval, and the quotients of neighbouring solves.
+
+    The quotients use the solves below (backward), above (forward) and both (central).
+    """
+
+    point: int
+    i: int
+    j: int
+    rate: float
+    interval: np.ndarray
+    backward: float
+    forward: float
+    central: float
+
+    @property
+    def unique(self) -> bool:
+        """Whether multipliers are."""
+        low, high = self.interval
+        return bool(high - low <= UNIQUE * abs(high))
+
+    @property
+    def off(self) -> float:
+        """Relative difference; for an interval, how far the quotients are outside it."""
+        if self.unique:
+            return abs(self.central / self.rate - 1.0)
+        low, high = self.interval
+        quotients = np.array([self.backward, self.forward])
+        size = abs(self.rate) if np.isfinite(self.rate) else max(abs(low), abs(high))
+        return float(np.maximum(quotients - high, low - quotients).max(initial=0.0) / size)
+
+
+def exchange_rows(subject: Subject) -> list[Row]:
+    """Return the difference of rates from quotients, median and worst, and the same for intervals."""
+    tried = list(pairs(subject))
+    comparisons = [one for one in (compare_rate(subject, *pair) for pair in tried) if one is not None]
+    rows = []
+    for kind, several in (
+        ("rates", [one for one in comparisons if one.unique]),
+        ("kinks", [one for one in comparisons if not one.unique]),
+    ):
+        if not several:
+            continue
+        off = np.array([one.off for one in several])
+        worst, names = several[int(off.argmax())], subject.front.names
+        note = (
+            f"{len(several)} of {len(tried)} pairs; worst {off.max():.1e}: ∂{names[worst.j]}/∂{names[worst.i]} at "
+            f"point {worst.point}, {worst.rate:.6g} against {worst.backward:.6g} and {worst.forward:.6g}"
+        )
+        column = "median relative difference" if kind == "rates" else "worst way outside the interval"
+        value = float(np.median(off) if kind == "rates" else off.max())
+        rows.append(goal_row(subject.name, TABLE_ROW, column, "", value, AGREED, note))
+    missing = len(tried) - len(comparisons)
+    if missing or not tried:
+        note = "no ε-solves that stay near" if tried else "no point where two objectives count"
+        rows.append(Row(subject.name, TABLE_ROW, "not compared", "pairs", missing, note=note))
+    return rows
+
+
+def pairs(subject: Subject) -> Iterator[tuple[int, int, int]]:
+    """Return (point, i, j) if both objectives count, i no more than j: its ceiling moves far for little of j."""
+    for point, (weights, status) in enumerate(
+        zip(subject.certificates.weights, subject.certificates.status, strict=True)
+    ):
+        for i, j in permutations(range(len(weights)), 2):
+            if status == "minimum" and WEIGHTY < weights[i] <= weights[j]:
+                yield point, i, j
+
+
+def compare_rate(subject: Subject, point: int, i: int, j: int) -> RateComparison | None:
+    """Return ∂f_j/∂f_i and the quotient of f_j by the ceiling on f_i; None if no step's solves stay near.
+
+    Further objectives stay below the point's own values. An objective of little weight would be held from one side
+    only: it is added to f_j instead, with its own weight, which does not change the rate.
+    """
+    weights, count, total = subject.certificates.weights[point], len(subject.ranges), len(subject.program.totals)
+    added = (weights <= WEIGHTY) | (np.arange(count) == j)
+    factors, caps = np.zeros((1, total)), np.full((3, total), np.inf)
+    factors[0, :count] = np.where(added, weights / weights[j], 0.0)
+    caps[:, :count] = np.where(added, np.inf, subject.values[point] / subject.ranges)
+    got = _neighbouring_solves(subject, point, i, factors, caps)
+    if got is None:
+        return None
+    signs = np.array([one.sign for one in subject.task.objectives])
+    natural = (subject.ranges * signs)[[i, j]]
+    low, middle, high = np.stack([got.objectives[:, i], got.objectives @ factors[0]], axis=1) * natural
+
+    def quotient(one: np.ndarray, other: np.ndarray) -> float:
+        return float((other[1] - one[1]) / (other[0] - one[0]))
+
+    return RateComparison(
+        point=point,
+        i=i,
+        j=j,
+        rate=float(subject.certificates.exchange_rates[point, i, j]),
+        interval=subject.certificates.exchange_intervals[point, i, j],
+        backward=quotient(low, middle),
+        forward=quotient(middle, high),
+        central=quotient(low, high),
+    )
+
+
+def _neighbouring_solves(
+    subject: Subject, point: int, i: int, factors: np.ndarray, caps: np.ndarray
+) -> Solutions | None:
+    """Return the solves below, at and above the ceiling on f_i in the point's own valley."""
+    q = subject.q[point]
+    for step in SHARES:
+        upper = caps.copy()
+        upper[:, i] += step * np.array([-1.0, 0.0, 1.0])
+        solutions = minimise(subject.program, np.repeat(q[None], 3, axis=0), factors, upper, EPSILON.near)
+        if solutions.converged.all() and joint_distance(subject.task, q, solutions.x).max() <= STAY:
+            return solutions
+    return None
