@@ -8,13 +8,15 @@ import json
 import math
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import KW_ONLY, asdict, dataclass
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import matplotlib
+import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from rich.console import Console
@@ -25,6 +27,8 @@ from paretoik.review.palette import PAPER
 REPORTED = Path(__file__).parent / "reported"
 WIDTH = 180  # characters per line in a file or a pipe
 BEGIN = time.perf_counter()
+LOSS = "LOSS: "
+HALF = 0.5
 
 
 @cache
@@ -34,7 +38,7 @@ def paper_numbers(study: str) -> dict[tuple[str, str, str], float]:
         return {(row["table"], row["row"], row["column"]): float(row["paper"]) for row in csv.DictReader(file)}
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Row:
     """One number of a table: ours, a ``reference`` if there is one, and a note.
 
@@ -46,9 +50,43 @@ class Row:
     column: str
     unit: str
     ours: float
+    _: KW_ONLY
     reference: float | None = None
     source: str = "paper"
     note: str = ""
+
+
+def versus(
+    table: str,
+    row: str,
+    column: str,
+    unit: str,
+    ours: float,
+    theirs: float,
+    *,
+    goal: float | None = None,
+    source: str = "peer",
+    note: str = "",
+) -> Row:
+    """Return a row whose note has the ratio of ours to theirs and the goal, if there is one; less is better."""
+    ratio = ours / theirs if np.isfinite(theirs) and theirs > 0 else (0.0 if np.isfinite(ours) else np.inf)
+    lost = goal is not None and not ratio <= goal
+    parts = [f"ratio {ratio:.3g}", *([f"goal {goal:g}"] if goal is not None else []), *([note] if note else [])]
+    finite_theirs = float(theirs) if np.isfinite(theirs) else None
+    words = (LOSS if lost else "") + ", ".join(parts)
+    return Row(table, row, column, unit, float(ours), reference=finite_theirs, source=source, note=words)
+
+
+def losses_first(rows: Sequence[Row]) -> list[Row]:
+    """Return the rows, tables with a loss first and losses first in each."""
+    return sorted(rows, key=lambda row: not row.note.startswith(LOSS))
+
+
+def timed(work: Callable[[], Any]) -> tuple[Any, float, float]:
+    """Return the result of work, its seconds, and the processor's, of all threads."""
+    started, cpu = time.perf_counter(), time.process_time()
+    result = work()
+    return result, time.perf_counter() - started, time.process_time() - cpu
 
 
 def study_parser(description: str, *, quick: str = "", out: str = "", cluster: str = "") -> argparse.ArgumentParser:

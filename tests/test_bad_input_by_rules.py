@@ -8,10 +8,8 @@ from __future__ import annotations
 
 import pytest
 
-from studies.benchmarks.reliability.inputs.accepted import reason
 from studies.benchmarks.reliability.inputs.examples import Examples
-from studies.benchmarks.reliability.inputs.faults import make_files
-from studies.benchmarks.reliability.inputs.judging import cases, judge
+from studies.benchmarks.reliability.inputs.judging import cases, judge, make_files, reason
 from studies.benchmarks.reliability.inputs.problems import outcomes
 from studies.benchmarks.reliability.inputs.surfaces import surfaces
 
@@ -32,7 +30,7 @@ def verdicts(surface, examples, every):
     wrong = {}
     for case in list(cases([surface]))[::every]:
         outcome = judge(case, examples)
-        taken = outcome.verdict == "taken" and (not case.bad.is_certain or reason(case.name))
+        taken = outcome.verdict == "taken" and (not case.is_certain or reason(case.name))
         if outcome.verdict != "good" and not taken:
             wrong[case.name] = f"{outcome.verdict}: {outcome.words}"
     return wrong
@@ -65,5 +63,5 @@ def test_problems_that_are_none_are_refused_in_one_line(tmp_path):
 @pytest.mark.parametrize("name", SURFACES)
 def test_every_class_of_wrong_values_is_refused_in_one_line(name, examples, monkeypatch):
     monkeypatch.chdir(examples.folder)
-    _ = examples.objects.run_folder, examples.objects.plan_folder  # made before anything is judged
+    _ = examples.run_folder, examples.plan_folder  # made before anything is judged
     assert verdicts(SURFACES[name], examples, 1) == {}

@@ -76,24 +76,13 @@ def tabulate(case: str, timings: Mapping[str, tuple[Timing, Timing]]) -> list[Ro
     rows = []
     for label, (cold, warm) in timings.items():
         note = f"{warm.processor:.2g} s once compiled; by the clock {cold.clock:.3g} and {warm.clock:.2g} s"
-        rows.append(Row(table=table, row=case, column=label, unit="s", ours=cold.processor, note=note))
+        rows.append(Row(table, case, label, "s", cold.processor, note=note))
     if "before" in timings:
         now, before = timings["now"][0], timings["before"][0]
         ratio = now.processor / before.processor
         same = "the same bits" if now.result == before.result else f"results {now.result} and {before.result}"
         goal = "goal met" if ratio <= GOALS[case] else "goal missed"
-        rows.append(
-            Row(
-                table=table,
-                row=case,
-                column="ratio",
-                unit="",
-                ours=ratio,
-                reference=GOALS[case],
-                source="goal",
-                note=f"{goal}; {same}",
-            )
-        )
+        rows.append(Row(table, case, "ratio", "", ratio, reference=GOALS[case], source="goal", note=f"{goal}; {same}"))
     return rows
 
 

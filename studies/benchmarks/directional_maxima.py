@@ -28,11 +28,10 @@ from paretoik.arrays import Objectives
 from paretoik.search.genes import seeded_population
 from problems import kim_2021
 from studies.benchmarks.maximin.cases import POPULATION
-from studies.benchmarks.maximin.methods import OURS
-from studies.benchmarks.pymoo_peers import pymoo_algorithm
-from studies.benchmarks.significance import MARGIN, compare, comparison_row, decide, scores
+from studies.benchmarks.maximin.runs import OURS, pymoo_algorithm
 from studies.processes import run_each, workers_of
 from studies.reporting import Row, report, study_parser
+from studies.significance import MARGIN, compare, comparison_row, decide, scores
 
 REFINED, GENERATIONS = "MaxiMin, refined", 26
 PEERS = ("NSGA-II", "NSGA-III", "SMS-EMOA")
@@ -143,7 +142,7 @@ def certified_rows(case: str, problem: pk.DirectionalMaxima, members: Sequence[R
         ("stationarity, median", "", float(np.median(residual)), f"largest {residual.max():.1e}"),
         ("greatest value beside its directional maximum, least of all seeds", "", float(shares.min()), note),
     ]
-    return [Row(table=CERTIFIED, row=case, column=name, unit=unit, ours=float(v), note=n) for name, unit, v, n in rows]
+    return [Row(CERTIFIED, case, name, unit, float(v), note=n) for name, unit, v, n in rows]
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -172,7 +171,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     rows += [row for case in cases for row in certified_rows(case, problem_of(case), runs[case, REFINED])]
     for (case, name), members in runs.items():
         seconds = float(np.median([one.seconds for one in members]))
-        rows.append(Row(table=COST, row=case, column=name, unit="s", ours=seconds))
+        rows.append(Row(COST, case, name, "s", seconds))
     report(rows, json_file=options.json)
 
 

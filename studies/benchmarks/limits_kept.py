@@ -132,36 +132,23 @@ def case_rows(name: str, cases: Sequence[Case]) -> list[Row]:
     seconds = 1e3 * np.median([one.seconds for one in cases], axis=0) / len(cases[0].ours.time)
 
     def row(what: str, unit: str, one: float, other: float, note: str) -> Row:
-        return Row(
-            table=title,
-            row="ConstrainedQP",
-            column=what,
-            unit=unit,
-            ours=float(one),
-            reference=float(other) if has_peer else None,
-            source="pink",
-            note=note,
-        )
+        reference = float(other) if has_peer else None
+        return Row(title, "ConstrainedQP", what, unit, float(one), reference=reference, source="pink", note=note)
 
+    (error, speed, acceleration, _), (errors, speeds, accelerations, _) = ours.T, theirs.T
+    typical = f"median of {len(ended)}; {UNCORRECTED}"
     rows = [
         row("motions that end", "share", 1.0, len(ended) / len(cases), "others end in NoSolutionFound"),
-        row(
-            "greatest error",
-            "m, rad",
-            np.median(ours[:, 0]),
-            np.median(theirs[:, 0]),
-            f"median of {len(ended)}; {UNCORRECTED}",
-        ),
-        row("highest velocity", "of its limit", ours[:, 1].max(), theirs[:, 1].max(), "of all"),
-        row("highest acceleration", "of its limit", ours[:, 2].max(), theirs[:, 2].max(), "of all"),
+        row("greatest error", "m, rad", np.median(error), np.median(errors), typical),
+        row("highest velocity", "of its limit", speed.max(), speeds.max(), "of all"),
+        row("highest acceleration", "of its limit", acceleration.max(), accelerations.max(), "of all"),
         row("time of a step", "ms", seconds[0], seconds[1], "median"),
     ]
     if done.any():
         note = f"median of {done.sum()}, motions with all steps by ours; {UNCORRECTED}"
-        rows += [
-            row("greatest error, with a way on", "m, rad", np.median(ours[done, 0]), np.median(theirs[done, 0]), note),
-            row("∫‖q̇‖² dt, with a way on", "rad²/s", np.median(ours[done, 3]), np.median(theirs[done, 3]), note),
-        ]
+        mine, other = np.median(ours[done], axis=0), np.median(theirs[done], axis=0)
+        rows.append(row("greatest error, with a way on", "m, rad", mine[0], other[0], note))
+        rows.append(row("∫‖q̇‖² dt, with a way on", "rad²/s", mine[3], other[3], note))
     return rows
 
 

@@ -19,8 +19,7 @@ import numpy as np
 
 import paretoik as pk
 from problems import panda
-from studies.benchmarks.planner.verdicts import LOSS, losses_first, timed
-from studies.reporting import Row, report, study_parser, tell
+from studies.reporting import LOSS, Row, losses_first, report, study_parser, tell, timed
 
 PACKAGE = "example-robot-data"
 GOAL = 60.0  # s
@@ -120,9 +119,7 @@ def walk_rows(walk: Walk, points: int) -> list[Row]:
     def row(column: str, unit: str, ours: float, goal: float, note: str = "") -> Row:
         prefix = "" if ours <= goal else LOSS
         note = prefix + note
-        return Row(
-            table=table, row="front", column=column, unit=unit, ours=ours, reference=goal, source="goal", note=note
-        )
+        return Row(table, "front", column, unit, ours, reference=goal, source="goal", note=note)
 
     return [
         row("time", "s", seconds, GOAL, f"{len(front)} points; processor {cpu:.1f} s"),

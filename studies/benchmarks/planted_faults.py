@@ -119,18 +119,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
             passes, which = run_tests(copy, fault.tests)
             file.write_text(whole, encoding="utf-8")
             tell(f"{'LOST' if passes else 'caught'}: {which}")
-            rows.append(
-                Row(
-                    table="planted faults, caught by the default tests of their own folder",
-                    row=f"{fault.file}: {fault.before.strip()} → {fault.after.strip() or 'nothing'}",
-                    column="caught",
-                    unit="",
-                    ours=float(not passes),
-                    reference=1.0,
-                    source="goal",
-                    note=which,
-                )
-            )
+            name = f"{fault.file}: {fault.before.strip()} → {fault.after.strip() or 'nothing'}"
+            table = "planted faults, caught by the default tests of their own folder"
+            rows.append(Row(table, name, "caught", "", float(not passes), reference=1.0, source="goal", note=which))
     report(rows, json_file=options.json)
     print(f"{int(sum(row.ours for row in rows))} of {len(rows)} caught")
 

@@ -65,8 +65,15 @@ for _ in range({repeats}):
 print(json.dumps({{"seconds": min(seconds), "values": {{name: float(value) for name, value in values.items()}}}}))
 """
 PLAN = """
-from studies.benchmarks.planner.peers import tracking
-problem = tracking("simulation_{number}", {masses!r})
+whole = tringali_2020.simulation_{number}().task
+problem = pk.Tracking(
+    arms.tringali_3r({masses!r}),
+    tringali_2020.round_trip(101) if whole.cyclic else tringali_2020.straight(101),
+    objectives=whole.objectives,
+    limits=pk.Limits(**{{kind: (bounds[0, :, 0], bounds[0, :, 1]) for kind, bounds in whole.bounds.items()}}),
+    cyclic=whole.cyclic,
+    differences="backward",
+)
 def run():
     return {{"objective": pk.plan(problem, seed=0).best.objective}}
 """
@@ -116,7 +123,7 @@ CASES: dict[str, Case] = {
 problem = tringali_2020.energy_torque()
 def run():
     return measure(pk.epsilon_front(problem, points=20, seed=0), [0.038, 0.049], [0.06, 0.1])
-""",
+"""
     ),
     "certified front of 5 points, Panda": Case(
         code="""
@@ -193,7 +200,7 @@ class Ellipses:
 def run():
     steps = capability.time_optimal_control(Ellipses(), [-0.05, -0.25], [0.25, 0.05], horizon=10, period=2e-3)
     return {"arrival": steps.arrival}
-""",
+"""
     ),
 }
 
@@ -229,14 +236,7 @@ def tabulate(name: str, case: Case, results: Mapping[str, Mapping[str, Any]]) ->
     if seconds > GOAL * reference or any(worse for _, worse in values):
         notes.insert(0, "LOSS")
     return Row(
-        table=TABLE,
-        row=name,
-        column="times the seconds",
-        unit="",
-        ours=seconds / reference,
-        reference=GOAL,
-        source="goal",
-        note="; ".join(notes),
+        TABLE, name, "times the seconds", "", seconds / reference, reference=GOAL, source="goal", note="; ".join(notes)
     )
 
 
@@ -256,7 +256,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             try:
                 results = run_case(CASES[name], checkouts, Path(caches), settings.rounds)
             except RuntimeError as error:
-                rows.append(Row(table=TABLE, row=name, column="failed", unit="", ours=np.nan, note=f"LOSS; {error}"))
+                rows.append(Row(TABLE, name, "failed", "", np.nan, note=f"LOSS; {error}"))
             else:
                 rows.append(tabulate(name, CASES[name], results))
     report(sorted(rows, key=lambda row: not row.note.startswith("LOSS")), json_file=settings.json)

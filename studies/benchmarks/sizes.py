@@ -14,6 +14,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
+
 from studies.benchmarks.checkouts import ROOT
 from studies.reporting import Row, report, study_parser
 
@@ -146,40 +150,22 @@ def files_with_one_importer(imports: Imports) -> Iterator[str]:
 
 
 def circles(imports: Imports) -> list[tuple[str, ...]]:
-    """Return the groups of files that import each other, directly or by way of others (Tarjan 1972)."""
-    found: list[tuple[str, ...]] = []
-    number: dict[str, int] = {}
-    lowest: dict[str, int] = {}
-    stack: list[str] = []
-
-    def visit(name: str) -> None:
-        number[name] = lowest[name] = len(number)
-        stack.append(name)
-        for other in sorted(imports.get(name, ())):
-            if other not in number:
-                visit(other)
-                lowest[name] = min(lowest[name], lowest[other])
-            elif other in stack:
-                lowest[name] = min(lowest[name], number[other])
-        if lowest[name] == number[name]:
-            group = stack[stack.index(name) :]
-            del stack[stack.index(name) :]
-            if len(group) > 1:
-                found.append(tuple(sorted(group)))
-
-    for name in sorted(imports):
-        if name not in number:
-            visit(name)
-    return found
+    """Return the groups of files that import each other, directly or by way of others."""
+    names = sorted({*imports, *(other for others in imports.values() for other in others)})
+    place = {name: i for i, name in enumerate(names)}
+    edges = [(place[name], place[other]) for name, others in imports.items() for other in others]
+    graph = csr_array((np.ones(len(edges)), np.array(edges).reshape(-1, 2).T), shape=(len(names), len(names)))
+    groups: dict[int, list[str]] = defaultdict(list)
+    for name, label in zip(names, connected_components(graph, connection="strong")[1].tolist(), strict=True):
+        groups[label].append(name)
+    return sorted(tuple(group) for group in groups.values() if len(group) > 1)
 
 
 def tabulate(now: Sizes, before: Sizes | None) -> list[Row]:
     """Return all rows, with those of the checkout before as their reference."""
 
     def row(table: str, name: str, ours: float, former: float | None, note: str = "") -> Row:
-        return Row(
-            table=table, row=name, column="now", unit="", ours=ours, reference=former, source="before", note=note
-        )
+        return Row(table, name, "now", "", ours, reference=former, source="before", note=note)
 
     rows = []
     for table, part in (("lines", "lines"), ("lines of code", "code")):

@@ -192,15 +192,14 @@ def compare_chain(
     still = np.zeros_like(q)
     holding = np.array([peer.torques(arm, frozen, *each) for each in zip(q, still, still, strict=True)])
     moving = np.array([peer.torques(arm, frozen, *each) for each in zip(*state, strict=True)])
-    errors["gravity torque"] = _share(gravity_torques(arm, q), holding)
-    errors["inverse dynamics"] = _share(inverse_dynamics(arm, q, dq, ddq), moving)
+    for name, ours, theirs in (
+        ("gravity torque", gravity_torques(arm, q), holding),
+        ("inverse dynamics", inverse_dynamics(arm, q, dq, ddq), moving),
+    ):
+        errors[name] = float(np.abs(ours - theirs).max() / max(1.0, np.abs(theirs).max()))
     if any("; repaired" in notice for notice in arm.notices):
         del errors["inverse dynamics"]
     return errors, len(tree.links)
-
-
-def _share(ours: np.ndarray, theirs: np.ndarray) -> float:
-    return float(np.abs(ours - theirs).max() / max(1.0, np.abs(theirs).max()))
 
 
 def _without_inertias(text: str, arm: pk.Arm) -> str:
@@ -238,17 +237,13 @@ def compare_file(file: Path, tally: Tally, rng: np.random.Generator, leaves: int
             arm = pk.Arm.from_urdf(file, **options, zero_limits="unlimited", repair_inertias=True)
             tally.repaired += 1
         if arm is None:
-            tally.refusals[_reason(refused[0])] += 1
+            # the subject of a fault, without its line and names
+            reason = re.sub(r"^(line \d+: )?((link|joint) '[^']*': )?|, got principal.*|;.*", "", refused[0])
+            tally.refusals[re.sub(r"'[^']*'", "...", reason)] += 1
             continue
         errors, links = compare_chain(text, arm, base or tree.above(tip)[-1], fixed, rng)
         tally.chains, tally.links = tally.chains + 1, tally.links + links
         tally.add(errors, f"{file.name}, {base or 'root'} to {tip}")
-
-
-def _reason(fault: str) -> str:
-    """Return the subject of a fault, without its line and names."""
-    text = re.sub(r"^(line \d+: )?((link|joint) '[^']*': )?|, got principal.*|;.*", "", fault)
-    return re.sub(r"'[^']*'", "...", text)
 
 
 def package_files(package: str) -> list[Path]:
@@ -261,39 +256,14 @@ def package_files(package: str) -> list[Path]:
 
 def tally_rows(name: str, tally: Tally) -> list[Row]:
     """Return the rows of a package."""
-    table = "URDFs against Pinocchio"
+    table, disagree = "URDFs against Pinocchio", "check_robot against from_urdf"
     counts = {"files": tally.files, "chains": tally.chains, "links": tally.links, "inertias repaired": tally.repaired}
-    rows = [Row(table=table, row=name, column=column, unit="", ours=value) for column, value in counts.items()]
-    rows += [
-        Row(
-            table=table,
-            row=name,
-            column=f"worst {quantity}",
-            unit=unit,
-            ours=tally.errors[quantity],
-            reference=GOAL,
-            source="goal",
-            note=tally.worst.get(quantity, ""),
-        )
-        for quantity, unit in QUANTITIES.items()
-    ]
-    refused = "check_robot against from_urdf"
-    rows.append(
-        Row(
-            table=refused,
-            row=name,
-            column="disagreements",
-            unit="",
-            ours=tally.disagreements,
-            reference=0,
-            source="goal",
-        )
-    )
-    rows += [
-        Row(table="refused chains", row=name, column=reason, unit="", ours=count)
-        for reason, count in tally.refusals.most_common()
-    ]
-    return rows
+    rows = [Row(table, name, column, "", value) for column, value in counts.items()]
+    for quantity, unit in QUANTITIES.items():
+        worst, note = tally.errors[quantity], tally.worst.get(quantity, "")
+        rows.append(Row(table, name, f"worst {quantity}", unit, worst, reference=GOAL, source="goal", note=note))
+    rows.append(Row(disagree, name, "disagreements", "", tally.disagreements, reference=0, source="goal"))
+    return rows + [Row("refused chains", name, reason, "", count) for reason, count in tally.refusals.most_common()]
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

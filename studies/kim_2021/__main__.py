@@ -6,7 +6,6 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -14,44 +13,31 @@ import numpy as np
 
 from paretoik.runs.distribution import Executor
 from studies.kim_2021.energies import posture_rows, postures, table_4
-from studies.kim_2021.exactness import linear_programs, many_starts, random_paths, symmetries
 from studies.kim_2021.fronts import (
     MECHANISMS,
-    TimeEnergy,
     drawn_fronts,
     race_fronts,
     race_rows,
     time_energy,
     time_energy_rows,
 )
+from studies.kim_2021.maxima import all_surrogates, polygon_rows, polygons, surrogate_rows
 from studies.kim_2021.one_posture import all_cases, drawn_postures, one_posture_rows
 from studies.kim_2021.pictures import draw
-from studies.kim_2021.polygons import polygon_rows, polygons
-from studies.kim_2021.racing import polygon_race, step_race
-from studies.kim_2021.sensitivity import MASSES, changes, floor_rows, nearest_rows, sensitivity_rows
-from studies.kim_2021.surrogates import all_surrogates, surrogate_rows
-from studies.kim_2021.trajectories import Trajectory, cheating, figure_8, trajectory
-from studies.kim_2021.without_jumps import straight_rows
+from studies.kim_2021.racing import many_starts, polygon_race, step_race
+from studies.kim_2021.trajectories import cheating, figure_8, trajectory
 from studies.processes import Result, run_each, workers_of
 from studies.reporting import Row, report, study_parser, tell
 
 
 @dataclass(frozen=True, kw_only=True)
 class Effort:
-    """Amount of work: degrees between base angles, positions per side, pieces of a path, rounds, steps.
+    """Amount of work: positions per side, samples and pieces of a path, starts, rounds, steps, points."""
 
-    Postures that do not jump are tried for one in ``every`` of the assumptions that are changed one by one.
-    """
-
-    angle: int = 30
-    masses: tuple[float, ...] = MASSES
     grid: int = 9
     samples: int = 200
     pieces: int = 24
     cell: float = 0.1
-    every: int = 1
-    random: int = 2000
-    paths: int = 1000
     starts: int = 12
     positions: int = 3
     rounds: int = 96
@@ -61,15 +47,10 @@ class Effort:
     moments: int = 17
     searches: int = 32
 
-    @property
-    def angles(self) -> list[float]:
-        """The base angles [degrees]."""
-        return [float(angle) for angle in range(-180, 180, self.angle)]
-
 
 QUICK = Effort(
-    angle=60, masses=(0.0, 0.5), grid=5, samples=50, pieces=8, cell=0.6, every=3, random=100, paths=50, starts=2,
-    positions=1, rounds=16, steps=20, shared=6, points=3, moments=9, searches=8,
+    grid=5, samples=50, pieces=8, cell=0.6, starts=2, positions=1, rounds=16, steps=20, shared=6, points=3, moments=9,
+    searches=8,
 )  # fmt: skip
 
 
@@ -89,10 +70,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def run_study(effort: Effort, folder: Path, executor: Executor | None = None) -> tuple[list[Row], list[Path]]:
     """Return all rows, and the pictures drawn into a folder; progress is printed on stderr."""
-    tell("Figures 5 and 6, and what they depend on")
+    tell("Figures 5 and 6")
     corners = polygons()
-    rows = polygon_rows(corners) + sensitivity_rows(angles=effort.angles) + floor_rows()
-    rows += nearest_rows(angles=effort.angles, masses=effort.masses)
+    rows = polygon_rows(corners)
     tell("Equation 5")
     models = all_surrogates(count=effort.grid)
     rows += [row for surrogates in models.values() for row in surrogate_rows(surrogates)]
@@ -103,40 +83,27 @@ def run_study(effort: Effort, folder: Path, executor: Executor | None = None) ->
     along = partial(postures, pieces=effort.pieces, cell=effort.cell)
     ways = {name: one for (name,), one in run_each(executor, _calls(along, trajectories)).items()}
     rows += posture_rows(ways, trajectories) + table_4(ways)
-    assumptions = islice(changes(angles=effort.angles), 0, None, effort.every)
-    rows += straight_rows(assumptions, pieces=effort.pieces // 2, cell=2 * effort.cell, executor=executor)
-    rows += exactness_rows(effort, trajectories, executor)
+    tell("IPOPT from many starts")
+    rows += many_starts(effort.starts, np.random.default_rng(0), positions=effort.positions, executor=executor)
     tell("one posture for two directions")
     shared = all_cases(effort.shared, executor=executor)
     rows += [row for one in shared for row in one_posture_rows(one)]
-    fronts, of_fronts = solve_fronts(effort, executor)
-    rows += of_fronts
+    tell("time against energy")
+    front = partial(time_energy, points=effort.points, starts=effort.searches, samples=effort.moments)
+    fronts = list(run_each(executor, _calls(front, {name: name for name in MECHANISMS})).values())
+    rows += [row for one in fronts for row in time_energy_rows(one)]
+    tell("the same with IPOPT")
+    race = partial(race_fronts, starts=effort.searches // 4, samples=effort.moments)
+    rows += [
+        row
+        for one in run_each(executor, _calls(race, {one.name: one for one in fronts})).values()
+        for row in race_rows(one)
+    ]
     tell("times of maxima and steps")
     rows += polygon_race(rounds=effort.rounds)
     rows += [row for one in trajectories.values() for row in step_race(one, steps=effort.steps)]
     pictures = draw(folder, corners, trajectories, ways)
     return rows, [*pictures, drawn_postures(folder, shared), drawn_fronts(folder, fronts)]
-
-
-def exactness_rows(effort: Effort, trajectories: dict[str, Trajectory], executor: Executor | None) -> list[Row]:
-    """Return the rows on the exactness of maxima and fastest paths."""
-    tell("exactness")
-    rng = np.random.default_rng(0)
-    rows = linear_programs(effort.random, rng) + symmetries(effort.random, rng)
-    rows += many_starts(effort.starts, rng, positions=effort.positions, executor=executor)
-    return rows + random_paths(trajectories, effort.paths, rng)
-
-
-def solve_fronts(effort: Effort, executor: Executor | None) -> tuple[list[TimeEnergy], list[Row]]:
-    """Return the fronts of time against energy, and their rows, with IPOPT's."""
-    tell("time against energy")
-    front = partial(time_energy, points=effort.points, starts=effort.searches, samples=effort.moments)
-    fronts = list(run_each(executor, _calls(front, {name: name for name in MECHANISMS})).values())
-    rows = [row for one in fronts for row in time_energy_rows(one)]
-    tell("the same with IPOPT")
-    race = partial(race_fronts, starts=effort.searches // 4, samples=effort.moments)
-    races = run_each(executor, _calls(race, {one.name: one for one in fronts}))
-    return fronts, rows + [row for one in races.values() for row in race_rows(one)]
 
 
 def _calls(function: Callable[[Any], Result], arguments: Mapping[str, Any]) -> dict[tuple[str], Callable[[], Result]]:

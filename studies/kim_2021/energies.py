@@ -7,7 +7,6 @@ that do not jump, and, as in its models, the directional maxima themselves, whic
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
@@ -15,16 +14,21 @@ from jaxtyping import Float
 import paretoik as pk
 from paretoik.capability.joint_capability import joint_speeds
 from paretoik.robot.dynamics import gravity_torques
-from studies.kim_2021.continuous import TIE, improve_profile, resolved
-from studies.kim_2021.profiles import Mechanism, Profile, evenly, lasting, refine_profile, wrap_angles
-from studies.kim_2021.setting import ENERGY_UNPRINTED, MECHANISMS, POSITIONS, actuation_of, beside_paper, paper
+from studies.kim_2021.maxima import ENERGY_UNPRINTED, MECHANISMS, POSITIONS, actuation_of, beside_paper, paper
+from studies.kim_2021.postures import (
+    Mechanism,
+    Profile,
+    evenly,
+    lasting,
+    resolved,
+    wrap_angles,
+)
 from studies.kim_2021.trajectories import Trajectory
 from studies.reporting import Row
 
 TABLE, JUMPING, SOONEST = "Table 4", "Table 4, by the maxima themselves", "postures along the trajectory of Figure 8"
 COLUMNS = {"JAM": (("joint 1", "joint 2", "joint 3"),), "DAM": (("s1", "s2", "s3"), ("s1b", "s2b", "s3b"))}
 EXCHANGED = "; the joints' work; a joint's two sliders may be exchanged, and their shares with them"
-LAZY = 1.0  # s/J: the price of work, for postures that arrive nearly as soon
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -53,38 +57,21 @@ class Driven:
         energies: np.ndarray = np.einsum("imj,i->mj", np.abs(self.efforts * self.speeds), self.lasting)
         return energies
 
-    @property
-    def apart(self) -> Float[np.ndarray, "pieces 2 3"]:
-        """Distance of each slider from where its own speed has brought it [m]."""
-        assert self.sliders is not None
-        travel = np.cumsum(self.speeds * self.lasting[:, None, None], axis=0)
-        distances: np.ndarray = self.sliders - self.sliders[0] - (travel - travel[0])
-        return distances
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Postures:
-    """A mechanism's ways along its trajectory: ``soonest`` without a jump, a ``lazy`` one, and ``maxima`` that jump.
+    """A mechanism's ways along its trajectory: ``soonest`` without a jump, and ``maxima`` that jump.
 
-    ``checked`` [s] is the time of the soonest with four times the samples, optimised again, ``following`` [s] the time
-    to pass through all maximising postures, ``straight`` [s] the soonest time on the straight line.
+    ``following`` [s] is the time to pass through all maximising postures, ``straight`` [s] the soonest time on the
+    straight line.
     """
 
     mechanism: str
     soonest: Profile
-    lazy: Profile
     driven: Driven
     maxima: Driven
-    checked: float
     following: float
     straight: float
-
-    @cached_property
-    def printed(self) -> dict[str, float]:
-        """The values of Table 4 [mJ]."""
-        return {
-            column: value for (table, row, column), value in paper().items() if (table, row) == (TABLE, self.mechanism)
-        }
 
 
 def postures(one: Trajectory, *, pieces: int, cell: float) -> Postures:
@@ -96,12 +83,8 @@ def postures(one: Trajectory, *, pieces: int, cell: float) -> Postures:
     return Postures(
         mechanism=one.mechanism,
         soonest=soonest,
-        lazy=resolved(mechanism, one.path, pieces=pieces, cell=cell, price=LAZY),
         driven=along_profile(mechanism, soonest),
         maxima=maxima,
-        checked=float(
-            improve_profile(mechanism, refine_profile(mechanism, soonest, evenly(one.path, 16 * pieces)), TIE).times[-1]
-        ),
         following=following,
         straight=float(other.times[-1]),
     )
@@ -116,7 +99,12 @@ def along_profile(mechanism: Mechanism, profile: Profile) -> Driven:
     if isinstance(motors, pk.capability.JointActuation):
         return Driven(lasting=seconds, q=q, efforts=torque[:, None], speeds=rate[:, None], sliders=None)
     capability = joint_speeds(motors, q, torque)
-    front = _steady(motors, q, np.where(rate >= 0, capability.front_high, capability.front_low))
+    front = np.where(rate >= 0, capability.front_high, capability.front_low)
+    assert np.array_equal(motors.front_bounds, motors.back_bounds)
+    back = motors.gears(q, front)[0]
+    for i in range(1, len(front)):  # front and back sliders do not swap: with equal bounds, both are equally good
+        swapped = np.abs(back[i] - front[i - 1]) < np.abs(front[i] - front[i - 1])
+        front[i] = np.where(swapped, back[i], front[i])
     back, *gears = motors.gears(q, front)
     ratios = np.stack(gears, axis=1)
     efforts = ratios * torque[:, None]
@@ -124,16 +112,6 @@ def along_profile(mechanism: Mechanism, profile: Profile) -> Driven:
     directions = np.sign(ratios) * highest  # both push the joint up at full speed: the diamond is even
     speeds = directions * (rate / (ratios * directions).sum(axis=1))[:, None]
     return Driven(lasting=seconds, q=q, efforts=efforts, speeds=speeds, sliders=np.stack([front, back], axis=1))
-
-
-def _steady(motors: pk.capability.DistributedActuation, q: np.ndarray, front: np.ndarray) -> np.ndarray:
-    """Return best front sliders that do not swap with back sliders: with equal bounds, both are equally good."""
-    assert np.array_equal(motors.front_bounds, motors.back_bounds)
-    back, sliders = motors.gears(q, front)[0], front.copy()
-    for i in range(1, len(sliders)):
-        swapped = np.abs(back[i] - sliders[i - 1]) < np.abs(front[i] - sliders[i - 1])
-        sliders[i] = np.where(swapped, back[i], front[i])
-    return sliders
 
 
 def along_maxima(mechanism: Mechanism, points: Float[np.ndarray, "n 2"]) -> tuple[Driven, float]:
@@ -165,67 +143,37 @@ def posture_rows(by_mechanism: dict[str, Postures], trajectories: dict[str, Traj
         claimed, possible, soonest = trajectories[name].run.arrival, trajectories[name].possible, one.soonest.times[-1]
         prefix = "LOSS: " if soonest > 1.01 * claimed else ""
         note = f"{prefix}{100 * (soonest / claimed - 1):+.1f} % relative to the arrival by ellipses, {claimed:.4g} s"
-        fast = np.rad2deg(np.abs(np.einsum("ij,i->ij", np.diff(one.maxima.q, axis=0), 1 / one.maxima.lasting[1:])))
+        fast = np.rad2deg(np.abs(np.diff(one.maxima.q, axis=0) / one.maxima.lasting[1:, None])).max(axis=0)
+        turning = (
+            f"one after the other; to keep up, joints would turn at up to {', '.join(f'{v:.0f}' for v in fast)} °/s"
+        )
         entries = [
             ("soonest, postures do not jump", soonest, note),
-            ("the same, four times the samples", one.checked, f"{len(one.soonest.times)} samples above"),
             ("by exact maxima, postures free to jump", possible, ""),
-            (
-                "through the maximising postures",
-                one.following,
-                f"one after the other; to keep up, joints would turn at up to {_list(fast.max(axis=0))} °/s",
-            ),
+            ("through the maximising postures", one.following, turning),
             ("soonest on the straight line", one.straight, "postures do not jump"),
         ]
         rows += [beside_paper((SOONEST, name, column), "s", value, note) for column, value, note in entries]
     first, second = (by_mechanism[name].soonest.times[-1] for name in MECHANISMS)
     prefix = "LOSS: DAM is later" if second > first else ""
-    rows.append(beside_paper((SOONEST, "DAM beside JAM", "soonest"), "%", 100 * (second / first - 1), prefix))
-    return rows + _gear_rows(by_mechanism["DAM"])
-
-
-def _gear_rows(one: Postures) -> list[Row]:
-    """Return what instantaneous gears overlook: a slider that thrusts moves, and a moving one thrusts."""
-    driven = one.driven
-    assert driven.sliders is not None
-    by_gears = np.abs(np.diff(driven.sliders, axis=0)).sum(axis=0).max()
-    by_thrust = np.abs(driven.speeds * driven.lasting[:, None, None]).sum(axis=0).max()
-    note = f"gears go {1e3 * by_gears:.1f} mm at most, thrust alone {1e3 * by_thrust:.1f} mm: one slider cannot do both"
-    place = (SOONEST, "DAM", "a slider from where its thrust has brought it, at most")
-    return [beside_paper(place, "mm", 1e3 * np.abs(driven.apart).max(), note)]
+    return [*rows, beside_paper((SOONEST, "DAM beside JAM", "soonest"), "%", 100 * (second / first - 1), prefix)]
 
 
 def table_4(by_mechanism: dict[str, Postures]) -> list[Row]:
-    """Return the energy of every motor, for both kinds of postures, and how little least time binds them."""
+    """Return the energy of every motor, for both kinds of postures."""
     rows = []
     for table, what in ((TABLE, "driven"), (JUMPING, "maxima")):
         totals = []
         for name, one in by_mechanism.items():
             energy = 1e3 * getattr(one, what).energy
             totals.append(float(energy.sum()))
-            for names, values in zip(COLUMNS[name], energy, strict=True):
-                rows += [_energy(table, one, column, value) for column, value in zip(names, values, strict=True)]
-            rows.append(_energy(table, one, "total", totals[-1], EXCHANGED if name == "DAM" else ""))
-        share = 100 * (totals[1] / totals[0] - 1)
+            values = dict(zip(np.ravel(COLUMNS[name]).tolist(), energy.ravel(), strict=True)) | {"total": totals[-1]}
+            for column, ours in values.items():
+                printed = paper()[TABLE, name, column]
+                more = EXCHANGED if (name, column) == ("DAM", "total") else ""
+                note = f"{100 * (ours / printed - 1):+.0f} %{more}; {ENERGY_UNPRINTED}"
+                rows.append(Row(table, name, column, "mJ", ours, reference=printed, note=note))
+        share, printed = 100 * (totals[1] / totals[0] - 1), paper()[TABLE, "DAM beside JAM", "total"]
         note = f"{'LOSS: DAM takes more; ' if share > 0 else ''}{ENERGY_UNPRINTED}"
-        printed = paper()[TABLE, "DAM beside JAM", "total"]
-        rows.append(
-            Row(table=table, row="DAM beside JAM", column="total", unit="%", ours=share, reference=printed, note=note)
-        )
-    for name, one in by_mechanism.items():
-        late = 100 * (one.lazy.times[-1] / one.soonest.times[-1] - 1)
-        saved = 100 * (1 - one.lazy.work.sum() / one.soonest.work.sum())
-        note = f"{late:+.2f} % time, {saved:.1f} % less work: least time leaves the energy open"
-        place = (TABLE, name, f"total with work at {LAZY:g} s/J")
-        rows.append(beside_paper(place, "mJ", 1e3 * one.lazy.work.sum(), note))
+        rows.append(Row(table, "DAM beside JAM", "total", "%", share, reference=printed, note=note))
     return rows
-
-
-def _energy(table: str, one: Postures, column: str, ours: float, more: str = "") -> Row:
-    printed = one.printed[column]
-    note = f"{100 * (ours / printed - 1):+.0f} %{more}; {ENERGY_UNPRINTED}"
-    return Row(table=table, row=one.mechanism, column=column, unit="mJ", ours=ours, reference=printed, note=note)
-
-
-def _list(values: np.ndarray) -> str:
-    return ", ".join(f"{value:.0f}" for value in values)

@@ -6,8 +6,10 @@ Sliders need time to reach their places, which maxima of an instant do not count
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 
@@ -21,9 +23,9 @@ from paretoik.pareto.scalarisation import COLD_OPTIONS as COLD
 from paretoik.review.palette import PAPER
 from paretoik.robot import kinematics
 from problems.kim_2021 import START, TARGET
-from studies.kim_2021.motion_program import motion_program
-from studies.kim_2021.setting import ENERGY_UNPRINTED
-from studies.kim_2021.setting import paper as printed
+from studies.kim_2021.ipopt_programs import motion_program
+from studies.kim_2021.maxima import ENERGY_UNPRINTED
+from studies.kim_2021.maxima import paper as printed
 from studies.reporting import Row, drawing
 
 MECHANISMS: dict[str, Callable[[], pk.capability.JointActuation | pk.capability.DistributedActuation]] = {
@@ -112,100 +114,61 @@ def race_fronts(one: TimeEnergy, *, starts: int, samples: int) -> Race:
             started = perf_counter()
             end = minimise(own_program, z[None], np.array([weights]), options=COLD.barrier)
             middle = perf_counter()
-            _, values, success = program.solved(program.start(problem, genes[k]), weights)
+            _, values, success = program.solved(program.start(genes[k]), weights)
             seconds[:, e, k] = middle - started, perf_counter() - middle
             sums[0, e, k] = end.objectives[0] @ weights if end.converged[0] else np.nan
             sums[1, e, k] = np.dot(weights, values) if success else np.nan
     gained = []
     for row, value in zip(np.array(one.front.genes), one.front.objectives, strict=True):
-        _, values, success = program.solved(program.start(problem, row), ENDS[1], value[0])
+        _, values, success = program.solved(program.start(row), ENDS[1], value[0])
         gained.append(max(0.0, 1.0 - values[1] / value[1]) if success else 0.0)
     return Race(name=one.name, ours=sums[0], theirs=sums[1], seconds=seconds, gained=np.array(gained))
 
 
 def race_rows(one: Race) -> list[Row]:
     """Return the costs and results of both searches."""
-    rows = []
+    row, rows = partial(Row, RACED, one.name, source="CasADi + IPOPT"), []
     for e, what in enumerate(("soonest", "least work")):
         ours, theirs = one.ours[e], one.theirs[e]
         best = np.nanmin(np.concatenate([ours, theirs]))
         worse = float(np.nanmin(ours) / best - 1.0)
-        note = (
+        ended = (
             f"of {len(ours)} starts {np.isfinite(ours).sum()} end, IPOPT's {np.isfinite(theirs).sum()}; the best of "
-            f"all is reached by {np.sum(ours <= best * (1 + SAME))} and {np.sum(theirs <= best * (1 + SAME))}"
         )
+        reached = f"all is reached by {np.sum(ours <= best * (1 + SAME))} and {np.sum(theirs <= best * (1 + SAME))}"
         prefix = "LOSS: " if worse > SAME else ""
-        rows.append((f"{what}: our best above the best of both", "", worse, None, prefix + note))
+        rows.append(row(f"{what}: our best above the best of both", "", worse, note=prefix + ended + reached))
         mine, other = 1e3 * np.median(one.seconds[:, e], axis=1)
-        rows.append((f"{what}: one search", "ms", mine, other, f"{mine / other:.2f} times CasADi + IPOPT"))
+        note = f"{mine / other:.2f} times CasADi + IPOPT"
+        rows.append(row(f"{what}: one search", "ms", float(mine), reference=float(other), note=note))
     largest = float(one.gained.max())
-    prefix = "LOSS: " if largest > SAME else ""
-    rows.append(
-        ("what IPOPT gains in work from our front, at most", "", largest, None, f"{prefix}{len(one.gained)} points")
-    )
-    return [
-        Row(
-            table=RACED,
-            row=one.name,
-            column=column,
-            unit=unit,
-            ours=float(value),
-            reference=beside,
-            source="CasADi + IPOPT",
-            note=note,
-        )
-        for column, unit, value, beside, note in rows
-    ]
+    note = f"{'LOSS: ' if largest > SAME else ''}{len(one.gained)} points"
+    return [*rows, row("what IPOPT gains in work from our front, at most", "", largest, note=note)]
 
 
 def time_energy_rows(one: TimeEnergy) -> list[Row]:
     """Return a front's ends, its certificates, and the paper's point."""
-    certificates, values = one.front.certificates, one.front.objectives
+    certificates, values, row = one.front.certificates, one.front.objectives, partial(Row, TABLE, one.name)
     assert certificates is not None
-    statuses = ", ".join(
-        f"{np.sum(certificates.status == status)} {status}" for status in np.unique(certificates.status)
-    )
-    mechanism = one.name[:3]
-    paper = printed()["Figure 8", mechanism, "arrival"], printed()["Table 4", mechanism, "total"]
-    fits = one.bound <= values[0, 0] * (1 + COARSE)
-    late = one.again[np.isfinite(one.again)]
-    rows = [
-        ("soonest", "s", values[0, 0], paper[0], f"with {1e3 * values[0, 1]:.4g} mJ; the paper's is of instants"),
-        (
-            "its path by maxima of an instant",
-            "s",
-            one.bound,
-            None,
-            "no more" if fits else "LOSS: more than the soonest",
-        ),
-        ("least work", "mJ", 1e3 * values[-1, 1], None, f"in {values[-1, 0]:.4g} s"),
-        (
-            "work in the paper's time",
-            "mJ",
-            1e3 * one.within,
-            paper[1],
-            ENERGY_UNPRINTED if np.isfinite(one.within) else "LOSS: none as soon was found",
-        ),
-        (
-            "critical points",
-            f"of {len(values)}",
-            float(np.sum(certificates.criticality <= CRITICAL)),
-            None,
-            f"{statuses}; criticality at most {certificates.criticality.max():.1e}, limits violated by "
-            f"{certificates.violation.max():.1e} at samples",
-        ),
-        (
-            f"timed anew, {AGAIN} times finer: longer by, at most",
-            "%",
-            100 * late.max(initial=0.0),
-            None,
-            f"in the median {100 * np.median(late) if len(late) else np.nan:.2g} %; in {len(values) - len(late)} of "
-            f"{len(values)} motors are overloaded between samples, by {max(0.0, one.overload.max()):.2%} at most",
-        ),
-    ]
+    counts = Counter(certificates.status.tolist())
+    statuses = ", ".join(f"{count} {status}" for status, count in sorted(counts.items()))
+    arrival, total = printed()["Figure 8", one.name[:3], "arrival"], printed()["Table 4", one.name[:3], "total"]
+    fits = "no more" if one.bound <= values[0, 0] * (1 + COARSE) else "LOSS: more than the soonest"
+    critical, late = float(np.sum(certificates.criticality <= CRITICAL)), one.again[np.isfinite(one.again)]
+    residuals = f"criticality at most {certificates.criticality.max():.1e}, limits violated by "
+    residuals += f"{certificates.violation.max():.1e} at samples"
+    slower = f"in the median {100 * np.median(late) if len(late) else np.nan:.2g} %; in {len(values) - len(late)} of "
+    slower += f"{len(values)} motors are overloaded between samples, by {max(0.0, one.overload.max()):.2%} at most"
+    instants = f"with {1e3 * values[0, 1]:.4g} mJ; the paper's is of instants"
+    soon = ENERGY_UNPRINTED if np.isfinite(one.within) else "LOSS: none as soon was found"
+    again = f"timed anew, {AGAIN} times finer: longer by, at most"
     return [
-        Row(table=TABLE, row=one.name, column=column, unit=unit, ours=float(ours), reference=beside_it, note=note)
-        for column, unit, ours, beside_it, note in rows
+        row("soonest", "s", float(values[0, 0]), reference=arrival, note=instants),
+        row("its path by maxima of an instant", "s", one.bound, note=fits),
+        row("least work", "mJ", 1e3 * float(values[-1, 1]), note=f"in {values[-1, 0]:.4g} s"),
+        row("work in the paper's time", "mJ", 1e3 * one.within, reference=total, note=soon),
+        row("critical points", f"of {len(values)}", critical, note=f"{statuses}; {residuals}"),
+        row(again, "%", 100 * float(late.max(initial=0.0)), note=slower),
     ]
 
 

@@ -11,8 +11,7 @@ from matplotlib.figure import Figure
 
 from paretoik.review.palette import PAPER
 from studies.kim_2021.energies import Driven, Postures
-from studies.kim_2021.polygons import Polygons
-from studies.kim_2021.setting import POSITIONS
+from studies.kim_2021.maxima import POSITIONS, Polygons
 from studies.kim_2021.trajectories import Trajectory
 from studies.reporting import drawing
 

@@ -11,9 +11,8 @@ from paretoik.capability.geodesic import FastestPath, fastest_path, path_time
 from paretoik.capability.speed_models import SpeedModel
 from paretoik.capability.time_optimal import Formulation, Plan, Planner, TimeOptimalRun, time_optimal_control
 from paretoik.errors import ParetoikError
-from studies.kim_2021.profiles import evenly
-from studies.kim_2021.setting import MECHANISMS, POSITIONS, UNPRINTED, beside_paper, paper, speeds
-from studies.kim_2021.surrogates import AS_PAPER, Surrogates
+from studies.kim_2021.maxima import AS_PAPER, MECHANISMS, POSITIONS, UNPRINTED, Surrogates, beside_paper, paper, speeds
+from studies.kim_2021.postures import evenly
 from studies.reporting import Row
 
 TABLE, CHEATING = "Figure 8", "Equation 6 as printed, one plan of ten pieces from p4"
@@ -103,70 +102,47 @@ def sag(points: Float[np.ndarray, "n 2"]) -> float:
 
 
 def figure_8(trajectories: dict[str, Trajectory]) -> list[Row]:
-    """Return arrivals and sags, the oracle's, and the model's errors in seconds."""
-    rows = []
-    for one in trajectories.values():
-        rows += _one(one)
-    rows += _paper_pipeline(trajectories)
-    arrivals = [trajectories[mechanism].run.arrival for mechanism in MECHANISMS]
-    share = 100 * (arrivals[1] / arrivals[0] - 1)
-    rows.append(beside_paper((TABLE, "DAM beside JAM", "arrival"), "%", share, f"who is sooner {UNPRINTED}"))
-    exact = [trajectories[mechanism].possible for mechanism in MECHANISMS]
-    note = "by exact maxima along each one's trajectory, not by ellipses"
-    place = (TABLE, "DAM beside JAM", "arrival, exact maxima")
-    return [*rows, beside_paper(place, "%", 100 * (exact[1] / exact[0] - 1), note)]
-
-
-def _paper_pipeline(trajectories: dict[str, Trajectory]) -> list[Row]:
-    """Return the results of the paper's own model: polynomials (a, b, c) fitted to its nine positions."""
-    rows, arrivals = list[Row](), list[float]()
+    """Return arrivals and sags, the oracle's, the model's errors in seconds, and the paper's own pipeline's."""
+    rows = [row for one in trajectories.values() for row in _arrival_rows(one)]
+    arrivals = {True: list[float](), False: list[float]()}  # by whether the model is the paper's own
     for name, one in trajectories.items():
+        # polynomials (a, b, c) fitted to the paper's nine positions
         printed, run, row = paper()[TABLE, name, "arrival"], one.paper_model, f"{name}, {AS_PAPER}"
-        arrivals.append(np.nan if run is None else run.arrival)
+        arrivals[True].append(np.nan if run is None else run.arrival)
+        arrivals[False].append(one.run.arrival)
         note = one.paper_fault
         if run is not None:
             note = (
                 f"{100 * (run.arrival / printed - 1):+.1f} %, by ellipsoids on the grid {one.run.arrival:.4g} s; its "
-                f"ellipses are {100 * (run.arrival / one.paper_possible - 1):+.1f} % off on this path"
             )
-        rows.append(_beside(row, "arrival", "s", arrivals[-1], printed, note))
-        down = np.nan if run is None else sag(references(run))
+            note += f"ellipses are {100 * (run.arrival / one.paper_possible - 1):+.1f} % off on this path"
+        rows.append(Row(TABLE, row, "arrival", "s", arrivals[True][-1], reference=printed, note=note))
+        down, column = np.nan if run is None else sag(references(run)), "sag at x = 150 mm"
         note = UPWARDS if down < 0 else UNPRINTED
-        rows.append(_beside(row, "sag at x = 150 mm", "mm", down, paper()[TABLE, name, "sag at x = 150 mm"], note))
-    printed = paper()[TABLE, "DAM beside JAM", "arrival"]
-    share = 100 * (arrivals[1] / arrivals[0] - 1)
-    note = f"who is sooner, and by how much, {UNPRINTED}"
-    return [*rows, _beside(f"DAM beside JAM, {AS_PAPER}", "arrival", "%", share, printed, note)]
+        rows.append(Row(TABLE, row, column, "mm", down, reference=paper()[TABLE, name, column], note=note))
+    for is_paper, (first, second) in arrivals.items():
+        row = "DAM beside JAM" + (f", {AS_PAPER}" if is_paper else "")
+        printed, note = paper()[TABLE, "DAM beside JAM", "arrival"], f"who is sooner, and by how much, {UNPRINTED}"
+        rows.append(Row(TABLE, row, "arrival", "%", 100 * (second / first - 1), reference=printed, note=note))
+    first, second = (trajectories[mechanism].possible for mechanism in MECHANISMS)
+    place, note = (TABLE, "DAM beside JAM", "arrival, exact maxima"), "along each one's trajectory, not by ellipses"
+    return [*rows, beside_paper(place, "%", 100 * (second / first - 1), note)]
 
 
-def _beside(row: str, column: str, unit: str, ours: float, printed: float, note: str) -> Row:
-    return Row(table=TABLE, row=row, column=column, unit=unit, ours=float(ours), reference=printed, note=note)
-
-
-def _one(one: Trajectory) -> list[Row]:
-    model, name = one.surrogates.models["ellipsoids"], one.mechanism
-    printed = {what: paper()[TABLE, name, what] for what in ("arrival", "sag at x = 150 mm")}
-    down = sag(one.path)
-    straight = path_time(model, np.stack([START, TARGET]))
-    arrival_note = (
-        f"{100 * (one.run.arrival / printed['arrival'] - 1):+.1f} %; its plant is the model: it keeps to the reference"
-    )
-    sag_note = UNPRINTED if down > 0 else UPWARDS
-    true = one.geodesic.duration
-    exact = f"ellipses are {100 * (one.run.arrival / one.possible - 1):+.1f} % off on this path; postures free to jump"
+def _arrival_rows(one: Trajectory) -> list[Row]:
+    model, name, arrival = one.surrogates.models["ellipsoids"], one.mechanism, one.run.arrival
+    down, true, ends = sag(one.path), one.geodesic.duration, np.stack([START, TARGET])
+    straight, later = path_time(model, ends), 100 * (arrival / paper()[TABLE, name, "arrival"] - 1)
+    exact = f"ellipses are {100 * (arrival / one.possible - 1):+.1f} % off on this path; postures free to jump"
+    keeps, again = "its plant is the model: it keeps to the reference", "by the same model; arrival is of whole periods"
     entries = [
-        ("arrival", "s", one.run.arrival, arrival_note),
-        ("sag at x = 150 mm", "mm", down, sag_note),
+        ("arrival", "s", arrival, f"{later:+.1f} %; {keeps}"),
+        ("sag at x = 150 mm", "mm", down, UNPRINTED if down > 0 else UPWARDS),
         ("fastest path, 100 pieces", "s", true, f"sag {sag(one.geodesic.points):.2f} mm"),
-        (
-            "trajectory, re-timed finely",
-            "s",
-            path_time(model, one.path),
-            "by the same model; arrival is of whole periods",
-        ),
+        ("trajectory, re-timed finely", "s", path_time(model, one.path), again),
         ("straight line", "s", straight, f"{100 * (straight / true - 1):+.2f} % relative to the fastest path"),
         ("trajectory, by exact maxima", "s", one.possible, exact),
-        ("straight line, by exact maxima", "s", possible_time(name, np.stack([START, TARGET]), 100), ""),
+        ("straight line, by exact maxima", "s", possible_time(name, ends, 100), ""),
     ]
     return [beside_paper((TABLE, name, column), unit, value, note) for column, unit, value, note in entries]
 

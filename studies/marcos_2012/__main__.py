@@ -8,15 +8,21 @@ from collections.abc import Sequence
 
 from paretoik.runs.distribution import Executor
 from problems.marcos_2012 import STEPS
-from studies.marcos_2012.collisions import collision_rows
-from studies.marcos_2012.loops import CellLoop, cells, find_starts, follow_all
 from studies.marcos_2012.pictures import draw
 from studies.marcos_2012.starts import start_rows
-from studies.marcos_2012.tables import oracle_rows, reproduced_rows, spread_rows, table_rows, time_rows, warm_rows
+from studies.marcos_2012.tables import (
+    CellLoop,
+    cells,
+    find_starts,
+    follow_all,
+    oracle_rows,
+    reproduced_rows,
+    table_rows,
+    time_rows,
+    warm_rows,
+)
 from studies.processes import processes
 from studies.reporting import Row, report, study_parser, tell
-
-QUICK_STEPS = 200  # of the loop with bounded steps
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -47,18 +53,10 @@ def _follow(executor: Executor, *, quick: bool, seed: int) -> tuple[list[CellLoo
     seconds = time.perf_counter() - started
     rows = [*table_rows(loops), *reproduced_rows(loops), *oracle_rows(loops)]
     if not quick:
-        tell("the influence of the start, and seeds")
-        rows += [*start_rows(), *spread_rows(postures, executor=executor)]
+        tell("the influence of the start")
+        rows += start_rows()
     tell("warm starts")
     rows += warm_rows(postures, seed=seed, executor=executor)
-    printed = [
-        (f"{one.cell.arm}, {one.cell.row}", one.run)
-        for one in loops
-        if one.cell.blocked and one.cell.weight in (0.0, 0.5)
-    ]
-    tell("steps of bounded length")
-    steps = QUICK_STEPS if quick else STEPS
-    rows += collision_rows(printed, postures, steps=steps, seed=seed, executor=executor)
     return loops, rows + time_rows(loops, seconds)
 
 

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from paretoik.review.palette import PAPER
 from paretoik.review.pictures.fronts import stroboscopic
 from problems.marcos_2012 import DISTANCES
-from studies.marcos_2012.loops import Cell, CellLoop
+from studies.marcos_2012.tables import Cell, CellLoop
 from studies.reporting import drawing
 
 MOTIONS = {False: (2, 3), True: (6, 7)}  # figures of arms and joints, by whether there are obstacles

@@ -11,15 +11,12 @@ sweep of ε as the paper has them. With the printed weight of Eq. 14, 0.01, the 
 where limits cannot be satisfied; ten times that weight finds the optima of our plans.
 
 ============== ========================================================================================================
-simulations    the five problems with either arm, planned; Tables 5 and 6 and the statements of section 4.2
+simulations    the five problems with either arm, planned; Tables 5 and 6, section 4.2; the paper's numbers
 validation     the calculus of variations against the planner; Table 4
 extremals      the calculus of variations, from given postures
-shooting       the same, both ends free
 published      the search as published; Eqs. 9 to 14 and 17
 candidates     the value of more candidates; Figure 1
-trade_off      kinetic energy against torque norm; Figure 14
-sweeps         the front as published, ε as an equality or an upper bound; Eqs. 21 and 22
+trade_off      kinetic energy against torque norm; Figure 14; the front as published; Eqs. 21 and 22
 pictures       Figures 1 and 3 to 14
-reported       the paper's numbers
 ============== ========================================================================================================
 """

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 
 from paretoik.runs.distribution import Executor
@@ -13,12 +13,10 @@ from studies.tringali_2020.candidates import Decline, declines, figure_1
 from studies.tringali_2020.pictures import draw
 from studies.tringali_2020.published import published_rows
 from studies.tringali_2020.simulations import MASSES, NUMBERS, Simulation, line_rows, motion_rows, simulate, tables
-from studies.tringali_2020.sweeps import sweep_rows
-from studies.tringali_2020.trade_off import TradeOff, figure_14, solve_trade_off
+from studies.tringali_2020.trade_off import TradeOff, figure_14, solve_trade_off, sweep_rows
 from studies.tringali_2020.validation import bound_row, match_optima, table_4
 
 FINE = 0.006  # rad: of the grid oracle's nodes
-FINER = "simulation 1, more samples"
 
 
 def run_study(
@@ -27,21 +25,22 @@ def run_study(
     points: int,
     candidates: int,
     seeds: int,
-    finer: int | None,
     bounded: bool = True,
     rehearsed: bool = True,
     executor: Executor | None = None,
 ) -> tuple[list[Row], dict[str, list[Simulation]], list[Decline], list[TradeOff]]:
     """Return all rows, and the data of the pictures: simulations, declines and trade-offs of both arms.
 
-    ``starts`` per plan, ``points`` of the front, ``candidates`` and ``seeds`` of Figure 1, and a number of samples for
-    repeating Table 4. ``bounded``: all motions are bounded from below, on a fine grid. ``rehearsed``: times are taken
-    with everything compiled. Without an executor this process computes, as for timing.
+    ``starts`` per plan, ``points`` of the front, ``candidates`` and ``seeds`` of Figure 1. ``bounded``: all motions are
+    bounded from below, on a fine grid. ``rehearsed``: times are taken with everything compiled. Without an executor
+    this process computes, as for timing.
     """
     tell("simulations")
     plan = partial(simulate, starts=starts, rehearsed=rehearsed)
-    simulations, refined = plan_simulations(plan, finer, executor)
-    rows = simulation_rows(simulations, refined, bounded, executor)
+    plans = {(masses, f"simulation {k}"): partial(plan, k, masses) for masses in MASSES for k in NUMBERS}
+    planned = run_each(executor, plans)
+    simulations = {masses: [planned[masses, f"simulation {k}"] for k in NUMBERS] for masses in MASSES}
+    rows = simulation_rows(simulations, bounded, executor)
     tell("a line of 0.40 m")
     rows += _all(run_each(executor, {(m,): partial(line_rows, own, starts=starts) for m, own in simulations.items()}))
     tell("the search as published")
@@ -57,25 +56,11 @@ def run_study(
     return rows + _all(run_each(executor, sweeps)), simulations, decline_curves, trades
 
 
-def plan_simulations(
-    plan: Callable[..., Simulation], finer: int | None, executor: Executor | None
-) -> tuple[dict[str, list[Simulation]], dict[str, Simulation]]:
-    """Return all simulations by masses as ``plan(number, masses)`` makes them, and the first with a finer path."""
-    plans = {(masses, f"simulation {k}"): partial(plan, k, masses) for masses in MASSES for k in NUMBERS}
-    if finer is not None:
-        plans |= {(masses, FINER): partial(plan, 1, masses, samples=finer) for masses in MASSES}
-    planned = run_each(executor, plans)
-    simulations = {masses: [planned[masses, f"simulation {k}"] for k in NUMBERS] for masses in MASSES}
-    return simulations, {masses: planned[masses, FINER] for masses in MASSES if finer is not None}
-
-
-def simulation_rows(
-    simulations: dict[str, list[Simulation]], refined: dict[str, Simulation], bounded: bool, executor: Executor | None
-) -> list[Row]:
+def simulation_rows(simulations: dict[str, list[Simulation]], bounded: bool, executor: Executor | None) -> list[Row]:
     """Return the rows of Table 4, of bounds if asked for, and of every simulation's table and motion."""
     tell("Table 4")
     names = match_optima(simulations["fitted"][0])
-    tables_4 = {(m,): partial(table_4, own[0], names, refined.get(m)) for m, own in simulations.items()}
+    tables_4 = {(m,): partial(table_4, own[0], names) for m, own in simulations.items()}
     rows = _all(run_each(executor, tables_4))
     if bounded:
         tell("bounds on all motions")
@@ -100,9 +85,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     with workers_of(options.cluster) as executor:
         run = partial(run_study, executor=executor)
         if options.quick:
-            results = run(starts=24, points=8, candidates=3000, seeds=3, finer=None, bounded=False)
+            results = run(starts=24, points=8, candidates=3000, seeds=3, bounded=False)
         else:
-            results = run(starts=48, points=20, candidates=round(10**4.5), seeds=12, finer=401)
+            results = run(starts=48, points=20, candidates=round(10**4.5), seeds=12)
     rows, simulations, decline_curves, trades = results
     names = match_optima(simulations["fitted"][0])
     report(rows, json_file=options.json)

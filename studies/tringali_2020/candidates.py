@@ -13,8 +13,7 @@ from paretoik.runs.distribution import Executor
 from paretoik.task.starts import rollout_starts
 from studies.processes import run_each
 from studies.reporting import Row
-from studies.tringali_2020.reported import LOW, beside, paper
-from studies.tringali_2020.simulations import MASSES, as_printed, with_arm
+from studies.tringali_2020.simulations import LOW, MASSES, as_printed, beside, paper, with_arm
 
 SAMPLES = 13
 FITTED_FROM = SAMPLES * 3  # candidates: the number of parameters, at which the paper's line begins

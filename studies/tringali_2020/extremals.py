@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from scipy.interpolate import CubicSpline
 
 from paretoik.arrays import JointPaths
@@ -29,14 +29,10 @@ from paretoik.task.validation import START_TOLERANCE
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Extremal:
-    """Motions of stationary kinetic energy, and their velocities, which ``motion.dq`` only approximates.
-
-    ``minimum`` says which satisfy Jacobi's condition, and are therefore local minima; None if it was not tested.
-    """
+    """Motions of stationary kinetic energy, and their velocities, which ``motion.dq`` only approximates."""
 
     motion: Motion
     dq: JointPaths
-    minimum: Bool[np.ndarray, "*batch"] | None = None
 
     @property
     def energy(self) -> Float[np.ndarray, "*batch"]:
@@ -82,30 +78,17 @@ def integrate_extremal(
     q = starts_on_path(task, start)
     flat = q.reshape(-1, task.arm.dof)
     dq = equation.initial_rates(flat) if rates is None else _rates_along_path(equation, flat, q.shape, rates)
-    return follow_equation(equation, flat, dq, tolerance, q.shape[:-1])
-
-
-def follow_equation(
-    equation: EquationOfMotion, q: np.ndarray, dq: np.ndarray, tolerance: float, shape: tuple[int, ...]
-) -> Extremal:
-    """Return the motions from postures and velocities (motions, dof); raise Infeasible if one is incomplete."""
-    task = equation.task
-    paths, rates = integrate_paths(equation, q, dq, tolerance)
-    _check_complete(task, paths)
-    whole = (*shape, len(task.times), task.arm.dof)
-    return Extremal(motion=task.motion(paths.reshape(whole)), dq=rates.reshape(whole))
-
-
-def _check_complete(task: MotionTask, q: Float[np.ndarray, "motions time dof"]) -> None:
-    complete = np.isfinite(q).all(axis=2)
-    if complete.all():
-        return
-    motion = int(np.argmin(complete.all(axis=1)))
-    sample = max(0, int(np.argmin(complete[motion])) - 1)
-    where = f"motion {motion} runs into a singularity past sample {sample} ({task.times[sample]:.3g} s)"
-    jacobian = task_errors(task.arm, task.tasks, q[motion, sample], task.targets[sample])[1]
-    condition = f"{np.linalg.cond(jacobian):.3g}" if np.isfinite(jacobian).all() else "infinite"
-    raise Infeasible(f"variational: {where}, where the Jacobian's condition number is {condition}")
+    paths, velocities = integrate_paths(equation, flat, dq, tolerance)
+    complete = np.isfinite(paths).all(axis=2)
+    if not complete.all():
+        number = int(np.argmin(complete.all(axis=1)))
+        sample = max(0, int(np.argmin(complete[number])) - 1)
+        where = f"motion {number} runs into a singularity past sample {sample} ({task.times[sample]:.3g} s)"
+        jacobian = task_errors(task.arm, task.tasks, paths[number, sample], task.targets[sample])[1]
+        condition = f"{np.linalg.cond(jacobian):.3g}" if np.isfinite(jacobian).all() else "infinite"
+        raise Infeasible(f"variational: {where}, where the Jacobian's condition number is {condition}")
+    whole = (*q.shape[:-1], len(task.times), task.arm.dof)
+    return Extremal(motion=task.motion(paths.reshape(whole)), dq=velocities.reshape(whole))
 
 
 def _rates_along_path(

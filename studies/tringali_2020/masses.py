@@ -17,8 +17,7 @@ from scipy.optimize import least_squares
 import paretoik as pk
 from paretoik.robot.arms import TRINGALI_MASSES
 from studies.reporting import Row, report, study_parser, tell
-from studies.tringali_2020.reported import paper
-from studies.tringali_2020.simulations import as_printed, with_arm
+from studies.tringali_2020.simulations import as_printed, paper, with_arm
 from studies.tringali_2020.validation import PAPERS_OPTIMA
 
 FITTED = (1, 2, 3, 5)  # simulations; with some masses simulation 4 has no motion within its torque limits
@@ -117,30 +116,14 @@ def fit_masses(*, starts: int = 24) -> tuple[np.ndarray, np.ndarray, np.ndarray]
 
 def mass_rows(masses: np.ndarray, errors: np.ndarray, stored_errors: np.ndarray) -> list[Row]:
     """Return the fitted masses with those of the library, and the errors of both for every number."""
-    rows = [
-        Row(
-            table="masses that fit the paper's numbers best",
-            row=f"link {k}",
-            column="mass",
-            unit="kg",
-            ours=float(mass),
-            reference=stored,
-            source=STORED,
-            note=f"Table 1 prints {TRINGALI_MASSES['printed'][k - 1]} kg",
-        )
-        for k, (mass, stored) in enumerate(zip(masses, TRINGALI_MASSES["fitted"], strict=True), start=1)
-    ]
+    rows, library = [], zip(masses, TRINGALI_MASSES["fitted"], TRINGALI_MASSES["printed"], strict=True)
+    for k, (mass, stored, printed) in enumerate(library, start=1):
+        place, note = ("masses that fit the paper's numbers best", f"link {k}", "mass", "kg"), f"Table 1: {printed} kg"
+        rows.append(Row(*place, float(mass), reference=stored, source=STORED, note=note))
     for (table, row, column), error, stored in zip(PLACES, errors, stored_errors, strict=True):
+        title = "errors that these masses leave of the paper's numbers"
         rows.append(
-            Row(
-                table="errors that these masses leave of the paper's numbers",
-                row=f"{table}, {row}",
-                column=column,
-                unit="%",
-                ours=100 * float(error),
-                reference=100 * float(stored),
-                source=STORED,
-            )
+            Row(title, f"{table}, {row}", column, "%", 100 * float(error), reference=100 * float(stored), source=STORED)
         )
     return rows
 

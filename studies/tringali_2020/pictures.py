@@ -15,8 +15,7 @@ from paretoik.review.palette import PAPER
 from paretoik.review.pictures.fronts import stroboscopic
 from studies.reporting import drawing
 from studies.tringali_2020.candidates import FITTED_FROM, Decline
-from studies.tringali_2020.reported import paper
-from studies.tringali_2020.simulations import Simulation
+from studies.tringali_2020.simulations import Simulation, paper
 from studies.tringali_2020.trade_off import TradeOff, hull
 
 JOINTS = ("#0072bd", "#c92a2a", "#e0a100")  # blue, red and yellow, as in the paper
@@ -182,13 +181,7 @@ def _front(figure: Figure, trade_off: TradeOff) -> None:
     corners = front.objectives[hull(front)]
     axes.plot(*corners.T, color=PAPER.quiet, linestyle="--", linewidth=0.9, label="convex hull: all that weights find")
     axes.plot(
-        x,
-        y,
-        color=PAPER.accents[1],
-        linestyle="none",
-        marker="o",
-        markersize=5,
-        label=f"{len(front)} certified points",
+        x, y, color=PAPER.accents[1], linestyle="none", marker="o", markersize=5, label=f"{len(front)} certified points"
     )
     for simulation, marker in ((2, "s"), (3, "D")):
         place = [paper()["Table 5", f"simulation {simulation}", what] for what in ("kinetic energy", "torque norm")]

@@ -32,8 +32,7 @@ from paretoik.trajectory.transcription import motion_program
 from problems import tringali_2021
 from studies.processes import run_each
 from studies.reporting import Row, tell
-from studies.tringali_2020.reported import paper
-from studies.tringali_2020.simulations import THEIRS, Simulation
+from studies.tringali_2020.simulations import THEIRS, Simulation, paper
 
 TABLE = "Section 3.1, the search as published"
 
@@ -164,16 +163,11 @@ def _published_rows(simulations: Sequence[Simulation], *, seed: int, options: Se
         searches = [search_as_published(simulation.problem, q, penalty, options) for penalty in penalties]
         rows += [_reached(simulation, search) for search in searches]
         table = "Table 6" if task.cyclic else "Table 5"
+        note = f"candidates and {options.runs} runs, derivatives exact; {THEIRS}"
+        reference = paper()[table, simulation.name, "time"]
+        title = f"{TABLE}, {simulation.masses} masses"
         rows.append(
-            Row(
-                table=f"{TABLE}, {simulation.masses} masses",
-                row=simulation.name,
-                column="time",
-                unit="s",
-                ours=seconds + searches[0].seconds,
-                reference=paper()[table, simulation.name, "time"],
-                note=f"candidates and {options.runs} runs, derivatives exact; {THEIRS}",
-            )
+            Row(title, simulation.name, "time", "s", seconds + searches[0].seconds, reference=reference, note=note)
         )
     return rows
 
@@ -189,13 +183,7 @@ def _reached(simulation: Simulation, search: PublishedSearch) -> Row:
             f"{search.solutions.violation.min():.2f} of a range at least"
         )
     penalised = f", k_JL = {search.penalty:g}" if "position" in simulation.problem.task.bounds else ""
-    return Row(
-        table=f"{TABLE}, {simulation.masses} masses",
-        row=simulation.name,
-        column=f"optima reached{penalised}",
-        unit="",
-        ours=len(search.values),
-        reference=len(simulation.plan.optima),
-        source="planned",
-        note=f"{end}; bends of the best ranked of {search.candidates} candidates: {bends}",
-    )
+    title, column = f"{TABLE}, {simulation.masses} masses", f"optima reached{penalised}"
+    note = f"{end}; bends of the best ranked of {search.candidates} candidates: {bends}"
+    ours, planned = len(search.values), len(simulation.plan.optima)
+    return Row(title, simulation.name, column, "", ours, reference=planned, source="planned", note=note)

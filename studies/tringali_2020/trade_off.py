@@ -7,13 +7,17 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
 
 import paretoik as pk
+from paretoik.front.indicators import hypervolume, non_dominated
+from paretoik.nlp.minimise import minimise
+from paretoik.pareto.sweep import OPTIONS
+from paretoik.task.motion_task import MotionTask
 from paretoik.task.self_motion import branch_labels
+from paretoik.trajectory.transcription import motion_program
 from studies.reporting import Row
-from studies.tringali_2020.reported import beside, paper
-from studies.tringali_2020.simulations import as_printed, machine, with_arm
+from studies.tringali_2020.simulations import Simulation, as_printed, beside, machine, paper, with_arm
 
 TABLE = "Figure 14"
 OFF = 1e-3  # of the front's range: no weights find points farther above the hull
@@ -70,7 +74,7 @@ def figure_14(trade_off: TradeOff) -> list[Row]:
 
 def _row(masses: str, row: str, column: str, unit: str, ours: float, note: str, theirs: float | None = None) -> Row:
     table = beside(TABLE, masses, row, column, unit, ours).table
-    return Row(table=table, row=row, column=column, unit=unit, ours=ours, reference=theirs, note=note)
+    return Row(table, row, column, unit, ours, reference=theirs, note=note)
 
 
 def hull(front: pk.Front) -> list[int]:
@@ -94,3 +98,73 @@ def off_hull(front: pk.Front) -> Bool[np.ndarray, " points"]:
     corners = front.shares[hull(front)]
     below = np.interp(front.shares[:, 0], corners[:, 0], corners[:, 1])
     return np.asarray(front.shares[:, 1] > below + OFF)
+
+
+BEYOND = 0.1  # of the ranges, beyond the worse end: the reference point of the hypervolume
+LEFT_OPEN = 1e-6  # of the ranges: tolerance of solvers
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Sweep:
+    """The points of a sweep of ``levels`` for each objective, those that exist, and its seconds."""
+
+    objectives: Float[np.ndarray, "points 2"]
+    levels: int
+    seconds: float
+
+
+def sweep(
+    task: MotionTask,
+    starts: Float[np.ndarray, "starts time dof"],
+    ends: Float[np.ndarray, "2 2"],
+    *,
+    levels: int,
+    equality: bool,
+) -> Sweep:
+    """Return the best of each objective with the other below, or equal to, each of ``levels`` ε between its ends.
+
+    ``ends`` are the objectives (one row each) of each one's own optimum.
+    """
+    begin, ranges = time.perf_counter(), np.ptp(ends, axis=0)
+    program, points = motion_program(task, ranges), list[np.ndarray]()
+    x = np.tile(starts, (levels, 1, 1))
+    for main, other in ((0, 1), (1, 0)):
+        epsilon = np.linspace(ends[other, other], ends[main, other], levels + 1)[1:] / ranges[other]
+        rows = np.eye(2)[[other, other]] * [[1.0], [-1.0]]  # F ≤ ε, −F ≤ −ε
+        bounds = np.stack([epsilon, -epsilon if equality else np.full(levels, np.inf)], axis=1)
+        solutions = minimise(
+            program, x, np.eye(2)[[main]], np.repeat(bounds, len(starts), axis=0), OPTIONS.warm, rows=rows
+        )
+        for of_level in np.arange(len(x)).reshape(levels, -1):
+            converged = of_level[solutions.converged[of_level]]
+            if len(converged):
+                best = converged[np.argmin(solutions.objectives[converged, main])]
+                points.append(solutions.objectives[best] * ranges)
+    return Sweep(objectives=np.array(points).reshape(-1, 2), levels=levels, seconds=time.perf_counter() - begin)
+
+
+def sweep_rows(simulations: list[Simulation], trade_off: TradeOff, *, points: int) -> list[Row]:
+    """Return the hypervolume of one arm's sweeps with ε as bound and as equality, and our front's."""
+    alone = simulations[1:3]  # the optima of either objective within the same limits
+    task = with_arm(as_printed("energy_torque"), trade_off.masses).task
+    ends = np.array([[float(each(one.motion)) for each in task.objectives] for one in alone])
+    starts = np.concatenate([np.stack([optimum.motion.q for optimum in one.plan.optima]) for one in alone])
+    ranges, worst = np.ptp(ends, axis=0), ends.max(axis=0)
+
+    def share(F: np.ndarray) -> float:
+        return hypervolume(F / ranges, worst / ranges + BEYOND)
+
+    rows, ours = [], share(trade_off.front.objectives)
+    for name, equality in (("below", False), ("equal", True)):
+        swept = sweep(task, starts, ends, levels=points // 2, equality=equality)
+        F, count = swept.objectives, 2 * swept.levels
+        dominated = len(F) - int(non_dominated(F / ranges, LEFT_OPEN).sum())
+        note = (
+            f"{100 * (share(F) / ours - 1):+.2f} % relative to our {len(trade_off.front)} points; "
+            f"{len(F)} of {count} solved, {dominated} of them dominated or repeated; {swept.seconds:.2f} s"
+            + ("; Eqs. 21 and 22 as printed" if equality else "")
+        )
+        table = f"{TABLE}, {trade_off.masses} masses"
+        row = f"{count} evenly spaced ε, {name}"
+        rows.append(Row(table, row, "hypervolume", "", share(F), reference=ours, source="ours", note=note))
+    return rows

@@ -8,18 +8,15 @@ import numpy as np
 
 import paretoik as pk
 from paretoik.task.retraction import normal_directions, retract_nearest
-from paretoik.task.self_motion import branch_labels
 from paretoik.trajectory.grid_oracle import grid_oracle
 from paretoik.trajectory.plan import Optimum
 from studies.reporting import Row
 from studies.tringali_2020.extremals import Extremal, integrate_extremal
-from studies.tringali_2020.reported import beside, paper
-from studies.tringali_2020.shooting import shoot_extremals
-from studies.tringali_2020.simulations import Simulation
+from studies.tringali_2020.simulations import Simulation, beside, paper
 
 TABLE = "Table 4"
 PAPERS_OPTIMA = ("optimum 1", "optimum 2", "optimum 3")
-INTEGRATED, FREED = 1e-7, 1e-8  # tolerances: finer ones give the same digits
+INTEGRATED = 1e-7  # tolerance: finer ones give the same digits
 MOVED = np.linspace(-0.02, 0.02, 41)  # rad: of a start along the self-motion
 
 
@@ -49,12 +46,8 @@ def name_optima(optima: Sequence[Optimum], names: Mapping[str, str]) -> dict[str
     return dict(sorted(first.items())) | further
 
 
-def table_4(simulation: Simulation, names: Mapping[str, str], finer: Simulation | None = None) -> list[Row]:
-    """Return the rows of one arm: the paper's optima (``names`` by their bends), then others.
-
-    ``finer``, the same simulation at more samples, adds the difference there, and the motions of Eq. 20 with a free
-    start.
-    """
+def table_4(simulation: Simulation, names: Mapping[str, str]) -> list[Row]:
+    """Return the rows of one arm: the paper's optima (``names`` by their bends), then others."""
     optima = name_optima(simulation.plan.optima, names)
     starts = _starts(list(optima.values()))
     right = integrate_extremal(simulation.problem.task, starts, tolerance=INTEGRATED)
@@ -63,23 +56,18 @@ def table_4(simulation: Simulation, names: Mapping[str, str], finer: Simulation 
     for k, (name, optimum) in enumerate(optima.items()):
         rows[name] = _optimum_rows(simulation, name, optimum, right, wrong, k)
         rows[name] += _moved_start_rows(simulation, name, optimum)
-    if finer is not None:
-        for row in _finer_rows(simulation.masses, finer, names) + _free_start_rows(simulation, optima, starts):
-            rows.setdefault(row.row, []).append(row)
     return [row for several in rows.values() for row in several]
 
 
 def bound_row(simulation: Simulation, *, resolution: float | None) -> Row:
     """Return a bound on all motions, by the grid oracle, and the best planned value."""
     oracle, best = grid_oracle(simulation.problem.task, resolution=resolution), simulation.plan.best.objective
+    note = (
+        f"the best planned is within {1 - oracle.lower_bound / best:.1%} of the best of all; nodes "
+        f"{oracle.resolution:.2g} rad apart, the best way through them {oracle.best / best - 1:+.2%}"
+    )
     return Row(
-        table=f"{TABLE}, {simulation.masses} masses",
-        row="all motions",
-        column="bound from below",
-        unit="J s",
-        ours=oracle.lower_bound,
-        note=f"the best planned is within {1 - oracle.lower_bound / best:.1%} of the best of all; nodes "
-        f"{oracle.resolution:.2g} rad apart, the best way through them {oracle.best / best - 1:+.2%}",
+        f"{TABLE}, {simulation.masses} masses", "all motions", "bound from below", "J s", oracle.lower_bound, note=note
     )
 
 
@@ -111,10 +99,7 @@ def _optimum_rows(
         row("Nedungadi", "J s", energy, sampled),
         row("planner", "J s", optimum.objective, bends),
         row(
-            "mean |Δq|",
-            "rad",
-            float(difference.mean()),
-            f"largest {difference.max():.2g} rad; it depends on the start",
+            "mean |Δq|", "rad", float(difference.mean()), f"largest {difference.max():.2g} rad; it depends on the start"
         ),
         row("Nedungadi, sign as printed", "J s", other, sign),
     ]
@@ -141,34 +126,3 @@ def _moved_start_rows(simulation: Simulation, name: str, optimum: Optimum) -> li
     )
     note += f"{differences.min():.1e} rad, the least: a planner's start is not exactly the extremal's"
     return [beside(TABLE, simulation.masses, name, "start moved for the paper's mean |Δq|", "rad", moved, note)]
-
-
-def _finer_rows(masses: str, finer: Simulation, names: Mapping[str, str]) -> list[Row]:
-    """Return the mean difference at more samples."""
-    optima, samples = name_optima(finer.plan.optima, names), len(finer.problem.task.times)
-    extremal = integrate_extremal(finer.problem.task, _starts(list(optima.values())), tolerance=INTEGRATED)
-    column, note = f"mean |Δq|, {samples} samples", "falls with the step: what differs is the discretisation"
-    rows = []
-    for k, (name, optimum) in enumerate(optima.items()):
-        difference = float(np.abs(optimum.motion.q - extremal.motion.q[k]).mean())
-        rows.append(beside(TABLE, masses, name, column, "rad", difference, note))
-    return rows
-
-
-def _free_start_rows(simulation: Simulation, optima: Mapping[str, Optimum], starts: np.ndarray) -> list[Row]:
-    """Return the energies of the motions of Eq. 20 that leave no self-motion at their end."""
-    extremals, column, rows = (
-        shoot_extremals(simulation.problem.task, starts, tolerance=FREED),
-        "Nedungadi, start sought",
-        list[Row](),
-    )
-    bends = branch_labels(extremals.motion)
-    assert extremals.minimum is not None
-    for name, optimum in optima.items():
-        if optimum.label in bends:
-            k = bends.index(optimum.label)
-            energy = float(pk.kinetic_energy(extremals.motion[k]))
-            kind = "a minimum" if extremals.minimum[k] else "no minimum"
-            note = f"{100 * (energy / optimum.objective - 1):+.3f} % from the planner; {kind} by Jacobi's condition"
-            rows.append(beside(TABLE, simulation.masses, name, column, "J s", energy, note))
-    return rows

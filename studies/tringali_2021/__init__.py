@@ -15,10 +15,8 @@ Further rows: the spline through more than two samples ahead, which the paper le
 that of SciPy's SLSQP; the time of its window, and that of CasADi's SQP and FATROP, in the same run.
 
 ============== ========================================================================================================
-trajectories   the four trajectories by the three methods: Table 5, speeds, spectral radii
-reasons        why ours differ from the paper's
-readings       looking ahead by other readings of the paper
-circles        trajectory 2 along other circles
+trajectories   the four trajectories by the three methods: Table 5, speeds, spectral radii; why ours differ
+readings       looking ahead by other readings of the paper, trajectory 2 along other circles
 splines        quartic splines through three or more samples ahead
 real_time      an update's seconds, ours and SLSQP's
 peers          a window's seconds, ours and CasADi's solvers'

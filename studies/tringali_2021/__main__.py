@@ -9,9 +9,8 @@ from importlib.util import find_spec
 
 from studies.processes import processes, run_each
 from studies.reporting import Row, report, study_parser, tell
-from studies.tringali_2021.circles import circle_row
 from studies.tringali_2021.pictures import draw
-from studies.tringali_2021.readings import READINGS, named_reading_row
+from studies.tringali_2021.readings import READINGS, circle_row, named_reading_row
 from studies.tringali_2021.real_time import real_time_rows
 from studies.tringali_2021.splines import AHEAD, spline_rows
 from studies.tringali_2021.trajectories import (
@@ -22,7 +21,6 @@ from studies.tringali_2021.trajectories import (
     other_way_rows,
     resolve_trajectory,
     schedule_rows,
-    singularity_rows,
     table_5,
     text_rows,
 )
@@ -45,7 +43,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     rows = [row for one in trajectories for row in table_5(one)]
     for masses in MASSES:
         rows += other_way_rows(masses)
-    rows += [row for one in trajectories for row in text_rows(one)] + singularity_rows(trajectories)
+    rows += [row for one in trajectories for row in text_rows(one)]
     tell("trajectory 2 along other circles")
     rows.append(circle_row("fitted"))
     with processes(options.cluster) as executor:

@@ -112,15 +112,8 @@ def real_time_rows(*, rounds: int) -> list[Row]:
             prefix = "LOSS: " if goal is not None and middle / ours < goal else ""
             notes.append(f"{prefix}{middle / ours:.1f} times ours" + (f", goal {goal:g}" if goal else ""))
             notes.append(f"energies {'the same' if difference < SAME else 'apart'}, within {difference:.1e}")
-        rows.append(
-            Row(
-                table="an update, optimisation and spline, median",
-                row="four trajectories, fitted masses",
-                column=solver,
-                unit="ms",
-                ours=1e3 * middle,
-                reference=1e3 * paper()["Section 3.2", "an update", "seconds"],
-                note="; ".join(notes),
-            )
-        )
+        reference = 1e3 * paper()["Section 3.2", "an update", "seconds"]
+        table = "an update, optimisation and spline, median"
+        row = "four trajectories, fitted masses"
+        rows.append(Row(table, row, solver, "ms", 1e3 * middle, reference=reference, note="; ".join(notes)))
     return rows

@@ -71,11 +71,7 @@ def spline_energies(
 
 
 def spline_rows(
-    masses: str,
-    *,
-    numbers: tuple[int, ...] = NUMBERS,
-    ahead: tuple[int, ...] = AHEAD,
-    executor: Executor | None = None,
+    masses: str, *, numbers: tuple[int, ...] = NUMBERS, ahead: tuple[int, ...] = AHEAD, executor: Executor | None = None
 ) -> list[Row]:
     """Return how far each spline's energy is above the best of the three, along each trajectory and all of them."""
     calls = {(f"trajectory {number}",): partial(spline_energies, number, masses, ahead=ahead) for number in numbers}
@@ -86,17 +82,13 @@ def spline_rows(
     above["all"] = np.concatenate(list(above.values()))
     settings = f"h = {', '.join(map(str, ahead))}, each with ΔT = {' and '.join(f'{step:g} s' for step in STEPS)}"
     choice = "; the library's: its worst is the least" if above["all"].max(axis=0).argmin() == 0 else ""
-    return [
-        Row(
-            table=f"looking farther ahead, {masses} masses",
-            row=row,
-            column=f"energy above the best spline's, {name}",
-            unit="%",
-            ours=float(values[:, k].max()),
-            note=f"the worst; median {np.median(values[:, k]):.2f}, mean {values[:, k].mean():.2f}"
-            + (f": {', '.join(f'{value:.2f}' for value in values[:, k])}" if row != "all" else f"; {settings}")
-            + (choice if row == "all" and k == 0 else ""),
-        )
-        for row, values in above.items()
-        for k, name in enumerate(SPLINES)
-    ]
+    rows = []
+    for row, values in above.items():
+        for k, name in enumerate(SPLINES):
+            column = values[:, k]
+            note = f"the worst; median {np.median(column):.2f}, mean {column.mean():.2f}"
+            note += f"; {settings}" if row == "all" else f": {', '.join(f'{value:.2f}' for value in column)}"
+            note += choice if row == "all" and k == 0 else ""
+            what = f"energy above the best spline's, {name}"
+            rows.append(Row(f"looking farther ahead, {masses} masses", row, what, "%", float(column.max()), note=note))
+    return rows

@@ -21,12 +21,11 @@ A further method is a quadratic program in every step, ``ConstrainedQP``, with t
 satisfies all limits from all starts, and says if they leave no way on. Figures 6, 7, 10 and 11, and the same of the
 program, are drawn from the start with the compared method's errors nearest to print.
 
-Further rows: the time of 200 parameter sets, and the fronts of both methods' parameters by search.
+Further rows: the fronts of both methods' parameters by search.
 
 ============== ========================================================================================================
 methods        the methods of both tables, and their motions from all starts
-tables         Tables 2 and 3, limits, and seconds
-events         the text's statements on the figures: times of singularities, of jumps, and of limits
+tables         Tables 2 and 3, limits, seconds; the text's statements on the figures: times of their events
 pictures       Figures 6, 7, 10 and 11
 fronts         the fronts of either method's parameters, 31 seeds
 ============== ========================================================================================================

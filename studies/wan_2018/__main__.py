@@ -7,11 +7,10 @@ from collections.abc import Sequence
 
 from studies.processes import processes
 from studies.reporting import report, study_parser, tell
-from studies.wan_2018.events import event_rows
 from studies.wan_2018.fronts import comparison_rows
 from studies.wan_2018.methods import resolve_table
 from studies.wan_2018.pictures import draw
-from studies.wan_2018.tables import euler_rows, running_time_rows, speed_row, table_rows
+from studies.wan_2018.tables import euler_rows, event_rows, running_time_rows, table_rows
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -32,8 +31,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     tell("events of the figures")
     rows += event_rows(tables)
     rows += [row for resolved in tables for row in running_time_rows(resolved, rounds=rounds)]
-    rows += [speed_row(rounds=rounds), *fronts]
-    report(rows, json_file=options.json)
+    report([*rows, *fronts], json_file=options.json)
     print(f"{len(draw(options.out, tables))} pictures in {options.out}", file=sys.stderr)
 
 

@@ -35,12 +35,7 @@ def search_front(family: str, seed: int, *, population: int, generations: int, j
 
 
 def comparison_rows(
-    *,
-    seeds: int,
-    population: int = 24,
-    generations: int = 15,
-    judged_starts: int = 3,
-    executor: Executor | None = None,
+    *, seeds: int, population: int = 24, generations: int = 15, judged_starts: int = 3, executor: Executor | None = None
 ) -> list[Row]:
     """Return indicators of both families' fronts, medians over seeds, and whether they differ."""
     search = {"population": population, "generations": generations, "judged_starts": judged_starts}
@@ -55,11 +50,11 @@ def comparison_rows(
     compared = {name: _compare(name, measure, fronts) for name, measure in _indicators(fronts).items()}
     return [
         Row(
-            table=f"fronts of WGPM beside GPM, {seeds} seeds, {population * generations} evaluations each",
-            row="path of section 3.2",
-            column=f"{name}, median",
-            unit="",
-            ours=each.ours,
+            f"fronts of WGPM beside GPM, {seeds} seeds, {population * generations} evaluations each",
+            "path of section 3.2",
+            f"{name}, median",
+            "",
+            each.ours,
             reference=each.theirs,
             source="GPM",
             note=f"from {judged_starts} starts each: {_verdict(each, p)}",

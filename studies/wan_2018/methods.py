@@ -15,16 +15,7 @@ from paretoik.runs.distribution import Executor
 from paretoik.task.starts import sample_postures
 from paretoik.task.validation import motion_task
 from problems import wan_2018
-from problems.wan_2018 import (
-    BAND,
-    BUFFER,
-    DAMPING,
-    FEEDBACK,
-    GAIN_POSITIONS,
-    GAIN_VELOCITIES,
-    REGION,
-    REPULSION,
-)
+from problems.wan_2018 import BAND, BUFFER, DAMPING, FEEDBACK, GAIN_POSITIONS, GAIN_VELOCITIES, REGION, REPULSION
 from studies.processes import run_each
 from studies.reporting import paper_numbers, tell
 
@@ -106,11 +97,7 @@ def path_of(table: str, euler: str = wan_2018.EULER) -> pk.Path:
 def start_postures(path: pk.Path, count: int, *, seed: int = 0) -> np.ndarray:
     """Return postures (postures, 7) of the first pose, within the limits, from a number of random ones."""
     arm = pk.arms.wan_7r()
-    task = motion_task(
-        arm,
-        path,
-        objectives=[pk.joint_travel],
-    )
+    task = motion_task(arm, path, objectives=[pk.joint_travel])
     candidates = sample_postures(task, count, np.random.default_rng(seed))
     turned = (candidates + np.pi) % (2 * np.pi) - np.pi
     lower, upper = arm.position_limits.T

@@ -11,8 +11,8 @@ import numpy as np
 from paretoik.resolution.protocol import ResolvedMotion
 from paretoik.review.palette import PAPER
 from studies.reporting import drawing
-from studies.wan_2018.events import EVENTS, least_weight
 from studies.wan_2018.methods import AXES, Resolved, axis_errors, paper
+from studies.wan_2018.tables import EVENTS, least_weight
 
 TIMES = {event.column for events in EVENTS.values() for event in events if event.measure is not least_weight}
 JOINTS = [f"joint {j + 1}" for j in range(7)]

@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import brentq
 
 import paretoik as pk
+from paretoik.resolution.kernels import clamping_weight
 from paretoik.resolution.protocol import ResolvedMotion
-from problems import wan_2018
+from problems.wan_2018 import BUFFER
 from studies.reporting import Row, tell
 from studies.wan_2018.methods import (
     AXES,
+    VARIANTS,
     Resolved,
     all_methods,
+    axis_errors,
     cut_short,
     error_distances,
     paper,
@@ -31,7 +36,6 @@ FOURTH = 3  # joint 4, counted from 0
 AT_LIMIT = 0.02  # share of its range: a joint nearer to a limit than this is at it
 FOLLOWED = 1e-3  # m, rad: errors of a motion that follows its path
 READINGS = ("ZYZ", "ZXZ", "ZYX", "XYZ", "zyx", "xyz")  # axes of Euler angles; capitals are intrinsic
-SETS, GOAL = 200, 0.3  # parameter sets, and seconds for all of them
 REASONS = {
     "Table 2": "the paper prints no start: these are all over the first pose's self-motion",
     "Table 3": "no start and no Euler angles are printed; by ZYZ few motions of GPM are singular (rows below)",
@@ -46,7 +50,6 @@ WORK = {
 def table_rows(resolved: Resolved) -> list[Row]:
     """Return medians over starts of the greatest errors, results on limits, and which method errs less."""
     rows = [row for name in resolved.motions for row in _error_rows(resolved, name)]
-    rows += [row for name in resolved.motions for row in _nearest_start_rows(resolved, name)]
     rows += [row for name, motion in resolved.motions.items() for row in _limit_rows(resolved.table, name, motion)]
     return rows + _comparison_rows(resolved)
 
@@ -57,35 +60,10 @@ def _error_rows(resolved: Resolved, name: str) -> list[Row]:
     for (axis, unit), column in zip(AXES.items(), errors.T, strict=True):
         low, middle, high = np.quantile(column, [0.25, 0.5, 0.75])
         printed = paper().get((resolved.table, axis, paper_name(name)))
-        rows.append(
-            Row(
-                table=f"{resolved.table}: greatest errors, medians over {len(errors)} starts",
-                row=axis,
-                column=name,
-                unit=unit,
-                ours=float(middle),
-                reference=printed,
-                note=f"quartiles {low:.2g} and {high:.2g}" + (f"; {REASONS[resolved.table]}" if printed else ""),
-            )
-        )
+        note = f"quartiles {low:.2g} and {high:.2g}" + (f"; {REASONS[resolved.table]}" if printed else "")
+        table = f"{resolved.table}: greatest errors, medians over {len(errors)} starts"
+        rows.append(Row(table, axis, name, unit, float(middle), reference=printed, note=note))
     return rows
-
-
-def _nearest_start_rows(resolved: Resolved, name: str) -> list[Row]:
-    """Return the greatest errors from the start with the baseline's nearest to print."""
-    errors = worst_errors(resolved.motions[name])[resolved.nearest_start()]
-    return [
-        Row(
-            table=f"{resolved.table}: greatest errors from the start nearest to the paper's",
-            row=axis,
-            column=name,
-            unit=unit,
-            ours=float(error),
-            reference=paper().get((resolved.table, axis, paper_name(name))),
-            note=f"the start is chosen by the errors of {resolved.baseline}, the figures are drawn from it",
-        )
-        for (axis, unit), error in zip(AXES.items(), errors, strict=True)
-    ]
 
 
 def euler_rows(table: str, *, population: int) -> list[Row]:
@@ -103,16 +81,14 @@ def euler_rows(table: str, *, population: int) -> list[Row]:
             continue
         motion = resolve_from(table, method, starts, euler)
         damped = (motion.traces.damping > 0).any(axis=1).mean()
-        rows.append(
-            Row(
-                table=f"{table}: Euler angles, which the paper does not name",
-                row=f"{euler}, {'intrinsic' if euler.isupper() else 'extrinsic'}",
-                column=f"{method}: distance of the nearest start's errors from those printed",
-                unit="",
-                ours=float(error_distances(table, method, motion).min()),
-                note=f"in logarithms, of 6 axes; {len(starts)} starts; {damped:.0%} of motions are damped in some step",
-            )
+        title, sense = (
+            f"{table}: Euler angles, which the paper does not name",
+            "intrinsic" if euler.isupper() else "extrinsic",
         )
+        column = f"{method}: distance of the nearest start's errors from those printed"
+        value = float(error_distances(table, method, motion).min())
+        note = f"in logarithms, of 6 axes; {len(starts)} starts; {damped:.0%} of motions are damped in some step"
+        rows.append(Row(title, f"{euler}, {sense}", column, "", value, note=note))
     return rows
 
 
@@ -134,36 +110,20 @@ def _limit_rows(table: str, name: str, motion: ResolvedMotion) -> list[Row]:
             "in some step; the paper's methods do not ask",
         ),
     }
-    return [
-        Row(
-            table=f"{table}: what becomes of limits, and of steps",
-            row=name,
-            column=column,
-            unit="share of starts",
-            ours=float(share.mean()),
-            note=note,
-        )
-        for column, (share, note) in shares.items()
-    ]
+    title, unit = f"{table}: what becomes of limits, and of steps", "share of starts"
+    return [Row(title, name, column, unit, float(share.mean()), note=note) for column, (share, note) in shares.items()]
 
 
 def _comparison_rows(resolved: Resolved) -> list[Row]:
     first = resolved.baseline
     errors = {name: worst_errors(motion) for name, motion in resolved.motions.items()}
-    return [
-        Row(
-            table=f"{resolved.table}: which errs less, from the same start",
-            row=f"{name} beside {first}",
-            column="less on its worst axis",
-            unit="share of starts",
-            ours=float((errors[name].max(axis=1) < errors[first].max(axis=1)).mean()),
-            note="; ".join(
-                f"{axis} {(errors[name][:, k] < errors[first][:, k]).mean():.0%}" for k, axis in enumerate(AXES)
-            ),
-        )
-        for name in errors
-        if name != first
-    ]
+    rows, title = list[Row](), f"{resolved.table}: which errs less, from the same start"
+    for name in (name for name in errors if name != first):
+        less, worst = errors[name] < errors[first], errors[name].max(axis=1) < errors[first].max(axis=1)
+        note = "; ".join(f"{axis} {share:.0%}" for axis, share in zip(AXES, less.mean(axis=0), strict=True))
+        column, value = "less on its worst axis", float(worst.mean())
+        rows.append(Row(title, f"{name} beside {first}", column, "share of starts", value, note=note))
+    return rows
 
 
 def running_time_rows(resolved: Resolved, *, rounds: int) -> list[Row]:
@@ -179,7 +139,7 @@ def running_time_rows(resolved: Resolved, *, rounds: int) -> list[Row]:
 
     def row(name: str, column: str, unit: str, ours: float, reference: float | None, note: str) -> Row:
         title = f"{table}: running time of one motion, {len(path.times)} samples, median of {rounds}"
-        return Row(table=title, row=name, column=column, unit=unit, ours=ours, reference=reference, note=note)
+        return Row(title, name, column, unit, ours, reference=reference, note=note)
 
     rows = [
         row(name, "time", "s", seconds, printed[name], MACHINE if printed[name] else "a program in each limited step")
@@ -200,38 +160,6 @@ def running_time_rows(resolved: Resolved, *, rounds: int) -> list[Row]:
     ]
 
 
-def speed_row(*, rounds: int) -> Row:
-    """Return the seconds of many parameter sets along the path of section 3.2."""
-    arm, path, rng = pk.arms.wan_7r(), wan_2018.experiment(), np.random.default_rng(0)
-    start = start_postures(path, 40)[0]
-    method = pk.methods.WeightedGradientProjection(
-        criteria=[
-            pk.methods.Criterion(
-                objective=pk.velocity_limit_nearness, gain=10.0 ** rng.uniform(-4, -1, SETS), reference=7.0
-            )
-        ],
-        feedback=rng.uniform(20.0, 150.0, SETS),
-        buffer=rng.uniform(0.05, 0.45, SETS),
-        repulsion=rng.uniform(0.1, 6.0, SETS),
-        band=rng.uniform(0.05, 0.45, SETS),
-        variant="paper",
-    )
-    resolve = partial(pk.resolve, arm, path, method, start=start, unreachable="track")
-    elapsed, damped = _seconds({"": resolve}, rounds)[""], float((resolve().traces.status != "done").mean())
-    middle = float(np.median(elapsed))
-    return Row(
-        table="parameter sets at once",
-        row=f"{SETS} sets, {len(path.times)} samples",
-        column="WGPM, as printed",
-        unit="s",
-        ours=middle,
-        reference=GOAL,
-        source="goal",
-        note=f"{'LOSS: ' if middle > GOAL else ''}goal; median of {rounds}, from {min(elapsed):.3f} to "
-        f"{max(elapsed):.3f} s; {damped:.0%} of steps damped or cut short",
-    )
-
-
 def _seconds(calls: Mapping[str, Callable[[], object]], rounds: int) -> dict[str, list[float]]:
     """Return the seconds of every call in several rounds, alternating, after a round that is not counted."""
     elapsed: dict[str, list[float]] = {name: [] for name in calls}
@@ -242,3 +170,119 @@ def _seconds(calls: Mapping[str, Callable[[], object]], rounds: int) -> dict[str
             call()
             elapsed[name].append(time.perf_counter() - clock)
     return {name: seconds[1:] for name, seconds in elapsed.items()}
+
+
+SECOND = 1  # joint 2, counted from 0
+UNKNOWN_START = "no start is printed, and a duration that fits these times is ours"
+IN_REACH = "no start and no Euler angles are printed; by ZYZ few motions of GPM are singular (rows below)"
+BUFFERS = "no start is printed; from most of ours a joint is in its buffer, which lowers the singular values"
+
+
+def first_damped(motion: ResolvedMotion) -> np.ndarray:
+    """Return the time (motions,) of the first damped step [s]; NaN without one."""
+    damped = motion.traces.damping > 0
+    return np.where(damped.any(axis=1), motion.time[..., 0, :][damped.argmax(axis=1)], np.nan)
+
+
+def last_damped(motion: ResolvedMotion) -> np.ndarray:
+    """Return the time (motions,) of the last damped step [s]; NaN without one."""
+    damped = motion.traces.damping[:, ::-1] > 0
+    return np.where(damped.any(axis=1), motion.time[..., 0, :][:-1][::-1][damped.argmax(axis=1)], np.nan)
+
+
+def worst_position(motion: ResolvedMotion) -> np.ndarray:
+    """Return the time (motions,) of the greatest position error [s]."""
+    return np.asarray(motion.time[0][np.linalg.norm(axis_errors(motion)[..., :3], axis=-1).argmax(axis=1)])
+
+
+def nearest_limit(motion: ResolvedMotion) -> np.ndarray:
+    """Return the time (motions,) at which joint 2 is nearest to a position limit [s]."""
+    lower, upper = motion.arm.position_limits[SECOND]
+    q = motion.q[..., SECOND]
+    return np.asarray(motion.time[0][np.minimum(q - lower, upper - q).argmin(axis=1)])
+
+
+def greatest_jump(motion: ResolvedMotion) -> np.ndarray:
+    """Return the time (motions,) of the largest velocity change of a joint, relative to its limit [s]."""
+    jumps = np.abs(np.diff(motion.traces.velocities, axis=1)) / motion.arm.velocity_limits
+    return np.asarray(motion.time[0][1 + jumps.max(axis=2).argmax(axis=1)])
+
+
+def least_weight(motion: ResolvedMotion) -> np.ndarray:
+    """Return the least clamping weight (motions,) of joint 2."""
+    return np.asarray(motion.traces.weights[..., SECOND].min(axis=1))
+
+
+class Event(NamedTuple):
+    """An event of a figure, its measure, and why ours differs."""
+
+    figure: str
+    column: str
+    measure: Callable[[ResolvedMotion], np.ndarray]
+    reason: str
+
+
+EVENTS = {
+    "WLN": (
+        Event("Figure 6", "first damped step", first_damped, UNKNOWN_START),
+        Event("Figure 6", "greatest position error", worst_position, UNKNOWN_START),
+    ),
+    "GPM": (
+        Event("Figure 10", "joint 2 nearest its limit", nearest_limit, IN_REACH),
+        Event("Figure 10", "greatest jump of velocities", greatest_jump, IN_REACH),
+    ),
+    "WGPM": (
+        Event("Figure 11", "joint 2 nearest its limit", nearest_limit, IN_REACH),
+        Event("Figure 11", "least weight of joint 2", least_weight, ""),
+        Event("Figure 11", "first damped step", first_damped, BUFFERS),
+        Event("Figure 11", "last damped step", last_damped, BUFFERS),
+    ),
+}
+
+
+def event_rows(tables: Sequence[Resolved]) -> list[Row]:
+    """Return medians over starts, the numbers from the start nearest to the paper's, and the printed ones."""
+    rows = []
+    for resolved in tables:
+        for name, motion in resolved.motions.items():
+            method = "WGPM" if name in VARIANTS and resolved.table == "Table 3" else name
+            for event in EVENTS.get(method, ()):
+                values = event.measure(motion)
+                rows.append(_row(event, name, method, values, resolved.nearest_start()))
+        rows += _later_rows(resolved) if resolved.table == "Table 2" else []
+    return rows
+
+
+def _row(event: Event, name: str, method: str, values: np.ndarray, nearest: int) -> Row:
+    printed = paper()[event.figure, event.column, method]
+    reason = _depth_of_weight(printed) if event.measure is least_weight else event.reason
+    happens = values[np.isfinite(values)]
+    low, middle, high = np.quantile(happens, [0.25, 0.5, 0.75]) if len(happens) else (np.nan,) * 3
+    note = (
+        f"quartiles {low:.3g} and {high:.3g}, in {len(happens) / len(values):.0%} of motions, in those drawn "
+        f"{values[nearest]:.3g}; {reason}"
+    )
+    table = "events of the figures, medians over starts"
+    unit = "" if event.measure is least_weight else "s"
+    return Row(table, f"{event.figure}, {name}", event.column, unit, float(middle), reference=printed, note=note)
+
+
+def _depth_of_weight(weight: float) -> str:
+    """Return in words the depth in its buffer at which a joint has a clamping weight."""
+    depth = float(brentq(lambda d: clamping_weight(d) - weight, 0.01, 0.99))
+    return (
+        f"{weight} is that of a joint {depth:.0%} deep in its buffer, {BUFFER * (1 - depth):.0%} of its range from the "
+        "limit; no start is printed, and from ours it goes nearer, or not into its buffer"
+    )
+
+
+def _later_rows(resolved: Resolved) -> list[Row]:
+    first = first_damped(resolved.motions[resolved.baseline])
+    title, column = "events of the figures, medians over starts", f"singular later than by {resolved.baseline}"
+    note = "the paper: it is later; a joint in its buffer lowers the clamped Jacobian's singular values from the first "
+    note += "sample on"
+    rows = []
+    for name in VARIANTS:
+        later = float((np.nan_to_num(first_damped(resolved.motions[name]), nan=np.inf) > first).mean())
+        rows.append(Row(title, f"Figure 7, {name}", column, "share of starts", later, note=note))
+    return rows

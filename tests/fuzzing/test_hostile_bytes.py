@@ -6,7 +6,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from studies.benchmarks.reliability.fuzzing.corpus import CORPUS, TARGETS, inputs
+from studies.benchmarks.reliability.fuzzing.targets import CORPUS, TARGETS, inputs
 
 SEEDS = {name: dict(inputs(name)) for name in TARGETS}
 POOL = [b"", b"0", b"-1", b"nan", b"1e309", b"[]", b"{}", b"null", b"\xff", b"\xe2\x82\xac", b"x" * 300, b"../x", b"=x"]

@@ -9,7 +9,7 @@ from paretoik.pareto.sweep import Sweep
 from paretoik.task.retraction import retract_nearest
 from paretoik.trajectory.transcription import motion_program
 from problems import tringali_2020
-from studies.benchmarks.energy_torque import REFERENCE_POINT, reference_front
+from studies.benchmarks.reference_front import REFERENCE_POINT, reference_front
 
 
 @pytest.fixture(scope="module")

@@ -26,7 +26,7 @@ from paretoik.runs.files import (
     write_run,
 )
 from paretoik.runs.folder import LOCK, SPACE, ReservedSpace, claim_folder, lock_folder
-from studies.benchmarks.reliability.full_disk import namespaces_can_mount
+from studies.benchmarks.reliability.damage import namespaces_can_mount
 
 HOLDER = """
 import json, sys, time

@@ -35,7 +35,7 @@ def rows_of(study, folder, *options):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("study", ["marcos_2012", "tringali_2020", "benchmarks.energy_torque"])
+@pytest.mark.parametrize("study", ["marcos_2012", "tringali_2020"])
 def test_a_study_on_a_cluster_comes_to_the_same_rows(study, address, tmp_path):
     pictures = [] if "." in study else ["--out", str(tmp_path / "pictures")]
     alone = rows_of(study, tmp_path / "alone", *pictures)

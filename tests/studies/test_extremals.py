@@ -17,7 +17,6 @@ from paretoik.task.retraction import retract_nearest, task_errors
 from paretoik.task.self_motion import build_charts
 from paretoik.task.starts import sample_postures
 from studies.tringali_2020.extremals import integrate_extremal
-from studies.tringali_2020.shooting import shoot_extremals
 from tests.formulations.problems import panda
 from tests.task.test_starts import task_of
 
@@ -199,49 +198,6 @@ def test_gravity_plays_no_part_and_a_start_of_the_task_s_own_is_taken():
     np.testing.assert_allclose(extremal.motion.q, best().motion.q, atol=1e-9)
 
 
-@cache
-def shot():
-    task = paper(26)
-    near = [(-0.4, 0.55, 0.1), (0.0, 0.33, -0.75), (0.37, -0.7, 0.29), (-0.38, 0.5, 0.22)]
-    return task, shoot_extremals(task, led(task, near), tolerance=1e-6)
-
-
-def test_shooting_leaves_no_momentum_at_either_end_and_finds_each_motion_once():
-    task, extremals = shot()
-    np.testing.assert_allclose(extremals.motion.q[0, 0], BEST, atol=1e-4)
-    assert (np.diff(extremals.energy) > 0).all()
-    inertia, normal = (
-        dynamics.inertia_matrix(task.arm, extremals.motion.q),
-        build_charts(task, extremals.motion.q).null_space,
-    )
-    momentum = np.abs(np.einsum("mtd,mtde,mter->mt", extremals.dq, inertia, normal))
-    assert (momentum[:, [0, -1]].max(axis=1) < 1e-2 * momentum.max(axis=1)).all()
-
-
-def test_energy_rises_all_around_a_minimum_and_falls_somewhere_beside_a_saddle():
-    task, extremals = shot()
-    assert extremals.minimum.tolist() == [True, True, False]
-    around, steps = build_charts(task, extremals.motion.q), 1e-2 * np.array([-1.0, 0.0, 1.0])[:, None, None]
-    for i, minimum in enumerate(extremals.minimum):
-        rises = []
-        for shape in range(4):
-            y = steps * np.cos(shape * np.pi * task.times)[:, None]
-            energy = smooth_energy(task.motion(around.at(task, np.full(3, i), y)[0]))
-            rises.append(energy[0] + energy[2] - 2 * energy[1])
-        assert (min(rises) > 0) == minimum
-
-
-def test_shooting_takes_any_degree_of_redundancy():
-    arm = Arm.planar(lengths=[0.3] * 4, masses=[1.0] * 4, centers=[0.15] * 4, inertias=[0.01] * 4)
-    task = paper(26, arm=arm, ends=([0.7, 0.1], [0.65, 0.25]))
-    q = posture(task, 30)
-    promising = np.argsort(integrate_extremal(task, q, tolerance=1e-5).energy)[:1]
-    extremals = shoot_extremals(task, q[promising], tolerance=1e-6)
-    others = led(task, extremals.motion.q[0, 0] + 0.1 * np.random.default_rng(0).normal(size=(12, 4)))
-    assert extremals.minimum[0]
-    assert (integrate_extremal(task, others, tolerance=1e-6).energy > extremals.energy[0]).all()
-
-
 def test_a_motion_into_a_singularity_is_refused_with_sample_and_time():
     ends = ([0.3, 0.1], [0.6, 0.1])
     task = paper(21, ends=ends)
@@ -249,8 +205,6 @@ def test_a_motion_into_a_singularity_is_refused_with_sample_and_time():
     q = posture(task, 2)
     with pytest.raises(Infeasible, match=f"motion 0 runs into a singularity past sample {np.argmax(beyond) - 1} "):
         integrate_extremal(task, q, tolerance=1e-5)
-    with pytest.raises(Infeasible, match="shooting: no start led to a motion"):
-        shoot_extremals(task, q, tolerance=1e-5)
     stretched = paper(21, ends=([0.4895, 0.0], [0.3, 0.1]))
     with pytest.raises(Infeasible, match="motion 0 runs into a singularity past sample 0 "):
         integrate_extremal(stretched, np.zeros(3), tolerance=1e-5)

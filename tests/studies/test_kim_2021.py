@@ -13,18 +13,24 @@ from paretoik.capability.directional import unit_directions
 from paretoik.capability.geodesic import path_time
 from paretoik.robot.kinematics import forward_kinematics
 from studies.kim_2021 import __main__ as study
-from studies.kim_2021.continuous import continuous, resolved
 from studies.kim_2021.energies import along_profile, postures
-from studies.kim_2021.exactness import linear_programs, random_paths, symmetries
-from studies.kim_2021.full_program import full_program
-from studies.kim_2021.looking_ahead import looking_ahead, root
+from studies.kim_2021.ipopt_programs import looking_ahead, posture_program, root
+from studies.kim_2021.maxima import (
+    MECHANISMS,
+    POSITIONS,
+    actuation_of,
+    all_surrogates,
+    beside_paper,
+    grid,
+    paper,
+    polygon_rows,
+    polygons,
+    sample_maxima,
+    speeds,
+    surrogate_rows,
+)
 from studies.kim_2021.pictures import draw
-from studies.kim_2021.polygons import polygon_rows, polygons
-from studies.kim_2021.profiles import Mechanism, evenly, minimum_timing, refine_profile
-from studies.kim_2021.racing import PEERS
-from studies.kim_2021.sensitivity import Assumptions, floor_rows, gains
-from studies.kim_2021.setting import MECHANISMS, POSITIONS, actuation_of, beside_paper, paper, speeds
-from studies.kim_2021.surrogates import AS_PAPER, all_surrogates, surrogate_rows
+from studies.kim_2021.postures import Mechanism, continuous, evenly, minimum_timing
 from studies.kim_2021.trajectories import (
     START,
     TARGET,
@@ -32,10 +38,8 @@ from studies.kim_2021.trajectories import (
     fastest_plan,
     figure_8,
     possible_time,
-    references,
     trajectory,
 )
-from studies.kim_2021.without_jumps import straight_rows
 
 
 @pytest.fixture(scope="module")
@@ -73,36 +77,18 @@ def test_the_papers_totals_are_its_sums():
     assert beside_paper(("Figure 8", "JAM", "nothing"), "s", 1.0).reference is None
 
 
-def test_the_text_s_positions_are_in_the_grid():
-    for name, place in (("p4", (0.1, -0.15)), ("p5", (0.15, -0.15)), ("p6", (0.2, -0.15))):
-        assert POSITIONS[name] == pytest.approx(place)
-
-
-def test_the_usual_assumptions_are_the_librarys(corners):
-    np.testing.assert_allclose(gains(Assumptions(), tuple(POSITIONS)), [one.gain for one in corners], atol=1e-12)
-    assert np.rad2deg(pk.capability.kim_sliders().angle_bounds[0, 1]) == pytest.approx(117.4, abs=0.05)
-    limited = Assumptions(joint_ranges=True)
-    assert str(limited) == "JAM with DAM's joint ranges"
-    assert str(Assumptions(mass=0.1, shape="strip")) == "mass 0.1, strip"
-    assert np.all(gains(limited, ("p6",)) >= gains(Assumptions(), ("p6",)) - 1e-9)
-
-
-def test_the_floor_of_rod_angles_costs_more_against_smaller_angles():
-    costs = [row.ours for row in floor_rows()]
-    assert 0.0 < costs[0] < costs[1] < costs[2]
-
-
 def test_ellipses_are_judged_where_they_were_not_fitted(models):
     for name, surrogates in models.items():
-        assert not set(map(tuple, surrogates.seen.positions)) & set(map(tuple, surrogates.unseen.positions))
+        positions, directions, values = sample_maxima(name, grid(5))
+        assert not set(map(tuple, positions)) & set(map(tuple, surrogates.unseen[0]))
         rows = {(row.row, row.column): row.ours for row in surrogate_rows(surrogates)}
         assert rows[f"{name}: ellipsoids", "rms"] >= rows[f"{name}: an ellipse fitted at each position", "rms"] - 0.5
         assert (
             rows[f"{name}: ellipsoids, safe", "largest overestimate"]
             < rows[f"{name}: ellipsoids", "largest overestimate"]
         )
-        seen = surrogates.models["ellipsoids, safe"].speeds(surrogates.seen.positions, surrogates.seen.directions)
-        assert np.all(seen <= surrogates.seen.values)
+        seen = surrogates.models["ellipsoids, safe"].speeds(positions, directions)
+        assert np.all(seen <= values)
 
 
 def test_arrivals_are_compared_with_the_papers(trajectories):
@@ -153,13 +139,6 @@ def test_no_other_postures_are_sooner():
         assert minimum_timing(mechanism("JAM"), points, angles, best.elbows).times[-1] >= best.times[-1] * (1 - 1e-6)
 
 
-def test_between_its_samples_a_profile_takes_as_long():
-    path = np.stack([START, TARGET])
-    coarse = resolved(mechanism("JAM"), path, pieces=8, cell=0.5)
-    finer = refine_profile(mechanism("JAM"), coarse, evenly(path, 8 * (len(coarse.times) - 1)))
-    assert finer.times[-1] == pytest.approx(coarse.times[-1], rel=0.01)
-
-
 @pytest.mark.parametrize("name", MECHANISMS)
 def test_motors_do_the_joints_work(name, ways):
     one = ways[name]
@@ -174,26 +153,9 @@ def test_motors_do_the_joints_work(name, ways):
         assert np.abs(one.driven.speeds).max() <= 7.1e-3 * 1.05  # in the middles of pieces; the limit is at their ends
 
 
-def test_the_papers_own_pipeline_has_rows_with_the_printed_numbers(trajectories):
-    rows = {(row.row, row.column): row for row in figure_8(trajectories)}
-    for name in MECHANISMS:
-        run, row = trajectories[name].paper_model, rows[f"{name}, {AS_PAPER}", "arrival"]
-        assert row.reference == paper()["Figure 8", name, "arrival"]
-        assert row.ours == run.arrival
-        assert np.linalg.norm(references(run)[-1] - TARGET) <= 1e-9
-
-
-def test_other_assumptions_change_who_is_sooner():
-    several = [Assumptions(), Assumptions(mass=0.0), Assumptions(base_angle=60.0)]
-    rows = {row.row: row for row in straight_rows(several, pieces=4, cell=2.0)}
-    assert rows["as is"].ours > 10
-    assert rows["mass 0"].ours < 5
-    assert "DAM: no postures" in rows["base angle 60"].note
-
-
 @pytest.mark.parametrize("name", MECHANISMS)
 def test_the_whole_program_finds_nothing_better(name):
-    program, place = full_program(name), POSITIONS["p5"]
+    program, place = posture_program(name), POSITIONS["p5"]
     way = unit_directions(16, 2)[3]
     starts = program.starts(place, 4, np.random.default_rng(0))
     assert np.all((starts >= program.lower) & (starts <= program.upper))
@@ -202,24 +164,16 @@ def test_the_whole_program_finds_nothing_better(name):
     assert best == pytest.approx(speeds(name, place, way[None])[0], rel=1e-6)
 
 
-@pytest.mark.parametrize("peer", PEERS)
-def test_a_step_by_peers_is_the_same_program(models, peer):
+def test_a_step_by_ipopt_is_the_same_program(models):
     model = models["DAM"].models["ellipsoids"]
     position = ca.SX.sym("p", 2)
     written = ca.Function("root", [position], [root(model.polynomials, position)])
     np.testing.assert_allclose(written(POSITIONS["p2"]), model.roots(POSITIONS["p2"])[0], rtol=1e-9)
     plan = fastest_plan(model)
-    time, success = looking_ahead(model, 10, peer).solved(plan.points, plan.time_to_go)
+    time, success = looking_ahead(model, 10).solved(plan.points, plan.time_to_go)
     assert success
     assert time == pytest.approx(plan.time_to_go, rel=1e-5)
     assert path_time(model, plan.points) == pytest.approx(time, rel=0.01)
-
-
-def test_closed_forms_are_exact(trajectories):
-    rng = np.random.default_rng(0)
-    rows = linear_programs(20, rng) + symmetries(20, rng) + random_paths(trajectories, 10, rng)
-    assert len(rows) == 9
-    assert not any(row.note.startswith("LOSS") for row in rows)
 
 
 def test_pictures_are_drawn_and_rows_written(corners, trajectories, ways, tmp_path, monkeypatch):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,12 +10,10 @@ import pytest
 from paretoik.formulations.closed_loop import mean_position_error
 from paretoik.task.objectives import joint_drift
 from studies.marcos_2012 import __main__ as study
-from studies.marcos_2012 import loops, starts
-from studies.marcos_2012.collisions import count_collisions
-from studies.marcos_2012.loops import Cell, cells, follow
+from studies.marcos_2012 import starts, tables
 from studies.marcos_2012.starts import posture as posture_at
 from studies.marcos_2012.starts import start_rows
-from studies.marcos_2012.tables import paper, table_rows, warm_rows
+from studies.marcos_2012.tables import Cell, cells, follow, paper, table_rows, warm_rows
 from tests.closed_loop.postures import posture
 
 CELL = Cell(links=3, distance=0.7, blocked=False, weight=0.5)
@@ -30,7 +27,7 @@ def followed():
 def test_the_papers_tables_are_whole_and_agree_with_its_text():
     assert len(cells()) == 88
     assert len(paper()) == 176
-    errors = [paper()["Table 1", f"r = 0.7, w = {w}", "4R"] for w in loops.WEIGHTS]
+    errors = [paper()["Table 1", f"r = 0.7, w = {w}", "4R"] for w in tables.WEIGHTS]
     assert (min(errors), max(errors)) == (3.44e-07, 1.03e-05)  # section 5.1: 3E-07 and 1E-05
     assert paper()["Table 3", "r = 0.7, w = 0.0", "4R"] == 7.73e-07  # section 5.2: 8E-07
 
@@ -45,15 +42,6 @@ def test_a_searched_loop_is_compared_with_the_paper_and_the_oracle(followed):
     assert drift.note.startswith("the exact loop is off as well")
 
 
-def test_an_arm_that_meets_an_obstacle_between_steps_is_seen(followed):
-    blocked = follow(replace(CELL, blocked=True), posture(3), steps=3, seed=0, generations=5).run
-    through = replace(blocked, q=np.array([[0.5, 0.0, 0.0], [0.2, 0.0, 0.0], [0.5, 0.0, 0.0]]))
-    assert count_collisions(blocked)[0] == 0
-    count, longest = count_collisions(through)
-    assert count > 0
-    assert longest == pytest.approx(0.3)
-
-
 def test_starts_reach_the_circle_and_decide_the_numbers(monkeypatch):
     monkeypatch.setattr(starts, "DISTANCES", (0.7,))
     monkeypatch.setattr(starts, "WEIGHTS", (0.0, 0.5, 1.0))
@@ -64,9 +52,9 @@ def test_starts_reach_the_circle_and_decide_the_numbers(monkeypatch):
             if q is not None:
                 ends = np.cumsum(q)
                 np.testing.assert_allclose([np.cos(ends).sum(), np.sin(ends).sum()], [1.2, 0.0], atol=1e-12)
-    rows = start_rows(4)
-    assert [row.row for row in rows][:2] == ["Table 1, r = 0.7, w = 0.5", "Table 2, r = 0.7, w = 0.5"]
-    assert all(row.ours > 0 for row in rows if row.column == "least")
+    rows = start_rows(8)
+    assert [row.row for row in rows] == ["Table 1, r = 0.7, 3R", "Table 2, r = 0.7, 3R"]
+    assert rows[0].ours >= 1
 
 
 def test_warm_starts_are_reported_apart():
@@ -82,7 +70,6 @@ def test_warm_starts_are_reported_apart():
 
 @pytest.mark.usefixtures("here")
 def test_quick_writes_strict_json(tmp_path, monkeypatch):
-    monkeypatch.setattr(study, "QUICK_STEPS", 4)
     monkeypatch.setattr(study, "STEPS", 4)
     monkeypatch.setattr(study, "find_starts", lambda selection, seed, executor: {(n, 0.7): posture(n) for n in (3, 4)})
     file = tmp_path / "rows.json"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 from dataclasses import dataclass
 from types import SimpleNamespace
 
@@ -17,13 +16,11 @@ from problems import tringali_2020
 from studies.reporting import REPORTED
 from studies.tringali_2020 import __main__ as command
 from studies.tringali_2020 import trade_off
-from studies.tringali_2020.candidates import FITTED_FROM, Decline
 from studies.tringali_2020.masses import PLACES, Prototype
 from studies.tringali_2020.pictures import draw
-from studies.tringali_2020.published import SearchOptions, candidates, initial_postures, published_rows
-from studies.tringali_2020.reported import paper
-from studies.tringali_2020.simulations import as_printed, with_arm
-from studies.tringali_2020.sweeps import sweep
+from studies.tringali_2020.published import SearchOptions, published_rows
+from studies.tringali_2020.simulations import as_printed, paper, with_arm
+from studies.tringali_2020.trade_off import sweep
 from studies.tringali_2020.validation import bound_row, match_optima
 
 TABLES = ("Table 4", "Table 5", "Table 6", "Section 3.2", "Section 4.2", "Figure 1", "Figure 14")
@@ -53,7 +50,7 @@ def study():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(command, "bound_row", lambda simulation, **_: bound_row(simulation, resolution=0.06))
         patch.setattr(command, "published_rows", lambda one, executor: published_rows(one, options=FEW))
-        return Study(*command.run_study(starts=12, points=3, candidates=300, seeds=2, finer=None, rehearsed=False))
+        return Study(*command.run_study(starts=12, points=3, candidates=300, seeds=2, rehearsed=False))
 
 
 @pytest.fixture(scope="module")
@@ -189,20 +186,6 @@ def test_the_published_search_finds_the_best_where_limits_leave_it_a_start(study
     assert "limits cannot all hold" in reached["simulation 3", "optima reached, k_JL = 0.01"].note
 
 
-def test_published_starts_reach_the_path_and_differ():
-    level = as_printed("simulation_1").task.resample(13)
-    postures = initial_postures(level, np.random.default_rng(0), FEW)
-    q = candidates(level, postures, 0)
-    for start in postures:
-        tool = level.motion(np.tile(start, (13, 1))).tool[0]
-        np.testing.assert_allclose(tool, tringali_2020.START, atol=1e-9)
-        assert (q[:, 0] == start).all(axis=1).any()
-    assert len(q) > 0.5 * len(postures) * 39**2
-    np.testing.assert_allclose(
-        level.motion(q[::50]).tool, np.broadcast_to(level.targets, (len(q[::50]), 13, 2)), atol=1e-8
-    )
-
-
 def test_epsilon_as_an_equality_holds_and_never_beats_the_inequality(study):
     alone = study.simulations["fitted"][1:3]
     task = with_arm(as_printed("energy_torque"), "fitted").task
@@ -220,15 +203,6 @@ def test_a_picture_of_every_figure_that_has_something_to_show_is_written(picture
 
 
 @settings(max_examples=30)
-@given(st.floats(-1, -0.05), st.floats(-8, 0))
-def test_a_power_law_is_found_again_whatever_comes_before_it(exponent, factor):
-    counts = np.unique(np.geomspace(1, 3000, 40).round().astype(int))
-    above = np.where(counts >= FITTED_FROM, np.exp(factor) * counts**exponent, 99.0)
-    decline = Decline(masses="fitted", counts=counts, above=np.stack([above, above]), optimum=0.05)
-    np.testing.assert_allclose(decline.lines, [[exponent, factor]] * 2, atol=1e-9)
-
-
-@settings(max_examples=30)
 @given(
     st.lists(st.tuples(st.floats(0, 1), st.floats(0, 1)), min_size=1, max_size=12, unique=True), st.floats(0.01, 0.99)
 )
@@ -237,22 +211,6 @@ def test_weights_find_points_on_the_hull(points, weight):
     front = SimpleNamespace(shares=shares)
     worth = shares @ [weight, 1 - weight]
     assert worth[trade_off.hull(front)].min() == pytest.approx(worth.min(), abs=1e-12)
-
-
-@pytest.mark.parametrize(("quick", "starts"), [(True, 24), (False, 48)])
-def test_the_command_reports_its_rows_and_draws(study, monkeypatch, tmp_path, capsys, quick, starts):
-    asked = {}
-
-    def run_study(**settings):
-        asked.update(settings)
-        return study.rows, study.simulations, study.falling, study.trades
-
-    monkeypatch.setattr(command, "run_study", run_study)
-    monkeypatch.setattr(command, "draw", lambda folder, *shown: [folder / "one.png"])
-    command.main(["--json", str(tmp_path / "rows.json"), "--out", str(tmp_path), *(["--quick"] if quick else [])])
-    assert asked["starts"] == starts
-    assert len(json.loads((tmp_path / "rows.json").read_text())) == len(study.rows)
-    assert f"1 pictures in {tmp_path}" in capsys.readouterr().err
 
 
 def test_fitted_masses_fit_and_each_of_them_matters():

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from studies.benchmarks.reliability.verifier.good_runs import make_run
+from studies.benchmarks.reliability.good_runs import make_run
 
 
 @pytest.fixture(scope="session")

@@ -14,7 +14,7 @@ from paretoik.robot.kinematics import jacobian
 from paretoik.task.motion_task import SAMPLES
 from paretoik.verification.run_contents import read_contents
 from paretoik.verification.verify_run import verify_run
-from studies.benchmarks.reliability.verifier.good_runs import ARM
+from studies.benchmarks.reliability.good_runs import ARM
 
 LINE = pk.line((0.4678, 0.0), (0.0983, 0.1526), duration=1.0, samples=9)
 SUBJECT = "criticality by differences"

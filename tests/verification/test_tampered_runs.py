@@ -13,8 +13,7 @@ import paretoik as pk
 from paretoik.cli import main
 from paretoik.errors import InvalidRun
 from paretoik.runs.files import RUN, run_bytes
-from studies.benchmarks.reliability.verifier.editing import edit
-from studies.benchmarks.reliability.verifier.faults import FAULTS
+from studies.benchmarks.reliability.verifier import FAULTS, edit
 
 OPENED = ("search", "certified", "plan", "closed loop")
 OFF_THE_PATH = {
@@ -68,7 +67,7 @@ def test_every_command_refuses_motions_off_the_path_with_an_exit_code(good_run, 
     folder, *_ = good_run("search")
     edited = edit(folder, tmp_path / "edited", FAULTS["columns swapped"][1])
     verb, *options = command
-    words = [verb, str(edited), *options, "--problem", "studies/benchmarks/reliability/verifier/good_runs.py:tracking"]
+    words = [verb, str(edited), *options, "--problem", "studies/benchmarks/reliability/good_runs.py:tracking"]
     monkeypatch.setattr(sys, "argv", ["paretoik", *words])
     with pytest.raises(SystemExit) as ended:
         main()

@@ -18,7 +18,7 @@ from paretoik.robot.kinematics import jacobian
 from paretoik.verification.arm_model import VerificationTolerances
 from paretoik.verification.run_contents import RunContents, read_contents
 from paretoik.verification.verify_run import verify_run
-from studies.benchmarks.reliability.verifier.good_runs import ARM, BOTH
+from studies.benchmarks.reliability.good_runs import ARM, BOTH
 
 LINE = pk.line((0.4678, 0.0), (0.0983, 0.1526), duration=1.0, samples=31)
 

@@ -13,11 +13,8 @@ import pytest
 
 import paretoik as pk
 from problems import tringali_2020
-from studies.benchmarks.reliability.verifier import changes
-from studies.benchmarks.reliability.verifier.editing import edit
-from studies.benchmarks.reliability.verifier.faults import FAULTS
-from studies.benchmarks.reliability.verifier.forgeries import FORGERIES, LIMITED, forge
-from studies.benchmarks.reliability.verifier.good_runs import KINDS
+from studies.benchmarks.reliability.good_runs import KINDS
+from studies.benchmarks.reliability.verifier import FAULTS, FORGERIES, LIMITED, edit, forge
 
 QUICK = ("search", "obstacles", "closed loop", "polygon", "resolved", "plan")
 
@@ -96,7 +93,7 @@ def test_without_pinocchio_the_tables_are_checked_and_the_headline_says_what_to_
 
 def test_the_command_prints_rows_and_ends_with_its_own_exit_code(good_run, tmp_path):
     folder, *_ = good_run("search")
-    edited = edit(folder, tmp_path / "edited", changes.repeat_id)
+    edited = edit(folder, tmp_path / "edited", FAULTS["an id twice"][1])
     command = [sys.executable, "-m", "paretoik", "verify"]
     good = subprocess.run([*command, folder, "--json"], capture_output=True, text=True, check=False)
     bad = subprocess.run([*command, edited], capture_output=True, text=True, check=False)

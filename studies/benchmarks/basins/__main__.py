@@ -22,8 +22,7 @@ from collections.abc import Sequence
 from functools import partial
 
 from studies.benchmarks.basins.cases import all_cases
-from studies.benchmarks.basins.racing import OPTIONS, Race, race_named
-from studies.benchmarks.basins.tables import table_rows
+from studies.benchmarks.basins.racing import OPTIONS, Race, race_named, table_rows
 from studies.processes import each_result, workers_of
 from studies.reporting import report, save_rows, study_parser, tell
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import resource
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from multiprocessing import get_context
@@ -19,9 +19,10 @@ from paretoik.task.motion_task import MotionTask
 from paretoik.task.starts import rollout_starts
 from paretoik.trajectory.plan_starts import sample_starts
 from studies.benchmarks.basins.cases import Case, all_cases
-from studies.benchmarks.certified.dominating import led_back, objectives, violation
-from studies.benchmarks.certified.staged import StagedProgram, staged_program
-from studies.benchmarks.fronts.programs import JointProgram, joint_program
+from studies.benchmarks.certified.attacks import led_back, objectives, violation
+from studies.benchmarks.peers.programs import joint_program, staged_program
+from studies.benchmarks.peers.solvers import Peer
+from studies.reporting import LOSS, Row, losses_first, versus
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -132,7 +133,7 @@ def our_tries(problem: pk.Tracking, seeds: int) -> Tries:
     return tries
 
 
-def peer_tries(peer: JointProgram | StagedProgram, task: MotionTask, budget: float, seed: int) -> Tries:
+def peer_tries(peer: Peer, task: MotionTask, budget: float, seed: int) -> Tries:
     """Return a peer's results in a processor time, from starts like ours alternating with plain rollouts.
 
     It runs in a process of its own, which ends with its time: FATROP sometimes never returns from a start.
@@ -155,15 +156,13 @@ def peer_tries(peer: JointProgram | StagedProgram, task: MotionTask, budget: flo
     return tries
 
 
-def _solve_starts(
-    writer: Connection, peer: JointProgram | StagedProgram, task: MotionTask, budget: float, seed: int
-) -> None:
+def _solve_starts(writer: Connection, peer: Peer, task: MotionTask, budget: float, seed: int) -> None:
     """Send value and seconds of one start after another until a budget [s] is spent."""
-    ranges, spent = np.ones(1), 0.0
+    spent = 0.0
     for q in _starts(task, seed):
         start = time.process_time()
         resource.setrlimit(resource.RLIMIT_CPU, (math.ceil(start + budget - spent) + 1, resource.RLIM_INFINITY))
-        end, _ = peer.solve(q, 0, np.full(1, np.inf), ranges, warm=False)
+        end = peer.solve(q).motion
         seconds = time.process_time() - start
         resource.setrlimit(resource.RLIMIT_CPU, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
         motion = None if end is None else led_back(task, end)
@@ -180,3 +179,64 @@ def _starts(task: MotionTask, seed: int) -> Iterator[np.ndarray]:
     while True:
         both = [sample_starts(task, OPTIONS.starts, rng), rollout_starts(task, OPTIONS.starts, rng)[: OPTIONS.starts]]
         yield from rng.permutation(np.concatenate(both))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Goals:
+    """The goals: ours above the peers' best by at most a share ``no_worse``, on a share ``won`` of problems.
+
+    ``time`` is our time to the best over the better peer's; ``hits`` are the shares of seeds that find the best with
+    redundancy 1 and 2, and with more.
+    """
+
+    no_worse: float = 1e-7
+    won: float = 58 / 60
+    time: float = 0.5
+    hits: tuple[float, float] = (0.95, 0.85)
+
+
+GOALS = Goals()
+
+
+def table_rows(races: Sequence[Race]) -> list[Row]:
+    """Return the summary, then the rows of all problems, losses first."""
+    return summary_rows(races) + losses_first([row for each in races for row in problem_rows(each)])
+
+
+def summary_rows(races: Sequence[Race]) -> list[Row]:
+    """Return the number of problems on which no peer is better, the median time ratio, and hit rates by redundancy."""
+    won = sum(each.ours.best <= (1 + GOALS.no_worse) * each.peers_best for each in races)
+    ratios = [each.time_ratio for each in races]
+    within = f"{sum(ratio <= GOALS.time for ratio in ratios)} of {len(races)} problems within the goal"
+    better, row = "no peer better by more than 1e-7", "time to best over the better peer's"
+    rows = [
+        _summary(better, "problems", won, np.ceil(GOALS.won * len(races)), len(races)),
+        Row("summary", row, "median", "", float(np.median(ratios)), source="goal", reference=GOALS.time, note=within),
+    ]
+    for high, name in enumerate(("redundancy 1 and 2", "redundancy 3 and more")):
+        group = [each for each in races if (each.redundancy > 2) == bool(high)]
+        if group:
+            hits = sum(each.ours.hits(each.best) for each in group)
+            tries = sum(len(each.ours.values) for each in group)
+            rows.append(
+                _summary(f"seeds that find the best, {name}", "share", hits / tries, GOALS.hits[high], len(group))
+            )
+    return rows
+
+
+def problem_rows(each: Race) -> list[Row]:
+    """Return the rows of one problem: the best values, and the times to the best with every peer's."""
+    table, name, best = f"redundancy {each.redundancy}", each.case.name, each.best
+    note = f"ours {each.ours.hits(best)} of {len(each.ours.values)} seeds"
+    place, goal = (table, name, "best found", each.case.objective.unit), 1 + GOALS.no_worse
+    rows = [versus(*place, each.ours.best, each.peers_best, goal=goal, note=note)]
+    for peer, tries in each.peers.items():
+        note = f"{peer} {tries.hits(best)} of {len(tries.values)} starts"
+        times = each.ours.time_to_best(best), tries.time_to_best(best)
+        rows.append(versus(table, name, f"time to best, {peer}", "s", *times, goal=GOALS.time, note=note))
+    return rows
+
+
+def _summary(row: str, unit: str, ours: float, goal: float, problems: int) -> Row:
+    note = f"{'' if ours >= goal else LOSS}of {problems} problems"
+    return Row("summary", row, "all", unit, float(ours), reference=float(goal), source="goal", note=note)

@@ -141,9 +141,7 @@ def table_rows(comparisons: Sequence[Comparison]) -> list[Row]:
 
 def _row(row: str, column: str, unit: str, value: float, goal: float | None, note: str = "") -> Row:
     table = "all cases" if row == "all" else "between samples"
-    return Row(
-        table=table, row=row, column=column, unit=unit, ours=float(value), reference=goal, source="goal", note=note
-    )
+    return Row(table, row, column, unit, float(value), reference=goal, source="goal", note=note)
 
 
 def compare_all(cases: Iterable[Case]) -> list[Comparison]:

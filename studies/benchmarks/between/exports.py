@@ -194,9 +194,7 @@ def example_rows(example: Example, points: int) -> list[Row]:
 
 
 def _row(row: str, column: str, unit: str, value: float, goal: float | None, note: str = "") -> Row:
-    return Row(
-        table="exports", row=row, column=column, unit=unit, ours=float(value), reference=goal, source="goal", note=note
-    )
+    return Row("exports", row, column, unit, float(value), reference=goal, source="goal", note=note)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -130,7 +130,7 @@ def tables(outcomes: Sequence[Outcome]) -> list[Row]:
 
 
 def _row(table: str, row: str, column: str, unit: str, ours: float, goal: float | None = None, note: str = "") -> Row:
-    return Row(table=table, row=row, column=column, unit=unit, ours=ours, reference=goal, source="goal", note=note)
+    return Row(table, row, column, unit, ours, reference=goal, source="goal", note=note)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

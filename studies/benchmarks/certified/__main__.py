@@ -17,7 +17,7 @@ another basin may be better.
 
 Seconds: ours are a whole ``epsilon_front`` divided by its points, after a first one that compiles. The peers solve only
 the same ε-problems, each from the motion of the nearest other point of our front: IPOPT over joint positions, FATROP
-over stages of postures and rates. They need no starts, and building and compiling their programs (-O1) is not counted.
+over stages of postures and rates. They need no starts, and building and compiling their programs (-O2) is not counted.
 """
 
 from __future__ import annotations
@@ -27,13 +27,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from paretoik.errors import ParetoikError
+from studies.benchmarks.certified.attacks import exchange_rows, ipopt_rows, perturbation_rows
 from studies.benchmarks.certified.cases import CASES, Case, Subject, certificate_rows, goal_row, subject_of
-from studies.benchmarks.certified.dominating import ipopt_rows, perturbation_rows
-from studies.benchmarks.certified.exchange import exchange_rows
 from studies.benchmarks.certified.racing import race_rows
-from studies.benchmarks.planner.compiling import COMPILER
-from studies.benchmarks.planner.verdicts import losses_first
-from studies.reporting import Row, report, study_parser, tell
+from studies.benchmarks.peers.solvers import COMPILER
+from studies.reporting import Row, losses_first, report, study_parser, tell
 
 QUICK = {"energy_torque": 6, "Panda": 3}  # points
 FEW = 3  # points of other problems with --quick

@@ -1,4 +1,4 @@
-"""The problems, their certified fronts, and the certificates' statements."""
+"""The problems, their certified fronts, and the certificates' statements; objectives recomputed by Pinocchio."""
 
 from __future__ import annotations
 
@@ -13,16 +13,44 @@ import numpy as np
 
 import paretoik as pk
 from paretoik.front.certificates import Certificates
+from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.transcription import MotionProgram, motion_program
 from problems import panda, tringali_2020
-from studies.benchmarks.certified.recomputed import recomputed_difference
-from studies.benchmarks.certified.splines import spline_program
-from studies.benchmarks.certified.staged import StagedProgram, staged_program
-from studies.benchmarks.fronts.programs import JointProgram, compiled_program, joint_program
-from studies.benchmarks.planner.compiling import COMPILER
-from studies.benchmarks.planner.verdicts import LOSS, timed
-from studies.reporting import Row, tell
+from studies.benchmarks.kinematics import pinocchio_model
+from studies.benchmarks.peers.programs import joint_program, staged_program
+from studies.benchmarks.peers.solvers import Peer, compiled
+from studies.benchmarks.peers.splines import spline_program
+from studies.reporting import LOSS, Row, tell, timed
+
+WITH_DYNAMICS = ("kinetic_energy", "torque_norm", "peak_torque")
+
+
+def recomputed_difference(task: MotionTask, q: np.ndarray, values: np.ndarray, ranges: np.ndarray) -> float:
+    """Return the largest difference of values (points, n_obj) from Pinocchio's, as a share of the ranges.
+
+    Objectives that need no dynamics are left out.
+    """
+    columns = [k for k, objective in enumerate(task.objectives) if objective.name in WITH_DYNAMICS]
+    others = np.array([recomputed_values(task, task.motion(one)) for one in q])
+    return float((np.abs(others - values[:, columns]) / ranges[columns]).max())
+
+
+def recomputed_values(task: MotionTask, motion: Motion) -> list[float]:
+    """Return those objectives of a motion that need only Pinocchio's dynamics."""
+    import pinocchio
+
+    at, model = motion.instants, pinocchio_model(task.arm)
+    data = model.createData()
+    energy = np.array([pinocchio.computeKineticEnergy(model, data, *each) for each in zip(at.q, at.dq, strict=True)])
+    torque = np.array([pinocchio.rnea(model, data, *each) for each in zip(at.q, at.dq, at.ddq, strict=True)])
+    by_name = {
+        "kinetic_energy": lambda: float(energy @ at.weights),
+        "torque_norm": lambda: float(np.sum(torque**2, axis=1) @ at.weights),
+        "peak_torque": lambda: float(np.abs(torque).max()),
+    }
+    return [by_name[objective.name]() for objective in task.objectives if objective.name in WITH_DYNAMICS]
+
 
 HOLDS = 1e-8  # of limits' ranges
 TRACKED = 1e-9  # m and rad
@@ -53,10 +81,10 @@ class Subject:
     front: pk.Front
     task: MotionTask
     ranges: np.ndarray
-    peer: JointProgram
+    peer: Peer
     seconds: float
     cpu: float
-    staged: StagedProgram | None = None
+    staged: Peer | None = None
 
     @property
     def q(self) -> np.ndarray:
@@ -137,19 +165,11 @@ def subject_of(case: Case, *, points: int, seed: int, folder: Path) -> Subject:
     tell(f"{case.name}: {points} points")
     front, seconds, cpu = timed(lambda: pk.epsilon_front(problem, points=points, seed=seed))
     task = front.problem.task  # with the samples that refinement added, if any
-    tell(f"{case.name}: IPOPT's program")
+    tell(f"{case.name}: the peers' programs")
     begun, named = time.perf_counter(), case.name.replace(" ", "_")
-    if task.differences == "spline":
-        peer = spline_program(task)
-    else:
-        peer = joint_program(task, compiled_program(task, named, folder) if COMPILER else "")
+    peer = spline_program(task) if task.differences == "spline" else compiled(joint_program(task), named, folder)
+    staged = compiled(staged_program(task), f"{named}_staged", folder) if case.raced else None
     tell(f"{case.name}: that took {time.perf_counter() - begun:.0f} s")
-    staged = None
-    if case.raced:
-        tell(f"{case.name}: FATROP's program")
-        begun = time.perf_counter()
-        staged = staged_program(task, folder if COMPILER else None, named)
-        tell(f"{case.name}: that took {time.perf_counter() - begun:.0f} s")
     return Subject(
         name=case.name,
         front=front,
@@ -165,16 +185,7 @@ def subject_of(case: Case, *, points: int, seed: int, folder: Path) -> Subject:
 def goal_row(table: str, row: str, column: str, unit: str, ours: float, goal: float, note: str = "") -> Row:
     """Return a row with its goal; it is lost if ours is more than the goal, or not a number."""
     prefix = LOSS if not ours <= goal else ""
-    return Row(
-        table=table,
-        row=row,
-        column=column,
-        unit=unit,
-        ours=ours,
-        reference=goal,
-        source="goal",
-        note=prefix + (note or "goal"),
-    )
+    return Row(table, row, column, unit, ours, reference=goal, source="goal", note=prefix + (note or "goal"))
 
 
 def certificate_rows(subject: Subject) -> list[Row]:
@@ -190,14 +201,14 @@ def certificate_rows(subject: Subject) -> list[Row]:
     weak = f"{np.count_nonzero(certificates.weak)} weak: an objective without weight"
     statuses = ", ".join(f"{count} {status}" for status, count in counts.most_common())
     return [
-        Row(table=table, row=row, column="points", unit="", ours=points, note=weak),
+        Row(table, row, "points", "", points, note=weak),
         goal_row(table, row, "worst violation at samples", share, float(certificates.violation.max()), HOLDS),
         Row(
-            table=table,
-            row=row,
-            column="worst violation between",
-            unit=share,
-            ours=float(certificates.violation_between[at]),
+            table,
+            row,
+            "worst violation between",
+            share,
+            float(certificates.violation_between[at]),
             note=fine.describe_violation(between),
         ),
         goal_row(table, row, "values recomputed by Pinocchio", share, recomputed, RECOMPUTED),

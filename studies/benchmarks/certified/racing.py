@@ -13,12 +13,10 @@ import numpy as np
 
 from paretoik.nlp.minimise import minimise
 from paretoik.pareto.sweep import OPTIONS as EPSILON
+from studies.benchmarks.certified.attacks import DOMINATED, led_back, objectives, violation
 from studies.benchmarks.certified.cases import HOLDS, Subject
-from studies.benchmarks.certified.dominating import DOMINATED, led_back, objectives, violation
-from studies.benchmarks.certified.staged import StagedProgram
-from studies.benchmarks.fronts.programs import JointProgram
-from studies.benchmarks.planner.verdicts import versus
-from studies.reporting import Row
+from studies.benchmarks.peers.solvers import COLD, WARM, Peer
+from studies.reporting import Row, versus
 
 REACHED = 1e-6  # of the ranges: a result this near our point, or better, has reached it
 GOAL = 1.0
@@ -40,7 +38,7 @@ def race_rows(subject: Subject) -> list[Row]:
     return [row for name, peer in peers.items() for row in _against(subject, name, peer, own_solves)]
 
 
-def _against(subject: Subject, name: str, peer: JointProgram | StagedProgram, own_solves: list[Solved]) -> list[Row]:
+def _against(subject: Subject, name: str, peer: Peer, own_solves: list[Solved]) -> list[Row]:
     tries = [solve_by(peer, subject, point) for point in range(len(subject.q))]
     ours, theirs = subject.seconds / len(subject.q), sum(one.seconds for one in tries)
     note = (
@@ -48,32 +46,17 @@ def _against(subject: Subject, name: str, peer: JointProgram | StagedProgram, ow
         f"reaches {_points_reached(tries)} of them"
     )
     solves = f"ours reach {_points_reached(own_solves)} of {len(own_solves)}"
-    comparisons = (
-        ("seconds a point", f"beside {name}'s median", ours, _median(tries), GOAL, note),
-        ("seconds a point", f"beside {name}'s all over points reached", ours, _seconds_a_point(tries), GOAL, note),
-        ("one solve from a neighbour", f"beside {name}, medians", _median(own_solves), _median(tries), None, solves),
-        (
-            "one solve from a neighbour",
-            f"beside {name}, all over points reached",
-            _seconds_a_point(own_solves),
-            _seconds_a_point(tries),
-            None,
-            "",
-        ),
-    )
+    a_point, one_solve, over = "seconds a point", "one solve from a neighbour", "all over points reached"
+    middle, reached = _median(tries), _seconds_a_point(tries)
+    gains = [one.gain for one in tries]
+    place, beaten = f"{name} from neighbours", f"{sum(gain > DOMINATED for gain in gains)} points beaten"
+    table, mine = subject.name, _median(own_solves)
     return [
-        Row(
-            table=subject.name,
-            row=f"{name} from neighbours",
-            column="largest gain, no loss",
-            unit="share of range",
-            ours=max(one.gain for one in tries),
-            note=f"{sum(one.gain > DOMINATED for one in tries)} points beaten",
-        ),
-        *(
-            versus(table=subject.name, row=row, column=column, unit="s", ours=mine, theirs=other, goal=goal, note=text)
-            for row, column, mine, other, goal, text in comparisons
-        ),
+        Row(table, place, "largest gain, no loss", "share of range", max(gains), note=beaten),
+        versus(table, a_point, f"beside {name}'s median", "s", ours, middle, goal=GOAL, note=note),
+        versus(table, a_point, f"beside {name}'s {over}", "s", ours, reached, goal=GOAL, note=note),
+        versus(table, one_solve, f"beside {name}, medians", "s", mine, middle, note=solves),
+        versus(table, one_solve, f"beside {name}, {over}", "s", _seconds_a_point(own_solves), reached),
     ]
 
 
@@ -90,12 +73,12 @@ def _seconds_a_point(tries: list[Solved]) -> float:
     return sum(one.seconds for one in tries) / _points_reached(tries) if _points_reached(tries) else np.inf
 
 
-def solve_by(peer: JointProgram | StagedProgram, subject: Subject, point: int) -> Solved:
+def solve_by(peer: Peer, subject: Subject, point: int) -> Solved:
     """Return a peer's result on a point's ε-problem, from the nearest other point and, if that fails, once more."""
     main, start, ceilings = _epsilon_problem(subject, point)
     started = time.perf_counter()
-    for warm in (True, False):
-        motion, _ = peer.solve(start, main, ceilings, subject.ranges, warm=warm)
+    for settings in (WARM, COLD):
+        motion = peer.solve(start, main, ceilings, subject.ranges, settings).motion
         if motion is not None:
             break
     return _record(subject, point, motion, time.perf_counter() - started)

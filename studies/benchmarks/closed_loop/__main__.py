@@ -3,16 +3,12 @@
 Processor time per generation, kinematics included: ours, pymoo with the same operators, pymoo with a compiled
 evaluation, and pygmo's NSGA-II (its own operators) with the same compiled evaluation of whole populations. All run on
 one step, one after the other. Rows have medians over several rounds: of the times, and of the ratios within a round,
-which a busy machine changes less. Further rows: the time of an exact step, the time of the first call, compiled and
-from the cache, and whether our fronts equal those of the readable path in pymoo.
+which a busy machine changes less. Further rows: the time of an
+exact step, and whether our fronts equal those of the readable path in pymoo.
 """
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
-import tempfile
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -23,28 +19,20 @@ from problems.marcos_2012 import Links
 from studies.benchmarks.closed_loop.contestants import (
     GENERATIONS,
     PYGMO,
+    STEPS,
     engine,
+    equivalence_rows,
     loop_of,
     pygmo_nsga2,
     pymoo,
     seconds,
 )
-from studies.benchmarks.closed_loop.equivalence import STEPS, equivalence_rows
 from studies.marcos_2012.exact_loop import exact_steps
 from studies.reporting import Row, report, study_parser
 
 ARMS: tuple[Links, ...] = (3, 4)
 EXACT, GOAL_EXACT = 100, 1e-4  # samples of a loop, and seconds a step
 GOALS = {"pymoo": 300.0, "pygmo's NSGA-II": 50.0}
-FIRST = """
-import time
-from studies.benchmarks.closed_loop.contestants import loop_of
-loop = loop_of(3)
-search = loop.step_evolution()
-begun = time.perf_counter()
-search(loop.step_state(1))
-print(time.perf_counter() - begun)
-"""
 
 
 def speed_rows(links: Links, rounds: int, slow_generations: int) -> list[Row]:
@@ -67,16 +55,9 @@ def speed_rows(links: Links, rounds: int, slow_generations: int) -> list[Row]:
         ratio = float(np.median(ratios))
         prefix = "LOSS: " if goal is not None and ratio < goal else ""
         times = f"{prefix}{ratio:.0f} times ours" + (f", goal {goal:.0f}" if goal else "")
-        rows.append(
-            Row(
-                table="a generation, processor time",
-                row=f"{links}R, population {loop.population}",
-                column=name,
-                unit="µs",
-                ours=1e6 * float(np.median(each)),
-                note="" if name == "ours" else f"{times}; in rounds {ratios.min():.0f} to {ratios.max():.0f}",
-            )
-        )
+        note = "" if name == "ours" else f"{times}; in rounds {ratios.min():.0f} to {ratios.max():.0f}"
+        row = f"{links}R, population {loop.population}"
+        rows.append(Row("a generation, processor time", row, name, "µs", 1e6 * float(np.median(each)), note=note))
     return rows
 
 
@@ -97,28 +78,15 @@ def exact_rows(rounds: int) -> list[Row]:
             prefix = "LOSS" if goal is not None and min(seconds_taken) > goal else ""
             rows.append(
                 Row(
-                    table="an exact step, processor time",
-                    row=f"{links}R",
-                    column="with two obstacles" if blocked else "no obstacles",
-                    unit="µs",
-                    ours=1e6 * min(seconds_taken),
+                    "an exact step, processor time",
+                    f"{links}R",
+                    "with two obstacles" if blocked else "no obstacles",
+                    "µs",
+                    1e6 * min(seconds_taken),
                     reference=None if goal is None else 1e6 * goal,
                     source="goal",
                     note=prefix,
                 )
-            )
-    return rows
-
-
-def first_call_rows() -> list[Row]:
-    """Return the time of the first search of a process: compiled, and from the cache on disk."""
-    rows = []
-    with tempfile.TemporaryDirectory() as cache:
-        for name in ("compiled anew", "from the cache"):
-            environment = os.environ | {"NUMBA_CACHE_DIR": cache}
-            process = subprocess.run([sys.executable, "-c", FIRST], env=environment, check=True, capture_output=True)
-            rows.append(
-                Row(table="first search of a process", row="3R", column=name, unit="s", ours=float(process.stdout))
             )
     return rows
 
@@ -131,7 +99,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     rounds, slow = (3, 20) if options.quick else (9, 60)
     rows = [row for links in ARMS for row in speed_rows(links, rounds, slow)]
     rows += exact_rows(rounds)
-    rows += first_call_rows()
     rows += equivalence_rows(5, STEPS[:1]) if options.quick else equivalence_rows(31)
     report(rows, json_file=options.json)
 

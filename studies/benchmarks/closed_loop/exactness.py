@@ -40,11 +40,11 @@ def exactness_rows(each: int, steps: int) -> list[Row]:
                 kind = "of any length" if np.isinf(longest) else "swept"
                 rows.append(
                     Row(
-                        table="the exact step beside dense searches",
-                        row=f"{links}R, steps {kind}{', obstacles' if blocked else ''}",
-                        column="a dense search is better by",
-                        unit="of the range",
-                        ours=worst,
+                        "the exact step beside dense searches",
+                        f"{links}R, steps {kind}{', obstacles' if blocked else ''}",
+                        "a dense search is better by",
+                        "of the range",
+                        worst,
                         reference=GOAL,
                         source="goal",
                         note=f"{'' if worst <= GOAL else 'MISSED: '}{len(steps_of)} steps of {each} arms",

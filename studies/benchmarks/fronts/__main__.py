@@ -19,21 +19,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from studies.benchmarks.energy_torque import reference_front
 from studies.benchmarks.fronts.cases import CASES, POPULATION, SAME
-from studies.benchmarks.fronts.judging import (
+from studies.benchmarks.fronts.methods import PYGMO
+from studies.benchmarks.fronts.running import (
+    KINDS,
+    Found,
     all_scores,
     comparison_rows,
     comparisons,
     effect_rows,
     effects,
     left_rows,
+    run_all,
 )
-from studies.benchmarks.fronts.methods import PYGMO
-from studies.benchmarks.fronts.running import KINDS, Found, run_all
-from studies.benchmarks.planner.compiling import COMPILER
-from studies.benchmarks.significance import union
+from studies.benchmarks.peers.solvers import COMPILER
+from studies.benchmarks.reference_front import reference_front
 from studies.reporting import Row, report, study_parser
+from studies.significance import union
 
 QUICK = ("energy_torque", "simulation 1")
 QUICK_EVALUATIONS = 1200
@@ -67,8 +69,8 @@ def tell_left_out(chosen: Sequence[str]) -> None:
     if not PYGMO:
         print("left out: pygmo, which is not installed")
     for case in chosen:
-        if not CASES[case].tringali:
-            print(f"left out: ε-constraints by FATROP on {case}, for which the planner's peers have no program")
+        if not CASES[case].staged:
+            print(f"left out: ε-constraints by FATROP on {case}")
     if COMPILER is None:
         print("no C compiler: FATROP and IPOPT run with CasADi's own evaluation")
 

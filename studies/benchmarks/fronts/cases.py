@@ -5,8 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import lru_cache
-from typing import Any, Literal, TypeAlias
+from functools import lru_cache, partial
+from typing import Literal, TypeAlias
 
 import numpy as np
 from moocore import is_nondominated
@@ -17,6 +17,7 @@ from paretoik.search.endings import Progress
 from paretoik.search.genes import seeded_population
 from paretoik.search.maximin import survivors
 from problems import panda, tringali_2020
+from studies.benchmarks.planner.questions import tracking
 
 Kind: TypeAlias = Literal["evaluations", "CPU time"]
 
@@ -26,37 +27,22 @@ VIOLATION, OFF_PATH = 1e-8, 1e-6  # of a limit's range; m or rad: worse points c
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
-    """A problem and its equal evaluations; ``tringali`` is its name among those of Tringali & Cocuzza 2020."""
+    """A problem and its equal evaluations, and whether FATROP takes part."""
 
     name: str
     make: Callable[[], pk.Tracking]
-    tringali: str = ""
+    staged: bool = False
     evaluations: int = 4000
-
-
-def trade_off_maker(name: str) -> Callable[[], pk.Tracking]:
-    """Return a function that makes a simulation of Tringali & Cocuzza as energy against torque norm."""
-
-    def make() -> pk.Tracking:
-        task = getattr(tringali_2020, name)().task
-        path = tringali_2020.round_trip() if task.cyclic else tringali_2020.straight()
-        sides: dict[str, Any] = {kind: (bounds[0, :, 0], bounds[0, :, 1]) for kind, bounds in task.bounds.items()}
-        objectives = [pk.kinetic_energy, pk.torque_norm]
-        return pk.Tracking(
-            task.arm, path, objectives=objectives, limits=pk.Limits(**sides), cyclic=task.cyclic, differences="backward"
-        )
-
-    return make
 
 
 SAME = "simulations 2 and 3 with both objectives are energy_torque, simulation 5 is the cyclic circle: each runs once"
 CASES = {
     case.name: case
     for case in (
-        Case(name="energy_torque", make=tringali_2020.energy_torque, tringali="energy_torque"),
-        Case(name="simulation 1", make=trade_off_maker("simulation_1"), tringali="simulation_1"),
-        Case(name="simulation 4", make=trade_off_maker("simulation_4"), tringali="simulation_4"),
-        Case(name="simulation 5 (cyclic)", make=trade_off_maker("simulation_5")),
+        Case(name="energy_torque", make=tringali_2020.energy_torque, staged=True),
+        Case(name="simulation 1", make=partial(tracking, "simulation_1", both=True), staged=True),
+        Case(name="simulation 4", make=partial(tracking, "simulation_4", both=True), staged=True),
+        Case(name="simulation 5 (cyclic)", make=partial(tracking, "simulation_5", both=True)),
         Case(name="Panda", make=panda.across_the_table, evaluations=1500),
     )
 }

@@ -32,7 +32,7 @@ from paretoik.search.objectives import violations
 from paretoik.search.operators import Differential, SmoothMutation
 from paretoik.trajectory.transcription import motion_program
 from studies.benchmarks.fronts.cases import POPULATION, Account, Budget, Run, Spent, first_genes, spread, verify
-from studies.benchmarks.pymoo_peers import pymoo_algorithm
+from studies.benchmarks.maximin.runs import pymoo_algorithm
 
 OURS, PLAIN = "paretoik", "paretoik, refine=False"
 HELD_BACK = 0.3  # most of a refined run's budget that is kept for refining at its end

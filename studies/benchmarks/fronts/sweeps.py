@@ -14,23 +14,17 @@ from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
+from scipy.stats.qmc import Halton
 
 import paretoik as pk
 from paretoik.nlp.minimise import minimise
 from paretoik.pareto.sweep import OPTIONS as EPSILON
 from paretoik.trajectory.transcription import motion_program
 from studies.benchmarks.fronts.cases import CASES, Account, Budget, Run, first_genes, problem_of, verify
-from studies.benchmarks.fronts.programs import JointProgram, compiled_program, joint_program
-from studies.benchmarks.planner.compiling import COMPILER, compiled
-from studies.benchmarks.planner.peers import Question, peer
+from studies.benchmarks.peers.programs import joint_program, staged_program
+from studies.benchmarks.peers.solvers import COLD, WARM, Peer, compiled
 
-OURS = "ε paretoik"
-SOLVERS = {"ε FATROP": "fatrop", "ε IPOPT": "ipopt"}
-ENERGY, TORQUE = "kinetic_energy", "torque_norm"
-SETTINGS = {  # of the planner's peers, warm or not: those of its sweeps
-    False: (("mu_init", 1e-2),),
-    True: (("mu_init", 1e-4), ("bound_push", 1e-4), ("bound_frac", 1e-4)),
-}
+OURS, FATROP, IPOPT = "ε paretoik", "ε FATROP", "ε IPOPT"
 ALONE = 3  # starts of each single objective
 NEAREST = 2  # motions that a level starts from
 
@@ -64,30 +58,22 @@ class Sweep:
         return True
 
 
-@dataclass(frozen=True)
-class Form:
-    """A peer's form, which any process can solve: questions to the planner's peers, or a program of our own."""
-
-    questions: tuple[Question, ...] = ()  # energy, torque, energy with torque capped
-    library: str = ""  # of the compiled program
-
-
-def form_of(name: str, case: str, folder: Path | None) -> Form:
-    """Return a peer's form, compiled into a folder if one is given and there is a compiler."""
-    solver, problem = SOLVERS[name], CASES[case].tringali
-    into = folder if COMPILER else None
-    if problem:
-        asked = Question(solver=solver, problem=problem, samples=len(problem_of(case).task.times), main=ENERGY)
-        questions = (asked, replace(asked, main=TORQUE), replace(asked, capped=TORQUE))
-        return Form(tuple(compiled(one, into)[0] for one in questions) if into else questions)
-    return Form(
-        library=compiled_program(problem_of(case).task, f"program_{list(CASES).index(case)}", into) if into else ""
-    )
+@lru_cache(maxsize=32)
+def peer_of(name: str, case: str, library: str = "") -> Peer:
+    """Return a peer's program of a case, compiled if there is a library; built once per process."""
+    task = problem_of(case).task
+    program = staged_program(task, capped=range(1, len(task.objectives))) if name == FATROP else joint_program(task)
+    return replace(program, library=library)
 
 
-def epsilon_run(problem: pk.Tracking, seed: int, budget: Budget, form: Form | None) -> Run:
-    """Return a run of ε-constraints, ours without a form; building and compiling solvers is not counted."""
-    make = our_solver(problem) if form is None else their_solver(problem, form)
+def library_of(name: str, case: str, folder: Path | None) -> str:
+    """Return the compiled program of a peer, "" without a folder or a compiler."""
+    return compiled(peer_of(name, case), f"{name.split()[1]}_{list(CASES).index(case)}", folder).library
+
+
+def epsilon_run(problem: pk.Tracking, seed: int, budget: Budget, peer: Peer | None) -> Run:
+    """Return a run of ε-constraints, ours without a peer; building and compiling solvers is not counted."""
+    make = our_solver(problem) if peer is None else their_solver(peer)
     account = Account(budget=budget)
     task, starts = problem.task, problem.decode(first_genes(problem, seed)).q
     excess = np.maximum(task.violations(task.motion(starts)), 0.0).sum(axis=1)
@@ -121,37 +107,19 @@ def our_solver(problem: pk.Tracking) -> Callable[[np.ndarray], Solve]:
     return make
 
 
-def their_solver(problem: pk.Tracking, form: Form) -> Callable[[np.ndarray], Solve]:
-    """Return a function that makes a peer's solver for given ranges; the planner's peers need none."""
-    if not form.questions:
-        return _general(problem, form)
-    *alone, capped = form.questions
-    for question, setting in itertools.product(form.questions, SETTINGS.values()):
-        peer(question, setting)
-
-    def solve(q: np.ndarray, main: int, ceilings: np.ndarray, warm: bool) -> tuple[np.ndarray | None, int]:
-        question = capped if np.isfinite(ceilings[1]) else alone[main]
-        got = peer(question, SETTINGS[warm]).solve(q, cap=float(ceilings[1]))
-        return (got.q if got.solved else None), got.iterations
-
-    return lambda _: solve
-
-
-def _general(problem: pk.Tracking, form: Form) -> Callable[[np.ndarray], Solve]:
-    program = _program(problem, form)
+def their_solver(peer: Peer) -> Callable[[np.ndarray], Solve]:
+    """Return a function that makes a peer's solver for given ranges of the objectives."""
+    for settings in (COLD, WARM):
+        peer.build(settings)
 
     def make(ranges: np.ndarray) -> Solve:
         def solve(q: np.ndarray, main: int, ceilings: np.ndarray, warm: bool) -> tuple[np.ndarray | None, int]:
-            return program.solve(q, main, ceilings, ranges, warm=warm)
+            got = peer.solve(q, main, ceilings, ranges, WARM if warm else COLD)
+            return got.motion, got.iterations
 
         return solve
 
     return make
-
-
-@lru_cache(maxsize=8)
-def _program(problem: pk.Tracking, form: Form) -> JointProgram:
-    return joint_program(problem.task, form.library)
 
 
 def _sweep(sweep: Sweep, starts: Iterator[np.ndarray]) -> None:
@@ -165,7 +133,10 @@ def _sweep(sweep: Sweep, starts: Iterator[np.ndarray]) -> None:
             return
     ideal = sweep.F.min(axis=0)
     worst = sweep.F[sweep.F.argmin(axis=0)].max(axis=0)  # of the best of each objective
-    for share in shares(count - 1):
+    halton = Halton(count - 1, scramble=False)  # evenly spread at any count
+    halton.fast_forward(1)  # the first is 0
+    while True:
+        share = halton.random(1)[0]
         ceilings = np.concatenate([[np.inf], ideal[1:] + share * (worst - ideal)[1:]])
         beyond = np.abs(sweep.F[:, 1:] - ceilings[1:]) / np.maximum(worst - ideal, 1e-12)[1:]
         for row in np.argsort(beyond.max(axis=1), kind="stable")[:NEAREST].tolist():
@@ -173,17 +144,3 @@ def _sweep(sweep: Sweep, starts: Iterator[np.ndarray]) -> None:
                 return
         if not sweep.tried(next(starts), 0, ceilings):
             return
-
-
-def shares(axes: int) -> Iterator[np.ndarray]:
-    """Return points of the unit cube that are evenly spread at any count: Halton's."""
-    for number in itertools.count(1):
-        yield np.array([_radical_inverse(number, base) for base in (2, 3, 5, 7)[:axes]])
-
-
-def _radical_inverse(number: int, base: int) -> float:
-    value, place = 0.0, 1.0 / base
-    while number:
-        number, digit = divmod(number, base)
-        value, place = value + digit * place, place / base
-    return value

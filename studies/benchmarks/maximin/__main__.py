@@ -1,7 +1,7 @@
 """MaxiMin against pymoo's algorithms: same evaluations, same first populations, seeds interleaved; losses first.
 
     python -m studies.benchmarks.maximin [--quick] [--goals | --peers NAME ...] [--seeds N] [--problems NAME ...]
-                                         [--runs FOLDER] [--fronts FOLDER] [--cluster ADDRESS] [--json FILE]
+                                         [--runs FOLDER] [--cluster ADDRESS] [--json FILE]
 
 There are two of ours: ``MaxiMinNSGA2``, and pymoo's own NSGA-II with our survival, ``NSGA2(survival=MaxiMin())``; only
 the mating differs between them. Peers have pymoo's defaults: NSGA-II with crowding, and with its crowding "pcd" (two
@@ -12,7 +12,7 @@ bbob-biobj if its package ``coco-experiment`` is installed, a steep tail and ``e
 names and families.
 
 The final populations are judged by hypervolume (reference 1.1), IGD+ and additive epsilon, normalised by the union of
-all fronts. With --fronts that union is stored and joined with the stored one. A run without a feasible point counts as
+all fronts. A run without a feasible point counts as
 the corner of the hypervolume. On the steep tail only the useful corner counts, and ours is also compared with a run
 that is told of that corner by ``ranges=``.
 
@@ -30,10 +30,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from studies.benchmarks.maximin.cases import BIOBJECTIVE, COCO, Case, cases
-from studies.benchmarks.maximin.interleaved_runs import run_all
 from studies.benchmarks.maximin.judging import comparison_rows, cost_rows, goal_rows, judge
-from studies.benchmarks.maximin.methods import CROWDING, HYPERVOLUME, LEFT_OUT
-from studies.benchmarks.pymoo_peers import PEERS
+from studies.benchmarks.maximin.runs import CROWDING, HYPERVOLUME, LEFT_OUT, PEERS, run_all
 from studies.reporting import report, study_parser
 
 QUICK = {"ZDT1": 50, "ZDT5": 50, "DTLZ2-3": 40, "MW3": 50, "steep tail": 50}
@@ -69,7 +67,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     beside = parser.add_mutually_exclusive_group()
     beside.add_argument("--goals", action="store_true", help=f"against {CROWDING} and {HYPERVOLUME} only")
     beside.add_argument("--peers", nargs="+", choices=PEERS, metavar="NAME", help=f"only some of {', '.join(PEERS)}")
-    parser.add_argument("--fronts", type=Path, metavar="FOLDER", help="store the union fronts here and add to them")
     parser.add_argument("--runs", type=Path, metavar="FOLDER", help="store every run here, and read the stored ones")
     options = parser.parse_args(arguments)
     seeds = options.seeds if options.seeds is not None else (11 if options.quick else 31)
@@ -83,7 +80,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     runs = run_all(chosen, seeds, options.runs, cluster=options.cluster)
     if min((len(each) for each in runs.values()), default=0) < 2:
         parser.exit(1, "interrupted before two seeds were done: nothing to judge\n")
-    judged = judge(runs, chosen, options.fronts)
+    judged = judge(runs, chosen)
     rows = [*comparison_rows(judged), *cost_rows(judged, chosen), *goal_rows(judged, chosen)]
     report(rows, json_file=options.json)
 

@@ -5,16 +5,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
-from pathlib import Path
 
 import numpy as np
 
-from paretoik.arrays import Objectives
-from studies.benchmarks.maximin.cases import Case
-from studies.benchmarks.maximin.interleaved_runs import Runs, evaluations
-from studies.benchmarks.maximin.methods import BOXED, CROWDING, HYPERVOLUME, ONE_LINE, OURS, methods_of
-from studies.benchmarks.maximin.single_run import Run
-from studies.benchmarks.significance import (
+from studies.benchmarks.maximin.cases import POPULATION, Case
+from studies.benchmarks.maximin.runs import (
+    BOXED,
+    CROWDING,
+    HYPERVOLUME,
+    ONE_LINE,
+    OURS,
+    Runs,
+    methods_of,
+)
+from studies.reporting import Row
+from studies.significance import (
     MARGIN,
     Comparison,
     compare,
@@ -24,7 +29,6 @@ from studies.benchmarks.significance import (
     tally_rows,
     union,
 )
-from studies.reporting import Row
 
 TABLE = "{} beside its peers, medians (hypervolume: more is better; IGD+, epsilon: less)"
 COUNTED = "wins and losses of {} over problems and indicators"
@@ -41,27 +45,13 @@ class Judged:
     seconds: dict[tuple[str, str], float]  # median CPU seconds by problem and method
 
 
-def union_front(case: Case, runs: Sequence[Run], folder: Path | None) -> Objectives:
-    """Join all fronts of a case with the stored front, and store the result."""
-    fronts = [one.F for one in runs]
-    file = None if folder is None else folder / f"{case.name.replace(' ', '_')}.npz"
-    if file is not None and file.exists():
-        with np.load(file, allow_pickle=False) as stored:
-            fronts.append(stored["F"])
-    joined = union(fronts)
-    if file is not None:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        np.savez_compressed(file, F=joined)
-    return joined
-
-
-def judge(runs: Runs, chosen: Sequence[Case], folder: Path | None) -> Judged:
+def judge(runs: Runs, chosen: Sequence[Case]) -> Judged:
     """Score all runs and compare each of ours with every peer, and the first with all; Holm for each of ours."""
     rows: dict[str, list[Comparison]] = {OURS: [], ONE_LINE: []}
     without = {OURS: {OURS}, ONE_LINE: {OURS, ONE_LINE, BOXED}}  # methods that each is not compared with
     for case in chosen:
         names = methods_of(case)
-        joined = union_front(case, [one for name in names for one in runs[case.name, name]], folder)
+        joined = union([one.F for name in names for one in runs[case.name, name]])
         if not len(joined):
             print(f"{case.name}: no method found a feasible point: not judged")
             continue
@@ -76,16 +66,10 @@ def judge(runs: Runs, chosen: Sequence[Case], folder: Path | None) -> Judged:
 
 def comparison_rows(judged: Judged) -> list[Row]:
     """Return all comparisons, a table for each of ours, and their count by peer."""
-    tables = [
-        comparison_row(TABLE.format(own), one, one.verdict)
-        for own, decided in judged.comparisons.items()
-        for one in decided
-    ]
-    tallies = [
-        row
-        for own, decided in judged.comparisons.items()
-        for row in tally_rows(COUNTED.format(own), decided, lambda one: one.peer)
-    ]
+    tables, tallies = list[Row](), list[Row]()
+    for own, decided in judged.comparisons.items():
+        tables += [comparison_row(TABLE.format(own), one, one.verdict) for one in decided]
+        tallies += tally_rows(COUNTED.format(own), decided, lambda one: one.peer)
     return [*tables, *tallies]
 
 
@@ -133,20 +117,15 @@ def _ahead_in_time(judged: Judged, method: str, chosen: Sequence[Case]) -> list[
 
 
 def _goal(method: str, what: str, ours: float, goal: float, note: str) -> Row:
-    return Row(table=GOALS, row=method, column=what, unit="", ours=ours, reference=goal, source="goal", note=note)
+    return Row(GOALS, method, what, "", ours, reference=goal, source="goal", note=note)
 
 
 def cost_rows(judged: Judged, chosen: Sequence[Case]) -> list[Row]:
     """Return the cost of every method on every case."""
-    return [
-        Row(
-            table=COST,
-            row=case.name,
-            column=name,
-            unit="s",
-            ours=judged.seconds[case.name, name],
-            note=f"{evaluations(case)} evaluations",
-        )
-        for case in chosen
-        for name in methods_of(case)
-    ]
+    rows = []
+    for case in chosen:
+        note = f"{POPULATION[case.n_obj] * case.generations} evaluations"
+        rows += [
+            Row(COST, case.name, name, "s", judged.seconds[case.name, name], note=note) for name in methods_of(case)
+        ]
+    return rows

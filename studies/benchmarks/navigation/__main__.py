@@ -23,9 +23,7 @@ import numpy as np
 
 import paretoik as pk
 from studies.benchmarks.navigation.cases import CASES, QUICK, peers_of
-from studies.benchmarks.navigation.moves import random_aim, try_move
-from studies.benchmarks.navigation.options import OPTIONS
-from studies.benchmarks.navigation.tally import Tally, rows_of
+from studies.benchmarks.navigation.moves import OPTIONS, Tally, random_aim, rows_of, try_move
 from studies.reporting import Row, report, study_parser, tell
 
 

@@ -4,20 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import TypeAlias
 
 import numpy as np
 
 import paretoik as pk
 from problems import kim_2021, panda, tringali_2020
-from studies.benchmarks.certified.staged import StagedProgram, staged_program
-from studies.benchmarks.fronts.cases import trade_off_maker
-from studies.benchmarks.fronts.programs import JointProgram, compiled_program, joint_program
-from studies.benchmarks.planner.compiling import COMPILER
+from studies.benchmarks.peers.programs import joint_program, staged_program
+from studies.benchmarks.peers.solvers import Peer, compiled
+from studies.benchmarks.planner.questions import tracking
 
 POST, RADIUS, THICKNESS, CLEARANCE = (0.33, -0.1), 0.04, 0.015, 0.005  # m: of post and links
-Peer: TypeAlias = JointProgram | StagedProgram
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,7 +55,7 @@ CASES = {
     "papers' arm, energy against torque": Case(
         make=tringali_2020.energy_torque, points=20, goals=Goals(step=10.0, certified=99.5, best=98.0)
     ),
-    "papers' arm, circle": Case(make=trade_off_maker("simulation_5")),
+    "papers' arm, circle": Case(make=partial(tracking, "simulation_5", both=True)),
     "papers' arm, past a post": Case(make=past_a_post, has_peers=False),
     "Panda, three objectives": Case(
         make=panda.across_the_table, compiles=False, goals=Goals(step=100.0, certified=95.0, best=93.0)
@@ -72,9 +70,8 @@ def peers_of(case: Case, problem: object, folder: Path) -> dict[str, Peer]:
     """Return the peers that can state a problem, compiled into a folder."""
     if not case.has_peers or not isinstance(problem, pk.Tracking):
         return {}
-    task, compiles = problem.task, case.compiles and COMPILER is not None
-    name = "navigated_cycle" if task.cyclic else "navigated"
-    peers: dict[str, Peer] = {"IPOPT": joint_program(task, compiled_program(task, name, folder) if compiles else "")}
+    task, into = problem.task, folder if case.compiles else None
+    peers = {"IPOPT": compiled(joint_program(task), f"navigated{'_cycle' * task.cyclic}", into)}
     if not task.cyclic:
-        peers["FATROP"] = staged_program(task, folder if compiles else None, name)
+        peers["FATROP"] = compiled(staged_program(task), "navigated_staged", into)
     return peers

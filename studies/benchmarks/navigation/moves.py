@@ -1,9 +1,11 @@
-"""Random moves: made by us and by peers, and judged."""
+"""Random moves: made by us and by peers, judged, and counted in a table, losses first."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,9 +15,111 @@ from paretoik.formulations.navigation import natural_weights
 from paretoik.nlp.program import Program
 from paretoik.pareto.differentiable import Differentiable
 from paretoik.pareto.navigation import Aim, FrontPoints, Wish, reach
-from studies.benchmarks.navigation.cases import Peer
-from studies.benchmarks.navigation.options import OPTIONS
-from studies.benchmarks.navigation.tally import Tally, Try
+from studies.benchmarks.navigation.cases import Case
+from studies.benchmarks.peers.solvers import COLD, WARM, Peer
+from studies.reporting import Row
+
+
+@dataclass(frozen=True, kw_only=True)
+class MoveOptions:
+    """The lengths of random moves, and tolerances; all but ``critical`` and ``violation`` are shares of a range.
+
+    A move goes from ``shortest`` to ``longest``; ``around`` is the number of points asked for around one. A move is
+    certified up to a residual ``critical`` and a ``violation``, and equals another one within ``same``. If every
+    objective has a ``weight``, the exchange rate must agree within the share ``rate`` with a further move by
+    ``rate_step``. That step is as small as the residuals of both ends allow: fronts of sliders are so curved that the
+    mean rate over 1e-3 is 1.65 times the certificate's, 1.04 over 1e-4 and 1.0001 over 1e-5.
+    """
+
+    shortest: float = 0.01
+    longest: float = 0.2
+    around: int = 4
+    critical: float = 1e-6
+    violation: float = 1e-8
+    same: float = 1e-5
+    rate: float = 0.05
+    rate_step: float = 1e-5
+    weight: float = 1e-3
+
+
+OPTIONS = MoveOptions()
+
+
+class Try(NamedTuple):
+    """A peer's result for a move: its name, seconds, and the payer's value if it converged."""
+
+    peer: str
+    seconds: float
+    value: float | None
+
+
+@dataclass(eq=False)
+class Tally:
+    """Results of moves, one entry per move."""
+
+    certified: list[bool] = field(default_factory=list)
+    non_dominated: list[bool] = field(default_factory=list)
+    followed: list[bool] = field(default_factory=list)
+    best: list[bool] = field(default_factory=list)
+    rate: list[bool] = field(default_factory=list)
+    step: list[float] = field(default_factory=list)
+    whole: list[float] = field(default_factory=list)
+    predicted: list[bool] = field(default_factory=list)
+    prediction: list[float] = field(default_factory=list)
+    missed: list[float] = field(default_factory=list)
+    peer_solved: dict[str, list[bool]] = field(default_factory=dict)
+    peer_seconds: dict[str, list[float]] = field(default_factory=dict)
+
+    unreachable: int = 0
+    around: int = 0
+
+    def add_tries(self, tries: Sequence[Try]) -> None:
+        """Record the peers' results for a move that some method can make."""
+        for each in tries:
+            self.peer_seconds.setdefault(each.peer, []).append(each.seconds)
+            self.peer_solved.setdefault(each.peer, []).append(each.value is not None)
+
+
+def rows_of(name: str, case: Case, tally: Tally) -> list[Row]:
+    """Return the rows of a case."""
+    moves = len(tally.certified)
+
+    def row(label: str, column: str, unit: str, ours: float, reference: float | None = None, source: str = "") -> Row:
+        return Row(name, label, column, unit, ours, reference=reference, source=source)
+
+    def share(values: Sequence[bool]) -> float:
+        return 100 * float(np.mean(values)) if values else np.nan
+
+    def median(values: Sequence[float]) -> float:
+        return 1e3 * float(np.median(values)) if values else np.nan
+
+    goals = case.goals
+    step = row("a step", "median", "ms CPU", median(tally.step), goals.step, "goal")
+    rows = [
+        row("certified", f"of {moves} moves", "%", share(tally.certified), goals.certified, "goal"),
+        row("best known", f"of {moves} moves", "%", share(tally.best), goals.best, "goal"),
+        row("non-dominated by the front it left", f"of {len(tally.non_dominated)}", "%", share(tally.non_dominated)),
+        row("followed along its branch", f"of {len(tally.followed)}", "%", share(tally.followed)),
+        row("rates within 5 % of a small move", f"of {len(tally.rate)}", "%", share(tally.rate)),
+        row("out of reach for all methods", "moves", "", tally.unreachable),
+        row("new points around one", f"of {OPTIONS.around}", "", tally.around),
+        step,
+        row("a step with its certificate", "median", "ms CPU", median(tally.whole)),
+        row("predicted", f"of {len(tally.predicted)} followed", "%", share(tally.predicted)),
+        row("a prediction", "median", "ms CPU", median(tally.prediction)),
+        row("misses the certified point by", "median", "of a range", float(np.median(tally.missed or [np.nan]))),
+    ]
+    for peer, seconds in tally.peer_seconds.items():
+        solved, name_only = tally.peer_solved[peer], peer.split()[0]
+        rows.append(row("a step", f"beside {peer}", "ms CPU", median(tally.step), median(seconds), name_only))
+        rows.append(row("converged", f"beside {peer}", "%", share(tally.certified), share(solved), name_only))
+    lost = [each for each in rows if each.reference is not None and _is_lost(each, each.reference)]
+    return [*lost, *(each for each in rows if each not in lost)]
+
+
+def _is_lost(row: Row, reference: float) -> bool:
+    """Return whether a time is longer, or a share smaller, than its reference."""
+    return row.ours > reference if row.unit == "ms CPU" else row.ours < reference
 
 
 def random_aim(front: pk.Front, objectives: int, rng: np.random.Generator) -> tuple[int, Aim]:
@@ -77,12 +181,7 @@ def try_move(
 
 
 def _peers_tries(
-    program: Program,
-    points: FrontPoints,
-    row: int,
-    aim: Aim,
-    peers: Mapping[str, Peer],
-    rng: np.random.Generator,
+    program: Program, points: FrontPoints, row: int, aim: Aim, peers: Mapping[str, Peer], rng: np.random.Generator
 ) -> list[Try]:
     """Return the peers' results for a move, each warm and cold."""
     payer, ceilings, tries = aim.wish.payers[0], aim.start.copy(), list[Try]()
@@ -92,7 +191,7 @@ def _peers_tries(
     for name, peer in peers.items():
         for start, q in starts.items():
             began = time.process_time()
-            motion, _ = peer.solve(q, payer, ceilings, aim.ranges, warm=start == "warm")
+            motion = peer.solve(q, payer, ceilings, aim.ranges, WARM if start == "warm" else COLD).motion
             seconds = time.process_time() - began
             value = None if motion is None else float(program.evaluate(motion)[0][payer])
             tries.append(Try(f"{name} {start}", seconds, value))

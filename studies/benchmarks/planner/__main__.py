@@ -2,7 +2,7 @@
 
     python -m studies.benchmarks.planner [--quick] [--seed N] [--json FILE]
 
-Simulations 1 to 5 of Tringali & Cocuzza 2020, the energy-torque front, and growth with the samples, in one run: the
+Simulations 1 to 5 of Tringali & Cocuzza 2020, and the energy-torque front, in one run: the
 same discretisation, the same starts and levels, ours and theirs alternating, medians of repeats. FATROP gets optimal
 control, IPOPT joint angles only. Both get lean closed-form dynamics, an iteration cap, the first barrier that serves
 them best, and both cores (one process each), with CasADi's own evaluation and compiled (-O2; compilation is reported,
@@ -19,13 +19,11 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
-from studies.benchmarks.planner.compiling import COMPILER
-from studies.benchmarks.planner.cores import Cores
-from studies.benchmarks.planner.growth import growth
+from studies.benchmarks.peers.solvers import COMPILER
+from studies.benchmarks.planner.questions import Cores
 from studies.benchmarks.planner.simulations import NAMES, Effort, SimulationResult, compare_simulation, forms, sum_rows
 from studies.benchmarks.planner.sweep import sweeps
-from studies.benchmarks.planner.verdicts import HALF, losses_first
-from studies.reporting import Row, report, study_parser, tell
+from studies.reporting import HALF, Row, losses_first, report, study_parser, tell
 
 
 def simulation_rows(cores: Cores, arms: Sequence[str], effort: Effort, folder: Path) -> list[Row]:
@@ -34,10 +32,10 @@ def simulation_rows(cores: Cores, arms: Sequence[str], effort: Effort, folder: P
     each: dict[str, list[SimulationResult]] = {arm: [] for arm in arms}
     for name in NAMES:
         tell(f"{name}: peers")
-        peers = forms(cores, name, effort, folder)
+        peers = forms(cores, name, arms, effort, folder)
         for arm in arms:
             tell(f"{name}, {arm}: side by side")
-            each[arm].append(compare_simulation(cores, name, arm, peers, effort))
+            each[arm].append(compare_simulation(cores, name, arm, peers[arm], effort))
             rows += each[arm][-1].rows
     return [row for arm in arms for row in sum_rows(arm, each[arm], HALF)] + rows
 
@@ -54,7 +52,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     with tempfile.TemporaryDirectory() as folder, Cores() as cores:
         rows = simulation_rows(cores, arms, effort, Path(folder))
         rows += sweeps(cores, Path(folder), effort, quick=options.quick)
-    rows += growth(NAMES[:1] if options.quick else (NAMES[0], NAMES[2]), seed=options.seed, repeats=effort.repeats + 2)
     report(losses_first(rows), json_file=options.json)
 
 

@@ -16,30 +16,17 @@ from paretoik.trajectory.levels import OPTIONS, objective_scales
 from paretoik.trajectory.plan import Plan
 from paretoik.trajectory.plan_starts import initial_motions
 from paretoik.trajectory.transcription import motion_program
-from studies.benchmarks.planner.compiling import COMPILER
-from studies.benchmarks.planner.cores import CORES, Cores
+from studies.benchmarks.peers.solvers import COMPILER, LABELS, Settings, Solved
 from studies.benchmarks.planner.optima import optima, oracle
-from studies.benchmarks.planner.peers import (
-    BEGINNINGS,
-    LABELS,
-    PUSHES,
-    SAMPLES,
-    Question,
-    Settings,
-    Solved,
-    peer,
-    tracking,
-)
-from studies.benchmarks.planner.verdicts import timed, versus
-from studies.reporting import Row
+from studies.benchmarks.planner.questions import CORES, Cores, Question, peer, tracking
+from studies.reporting import Row, timed, versus
 
 NAMES = tuple(f"simulation_{i}" for i in range(1, 6))
 COARSE = 26
 CAPS = (100, 70, 50, 35, 25)
 SAME = 1e-5  # relative: a peer that stops its barrier's width above the best optimum has found it
-WARMS: tuple[Settings, ...] = tuple(
-    (("mu_init", mu), *((name, push) for name in PUSHES)) for mu, push in ((1e-3, 1e-2), (1e-4, 1e-4), (1e-5, 1e-6))
-)
+BEGINNINGS = tuple(Settings(barrier=barrier) for barrier in (0.1, 0.01, 0.001))
+WARMS = tuple(Settings(barrier=barrier, push=push) for barrier, push in ((1e-3, 1e-2), (1e-4, 1e-4), (1e-5, 1e-6)))
 SUMMED = "sum of the five"
 
 
@@ -73,24 +60,27 @@ class SimulationResult:
     theirs: dict[str, float]
 
 
-def forms(cores: Cores, name: str, effort: Effort, folder: Path) -> list[PeerForm]:
-    """Return FATROP and IPOPT, evaluated and compiled, each with the first barrier that serves it best."""
+def forms(cores: Cores, name: str, arms: Sequence[str], effort: Effort, folder: Path) -> dict[str, list[PeerForm]]:
+    """Return FATROP and IPOPT by masses, evaluated and compiled, each with the first barrier that serves it best."""
     task = tracking(name).task
     starts = _fine_starts(task, initial_motions(task, starts=effort.starts, seed=effort.seed))
-    peer_forms = []
+    peer_forms: dict[str, list[PeerForm]] = {arm: [] for arm in arms}
     for solver, label in LABELS.items():
-        fine = Question(solver=solver, problem=name, samples=SAMPLES)
-        kinds = {label: ((fine, 0.0), (replace(fine, samples=COARSE), 0.0))}
-        if COMPILER:
-            both = cores.compiled([question for question, _ in kinds[label]], folder)
-            kinds[f"{label} compiled"] = (both[0], both[1])
-        quickest = list(kinds.values())[-1][0][0]
-        tries = {settings: cores.solve(quickest, settings, "printed", starts) for settings in BEGINNINGS}
-        settings = serving(tries)
-        for form, ((question, seconds), (coarse, _)) in kinds.items():
-            peer_forms.append(
-                PeerForm(name=form, label=label, fine=question, coarse=coarse, settings=settings, compilation=seconds)
-            )
+        settings = None
+        for arm in arms:
+            fine = Question(solver=solver, problem=name, masses=arm)
+            kinds = {label: [(fine, 0.0), (replace(fine, samples=COARSE), 0.0)]}
+            if COMPILER:
+                kinds[f"{label} compiled"] = cores.compiled([question for question, _ in kinds[label]], folder)
+            if settings is None:
+                quickest = list(kinds.values())[-1][0][0]
+                settings = serving({each: cores.solve(quickest, each, starts) for each in BEGINNINGS})
+            for form, ((question, seconds), (coarse, _)) in kinds.items():
+                peer_forms[arm].append(
+                    PeerForm(
+                        name=form, label=label, fine=question, coarse=coarse, settings=settings, compilation=seconds
+                    )
+                )
     return peer_forms
 
 
@@ -105,7 +95,7 @@ def serving(tries: Mapping[Settings, Sequence[Solved]]) -> Settings:
         for cap in CAPS:
             cut = [replace(s, seconds=s.seconds * min(1.0, cap / max(s.iterations, 1))) for s in each]
             cut = [replace(s, solved=s.solved and 1.2 * s.iterations <= cap) for s in cut]
-            costs[*settings, ("max_iter", cap)] = expected_time(cut, best), sum(s.seconds for s in each)
+            costs[replace(settings, iterations=cap)] = expected_time(cut, best), sum(s.seconds for s in each)
     return min(costs, key=lambda settings: costs[settings])
 
 
@@ -119,13 +109,13 @@ def compare_simulation(
     q = initial_motions(task, starts=effort.starts, seed=effort.seed)
     starts = _fine_starts(task, q)
     for one in peers:
-        cores.built(one.fine, one.settings, starts, masses)
-        cores.built(one.coarse, one.settings, q, masses)
+        cores.build(one.fine, one.settings, starts)
+        cores.build(one.coarse, one.settings, q)
     plans, solves = list[tuple[Plan, float, float]](), {one.name: list[list[Solved]]() for one in peers}
     for _ in range(effort.repeats):
         plans.append(timed(lambda: pk.plan(problem, starts=effort.starts, seed=effort.seed)))
         for one in peers:
-            solves[one.name].append(cores.solve(one.fine, one.settings, masses, starts))
+            solves[one.name].append(cores.solve(one.fine, one.settings, starts))
     plan = plans[0][0]
     seconds, cpu = (float(np.median([taken[i] for taken in plans])) for i in (1, 2))
     values = [s.value for each in solves.values() for s in each[0] if s.solved]
@@ -138,17 +128,16 @@ def compare_simulation(
         first = solves[one.name][0]
         hits, solved = _hits(first, best), sum(s.solved for s in first)
         burnt = np.median([sum(s.cpu for s in each) for each in solves[one.name]])
-        settings = dict(one.settings)
         note = (
             f"processor time {cpu * hits / burnt:.3g}; hit {hits} of {len(first)}, {solved} converged; first barrier "
-            f"{settings['mu_init']:g}, {settings['max_iter']:g} iterations at most"
+            f"{one.settings.barrier:g}, {one.settings.iterations} iterations at most"
             + (f"; compiled in {one.compilation:.2g} s" if one.compilation else "")
         )
         rows.append(_time(row, f"to the best optimum, {one.name}", ours, theirs[one.name], None, note))
-    rows += optima(row, task, plan, {one.fine: solves[one.name][0] for one in quickest(peers)}, masses)
+    rows += optima(row, task, plan, {one.fine: solves[one.name][0] for one in quickest(peers)})
     rows.append(oracle(row, task, plan))
-    rows += _coarse(cores, row, task, q, peers, masses, effort.repeats)
-    rows += _warm(row, task, plan, peers, masses)
+    rows += _coarse(cores, row, task, q, peers, effort.repeats)
+    rows += _warm(row, task, plan, peers)
     return SimulationResult(rows=rows, ours=ours, theirs=theirs)
 
 
@@ -192,7 +181,7 @@ def expected_time(solves: Sequence[Solved], best: float) -> float:
 
 
 def _coarse(
-    cores: Cores, row: str, task: MotionTask, q: np.ndarray, peers: Sequence[PeerForm], masses: str, repeats: int
+    cores: Cores, row: str, task: MotionTask, q: np.ndarray, peers: Sequence[PeerForm], repeats: int
 ) -> list[Row]:
     """Return the seconds of all starts at coarse samples."""
     program, factors = motion_program(task.subsample(COARSE), objective_scales(task, q)), np.ones((1, 1))
@@ -202,7 +191,7 @@ def _coarse(
         ours, seconds, _ = timed(lambda: minimise(program, q, factors, options=rules))
         taken.append(seconds)
         for one in peers:
-            solves[one.name].append(cores.solve(one.coarse, one.settings, masses, q))
+            solves[one.name].append(cores.solve(one.coarse, one.settings, q))
     rows = []
     for form, tries in solves.items():
         theirs = float(np.median([sum(s.seconds for s in each) for each in tries])) / CORES
@@ -213,24 +202,24 @@ def _coarse(
     return rows
 
 
-def _warm(row: str, task: MotionTask, plan: Plan, peers: Sequence[PeerForm], masses: str) -> list[Row]:
+def _warm(row: str, task: MotionTask, plan: Plan, peers: Sequence[PeerForm]) -> list[Row]:
     """Return the seconds of one solve from the best motion at half the samples."""
     best = plan.best
     rough = np.asarray(task.subsample((len(task.times) + 1) // 2).motion(best.motion.q[::2]).at(task.times))
     program, factors = motion_program(task, np.array([best.objective])), np.ones((1, 1))
     served = {}
     for one in quickest(peers):
-        tries = {settings: [peer(one.fine, settings).solve(rough, masses) for _ in range(3)][-1] for settings in WARMS}
+        tries = {settings: [peer(one.fine).solve(rough, settings=settings) for _ in range(3)][-1] for settings in WARMS}
         served[one.label] = min(WARMS, key=lambda s: (_hits([tries[s]], best.objective) == 0, tries[s].seconds))
     rows, warm = [], InteriorPointOptions(barrier=1e-4)
     for one in peers:
         settings, taken = served[one.label], []
-        ended = peer(one.fine, settings).solve(rough, masses).value / best.objective - 1
+        ended = peer(one.fine).solve(rough, settings=settings).value / best.objective - 1
         for _ in range(11):
             _, ours, _ = timed(lambda: minimise(program, rough[None], factors, options=warm))
-            taken.append((ours, peer(one.fine, settings).solve(rough, masses).seconds))
+            taken.append((ours, peer(one.fine).solve(rough, settings=settings).seconds))
         middle = np.median(taken, axis=0)
-        note = f"theirs ends {ended:.1e} above, first barrier {dict(settings)['mu_init']:g}"
+        note = f"theirs ends {ended:.1e} above, first barrier {settings.barrier:g}"
         goal = 2.0 if one.name == LABELS["fatrop"] else None
         rows.append(_time(row, f"one warm solve, {one.name}", float(middle[0]), float(middle[1]), goal, note))
     return rows

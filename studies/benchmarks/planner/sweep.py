@@ -19,15 +19,12 @@ import paretoik as pk
 from paretoik.task.motion_task import MotionTask
 from paretoik.trajectory.levels import OPTIONS
 from paretoik.trajectory.plan_starts import initial_motions
-from studies.benchmarks.planner.compiling import COMPILER
-from studies.benchmarks.planner.cores import CORES, Cores
+from studies.benchmarks.peers.solvers import COMPILER, LABELS, Solved, Solver
 from studies.benchmarks.planner.optima import distinct
-from studies.benchmarks.planner.peers import BEGINNINGS, LABELS, SAMPLES, Question, Solved, tracking
-from studies.benchmarks.planner.programs import ENERGY, TORQUE
-from studies.benchmarks.planner.simulations import COARSE, WARMS, Effort
-from studies.benchmarks.planner.verdicts import HALF, timed, versus
+from studies.benchmarks.planner.questions import CORES, ENERGY, TORQUE, Cores, Question, tracking
+from studies.benchmarks.planner.simulations import BEGINNINGS, COARSE, WARMS, Effort
 from studies.benchmarks.reference_front import REFERENCE_POINT
-from studies.reporting import Row, tell
+from studies.reporting import HALF, Row, tell, timed, versus
 
 PROBLEM, TABLE = "energy_torque", "front"
 POINTS, QUICK_POINTS = 20, 8
@@ -83,13 +80,13 @@ class Questions:
     capped: Question
 
 
-def questions(solver: str) -> Questions:
+def questions(solver: Solver) -> Questions:
     """Return a solver's questions."""
-    alone = [Question(solver=solver, problem=PROBLEM, samples=SAMPLES, main=main) for main in (ENERGY, TORQUE)]
+    alone = [Question(solver=solver, problem=PROBLEM, main=main) for main in (ENERGY, TORQUE)]
     return Questions(
         coarse=(replace(alone[0], samples=COARSE), replace(alone[1], samples=COARSE)),
         fine=(alone[0], alone[1]),
-        capped=replace(alone[0], capped=TORQUE),
+        capped=replace(alone[0], main=None),
     )
 
 
@@ -151,27 +148,12 @@ def _rows(form: str, ours: Sequence[Ours], theirs: Sequence[Swept]) -> list[Row]
         f"processor time {cpu[0] / cpu[1]:.3g}; theirs {len(other.F)} points: {other.levels} levels, {how.followed} "
         f"branches, {how.pool} cold, {how.ways} way(s){short}"
     )
+    goal = HALF if form.startswith(LABELS["fatrop"]) else None
+    more = f"relative difference {one.volume / other.volume - 1:.1e}, to (0.065, 0.10)"
+    column, unit = f"hypervolume, {form}", "N²m²s J s"
     return [
-        versus(
-            table=TABLE,
-            row=row,
-            column=f"time, {form}",
-            unit="s",
-            ours=seconds[0],
-            theirs=seconds[1],
-            goal=HALF if form.startswith(LABELS["fatrop"]) else None,
-            note=note,
-        ),
-        Row(
-            table=TABLE,
-            row=row,
-            column=f"hypervolume, {form}",
-            unit="N²m²s J s",
-            ours=one.volume,
-            reference=other.volume,
-            source=form,
-            note=f"relative difference {one.volume / other.volume - 1:.1e}, to (0.065, 0.10)",
-        ),
+        versus(TABLE, row, f"time, {form}", "s", seconds[0], seconds[1], goal=goal, note=note),
+        Row(TABLE, row, column, unit, one.volume, reference=other.volume, source=form, note=more),
     ]
 
 
@@ -200,12 +182,12 @@ def _ends(
     found, work = [], list[Solved]()
     level = task.subsample(COARSE)
     for coarse, fine in zip(programs.coarse, programs.fine, strict=True):
-        cores.built(coarse, COLD, starts)
-        rough = cores.solve(coarse, COLD, "printed", starts)
+        cores.build(coarse, COLD, starts)
+        rough = cores.solve(coarse, COLD, starts)
         carried = np.stack([one.q for one in distinct(level, [r for r in rough if r.solved])[: OPTIONS.max_optima]])
         q = np.asarray(level.motion(carried).at(task.times))
-        cores.built(fine, WARM, q)
-        polished = cores.solve(fine, WARM, "printed", q)
+        cores.build(fine, WARM, q)
+        polished = cores.solve(fine, WARM, q)
         found.append(distinct(task, [one for one in polished if one.solved]))
         work += [*rough, *polished]
     return found, work
@@ -229,11 +211,11 @@ def swept(
         before = [alone[way][0]]
         for k in order:
             warm = np.stack([one.q for one in before])
-            got = cores.solve(programs.capped, WARM, "printed", warm, np.full(len(warm), ceilings[k]))
+            got = cores.solve(programs.capped, WARM, warm, np.full(len(warm), ceilings[k]))
             failed = [q for q, one in zip(warm, got, strict=True) if not one.solved]
             again = np.array(failed + (pool if not at[k] else []))
             if len(again):
-                got += cores.solve(programs.capped, COLD, "printed", again, np.full(len(again), ceilings[k]))
+                got += cores.solve(programs.capped, COLD, again, np.full(len(again), ceilings[k]))
             work += got
             at[k] = distinct(task, [*at[k], *(one for one in got if one.solved)])[: tenacity.followed]
             before = at[k] or before

@@ -30,10 +30,9 @@ from pathlib import Path
 import numpy as np
 
 from paretoik.runs.machine import single_blas_thread
-from studies.benchmarks.planner.verdicts import LOSS, losses_first, timed
 from studies.benchmarks.refinement.cases import CASES, Contest, Solve
 from studies.benchmarks.refinement.counts import count_rows, time_left_rows
-from studies.reporting import Row, report, study_parser, tell
+from studies.reporting import LOSS, Row, losses_first, report, study_parser, tell, timed
 
 VIOLATION = 1e-6
 BETTER = 1e-6  # share of the objective
@@ -86,16 +85,8 @@ def tabulate(name: str, default: str, ends: dict[str, Ends]) -> list[Row]:
         )
         ratio = "what auto takes" if solver == default else f"{end.each / ours.each:.3g} × what auto takes"
         counts = f"{end.count} of {len(end.objectives)} starts"
-        rows.append(
-            Row(
-                table=name,
-                row=solver,
-                column="for each start that counts",
-                unit="s",
-                ours=end.each,
-                note=(LOSS if is_loss else "") + "; ".join([ratio, counts, outcome]),
-            )
-        )
+        note = (LOSS if is_loss else "") + "; ".join([ratio, counts, outcome])
+        rows.append(Row(name, solver, "for each start that counts", "s", end.each, note=note))
     return rows
 
 

@@ -19,9 +19,8 @@ from paretoik.task.objectives import Objective
 from paretoik.trajectory.plan_starts import sample_starts
 from paretoik.trajectory.transcription import motion_program
 from problems import kim_2021, panda, tringali_2020
-from studies.benchmarks.certified.staged import staged_program
-from studies.benchmarks.fronts.programs import compiled_program, joint_program, pack, unpack
-from studies.benchmarks.planner.compiling import COMPILER
+from studies.benchmarks.peers.programs import joint_program, staged_program
+from studies.benchmarks.peers.solvers import compiled
 from studies.benchmarks.refinement.nlp import Method, Nlp, dense_nlp, ipopt_solver, motion_nlp, solve_with_scipy
 from studies.benchmarks.refinement.stated import solve_with_cvxpy
 
@@ -111,21 +110,19 @@ def motions(
     task = replace(make().task.resample(samples), objectives=(objective,))
     starts = sample_starts(task, count, np.random.default_rng(seed))
     scale = float(np.median(objective(task.motion(starts))))
-    program, ranges, none = motion_program(task, [scale]), np.array([scale]), np.array([np.inf])
+    program, ranges = motion_program(task, [scale]), np.array([scale])
     name = f"{objective.name}_{task.arm.dof}"
-    joint = joint_program(task, compiled_program(task, name, folder) if COMPILER else "")
-    staged = staged_program(task, folder if COMPILER else None, name)
+    plain = joint_program(task)
+    joint, staged = compiled(plain, name, folder), compiled(staged_program(task), f"{name}_staged", folder)
     ours = our_solvers(program, np.ones(1))
     moves: dict[str, Move] = {
         **ours,
-        **scipy_solvers(motion_nlp(task, scale), lambda q: pack(task, q), lambda x: unpack(task, x), seconds),
-        "IPOPT": lambda q: joint.solve(q, 0, none, ranges, warm=False)[0],
-        "FATROP": lambda q: staged.solve(q, 0, none, ranges, warm=False)[0],
+        **scipy_solvers(motion_nlp(plain, scale), lambda q: plain.pack(q, ranges), plain.unpack, seconds),
+        "IPOPT": lambda q: joint.solve(q, ranges=ranges).motion,
+        "FATROP": lambda q: staged.solve(q, ranges=ranges).motion,
     }
     return Contest(
-        starts=starts,
-        contestants=judge_all(moves, lambda q: judge_motion(task, q)),
-        default=next(iter(ours)),
+        starts=starts, contestants=judge_all(moves, lambda q: judge_motion(task, q)), default=next(iter(ours))
     )
 
 

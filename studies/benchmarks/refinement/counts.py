@@ -24,8 +24,7 @@ from paretoik.nlp.criticality import criticality
 from paretoik.pareto import certificates
 from paretoik.progress import Observer, RunProgress
 from problems import panda, tringali_2020
-from studies.benchmarks.planner.verdicts import timed
-from studies.reporting import Row, tell
+from studies.reporting import Row, tell, timed
 
 POPULATION, GENERATIONS, POINTS = 20, 10, 8
 Work = Callable[[], Any]
@@ -124,14 +123,9 @@ def _time_left_row(name: str, work: Callable[[Observer], Any]) -> Row:
         ratios = [left / max(true, 1e-3) for true, left, each in judged if each == stage and true >= SHORT]
         if ratios:
             stages.append(f"{stage} {min(ratios):.2g} to {max(ratios):.2g}")
-    return Row(
-        table="time left",
-        row=name,
-        column="right within a factor of 2",
-        unit="%",
-        ours=100 * float(np.mean(right)) if right else float("nan"),
-        note=f"{end:.1f} s, {len(judged)} statements; stated over true: {', '.join(stages) or 'none'}",
-    )
+    note = f"{end:.1f} s, {len(judged)} statements; stated over true: {', '.join(stages) or 'none'}"
+    value = 100 * float(np.mean(right)) if right else float("nan")
+    return Row("time left", name, "right within a factor of 2", "%", value, note=note)
 
 
 def count_rows() -> list[Row]:
@@ -155,19 +149,8 @@ def _counted(table: str, verb: str, work: Work) -> list[Row]:
     tell(f"{table}: {verb}")
     with counting() as (canonical, solved, confirmed):
         points, _, seconds = timed(work)
-    each = 1e3 * confirmed.seconds / max(confirmed.calls, 1)
-    return [
-        Row(
-            table=f"default verbs: {table}",
-            row=verb,
-            column="share of confirmations",
-            unit="%",
-            ours=100 * confirmed.seconds / seconds,
-            reference=25.0,
-            source="goal",
-            note=(
-                f"{seconds:.2f} s, {len(points)} points; {canonical.calls} canonicalised, {canonical.seconds:.2f} s; "
-                f"{solved.calls} solved by Clarabel, {solved.seconds:.2f} s; {confirmed.calls} confirmed, {each:.1f} ms"
-            ),
-        )
-    ]
+    share, each = 100 * confirmed.seconds / seconds, 1e3 * confirmed.seconds / max(confirmed.calls, 1)
+    note = f"{seconds:.2f} s, {len(points)} points; {canonical.calls} canonicalised, {canonical.seconds:.2f} s; "
+    note += f"{solved.calls} solved by Clarabel, {solved.seconds:.2f} s; {confirmed.calls} confirmed, {each:.1f} ms"
+    place = f"default verbs: {table}", verb, "share of confirmations", "%"
+    return [Row(*place, share, reference=25.0, source="goal", note=note)]

@@ -14,8 +14,7 @@ from scipy import sparse
 from scipy.optimize import Bounds, NonlinearConstraint, minimize
 
 from paretoik.nlp.dense.dense_program import DenseProgram
-from paretoik.task.motion_task import MotionTask
-from studies.benchmarks.fronts.programs import state_program
+from studies.benchmarks.peers.solvers import Peer, state
 
 Vector = Float[np.ndarray, " numbers"]
 Output = tuple[casadi.Sparsity, Callable[..., Any]]  # the pattern, and a function for the entries
@@ -41,13 +40,12 @@ class Nlp:
     bounds: Float[np.ndarray, "2 unknowns"]
 
 
-def motion_nlp(task: MotionTask, scale: float) -> Nlp:
-    """Return the program of a task with one objective, divided by ``scale``, over joint positions."""
-    statement, sides = state_program(task)
+def motion_nlp(peer: Peer, scale: float) -> Nlp:
+    """Return a program of a task with one objective, divided by ``scale``, over joint positions."""
+    statement = state(peer, casadi.SX)
     x, p, f, g = (statement[name] for name in "xpfg")
     numbers = np.array([1.0, scale])
-    multipliers = casadi.MX.sym("multipliers", g.numel())
-    f, g = (casadi.Function("expand", [x, p], [whole]).expand()(x, p) for whole in (f, g))
+    multipliers = casadi.SX.sym("multipliers", g.numel())
     second = casadi.hessian(f + casadi.dot(multipliers, g), x)[0]
     parts = {
         "value": casadi.Function("f", [x, p], [f]),
@@ -56,16 +54,16 @@ def motion_nlp(task: MotionTask, scale: float) -> Nlp:
         "jacobian": casadi.Function("dg", [x, p], [casadi.jacobian(g, x)]),
         "hessian": casadi.Function("ddl", [x, p, multipliers], [second]),
     }
-    value, gradient, rows, jacobian, hessian = (parts[name].expand() for name in parts)
+    value, gradient, rows, jacobian, hessian = parts.values()
     return Nlp(
         value=lambda z: float(value(z, numbers)),
         gradient=lambda z: np.asarray(gradient(z, numbers)).ravel(),
         rows=lambda z: np.asarray(rows(z, numbers)).ravel(),
         jacobian=lambda z: sparse.csr_array(jacobian(z, numbers).sparse()),
         hessian=lambda z, v: sparse.csr_array(hessian(z, numbers, v).sparse()),
-        lower=sides["lbg"],
-        upper=sides["ubg"],
-        bounds=np.stack([sides["lbx"], sides["ubx"]]),
+        lower=peer.row_bounds[0],
+        upper=peer.row_bounds[1],
+        bounds=peer.bounds,
     )
 
 

@@ -23,13 +23,19 @@ from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 from types import FrameType
-from typing import Any, get_args
+from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
 from paretoik.api.initial import INITIAL
 from paretoik.runs.journal import Journal
-from studies.benchmarks.reliability.phases import FilePhase, Phase
+
+TimePhase: TypeAlias = Literal["ask", "evaluate", "refine", "else"]  # in seconds
+FilePhase: TypeAlias = Literal["write", "rename", "fsync"]  # in numbers
+Phase: TypeAlias = Literal["ask", "evaluate", "refine", "else", "write", "rename", "fsync"]
+
+PHASES: tuple[Phase, ...] = get_args(Phase)
+FILE_PHASES: tuple[FilePhase, ...] = get_args(FilePhase)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,7 +8,9 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
 from hashlib import sha256
@@ -19,12 +21,18 @@ import numpy as np
 import pyarrow.parquet as pq
 
 from paretoik.runs.file_replacement import without_writers
-from paretoik.runs.files import MOTIONS, OPTIMA, RUN, TABLE, can_resume
+from paretoik.runs.files import CHECKPOINT, JOURNAL, MOTIONS, OPTIMA, RUN, TABLE, can_resume
 from studies.benchmarks.checkouts import ROOT
-from studies.benchmarks.reliability.journals import damage
-from studies.benchmarks.reliability.phases import Phase
+from studies.benchmarks.reliability.killed_run import FILE_PHASES, PHASES, Phase
+from studies.benchmarks.scaling.local_cluster import local_cluster
+from studies.reporting import Row, tell
 
 Outcome = Literal["nothing yet", "whole", "went on", "refused", "another course", "another result"]
+LOST: tuple[Outcome, ...] = ("refused", "another course", "another result")
+PER_PHASE = 20  # goal: kills
+SHORT = 0.02  # s: a phase that takes less is not killed in
+TWICE, DAMAGED = 3, 2  # one of so many runs is killed again when it resumes; has a bit of its journal flipped first
+CLUSTER_WORKERS = 2
 
 ENERGY_TORQUE = "problems/tringali_2020.py:energy_torque"
 SEARCH = ("solve", ENERGY_TORQUE, "--population=60", "--generations=40", "--seed=1")
@@ -99,13 +107,7 @@ def whole_run(name: str, folder: Path, replacements: Mapping[str, str]) -> Whole
 
 
 def kill(
-    run: WholeRun,
-    phase: Phase,
-    amount: float,
-    folder: Path,
-    *,
-    again: float | None = None,
-    damaged: int | None = None,
+    run: WholeRun, phase: Phase, amount: float, folder: Path, *, again: float | None = None, damaged: int | None = None
 ) -> Kill:
     """Kill a run in a phase, and again at ``again`` of it after it was resumed; then let it end.
 
@@ -122,8 +124,12 @@ def kill(
     for limit in (again, None):
         if not can_resume(folder):
             break
-        if damaged is not None:
-            damage(folder, seed=damaged)
+        if damaged is not None:  # one bit, anywhere
+            file, rng = folder / CHECKPOINT / JOURNAL, np.random.default_rng(damaged)
+            content = bytearray(file.read_bytes())
+            if content:
+                content[rng.integers(len(content))] ^= 1 << int(rng.integers(8))
+                file.write_bytes(content)
         problem = next(word for word in run.command if ".py:" in word)
         command = ("resume", str(folder), "--problem", problem, *run.workers)
         resumed = run_killed(command, folder, phase, np.inf if limit is None else limit, out=False)
@@ -173,3 +179,64 @@ def run_killed(
     killed = [sys.executable, "-m", "studies.benchmarks.reliability.killed_run", str(folder), phase, str(amount)]
     arguments = [*command, "--quiet", *(("--out", str(folder)) if out else ())]
     return subprocess.run([*killed, *arguments], cwd=ROOT, capture_output=True, text=True, check=False)
+
+
+def spread_kills(runs: Sequence[WholeRun], count: int) -> dict[str, list[tuple[Phase, float]]]:
+    """Return phases and amounts of ``count`` kills by the names of runs; a short phase gets none.
+
+    Every phase has an even share of the kills, and every run that has the phase an even share of these, at even
+    distances: a run may have no refinement, and another one nothing else.
+    """
+    moments: dict[str, list[tuple[Phase, float]]] = {run.name: [] for run in runs}
+    having = {phase: [run for run in runs if run.amounts.get(phase, 0.0) > SHORT] for phase in PHASES}
+    phases = [phase for phase in PHASES if having[phase]]
+    for phase, kills in zip(phases, np.array_split(np.arange(count), len(phases)), strict=True):
+        for run, share in zip(having[phase], np.array_split(kills, len(having[phase])), strict=True):
+            for number in range(len(share)):
+                amount = (number + 0.5) / len(share) * run.amounts[phase]
+                moments[run.name].append((phase, 1 + int(amount) if phase in FILE_PHASES else amount))
+    return moments
+
+
+def kill_rows(folder: Path, count: int, names: Sequence[str]) -> Iterator[Row]:
+    """Kill runs of these names ``count`` times in all; yield what was lost of each, and in each phase."""
+    kills = list[Kill]()
+    with ExitStack() as stack:
+        replacements = {"SEARCH": str(folder / "source")}
+        whole_run("search", folder / "source", {})
+        if any("--cluster" in COMMANDS[name] for name in names):
+            replacements["CLUSTER"] = stack.enter_context(local_cluster(folder, CLUSTER_WORKERS)).address
+        runs = list[WholeRun]()
+        for name in names:
+            runs.append(whole_run(name, folder / "whole", replacements))
+            shutil.rmtree(folder / "whole")
+            tell(f"{name}: whole, {runs[-1].seconds:.1f} s, {len(runs[-1].entries)} entries")
+        moments = spread_kills(runs, count)
+        for run in runs:
+            for number, (phase, amount) in enumerate(moments[run.name]):
+                again = amount / 2 if number % TWICE == 0 else None
+                damaged = number if number % DAMAGED == 0 else None
+                kills.append(kill(run, phase, amount, folder / "killed", again=again, damaged=damaged))
+                told = f"{phase} {amount:.3g}: {kills[-1].outcome} {kills[-1].cause}"
+                tell(f"{run.name}: {number + 1} of {len(moments[run.name])}, {told}")
+            yield from _run_rows(run.name, [each for each in kills if each.name == run.name])
+    for phase in PHASES:
+        met = [each for each in kills if each.phase == phase and np.isfinite(each.orphaned)]
+        lost = sum(each.outcome in LOST for each in met)
+        note = "refused, or by another course or to another result" if lost else ""
+        yield Row("phases", phase, "kills", "", len(met), reference=PER_PHASE, source="goal")
+        yield Row("phases", phase, "lost", "", lost, reference=0, source="goal", note=note)
+
+
+def _run_rows(name: str, kills: list[Kill]) -> Iterator[Row]:
+    outcomes, row = Counter(each.outcome for each in kills), partial(Row, "kills", name)
+    causes = ", ".join(sorted({each.cause for each in kills if each.cause}))
+    words = ", ".join(f"{number} {outcome}" for outcome, number in outcomes.most_common())
+    yield row("kills", "", len(kills), note=words)
+    yield row("lost", "", sum(outcomes[each] for each in LOST), reference=0, source="goal", note=causes)
+    unsaved = [each.unsaved for each in kills if np.isfinite(each.unsaved)]
+    if unsaved:
+        yield row("work lost, median", "s", float(np.median(unsaved)), reference=1, source="goal")
+        yield row("work lost, most", "s", max(unsaved), reference=1, source="goal")
+    orphaned = max((each.orphaned for each in kills if np.isfinite(each.orphaned)), default=0.0)
+    yield row("other processes lived on, most", "s", orphaned)

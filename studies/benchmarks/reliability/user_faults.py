@@ -13,11 +13,12 @@ import subprocess
 import sys
 import time
 import warnings
+from collections import Counter
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import partial
+from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -25,14 +26,15 @@ import paretoik as pk
 from paretoik.errors import ParetoikError
 from paretoik.inputs import cause_of
 from paretoik.runs.files import has_result
+from studies.reporting import Row, tell
 
 ESCAPE = "\x1b[31m\x1b]0;title\x07"
 LINE, SECONDS, LIMIT, SLEEP = 400, 180.0, 0.5, 600.0  # characters shown of output; s until an end, limit given, asleep
+FEW = ("--population", "8", "--generations", "2")
 SMALL: dict[str, Any] = {"population": 12, "generations": 4, "seed": 1}
 
 
-@dataclass(frozen=True, kw_only=True)
-class Fault:
+class Fault(NamedTuple):
     """A fault of a ``kind``, by name, with what is ``wrong`` in its outcome; "" if nothing is."""
 
     kind: str
@@ -40,16 +42,17 @@ class Fault:
     wrong: str
 
 
-def faults(folder: Path) -> Iterator[Fault]:
-    """Yield every fault."""
-    yield from _observers(folder)
-    yield from _values()
-    yield from _writers()
-    yield from _used_folders(folder)
-    yield from _sleepers()
-    yield from _commands(folder)
-    yield from _shadows(folder)
-    yield from _names(folder)
+def fault_rows(folder: Path) -> Iterator[Row]:
+    """Yield the number of bad outcomes of every kind of fault; each is printed."""
+    parts = _observers(folder), _values(), _writers(), _used_folders(folder), _sleepers()
+    counts, bad = Counter[str](), Counter[str]()
+    for fault in chain(*parts, _commands(folder), _shadows(folder), _names(folder)):
+        counts[fault.kind] += 1
+        if fault.wrong:
+            bad[fault.kind] += 1
+            tell(f"{fault.kind}: {fault.name}: {fault.wrong}")
+    for kind, count in counts.items():
+        yield Row("faults", kind, "bad", "", bad[kind], reference=0, source="goal", note=f"of {count}")
 
 
 def problem(*objectives: Any, **limits: Any) -> pk.Tracking:
@@ -99,11 +102,7 @@ def _observers(folder: Path) -> Iterator[Fault]:
                 wrong = _refusal(partial(call, observe=watch, out=place), "observe raised LookupError: no more")
                 if stage in ("saving", "recording") and not has_result(place):
                     wrong = wrong or "its result is lost"
-                yield Fault(kind="observers that raise", name=f"{verb}, {stage}, call {last}", wrong=wrong)
-
-
-def _objective(values: Callable[[Any], Any]) -> Any:
-    return pk.objective(unit="", form="general", name="odd")(values)
+                yield Fault("observers that raise", f"{verb}, {stage}, call {last}", wrong)
 
 
 ODD: dict[str, Callable[[Any], Any]] = {
@@ -127,16 +126,16 @@ def _values() -> Iterator[Fault]:
     for name, values in ODD.items():
         for verb in ("solve", "plan", "epsilon_front"):
             call = partial(_solved_by, verb, values)
-            yield Fault(kind="odd values", name=f"{name}, {verb}", wrong=_refusal(call, "odd"))
+            yield Fault("odd values", f"{name}, {verb}", _refusal(call, "odd"))
 
 
-def _solved_by(verb: str, values: Callable[[Any], Any]) -> Any:
-    odd = _objective(values)
+def _solved_by(verb: str, values: Callable[[Any], Any], **settings: Any) -> Any:
+    odd = pk.objective(unit="", form="general", name="odd")(values)
     if verb == "plan":
-        return pk.plan(problem(odd), starts=2, observe=False)
+        return pk.plan(problem(odd), starts=2, observe=False, **settings)
     if verb == "solve":
-        return pk.solve(problem(pk.kinetic_energy, odd), **SMALL, observe=False)
-    return pk.epsilon_front(problem(pk.kinetic_energy, odd), points=2, starts=2, observe=False)
+        return pk.solve(problem(pk.kinetic_energy, odd), **SMALL, observe=False, **settings)
+    return pk.epsilon_front(problem(pk.kinetic_energy, odd), points=2, starts=2, observe=False, **settings)
 
 
 WRITES: dict[str, Callable[[Any], Any]] = {
@@ -161,7 +160,7 @@ def _writers() -> Iterator[Fault]:
 
         for verb in ("solve", "plan"):
             wrong = _refusal(partial(_solved_by, verb, values), "odd")
-            yield Fault(kind="objectives that write", name=f"{name}, {verb}", wrong=wrong)
+            yield Fault("objectives that write", f"{name}, {verb}", wrong)
 
 
 def _used_folders(folder: Path) -> Iterator[Fault]:
@@ -169,8 +168,8 @@ def _used_folders(folder: Path) -> Iterator[Fault]:
     failing: dict[str, Callable[..., Any]] = {
         "infeasible": partial(pk.solve, problem(velocity=1e-3), **SMALL),
         "infeasible plan": partial(pk.plan, problem(pk.kinetic_energy, velocity=1e-3), starts=2),
-        "every evaluation fails": partial(_solved_into, "solve"),
-        "no value in plan": partial(_solved_into, "plan"),
+        "every evaluation fails": partial(_solved_by, "solve", ODD["NaN"]),
+        "no value in plan": partial(_solved_by, "plan", ODD["NaN"]),
     }
     for name, call in failing.items():
         place = folder / f"failed {name}"
@@ -180,14 +179,7 @@ def _used_folders(folder: Path) -> Iterator[Fault]:
             pk.solve(problem(), **SMALL, out=place, observe=False)
         except ParetoikError as refusal:
             wrong = str(refusal)
-        yield Fault(kind="failed folders", name=name, wrong=wrong)
-
-
-def _solved_into(verb: str, out: Path) -> Any:
-    odd = _objective(lambda motion: motion.q[..., 0, 0] * np.nan)
-    if verb == "plan":
-        return pk.plan(problem(odd), starts=2, out=out, observe=False)
-    return pk.solve(problem(pk.kinetic_energy, odd), **SMALL, out=out, observe=False)
+        yield Fault("failed folders", name, wrong)
 
 
 def _sleepers() -> Iterator[Fault]:
@@ -206,14 +198,15 @@ def _sleepers() -> Iterator[Fault]:
                 time.sleep(SLEEP)
             return motion.q[..., 0, 0] ** 2
 
-        slow = problem(_objective(values)) if verb == "plan" else problem(pk.kinetic_energy, _objective(values))
+        odd = pk.objective(unit="", form="general", name="odd")(values)
+        slow = problem(odd) if verb == "plan" else problem(pk.kinetic_energy, odd)
         asleep[0] = True
         wrong = _refusal(partial(verbs[verb], slow, time_limit=LIMIT, observe=False), "odd took longer")
-        yield Fault(kind="sleeping functions", name=f"{verb}, time_limit", wrong=wrong)
+        yield Fault("sleeping functions", f"{verb}, time_limit", wrong)
         if verb == "solve":
             late = partial(verbs[verb], slow, evaluation_timeout=LIMIT, workers=1, observe=False)
             wrong = _refusal(late, "took longer than|failed")
-            yield Fault(kind="sleeping functions", name=f"{verb}, evaluation_timeout", wrong=wrong)
+            yield Fault("sleeping functions", f"{verb}, evaluation_timeout", wrong)
 
 
 HEAD = """import sys, time
@@ -257,20 +250,11 @@ def _commands(folder: Path) -> Iterator[Fault]:
             file = folder / f"mine_{place}_{list(RAISES).index(name)}.py"
             file.write_text(HEAD + text.format(code=code))
             limits = {"sleep": ["--time-limit", "1"]}.get(name, [])
-            words = [
-                "solve",
-                f"{file}:mine",
-                "--out",
-                str(folder / file.stem),
-                "--population",
-                "8",
-                "--generations",
-                "2",
-            ]
-            yield Fault(kind="commands", name=f"{name} in a {place}", wrong=_command(*words, "--quiet", *limits))
+            words = ["solve", f"{file}:mine", "--out", str(folder / file.stem), *FEW]
+            yield Fault("commands", f"{name} in a {place}", _command(*words, "--quiet", *limits))
             if name == "sleep" and place == "objective":
                 wrong = _command(*words, "--quiet", "--overwrite", "--evaluation-timeout", "0.3")
-                yield Fault(kind="commands", name=f"evaluation timeout in an {place}", wrong=wrong)
+                yield Fault("commands", f"evaluation timeout in an {place}", wrong)
 
 
 def _command(*words: str, codes: tuple[int, ...] = (2, 4)) -> str:
@@ -287,11 +271,7 @@ def _command(*words: str, codes: tuple[int, ...] = (2, 4)) -> str:
     lines = [line for line in ended.stderr.splitlines() if not line.startswith(("compiling", "note:"))]
     if "Traceback" in printed or (0 not in codes and (len(lines) != 1 or not lines[0].startswith("error: "))):
         return f"not one line: {ended.stderr[-LINE:]!r}"
-    return "" if _is_harmless(printed) else f"steers a terminal: {printed[-LINE:]!r}"
-
-
-def _is_harmless(text: str) -> bool:
-    return all(each.isprintable() for each in re.sub(r"[\n\t]", "", text))
+    return "" if re.sub(r"[\n\t]", "", printed).isprintable() else f"steers a terminal: {printed[-LINE:]!r}"
 
 
 def _shadows(folder: Path) -> Iterator[Fault]:
@@ -302,10 +282,10 @@ def _shadows(folder: Path) -> Iterator[Fault]:
         (place / f"{name}.py").write_text(f"open({str(place / 'ran')!r}, 'a').write({name!r})\nraise SystemExit(9)\n")
     (place / "mine.py").write_text(HEAD + PLACES["factory"].format(code="pass"))
     for name, options in {"alone": [], "with workers": ["--workers", "2"]}.items():
-        words = ["solve", f"{place / 'mine.py'}:mine", "--out", str(place / name), "--population", "8"]
-        wrong = _command(*words, "--generations", "2", "--quiet", *options, codes=(0,))
+        words = ["solve", f"{place / 'mine.py'}:mine", "--out", str(place / name), *FEW]
+        wrong = _command(*words, "--quiet", *options, codes=(0,))
         ran = (place / "ran").read_text() if (place / "ran").exists() else ""
-        yield Fault(kind="shadowed modules", name=name, wrong=wrong or (ran and f"ran: {ran}"))
+        yield Fault("shadowed modules", name, wrong or (ran and f"ran: {ran}"))
 
 
 def _names(folder: Path) -> Iterator[Fault]:
@@ -318,7 +298,7 @@ def _names(folder: Path) -> Iterator[Fault]:
     robot = folder / "robot.urdf"
     robot.write_text(urdf.read_text().replace('"panda_joint1"', '"joint\u009b31m"'))
     commands = {
-        "solve": ["solve", reference, "--out", str(place), "--population", "8", "--generations", "2"],
+        "solve": ["solve", reference, "--out", str(place), *FEW],
         "resume": ["resume", str(place), "--problem", reference],
         "verify": ["verify", str(place), "--problem", reference],
         "select": ["select", str(place), "--knee", "--problem", reference],
@@ -330,15 +310,12 @@ def _names(folder: Path) -> Iterator[Fault]:
         "a missing robot": ["check-robot", str(folder / f"none{ESCAPE}.urdf")],
     }
     for name, words in commands.items():
-        yield Fault(kind="names that steer", name=name, wrong=_harmless_command(*words))
+        wrong = _command(*words, codes=tuple(range(8)))
+        is_bad = wrong.startswith(("steers", "not one line: 'Traceback", "does not end"))
+        yield Fault("names that steer", name, wrong if is_bad else "")
     for page in sorted([*place.rglob("*.html"), *place.rglob("*.svg")]):
         text = page.read_text(errors="replace")
-        yield Fault(kind="names that steer", name=page.suffix, wrong="" if "\x1b" not in text else "an escape sequence")
-
-
-def _harmless_command(*words: str) -> str:
-    wrong = _command(*words, codes=(0, 1, 2, 3, 4, 5, 6, 7))
-    return wrong if wrong.startswith(("steers", "not one line: 'Traceback", "does not end")) else ""
+        yield Fault("names that steer", page.suffix, "" if "\x1b" not in text else "an escape sequence")
 
 
 def _refusal(call: Callable[[], object], words: str) -> str:

@@ -29,9 +29,20 @@ from paretoik.runs.cluster import OPTIONS as CLUSTER
 from paretoik.runs.cluster import Cluster
 from paretoik.runs.distribution import pickled
 from studies.benchmarks.scaling.local_cluster import LocalCluster, local_cluster
-from studies.benchmarks.scaling.model import Overheads, fit_waiting
-from studies.benchmarks.scaling.runs import Spent, compute_here, compute_there, measuring, run_there
-from studies.benchmarks.scaling.work import load, motions_of, panda_by_position, search, sleep
+from studies.benchmarks.scaling.measuring import (
+    Overheads,
+    Spent,
+    compute_here,
+    compute_there,
+    fit_waiting,
+    load,
+    measuring,
+    motions_of,
+    panda_by_position,
+    run_there,
+    search,
+    sleep,
+)
 from studies.reporting import Row, report, study_parser, tell
 
 WORKERS = 2
@@ -80,21 +91,16 @@ def warm_up(cluster: LocalCluster, executor: Cluster, options: ScalingOptions) -
     """Load the library and compiled code in every worker; yield the cost."""
     with measuring(cluster) as spent:
         executor.client.run(search, options.generations, 0)
-    row = partial(Row, table="what a worker costs")
-    yield row(
-        row="warm-up",
-        column="a worker",
-        unit="CPU s",
-        ours=spent.workers / WORKERS,
-        note="library and compiled code from the disk, and a search",
-    )
+    row = partial(Row, "what a worker costs")
+    note = "library and compiled code from the disk, and a search"
+    yield row("warm-up", "a worker", "CPU s", spent.workers / WORKERS, note=note)
     problem = panda_by_position(options.samples)
     problem.program()
     shipped = pickled("a problem", problem)
-    yield row(row="problem", column="shipped once", unit="kB", ours=len(shipped) / 1e3, note="a Panda's path")
+    yield row("problem", "shipped once", "kB", len(shipped) / 1e3, note="a Panda's path")
     with measuring(cluster) as spent:
         executor.client.scatter(np.random.default_rng(0).bytes(len(shipped)), broadcast=True)
-    yield row(row="problem", column="to two workers", unit="s", ours=spent.wall)
+    yield row("problem", "to two workers", "s", spent.wall)
 
 
 def seeds(cluster: LocalCluster, executor: Cluster, options: ScalingOptions) -> Iterator[Row]:
@@ -107,7 +113,7 @@ def seeds(cluster: LocalCluster, executor: Cluster, options: ScalingOptions) -> 
     same = sum(np.array_equal(one, other) for one, other in zip([*first, *second], there, strict=True))
     size = np.mean([len(cloudpickle.dumps(each)) for each in there])
     yield from compared(f"{options.seeds} seeds", alone, spent, options.seeds, same, cores=1)
-    yield Row(table="what a worker costs", row="seed", column="result", unit="kB", ours=float(size) / 1e3)
+    yield Row("what a worker costs", "seed", "result", "kB", float(size) / 1e3)
 
 
 def starts(cluster: LocalCluster, executor: Cluster, options: ScalingOptions) -> Iterator[Row]:
@@ -132,16 +138,16 @@ def starts(cluster: LocalCluster, executor: Cluster, options: ScalingOptions) ->
 
 def compared(name: str, alone: Spent, there: Spent, tasks: int, same: int, *, cores: int) -> Iterator[Row]:
     """Yield rows of the time of this process alone on ``cores``, of the cluster's time, and of its efficiency."""
-    row = partial(Row, table="two workers against one process", row=name)
-    yield row(column="alone", unit="CPU s", ours=alone.processor, note=f"{alone.processor / tasks:.2g} s each")
+    row = partial(Row, "two workers against one process", name)
+    yield row("alone", "CPU s", alone.processor, note=f"{alone.processor / tasks:.2g} s each")
     parts = f"client {there.client:.3g}, scheduler {there.scheduler:.3g}, workers {there.workers:.3g}"
-    yield row(column="cluster", unit="CPU s", ours=there.processor, note=parts)
+    yield row("cluster", "CPU s", there.processor, note=parts)
     efficiency = alone.processor / there.processor
-    yield row(column="efficiency by processor", unit="", ours=efficiency, reference=0.8, source="goal, at least")
-    yield row(column="alone", unit="s", ours=alone.wall)
-    yield row(column="cluster", unit="s", ours=there.wall)
-    yield row(column="efficiency by clock", unit="", ours=cores * alone.wall / (WORKERS * there.wall), note=busy())
-    yield row(column="same, bit for bit", unit="", ours=same, reference=tasks, source="all")
+    yield row("efficiency by processor", "", efficiency, reference=0.8, source="goal, at least")
+    yield row("alone", "s", alone.wall)
+    yield row("cluster", "s", there.wall)
+    yield row("efficiency by clock", "", cores * alone.wall / (WORKERS * there.wall), note=busy())
+    yield row("same, bit for bit", "", same, reference=tasks, source="all")
 
 
 def overheads(cluster: LocalCluster, executor: Cluster, options: ScalingOptions) -> Overheads:
@@ -156,19 +162,19 @@ def overheads(cluster: LocalCluster, executor: Cluster, options: ScalingOptions)
 
 def model_rows(costs: Overheads) -> Iterator[Row]:
     """Yield the model's statements for a thousand workers."""
-    row = partial(Row, table="a task beside its own work")
+    row = partial(Row, "a task beside its own work")
     for column in ("client", "scheduler", "worker"):
-        yield row(row="processor", column=column, unit="ms", ours=1e3 * getattr(costs, column))
-    yield row(row="waiting", column="between tasks", unit="ms", ours=1e3 * costs.gap)
-    yield row(row="waiting", column="startup", unit="ms", ours=1e3 * costs.startup)
-    row = partial(Row, table="model of a cluster")
+        yield row("processor", column, "ms", 1e3 * getattr(costs, column))
+    yield row("waiting", "between tasks", "ms", 1e3 * costs.gap)
+    yield row("waiting", "startup", "ms", 1e3 * costs.startup)
+    row = partial(Row, "model of a cluster")
     for seconds in (0.5, 1.0, 2.0, 5.0, 10.0):
         name = f"tasks of {seconds:g} s"
-        yield row(row=name, column="saturated by", unit="workers", ours=costs.saturation(seconds))
+        yield row(name, "saturated by", "workers", costs.saturation(seconds))
         efficiency = costs.efficiency(100_000, seconds, 1000)
-        yield row(row=name, column="efficiency of 1,000 workers", unit="", ours=efficiency, note="100,000 tasks")
+        yield row(name, "efficiency of 1,000 workers", "", efficiency, note="100,000 tasks")
     size = costs.task_size(1000, 0.9)
-    yield row(row="1,000 workers", column="task size", unit="s", ours=size, note="from which 0.9 of them is used")
+    yield row("1,000 workers", "task size", "s", size, note="from which 0.9 of them is used")
 
 
 def predictions(costs: Overheads, options: ScalingOptions) -> Iterator[Row]:
@@ -180,12 +186,12 @@ def predictions(costs: Overheads, options: ScalingOptions) -> Iterator[Row]:
             executor.client.run(load)
             compute_there(executor, cluster, sleep, None, [0.0] * workers)
             wall = compute_there(executor, cluster, sleep, None, [options.sleep] * count)[1].wall
-        row = partial(Row, table="more workers than cores, tasks that sleep", row=f"{workers} workers")
+        row = partial(Row, "more workers than cores, tasks that sleep", f"{workers} workers")
         predicted = costs.makespan(count, options.sleep, workers)
-        yield row(column="tasks", unit="", ours=count, note=f"{options.sleep:g} s each")
-        yield row(column="measured", unit="s", ours=wall, reference=predicted, source="predicted", note=busy())
+        yield row("tasks", "", count, note=f"{options.sleep:g} s each")
+        yield row("measured", "s", wall, reference=predicted, source="predicted", note=busy())
         error = abs(predicted - wall) / wall
-        yield row(column="error of the prediction", unit="", ours=error, reference=0.2, source="goal, at most")
+        yield row("error of the prediction", "", error, reference=0.2, source="goal, at most")
 
 
 def busy() -> str:

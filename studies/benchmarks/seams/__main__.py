@@ -22,12 +22,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from studies.benchmarks.planner.verdicts import LOSS, losses_first, versus
-from studies.benchmarks.seams import descartes, ladder_graph, ours
-from studies.benchmarks.seams.cells import CELLS
+from studies.benchmarks.seams import descartes, ladder_graph
+from studies.benchmarks.seams.cells import CELLS, SEAMS
 from studies.benchmarks.seams.ladder_graph import Cost
-from studies.benchmarks.seams.seam_paths import SEAMS
-from studies.reporting import Row, report, study_parser, tell
+from studies.reporting import LOSS, Row, losses_first, report, study_parser, tell, versus
 
 COSTS: tuple[Cost, ...] = ("joint rates", "joint travel")
 UNITS = {"joint travel": "rad", "joint rates": "rad²/s"}
@@ -62,33 +60,16 @@ def seam_rows(cell: str, seam: str, samples: int, resolutions: Sequence[float]) 
             tell(f"{name}: Descartes, {resolution:g} rad")
             peer = descartes_motion(frames, speed, resolution)
             if peer.q is None:
-                rows.append(
-                    Row(
-                        table="Descartes",
-                        row=name,
-                        column=f"{resolution:g} rad",
-                        unit="",
-                        ours=np.nan,
-                        note=peer.message,
-                    )
-                )
+                rows.append(Row("Descartes", name, f"{resolution:g} rad", "", np.nan, note=peer.message))
                 break
-            fits = resolution
-            steps = float((np.abs(np.diff(peer.q, axis=0)) / speed).max())
+            fits, steps = resolution, float((np.abs(np.diff(peer.q, axis=0)) / speed).max())
+            note = f"{peer.seconds:.3g} s, {peer.gigabytes:.2f} GB, {steps:.2f} of speed limits"
             for cost in COSTS:
-                rows.append(
-                    Row(
-                        table="Descartes",
-                        row=name,
-                        column=f"{cost}, {resolution:g} rad",
-                        unit=UNITS[cost],
-                        ours=cost_of(peer.q, times, cost),
-                        note=f"{peer.seconds:.3g} s, {peer.gigabytes:.2f} GB, {steps:.2f} of speed limits",
-                    )
-                )
+                column, value = f"{cost}, {resolution:g} rad", cost_of(peer.q, times, cost)
+                rows.append(Row("Descartes", name, column, UNITS[cost], value, note=note))
     for cost in COSTS:
         tell(f"{name}: {cost}, ours")
-        plan = ours.plan_seam(cell, seam, samples, cost)
+        plan = ladder_graph.plan_seam(cell, seam, samples, cost)
         value = cost_of(plan.q, times, cost)
         for resolution in resolutions:
             tell(f"{name}: {cost}, graph, {resolution:g}")
@@ -96,19 +77,13 @@ def seam_rows(cell: str, seam: str, samples: int, resolutions: Sequence[float]) 
             graph = ladder_graph.shortest_path(CELLS[cell](), times, frames, resolution, cost)
             seconds = time.perf_counter() - begin
             goal = SHARES[cost] if samples >= 401 and resolution == fits else NO_WORSE
-            rows.append(
-                versus(
-                    table="cost beside a ladder graph",
-                    row=name,
-                    column=f"{cost}, graph of {resolution:g}",
-                    unit=UNITS[cost],
-                    ours=value,
-                    theirs=cost_of(graph.q, times, cost),
-                    source="ladder graph",
-                    goal=goal,
-                    note=f"graph {seconds:.3g} s; {plan.message}".removesuffix("; "),
-                )
+            note, column = (
+                f"graph {seconds:.3g} s; {plan.message}".removesuffix("; "),
+                f"{cost}, graph of {resolution:g}",
             )
+            theirs = cost_of(graph.q, times, cost)
+            place = "cost beside a ladder graph", name, column, UNITS[cost]
+            rows.append(versus(*place, value, theirs, source="ladder graph", goal=goal, note=note))
         rows += [
             _limit(name, f"{cost}, time", "s", plan.seconds, SECONDS.get(samples)),
             _limit(name, f"{cost}, memory", "GB", plan.gigabytes, 0.4 if samples == 401 else None),
@@ -120,7 +95,7 @@ def _limit(row: str, column: str, unit: str, value: float, goal: float | None) -
     """Return a row of our time or memory, with its goal if there is one."""
     is_loss = goal is not None and not value <= goal
     note = "" if goal is None else f"{LOSS if is_loss else ''}goal {goal:g}"
-    return Row(table="time and memory", row=row, column=column, unit=unit, ours=value, note=note)
+    return Row("time and memory", row, column, unit, value, note=note)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

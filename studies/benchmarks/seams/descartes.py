@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from studies.benchmarks.seams.inverse_kinematics import IRB_2400
+from studies.benchmarks.seams.cells import IRB_2400
 
 MEMORY = 16_000_000_000  # bytes
 

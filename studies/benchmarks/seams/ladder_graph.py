@@ -3,17 +3,25 @@
 This is Descartes' method (De Maeyer, Moyaers & Demeester 2017), on the same cost as ours and without storing edges: the
 least cost to reach every posture, sample by sample (Bellman 1957). To its advantage, angles of joints with a whole turn
 of range count modulo a turn, and their limits do not count.
+
+Our motion is ``pk.plan`` at its defaults in its own process, warm, with seconds and peak memory.
 """
 
 from __future__ import annotations
 
+import resource
+import time
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass
+from multiprocessing import get_context
 from typing import Literal
 
 import numpy as np
 
+import paretoik as pk
 from paretoik.compilation.numba_cache import compiled
-from studies.benchmarks.seams.cells import Cell
+from studies.benchmarks.seams.cells import CELLS, SEAMS, Cell, path
 
 Cost = Literal["joint travel", "joint rates"]
 TURN = 2 * np.pi
@@ -92,3 +100,55 @@ def _extend(costs, before, after, turn, furthest, weight):  # type: ignore[no-un
             if allowed and cost < least[i]:
                 least[i], origin[i] = cost, j
     return least, origin
+
+
+WARM_SAMPLES = 26
+
+
+@pk.objective(unit="rad²/s", form="integral")
+def joint_rates(motion: pk.Motion) -> np.ndarray:
+    """Return Σ q̇² at every sample."""
+    squares: np.ndarray = (motion.dq**2).sum(axis=-1)
+    return squares
+
+
+OBJECTIVES = {"joint travel": pk.joint_travel, "joint rates": joint_rates}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlanResult:
+    """The best motion's postures ``q`` (samples, dof), seconds of ``plan``, and the process's peak memory [GB]."""
+
+    q: np.ndarray | None
+    seconds: float
+    gigabytes: float
+    message: str = ""
+
+
+def plan_seam(cell: str, seam: str, samples: int, cost: Cost) -> PlanResult:
+    """Return the result of ``pk.plan``, in a new process that has planned a coarser seam before."""
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as worker:
+        return worker.submit(_solve, cell, seam, samples, cost).result()
+
+
+def _solve(cell: str, seam: str, samples: int, cost: Cost) -> PlanResult:
+    def plan(count: int, cost: Cost) -> np.ndarray:
+        times, frames = SEAMS[seam](count, cell)
+        task = pk.Task(path(times, frames), axes="xyz+z-axis")
+        problem = pk.Tracking(
+            CELLS[cell]().arm, task, objectives=[OBJECTIVES[cost]], differences="backward", cyclic=False
+        )
+        q: np.ndarray = pk.plan(problem).best.motion.q
+        return q
+
+    with suppress(pk.Infeasible):
+        plan(WARM_SAMPLES, "joint rates")
+    begin = time.perf_counter()
+    q: np.ndarray | None
+    try:
+        q, message = plan(samples, cost), ""
+    except pk.ParetoikError as error:
+        q, message = None, str(error)
+    seconds = time.perf_counter() - begin
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e9
+    return PlanResult(q=q, seconds=seconds, gigabytes=peak, message=message)

@@ -15,20 +15,19 @@ from paretoik.task.motion_task import SAMPLES
 from paretoik.trajectory.derivatives import linearise
 from problems import tringali_2020
 from studies.benchmarks.certified import __main__ as study
-from studies.benchmarks.certified import cases
-from studies.benchmarks.certified.cases import Case, subject_of
-from studies.benchmarks.certified.dominating import (
+from studies.benchmarks.certified.attacks import (
     DOMINATED,
+    exchange_rows,
     ipopt_rows,
     objectives,
     perturbation_rows,
     random_step,
     within,
 )
-from studies.benchmarks.certified.exchange import exchange_rows
-from studies.benchmarks.certified.recomputed import recomputed_difference
-from studies.benchmarks.certified.splines import spline_program
-from studies.benchmarks.planner.verdicts import LOSS
+from studies.benchmarks.certified.cases import Case, recomputed_difference, subject_of
+from studies.benchmarks.peers import solvers
+from studies.benchmarks.peers.splines import spline_program
+from studies.reporting import LOSS
 from tests.pareto.motions import certify_motions
 
 
@@ -46,7 +45,7 @@ SMALL = Case(name="small", make=small, points=4, raced=True)
 @pytest.fixture(scope="module")
 def subject(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(cases, "COMPILER", None)
+        patch.setattr(solvers, "COMPILER", None)
         patch.setattr(jaxtyping.config, "jaxtyping_disable", True)
         return subject_of(SMALL, points=SMALL.points, seed=0, folder=tmp_path_factory.mktemp("none"))
 
@@ -146,7 +145,7 @@ def test_ipopts_program_by_splines_ends_where_ours_does_below_a_peak_too(monkeyp
     ranges = np.ptp(front.minimised, axis=0)
     peer = spline_program(problem.task)
     for q, values in zip(front.motions.q[:2], front.minimised[:2], strict=True):  # the last one is an end, and flat
-        end, _ = peer.solve(q, 0, np.array([np.inf, values[1]]), ranges, warm=True)
+        end = peer.solve(q, 0, np.array([np.inf, values[1]]), ranges, solvers.WARM).motion
         assert end is not None
         rise = (objectives(problem.task, end) - values) / ranges
         assert -2e-4 <= rise[0] <= 2e-6  # ours stay 2.5e-5 of a range within limits, IPOPT's reach them

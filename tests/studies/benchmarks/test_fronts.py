@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 
 import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.search.ask_tell import Search
 from studies.benchmarks.fronts import __main__ as study
-from studies.benchmarks.fronts import cases, judging, methods, running, sweeps
-from studies.benchmarks.significance import union
+from studies.benchmarks.fronts import cases, methods, running, sweeps
+from studies.benchmarks.peers.programs import joint_program
 
 CASE = "energy_torque"
 EVALUATIONS = cases.Budget(kind="evaluations", amount=260)
@@ -40,15 +38,13 @@ def _small():
     with pytest.MonkeyPatch.context() as patch:
         for module in (cases, methods, running):
             patch.setattr(module, "POPULATION", 20)
-        patch.setitem(cases.CASES, CASE, cases.Case(name=CASE, make=make, tringali=CASE))
+        patch.setitem(cases.CASES, CASE, cases.Case(name=CASE, make=make, staged=True))
         patch.setattr(running, "_warm_up", lambda *_: None)
         cases.problem_of.cache_clear()
+        sweeps.peer_of.cache_clear()
         yield
     cases.problem_of.cache_clear()
-
-
-def form_of(name):
-    return sweeps.form_of(name, CASE, None) if name in sweeps.SOLVERS else None
+    sweeps.peer_of.cache_clear()
 
 
 def table(**level):
@@ -62,17 +58,8 @@ def table(**level):
     return scores
 
 
-def test_every_combination_of_the_factors_occurs_once_and_every_pair_of_levels_twice():
-    cells = [(cell.maximin, cell.seeded, cell.refined) for cell in methods.CELLS.values()]
-    assert sorted(cells) == sorted(itertools.product((False, True), repeat=3))
-    for one, other in itertools.combinations(range(3), 2):
-        assert sorted((cell[one], cell[other]) for cell in cells) == [
-            pair for pair in itertools.product((False, True), repeat=2) for _ in range(2)
-        ]
-
-
 def test_a_factor_s_effect_is_what_was_put_in_and_the_others_none():
-    effects = judging.effects("case", table(MaxiMin=0.1, seeding=0.0, refinement=-0.2))
+    effects = running.effects("case", table(MaxiMin=0.1, seeding=0.0, refinement=-0.2))
     volume = {one.factors: one for one in effects if one.indicator == "hypervolume"}
     assert volume["MaxiMin"].mean == pytest.approx(0.1)
     assert volume["refinement"].mean == pytest.approx(-0.2)
@@ -81,28 +68,15 @@ def test_a_factor_s_effect_is_what_was_put_in_and_the_others_none():
         assert abs(volume[name].mean) < 1e-12
     distance = {one.factors: one.mean for one in effects if one.indicator == "IGD+"}
     assert distance["MaxiMin"] == pytest.approx(0.1)  # less is better, so this helps
-    assert judging.effect_rows(effects)[0].note.startswith("HURTS")
-
-
-def test_cells_with_the_same_start_begin_alike_and_other_starts_are_random():
-    problem = cases.problem_of(CASE)
-    firsts = {}
-    for name, cell in methods.CELLS.items():
-        first = cases.first_genes(problem, 3, seeded=cell.seeded)
-        search = Search(problem, seed=3, algorithm=methods.cell_algorithm(cell, problem, first))
-        firsts[name] = search.ask().X
-    for name, cell in methods.CELLS.items():
-        for other, another in methods.CELLS.items():
-            same = np.array_equal(np.unique(firsts[name], axis=0), np.unique(firsts[other], axis=0))
-            assert same == (cell.seeded == another.seeded)
+    assert running.effect_rows(effects)[0].note.startswith("HURTS")
 
 
 @pytest.mark.parametrize("name", running.methods_of(CASE))
 def test_no_method_spends_more_evaluations_than_it_has_nor_much_less(name):
-    done = running.run(CASE, name, 0, EVALUATIONS, 260, form_of(name))
+    done = running.run(CASE, name, 0, EVALUATIONS, 260)
     assert 0.6 * EVALUATIONS.amount <= done.evaluations + done.iterations <= EVALUATIONS.amount
     assert (done.iterations > 0) == (
-        name in (running.OURS, running.EPSILON, *sweeps.SOLVERS) or name.endswith("refined")
+        name in (running.OURS, running.EPSILON, sweeps.FATROP, sweeps.IPOPT) or name.endswith("refined")
     )
     assert len(done.F) <= cases.POPULATION
 
@@ -148,17 +122,6 @@ def test_points_that_the_verifier_refuses_are_absent():
     np.testing.assert_array_equal(judged.F, cases.verify(problem, good, account).F)
 
 
-def test_the_union_is_dominated_by_no_front_and_holds_none_of_the_dominated():
-    rng = np.random.default_rng(2)
-    fronts = [rng.uniform(size=(20, 2)) for _ in range(3)]
-    every, undominated = np.concatenate(fronts), union(fronts)
-    better = np.all(every[:, None] <= undominated[None], axis=2) & np.any(every[:, None] < undominated[None], axis=2)
-    assert not better.any()
-    assert len(undominated) == sum(
-        not np.any(np.all(every <= one, axis=1) & np.any(every < one, axis=1)) for one in every
-    )
-
-
 @pytest.mark.usefixtures("unchecked")  # our kernels get CasADi's symbols
 @pytest.mark.parametrize("cyclic", [False, True])
 def test_the_general_program_s_optimum_is_ours(cyclic):
@@ -180,7 +143,7 @@ def test_the_general_program_s_optimum_is_ours(cyclic):
     task, ranges, free = problem.task, np.array([0.04, 0.1]), np.full(2, np.inf)
     starts = problem.decode(problem.sample_starts(5, np.random.default_rng(0))).q
     ours = sweeps.our_solver(problem)(ranges)
-    theirs = sweeps.their_solver(problem, sweeps.Form())(ranges)
+    theirs = sweeps.their_solver(joint_program(task))(ranges)
     for main in range(2):
         ends = ((start, theirs(start, main, free, False)[0]) for start in starts)
         start, other = next((start, end) for start, end in ends if end is not None)
@@ -197,7 +160,9 @@ def test_quick_writes_strict_json_of_every_table(tmp_path, monkeypatch, capsys):
         monkeypatch.setattr(module, "POPULATION", 8)
     monkeypatch.setattr(study, "QUICK", (CASE,))
     monkeypatch.setattr(study, "QUICK_EVALUATIONS", 32)
-    monkeypatch.setattr(running, "SOLVERS", ())
+    monkeypatch.setattr(
+        running, "methods_of", lambda _: [*running.CELLS, running.OURS, running.PLAIN, running.EPSILON, "NSGA-II"]
+    )
     monkeypatch.setattr(running, "PYMOO", ("NSGA-II",))
     monkeypatch.setattr(running, "PYGMO", ())
     monkeypatch.setattr(study, "reference_front", lambda: NOTHING)
@@ -208,7 +173,7 @@ def test_quick_writes_strict_json_of_every_table(tmp_path, monkeypatch, capsys):
         raise AssertionError(name)
 
     rows = json.loads(file.read_text(), parse_constant=refuse)
-    assert {row["table"] for row in rows} == {judging.COMPARED, judging.COUNTED, judging.ADDED, judging.LEFT}
-    left = [(row["row"], row["column"]) for row in rows if row["table"] == judging.LEFT]
+    assert {row["table"] for row in rows} == {running.COMPARED, running.COUNTED, running.ADDED, running.LEFT}
+    left = [(row["row"], row["column"]) for row in rows if row["table"] == running.LEFT]
     assert len(left) == len(set(left)) == 2 * len(running.methods_of(CASE))
     assert "left out" in capsys.readouterr().out

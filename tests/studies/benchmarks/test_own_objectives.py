@@ -8,7 +8,7 @@ import pytest
 
 from problems import panda
 from studies.benchmarks import own_objectives as study
-from studies.benchmarks.planner.verdicts import LOSS
+from studies.reporting import LOSS
 
 
 @pytest.mark.slow

@@ -12,8 +12,8 @@ from scipy.optimize import check_grad
 import paretoik as pk
 from paretoik.trajectory.plan_starts import sample_starts
 from problems import kim_2021, tringali_2020
-from studies.benchmarks.fronts.programs import pack, unpack
-from studies.benchmarks.refinement import cases
+from studies.benchmarks.peers import solvers
+from studies.benchmarks.peers.programs import joint_program
 from studies.benchmarks.refinement.__main__ import solve_all
 from studies.benchmarks.refinement.cases import STATED, motions
 from studies.benchmarks.refinement.nlp import Nlp, dense_nlp, ipopt_solver, motion_nlp
@@ -32,13 +32,18 @@ def start(task):
 
 
 @pytest.fixture(scope="module")
-def nlp(task):
-    return motion_nlp(task, 0.1)
+def program(task):
+    return joint_program(task)
 
 
-def test_a_packed_motion_has_the_objective_that_our_function_gives(task, start, nlp):
-    x = pack(task, start)
-    q = unpack(task, x)
+@pytest.fixture(scope="module")
+def nlp(program):
+    return motion_nlp(program, 0.1)
+
+
+def test_a_packed_motion_has_the_objective_that_our_function_gives(task, start, program, nlp):
+    x = program.pack(start, np.ones(1))
+    q = program.unpack(x)
     np.testing.assert_array_equal(q, start)
     objective = task.objectives[0](task.motion(q))
     extra = len(x) - q.size
@@ -48,8 +53,8 @@ def test_a_packed_motion_has_the_objective_that_our_function_gives(task, start, 
     assert nlp.value(x) >= nlp.value(exact)
 
 
-def test_derivatives_are_those_of_the_functions(task, start, nlp):
-    x, step = pack(task, start), 1e-6
+def test_derivatives_are_those_of_the_functions(start, program, nlp):
+    x, step = program.pack(start, np.ones(1)), 1e-6
     direction = np.random.default_rng(1).normal(size=len(x))
     multipliers = np.random.default_rng(2).normal(size=len(nlp.lower))
 
@@ -77,7 +82,7 @@ def test_a_dense_program_for_scipy_is_ours():
 
 
 def test_all_solvers_keep_the_limits_and_end_where_no_other_is_much_better(monkeypatch, tmp_path):
-    monkeypatch.setattr(cases, "COMPILER", None)  # compiled programs have tests of their own
+    monkeypatch.setattr(solvers, "COMPILER", None)  # compiled programs have tests of their own
     contest = motions(tringali_2020.simulation_4, pk.torque_norm, SAMPLES, 2, 0, 20.0, tmp_path)
     assert contest.default == "interior point"
     ends = {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from studies.benchmarks.scaling.model import Overheads, fit_waiting
+from studies.benchmarks.scaling.measuring import Overheads, fit_waiting
 
 COSTS = Overheads(client=0.001, scheduler=0.002, worker=0.003, gap=0.01, startup=0.5)
 

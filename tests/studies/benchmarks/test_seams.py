@@ -6,8 +6,7 @@ import pytest
 from paretoik.robot.kinematics import forward_kinematics
 from studies.benchmarks.seams import ladder_graph
 from studies.benchmarks.seams.__main__ import cost_of
-from studies.benchmarks.seams.cells import CELLS
-from studies.benchmarks.seams.seam_paths import SEAMS
+from studies.benchmarks.seams.cells import CELLS, SEAMS
 
 
 @pytest.mark.parametrize("seam", SEAMS)

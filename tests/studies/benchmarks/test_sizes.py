@@ -1,39 +1,8 @@
-"""Lines, constants and long parts that are counted, and lines that are not."""
+"""Lines and long parts that are counted."""
 
 from __future__ import annotations
 
-import ast
-
-from studies.benchmarks.sizes import code_lines, measure, numeric_constants, tabulate
-
-MODULE = '''"""A docstring
-of two lines."""
-
-# a comment
-LIMIT = 3  # counts
-NAMES = ("a", "b")
-LOWER, UPPER = range(2)
-limit = 4
-
-
-def act(x,
-        y):
-    """A docstring."""
-    if x:
-
-        return [
-            x,
-        ]
-    return y
-'''
-
-
-def test_code_is_neither_docstring_nor_comment_nor_blank():
-    assert code_lines(ast.parse(MODULE)) == {5, 6, 7, 8, 11, 12, 14, 16, 17, 18, 19}
-
-
-def test_constants_are_names_in_capitals_for_numbers():
-    assert list(numeric_constants(ast.parse(MODULE))) == ["LIMIT"]
+from studies.benchmarks.sizes import measure, tabulate
 
 
 def test_a_library_is_counted_by_package_and_what_has_a_budget_is_named(tmp_path):

@@ -17,26 +17,24 @@ from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
 
-from studies.benchmarks.reliability.fuzzing.corpus import TARGETS, inputs
-from studies.benchmarks.reliability.fuzzing.options import OPTIONS
+from studies.benchmarks.reliability.fuzzing.targets import TARGETS, inputs
 from studies.reporting import Row, report, study_parser, tell
 
+SECONDS, QUICK_SECONDS = 600, 10  # of a target
 WORKER = "studies.benchmarks.reliability.fuzzing.worker"
 UNITS = re.compile(r"stat::number_of_executed_units:\s*(\d+)")
 
 
 def main() -> None:
     """Fuzz all targets, one after the other."""
-    parser = study_parser(__doc__ or "", quick=f"{OPTIONS.quick} s a target")
-    parser.add_argument(
-        "--seconds", type=int, default=OPTIONS.seconds, metavar="N", help="seconds per target (%(default)s)"
-    )
+    parser = study_parser(__doc__ or "", quick=f"{QUICK_SECONDS} s a target")
+    parser.add_argument("--seconds", type=int, default=SECONDS, metavar="N", help="seconds per target (%(default)s)")
     parser.add_argument("--targets", nargs="+", choices=TARGETS, default=list(TARGETS), metavar="TARGET")
     parser.add_argument("--crashes", type=Path, metavar="FOLDER", help="folder for inputs with defects")
     arguments = parser.parse_args()
     if find_spec("atheris") is None:
         parser.error('atheris must be installed (pip install ".[bench]"), got none')
-    seconds = OPTIONS.quick if arguments.quick else arguments.seconds
+    seconds = QUICK_SECONDS if arguments.quick else arguments.seconds
     crashes = arguments.crashes or Path(tempfile.mkdtemp(prefix="crashes-"))
     rows = [row for target in arguments.targets for row in _fuzz(target, seconds, crashes / target)]
     report(rows, json_file=arguments.json)
@@ -65,9 +63,9 @@ def _fuzz(target: str, seconds: int, crashes: Path) -> Iterator[Row]:
                 tell(f"{target}: the process ended with {process.returncode}")
                 time.sleep(1.0)  # a process that cannot begin must not fill the screen
     note = f"from {len(list(inputs(target)))} inputs, in {seconds} s"
-    yield Row(table="fuzzing", row=target, column="inputs", unit="", ours=executed, note=note)
+    yield Row("fuzzing", target, "inputs", "", executed, note=note)
     for column, count in (("kinds of defects", defects), ("processes that ended", ends)):
-        yield Row(table="fuzzing", row=target, column=column, unit="", ours=count, reference=0, source="goal")
+        yield Row("fuzzing", target, column, "", count, reference=0, source="goal")
 
 
 if __name__ == "__main__":

@@ -11,19 +11,15 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from studies.benchmarks.reliability.fuzzing.options import OPTIONS
-
+HANG = 120  # s: an input that takes longer never ends
+LONGEST = 8192  # bytes of an input
 READERS = [
     "paretoik.cli",
     "paretoik.front",
     "paretoik.inputs",
     "paretoik.runs.journal",
     "paretoik.robot.urdf",
-    "paretoik.robot.urdf",
     "paretoik.robot.urdf_reading",
-    "paretoik.robot.urdf_reading",
-    "paretoik.robot.urdf_reading",
-    "paretoik.runs.files",
     "paretoik.runs.files",
     "paretoik.verification",
     "typer",
@@ -37,8 +33,7 @@ def main() -> None:
 
     name, crashes, work, seconds = sys.argv[1], Path(sys.argv[2]), sys.argv[3], sys.argv[4]
     with atheris.instrument_imports(include=READERS):
-        from studies.benchmarks.reliability.fuzzing.corpus import CORPUS, TARGETS, keep
-        from studies.benchmarks.reliability.fuzzing.defect import Defect, kind_of
+        from studies.benchmarks.reliability.fuzzing.targets import CORPUS, TARGETS, Defect, keep, kind_of
     target, kinds = TARGETS[name](Path(tempfile.mkdtemp())), set[str]()
 
     def once(data: bytes) -> Any:
@@ -50,7 +45,7 @@ def main() -> None:
                 kinds.add(kind)
                 print(f"defect {keep(crashes, data)}: {defect}", flush=True)
 
-    limits = [f"-max_total_time={seconds}", f"-timeout={OPTIONS.hang}", f"-max_len={OPTIONS.longest}"]
+    limits = [f"-max_total_time={seconds}", f"-timeout={HANG}", f"-max_len={LONGEST}"]
     options = [*limits, "-print_final_stats=1"]
     files = [work, str(CORPUS / name)]
     atheris.Setup([sys.argv[0], *options, f"-artifact_prefix={crashes}/", "-verbosity=0", *files], once)

@@ -17,10 +17,8 @@ from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
-from studies.benchmarks.reliability.inputs.accepted import reason
 from studies.benchmarks.reliability.inputs.examples import Examples
-from studies.benchmarks.reliability.inputs.faults import make_files
-from studies.benchmarks.reliability.inputs.judging import Case, cases, judge
+from studies.benchmarks.reliability.inputs.judging import Case, cases, judge, make_files, reason
 from studies.benchmarks.reliability.inputs.problems import outcomes
 from studies.benchmarks.reliability.inputs.surfaces import surfaces
 from studies.reporting import Row, report, study_parser, tell
@@ -46,11 +44,11 @@ def main() -> None:
 
 def _rows(chosen: list[Case], examples: Examples) -> Iterator[Row]:
     counts: dict[str, Counter[str]] = {}
-    _ = examples.objects.run_folder, examples.objects.plan_folder  # made before the first judgement
+    _ = examples.run_folder, examples.plan_folder  # made before the first judgement
     for case in chosen:
         outcome = judge(case, examples)
         verdict = outcome.verdict
-        if verdict == "taken" and case.bad.is_certain and reason(case.name) is None:
+        if verdict == "taken" and case.is_certain and reason(case.name) is None:
             verdict = "bad"
         counts.setdefault(case.surface.name.split(".")[0], Counter())[verdict] += 1
         if verdict in ("poor", "bad"):
@@ -63,9 +61,7 @@ def _rows(chosen: list[Case], examples: Examples) -> Iterator[Row]:
         for verdict in ("good", "taken", "poor", "bad"):
             goal = {"poor": 0, "bad": 0}.get(verdict)
             source = "" if goal is None else "goal"
-            yield Row(
-                table="inputs", row=name, column=verdict, unit="", ours=verdicts[verdict], reference=goal, source=source
-            )
+            yield Row("inputs", name, verdict, "", verdicts[verdict], reference=goal, source=source)
 
 
 if __name__ == "__main__":

@@ -15,8 +15,7 @@ from paretoik.errors import ParetoikError
 from paretoik.inputs import cause_of
 from paretoik.loading import load_problem
 from problems import marcos_2012
-from studies.benchmarks.reliability.inputs.faults import Raising, RaisingText
-from studies.benchmarks.reliability.inputs.judging import Outcome
+from studies.benchmarks.reliability.inputs.judging import Outcome, Raising, RaisingText
 
 
 class Untold(Exception):  # noqa: N818

@@ -1,1 +1,0 @@
-"""Good runs of every kind, faults planted in them, and the number that the verifier catches."""
