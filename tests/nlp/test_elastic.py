@@ -8,7 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from paretoik.nlp.banded import elastic
-from paretoik.nlp.program import InteriorPointOptions
 
 exponents = st.floats(-12, 0)
 
@@ -54,34 +53,3 @@ def test_the_slope_is_that_of_the_merit_and_no_slack_steps_past_its_bound(seed):
     assert slope == pytest.approx((values[1] - values[0]) / (2 * h), rel=1e-6, abs=1e-6)
     assert 0 < length <= 1
     assert np.concatenate([(s + length * ds) / s, (t + length * dt) / t]).min() >= 0.005 * (1 - 1e-12)
-
-
-@given(st.integers(0, 1000), st.floats(0.1, 1.0))
-def test_slacks_after_a_step_are_no_shorter_than_the_constraint_allows(seed, length):
-    c, s, t, _, _, dc = interior(seed)
-    ds, dt = 0.05 * np.random.default_rng(seed + 1).normal(size=(2, len(s)))
-    trial_s, trial_t, trial_r = np.empty((3, len(s)))
-    elastic.step_slacks(c + length * dc, s, t, ds, dt, length, trial_s, trial_t, trial_r)
-    np.testing.assert_allclose(trial_r, c + length * dc - trial_s + trial_t, atol=1e-14)
-    assert (trial_r <= 0).all()
-    assert (trial_s >= s + length * ds - 1e-15).all()
-
-
-@given(st.integers(0, 1000))
-def test_multipliers_stay_between_nothing_and_the_penalty(seed):
-    mu, penalty, options = 1e-6, 10.0, InteriorPointOptions()
-    _, s, t, _, z, _ = interior(seed, penalty=penalty)
-    dz = 100 * np.random.default_rng(seed + 1).normal(size=len(z))
-    elastic.step_multipliers(dz, s, t, mu, penalty, options, z)
-    assert (z > 0).all()
-    assert (z < penalty).all()
-    assert (z * s / mu <= options.multiplier_range * (1 + 1e-12)).all()
-
-
-def test_multipliers_of_the_central_path_and_the_worst_violation():
-    s, z, c = np.array([0.1, 2.0, 1e-9]), np.empty(3), np.array([0.5, -0.25, 1.0])
-    elastic.central_multipliers(s, 0.01, 10.0, z)
-    np.testing.assert_allclose(z, [0.1, 0.005, 10.0])
-    assert z[2] < 10.0
-    complementarity, violation = elastic.complementarity_and_violation(c, s, np.array([0.1, 1.0, 1.0]), 0.01)
-    assert (complementarity, violation) == (pytest.approx(1.99), 0.25)
