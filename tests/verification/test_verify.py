@@ -19,7 +19,7 @@ from studies.benchmarks.reliability.verifier.faults import FAULTS
 from studies.benchmarks.reliability.verifier.forgeries import FORGERIES, LIMITED, forge
 from studies.benchmarks.reliability.verifier.good_runs import KINDS
 
-QUICK = ("search", "obstacles", "closed loop", "polygon", "resolved", "plan")
+QUICK = ("search", "closed loop", "polygon")
 
 
 def subjects(rows):
