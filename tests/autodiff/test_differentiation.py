@@ -148,14 +148,3 @@ def test_the_length_of_nothing_grows_nowhere(at):
     second = [slope for variable in variables for slope in tangents(tape, first, {variable: tape.constant(1.0)})]
     derivatives = evaluated(tape, [*first, *second], np.array(at)[:, None])[:, 0]
     np.testing.assert_array_equal(derivatives, [0.0, 0.0, 1.0, *[0.0] * 9])
-
-
-def test_independent_output_has_no_derivative():
-    tape = Tape()
-    x, y = tape.input(), tape.input()
-    nothing = tape.constant(0.0)
-    assert gradient(tape, np.sin(x).index, [x.index, y.index])[1] == nothing
-    assert gradient(tape, tape.constant(3.0), [x.index]) == [nothing]
-    assert gradient(tape, x.index, [x.index]) == [tape.constant(1.0)]
-    assert hessian(tape, (x + 2 * y).index, [x.index, y.index]) == {}
-    assert list(hessian(tape, (x * y).index, [x.index, y.index])) == [(1, 0)]

@@ -48,39 +48,6 @@ def test_no_register_is_freed_before_its_value_was_last_read(tree, seed):
     assert all(register in held for register in evaluator.outputs)
 
 
-def test_registers_are_reused():
-    tape = Tape()
-    x = tape.input()
-    total = x
-    for k in range(500):
-        total = total + np.sin(x * (1 + k % 7)) * total
-    evaluator = compile_evaluator(tape, [total.index])
-    assert len(evaluator.code) > 500
-    assert evaluator.registers < 25
-    (at,) = points(0)[:1]
-    expected = at
-    for k in range(500):
-        expected = expected + np.sin(at * (1 + k % 7)) * expected
-    np.testing.assert_allclose(evaluator(at[None])[0], expected, rtol=1e-9)
-
-
-def test_a_product_that_one_sum_or_difference_uses_is_fused_with_it():
-    tape = Tape()
-    x, y, z = (tape.input() for _ in range(3))
-    a, b, c = at = points(3)[:3]
-    evaluator = compile_evaluator(tape, [e.index for e in (x * y + z, x + y * z, x * z - y, y - x * x)])
-    np.testing.assert_array_equal(evaluator(at), [a * b + c, a + b * c, a * c - b, b - a * a])
-    assert [op for op, *_ in evaluator.code.tolist()] == [
-        Fused.MULTIPLY_ADD,
-        Fused.MULTIPLY_ADD,
-        Fused.MULTIPLY_SUBTRACT,
-        Fused.SUBTRACT_PRODUCT,
-    ]
-    evaluator = compile_evaluator(tape, [e.index for e in (x * y + z, x * y - z, x * z, x * z + y, x * x - z * z)])
-    np.testing.assert_array_equal(evaluator(at), [a * b + c, a * b - c, a * c, a * c + b, a * a - c * c])
-    assert [op for op, *_ in evaluator.code.tolist()].count(Op.MULTIPLY) == 3  # two are used twice, one is z²
-
-
 def test_an_output_may_be_an_input_a_constant_or_another_output_again():
     tape = Tape()
     x, y = tape.input(), tape.input()

@@ -17,7 +17,6 @@ from paretoik.autodiff.kinks import (
     remaining_kinks,
     smooth_pieces,
     substitute,
-    summands,
 )
 from paretoik.autodiff.operations import Op
 from paretoik.autodiff.tape import Tape, as_entry, where
@@ -199,16 +198,6 @@ def test_a_function_is_the_maximum_or_the_minimum_of_its_pieces(sense, reduce, t
     )
 
 
-@settings(max_examples=15)
-@given(trees({**LINEAR, **PIECEWISE, "sin": SMOOTH["sin"]}), seeds)
-def test_summands_sum_to_the_entry(tree, seed):
-    tape, value, _ = taped(tree)
-    at, terms = points(seed), summands(tape, value)
-    np.testing.assert_allclose(
-        evaluated(tape, terms, at).sum(axis=0), evaluated(tape, [value], at)[0], rtol=1e-12, atol=1e-12
-    )
-
-
 @settings(max_examples=8)
 @given(seeds)
 def test_a_norm_is_its_factor_times_the_root_of_its_terms_squares(seed):
@@ -218,16 +207,3 @@ def test_a_norm_is_its_factor_times_the_root_of_its_terms_squares(seed):
     assert (factor, len(terms)) == (3.0, 3)
     lengths = factor * np.linalg.norm(evaluated(tape, terms, at), axis=0)
     np.testing.assert_allclose(lengths, evaluated(tape, [value], at)[0], rtol=1e-12)
-
-
-@pytest.mark.parametrize(
-    "function",
-    [
-        lambda x, y, z: -np.sqrt(x * x + y * y),
-        lambda x, y, z: np.sqrt(x * x + y),
-        lambda x, y, z: np.sqrt(x * x + y * y) + z,
-    ],
-)
-def test_expression_that_is_no_norm_has_no_terms(function):
-    tape, value, _ = taped(function)
-    assert norm_terms(tape, value) is None

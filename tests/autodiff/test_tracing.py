@@ -232,18 +232,6 @@ def test_plain_arrays_meet_traced_ones_where_numpy_lets_them(shape, wide):
     np.testing.assert_array_equal(numbers(trace, array * plain, source), expected)
 
 
-def test_plain_numbers_by_the_sample_become_inputs_once_and_constants_none():
-    trace, (q,) = traced(Q)
-    before = len(trace.tape.inputs)
-    (q * TABLE) + (q / TABLE) + TIME[:, None]
-    assert len(trace.tape.inputs) == before + 4
-    assert {values.tobytes() for values in trace.parameters.values()} == {
-        np.ascontiguousarray(values).tobytes() for values in (*TABLE.T, TIME)
-    }
-    q * np.full((SAMPLES, 3), 2.0)
-    assert len(trace.tape.inputs) == before + 4
-
-
 def test_gradients_through_arrays_are_those_of_the_sample_alone():
     trace, (q, r) = traced(Q, R)
     value = np.linalg.norm(np.cross(r @ ROW, q), axis=-1) + np.linalg.det(r) * TIME

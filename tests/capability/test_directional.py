@@ -17,7 +17,7 @@ from paretoik.errors import Infeasible, OutOfReach
 from paretoik.nlp.dense.dense_program import DenseProgram
 from paretoik.nlp.minimise import minimise
 from paretoik.robot import kinematics
-from tests.capability.drives import motors, planar, rods
+from tests.capability.drives import motors, planar
 
 PLACE = np.array([0.2, -0.15])
 ARM = pk.arms.kim_3r()
@@ -88,31 +88,11 @@ def test_stated_postures_speeds_and_efforts_are_consistent(drive):
     assert room.min(axis=(-1, -2)).max() <= 1e-9  # some motor is at its limit
 
 
-@pytest.mark.parametrize("drive", DRIVES)
-def test_under_the_diamond_both_ways_are_equally_fast(drive):
-    values = pk.directional_maxima(ARM, DRIVES[drive], PLACE).values
-    assert values == pytest.approx(np.roll(values, 8), rel=1e-12)
-
-
 def test_a_strip_is_faster_than_a_diamond_and_a_box_faster_than_both():
     one, two, three = (pk.directional_maxima(ARM, driven(shape), PLACE).values for shape in SHAPES)
     assert (one <= two * (1 + 1e-12)).all()
     assert (two <= three * (1 + 1e-12)).all()
     assert (one < 0.99 * three).any()
-
-
-@given(seed=seeds)
-@settings(max_examples=10)
-def test_in_one_posture_the_polygon_is_convex(seed):
-    rng = np.random.default_rng(seed)
-    q = rng.uniform(-np.pi, np.pi, 3)
-    ways = np.stack([np.cos(np.linspace(0, 2 * np.pi, 73)), np.sin(np.linspace(0, 2 * np.pi, 73))], axis=1)
-    actuation = driven("strip")
-    values = values_at(ARM, actuation, ways, "velocity", q)
-    corners = values[:, None] * ways
-    steps = np.diff(corners, axis=0)
-    turns = steps[:-1, 0] * steps[1:, 1] - steps[:-1, 1] * steps[1:, 0]
-    assert turns.min() >= -1e-12
 
 
 @given(seed=seeds)
@@ -183,23 +163,6 @@ def test_limits_a_turn_away_change_no_maximum(quantity):
     )
     assert other.values == pytest.approx(one.values, rel=1e-7)
     assert (other.q[:, 3] >= low[3] + 4 * np.pi - 1e-9).all()
-
-
-@pytest.mark.parametrize(("dof", "turns"), [(3, [-1, 2, -3])])
-def test_a_rods_zero_a_turn_away_changes_nothing(dof, turns):
-    arm, zero = planar(dof, length=0.114, mass=0.3), np.deg2rad([-120.0, 0.0, 0.0, 0.0])[:dof]
-    drives = [rods(dof, zero + 2 * np.pi * np.array(each)) for each in ([0] * dof, turns)]
-    place = [0.2, -0.15]
-    for quantity in QUANTITIES:
-        one, other = (
-            pk.directional_maxima(arm, each, place, UNIT[:2], quantity=quantity, starts=40).values for each in drives
-        )
-        assert other == pytest.approx(one, rel=1e-7)
-    problems = [pk.DirectionalMaxima(arm, each, place, UNIT[:2], starts=60) for each in drives]
-    genes = problems[0].sample_starts(20, np.random.default_rng(0))
-    values = [each.evaluate(genes, return_values_of=["F", "G"]) for each in problems]
-    assert values[1][0] == pytest.approx(values[0][0], rel=1e-6, abs=1e-9)
-    assert np.array_equal(values[1][1] <= 1e-6, values[0][1] <= 1e-6)
 
 
 @pytest.mark.parametrize("shape", ACTUATION_SHAPES)

@@ -105,16 +105,3 @@ def test_parallel_columns_move_the_tool_along_a_line_only():
     low, high = -np.ones(2), np.ones(2)
     np.testing.assert_allclose(highest_speeds(columns, low, high, along[None]), 3 * np.sqrt(2))
     np.testing.assert_allclose(highest_speeds(columns, low, high, across[None]), 0.0, atol=1e-12)
-
-
-def test_no_joint_bears_a_force_that_no_column_sees():
-    columns = np.array([[1.0, 2.0], [0.0, 0.0]])
-    forces = greatest_forces(columns, -np.ones(2), np.ones(2), np.eye(2))
-    np.testing.assert_allclose(forces, [0.5, np.inf])
-
-
-def test_joints_whose_speeds_are_unknown_give_no_speed():
-    low = np.array([[-1.0, np.nan], [-1.0, -1.0]])
-    speeds = highest_speeds(np.stack([np.eye(2)] * 2), low, np.ones((2, 2)), np.eye(2))
-    assert np.isnan(speeds[0]).all()
-    np.testing.assert_allclose(speeds[1], 1.0)

@@ -65,18 +65,6 @@ def test_derivatives_are_exact_where_radii_are_equal_or_nearly_so(task, away):
     assert gradient == pytest.approx(differences(lambda p: model.roots(p)[0], position), abs=1e-6)
 
 
-def test_in_the_plane_the_closed_form_is_what_eigenvalues_give():
-    rng = np.random.default_rng(0)
-    factors = rng.normal(size=(50, 2, 2)) * 10.0 ** rng.uniform(-3, 3, size=(50, 1, 1))
-    matrices = factors @ np.swapaxes(factors, 1, 2)
-    matrices += 1e-3 * np.trace(matrices, axis1=1, axis2=2)[:, None, None] * np.eye(2)
-    values = np.column_stack([rng.normal(size=50), matrices[:, *np.triu_indices(2)]])
-    gradients = rng.normal(size=(50, 4, 3))
-    for closed, general in zip(planar_roots(values, gradients), spectral_roots(values, gradients), strict=True):
-        scale = np.abs(general).reshape(50, -1).max(axis=1).reshape(50, *[1] * (general.ndim - 1))
-        assert closed / scale == pytest.approx(general / scale, abs=1e-9)
-
-
 @pytest.mark.parametrize("roots", [planar_roots, spectral_roots])
 @pytest.mark.parametrize("entries", [(1.0, 0.0, -1.0), (-1.0, 0.0, -1.0)])
 def test_what_has_no_root_is_not_finite(roots, entries):

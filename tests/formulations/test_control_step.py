@@ -146,16 +146,6 @@ def test_solve_finds_the_front_that_the_compiled_search_finds():
     assert choice.motion.q.shape == (4, 3)
 
 
-def test_a_control_step_is_that_of_its_loop():
-    loop, rng = own_objectives(), np.random.default_rng(3)
-    arm, path = loop.task.arm, marcos_2012.round_trip(0.7, 6)
-    alone = pk.ControlStep(arm, path, loop.start, objectives=[pk.joint_displacement, sway, height, reach])
-    genes = rng.uniform(-1, 1, (20, alone.n_var))
-    for ours, theirs in zip(alone.evaluate(genes), loop.control_step(1).evaluate(genes), strict=True):
-        np.testing.assert_array_equal(ours, theirs)
-    assert alone.names == loop.names
-
-
 @pk.step_objective(unit="rad")
 def total(step):
     return step.motion.q.sum()

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from pymoo.algorithms.moo.nsga2 import NSGA2
-from pymoo.optimize import minimize
 
 import paretoik as pk
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.nlp.minimise import minimise
 from paretoik.robot import kinematics
-from problems import kim_2021
 
 PLACE = [0.2, -0.15]
 WAYS = [[1.0, 0.0], [0.0, 1.0]]
@@ -116,15 +113,6 @@ def test_exchange_rates_are_those_of_neighbouring_optima(problem, refined):
         assert more <= high * 1.05
 
 
-def test_pymoo_solves_directional_maxima_with_any_number_of_directions():
-    one = pk.DirectionalMaxima(pk.arms.kim_3r(), pk.capability.kim_joint_motors(), PLACE, [[0.0, 1.0]], power=False)
-    result = minimize(one, NSGA2(pop_size=20), ("n_gen", 25), seed=1)
-    assert one.n_obj == 1
-    maximum = pk.directional_maxima(one.arm, one.actuation, PLACE, [[0.0, 1.0]]).values[0]
-    assert -result.F.min() == pytest.approx(maximum, rel=0.05)
-    assert -result.F.min() <= maximum * (1 + 1e-9)
-
-
 @pytest.mark.usefixtures("unchecked")
 def test_impossible_directional_maxima_are_refused_by_name(problem, front):
     with pytest.raises(Infeasible, match=r"joint2 must bear a torque of at most 3\.5 N m"):
@@ -134,9 +122,3 @@ def test_impossible_directional_maxima_are_refused_by_name(problem, front):
     other = pk.DirectionalMaxima(pk.arms.kim_3r(), pk.capability.kim_joint_motors(), PLACE, WAYS, power=False)
     with pytest.raises(InvalidInput, match=f"problem must have the objectives {', '.join(problem.names)}, got others"):
         pk.refine(front, other)
-
-
-def test_a_cold_search_starts_from_so_many_points_as_asked_for_that_motors_can_hold():
-    starts = kim_2021.directions_dam().cold_search(starts=5, seed=0).starts
-    assert len(starts) == 5
-    assert np.isfinite(starts).all()

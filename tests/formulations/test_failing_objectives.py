@@ -84,20 +84,3 @@ def test_an_objective_that_returns_something_else_is_refused_by_name(returns, wo
     odd = pk.objective(unit="", form="integral", name="odd")(returns)
     with pytest.raises(InvalidInput, match=words):
         paper_3r(objectives=[odd])
-
-
-RATES = "q", "time", "dq", "ddq", "jerk", "torque", "power", "kinetic_energy"
-ARRAYS = *RATES, "tool", "tool_rotation", "links", "manipulability", "tracking_error", "position_error"
-
-
-def test_no_array_of_a_motion_can_be_written_to():
-    writable = set()
-
-    @pk.objective(unit="", form="general")
-    def curious(motion):
-        writable.update(name for name in ARRAYS if getattr(motion, name).flags.writeable)
-        return motion.q[..., -1, 0]
-
-    problem = paper_3r(objectives=[kinetic_energy, curious], differences="spline")
-    evaluate(problem, genes_of(problem, 5))
-    assert not writable

@@ -79,14 +79,6 @@ def test_own_constraints_are_satisfied():
     assert (front.genes[:, 1] <= 1e-6).all()
 
 
-def test_a_refusal_between_obstacles_names_the_limit():
-    walls = [((0.5, 0.0), (0.1, 0.6)), ((-0.5, 0.0), (0.1, 0.6)), ((0.0, 0.5), (0.6, 0.1)), ((0.0, -0.5), (0.6, 0.1))]
-    blocked = pk.Posture(ARM, CIRCLE, obstacles=[pk.obstacles.Box(center, sizes) for center, sizes in walls])
-    with pytest.raises(pk.Infeasible, match="clearance is") as caught:
-        pk.solve(blocked, population=20, generations=4, observe=False)
-    assert caught.value.limit == "clearance"
-
-
 NOT_OF_A_POSTURE = {
     "limits of a posture must be on position, torque and clearance, got vel": {"limits": pk.Limits(velocity=1.0)},
     "objectives must have names other than position_error": {

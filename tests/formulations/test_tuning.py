@@ -106,26 +106,6 @@ def test_objectives_are_the_worst_or_the_mean_over_the_starts(method, judged_by)
         np.testing.assert_allclose(F[i], expected, rtol=1e-9)
 
 
-def test_priorities_say_which_criterion_comes_first_and_gains_scale_it():
-    problem = tuning(parameters=[f"{what} of {each.name}" for what in ("priority", "gain") for each in BOTH])
-    genes = np.array([[0.1, 0.9, -2.0, 0.0], [0.9, 0.1, 0.0, -2.0]])
-    method = problem.method(genes)
-    assert method.priorities.tolist() == [[0.1, 0.9], [0.9, 0.1]]
-    np.testing.assert_allclose([each.gain for each in method.criteria], [[1e-2, 1.0], [1.0, 1e-2]])
-
-
-def test_one_number_may_set_several_fields_and_scales_are_as_asked():
-    damping = methods.Parameter("damping", 1e-3, 1e-1, scale="log", fields=("region", "damping"))
-    problem = tuning(parameters=[damping, methods.Parameter("buffer", 0.1, 0.3)])
-    np.testing.assert_allclose(problem.xl, [-3.0, 0.1])
-    method = problem.method(np.array([[-2.0, 0.2]]))
-    assert (method.region, method.damping, method.buffer) == (pytest.approx(1e-2), pytest.approx(1e-2), 0.2)
-    assert method.band == WEIGHTED.band
-    whole = methods.Parameter("horizon", 2, 4, scale="integer")
-    values = whole.decode(np.linspace(*whole.gene_bounds, 100))
-    assert sorted(set(values.tolist())) == [2, 3, 4]
-
-
 def test_any_objective_of_motions_counts_with_the_users_own():
     @pk.objective(unit="rad²/s", form="integral", maximise=True)
     def eagerness(motion):
@@ -229,17 +209,6 @@ def test_time_optimal_control_is_tuned_by_its_duration_and_the_work_of_a_plan():
         assert motions.time[i, -1] == run.settled
     assert motions.tool[:, -1] == pytest.approx(np.tile([0.3, 0.15], (3, 1)), abs=2e-6)
     assert F[:, 2].max() < 1e-3
-
-
-def test_a_tool_that_starts_off_the_path_takes_longer_with_less_gain():
-    gain = methods.Parameter("gain", 5.0, 100.0)
-    beside = pk.resolve(ARM, line([0.4, 0.08], [0.3, 0.15], duration=1.0, samples=5), methods.PseudoInverse()).q[0]
-    control = pk.TimeOptimalControl(EVEN, period=0.01)
-    problem = pk.Tuning(
-        ARM, PATH, control, parameters=[gain], objectives=[measures.duration], starts=[beside], tolerance=None
-    )
-    F = problem.evaluate(np.array([[5.0], [20.0], [100.0]]))[:, 0]
-    assert F[0] > F[1] > F[2]
 
 
 def test_a_users_constraint_holds_from_every_start_or_the_individual_is_infeasible():

@@ -91,15 +91,6 @@ def test_units_signs_and_order_do_not_matter(values, seed):
         assert getattr(turned, name) == pytest.approx(value[np.ix_(*[order] * value.ndim)], abs=1e-12)
 
 
-def test_hypervolume_reference_is_1_1_of_the_ranges():
-    a, b = make(np.array([[0.0, 10.0], [1.0, 0.0]])), make(np.array([[0.5, 5.0]]))
-    shares = np.array([[0.0, 1.0], [0.5, 0.5], [1.0, 0.0]])
-    whole = hypervolume(shares, [1.1, 1.1])
-    expected = [hypervolume(shares[[0, 2]], [1.1, 1.1]) / whole, 0.6**2 / whole]
-    assert compared(a, b).hypervolume == pytest.approx(expected)
-    np.testing.assert_array_equal(compared(a, b).ranges, [[0.0, 1.0], [0.0, 10.0]])
-
-
 @settings(max_examples=15)
 @given(st.integers(0, 10**6), st.integers(2, 3), st.sampled_from([0.2, 0.5, 0.75, 1.0]), st.booleans())
 def test_an_attainment_surface_is_what_that_share_of_the_runs_reaches(seed, n_obj, share, maximise):

@@ -62,12 +62,6 @@ def test_a_tolerance_keeps_points_that_are_near_in_one_objective_only():
     assert non_dominated(F, tolerance=0.01).all()
 
 
-def test_points_beyond_the_reference_add_nothing():
-    F = np.array([[0.0, 3.0], [1.0, 1.0], [3.0, 0.0], [np.nan, 0.0]])
-    assert hypervolume(F, [2.0, 2.0]) == 1.0
-    assert hypervolume(F, [4.0, 4.0]) == pytest.approx(11.0)
-
-
 @pytest.mark.parametrize("n_obj", [2, 4, 6])
 def test_an_estimate_is_near_the_hypervolume_in_any_units_and_exact_up_to_four_objectives(n_obj):
     directions = np.abs(np.random.default_rng(3).normal(size=(200, n_obj)))

@@ -131,9 +131,6 @@ def test_a_controller_that_wants_rest_alone_is_content_with_an_end_velocity_of_z
 
 
 ARM = pk.Arm.planar(lengths=[0.3, 0.2])
-SLIDE = pk.Arm.from_dh(
-    a=[0.0], alpha=[0.0], d=[0.0], theta=[0.0], types=["prismatic"], convention="modified", joint_names=["rail"]
-)
 
 
 def random_trajectory(seed, samples=9, rate=100.0):
@@ -200,20 +197,6 @@ def test_positions_use_their_range_from_its_middle_on(joint, sign):
     assert not limit_uses(moved, bench(ARM, position=bounds), ARM)[0].exceeded
 
 
-def test_a_slide_has_metres_and_newtons():
-    rail = pk.Motion(arm=SLIDE, time=np.linspace(0, 1, 11), q=np.linspace(0, 1, 11)[:, None] ** 2 * 3)
-    trajectory = JointTrajectory(
-        joint_names=("rail",), time=rail.time, q=rail.q, dq=6 * rail.time[:, None], ddq=np.full((11, 1), 6.0)
-    )
-    (use,) = limit_uses(trajectory, bench(SLIDE, velocity=1.0), SLIDE)
-    assert "m/s at" in str(use)
-    assert "rad" not in str(use)
-    assert (
-        unrest(trajectory, bench(SLIDE), SLIDE)
-        == "it must end at rest (end_velocity=0 plans it so), but rail ends with 6 m/s"
-    )
-
-
 def test_torques_are_the_arms_own_with_gravity_and_rise_from_those_that_hold_it():
     trajectory = sampled("without tasks")
     uses = {use.quantity: use for use in limit_uses(trajectory, bench(PANDA, torque=1.0, torque_rate=1.0), PANDA)}
@@ -273,12 +256,3 @@ def test_one_period_less_would_exceed_a_limit_and_none_more_is_taken(v, a, j):
     while any(use.exceeded for use in measure(replace(own, periods=periods))):
         periods += 1
     assert found.periods == periods
-
-
-def test_slowing_down_follows_from_the_peaks():
-    motion = swing(duration=1.0)
-    peak = max(use.value for use in measure_of(motion, bench(PANDA, velocity=1.0))(time_scaling(1.0, 1000.0)))
-    found = slow_down(time_scaling(1.0, 1000.0), measure_of(motion, bench(PANDA, velocity=peak / 1.5)))
-    assert found.factor == pytest.approx(1.5, rel=1e-3)
-    found = slow_down(time_scaling(1.0, 1000.0), measure_of(motion, bench(PANDA, velocity=2 * peak)))
-    assert found.factor == 1.0

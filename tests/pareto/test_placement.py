@@ -208,15 +208,6 @@ def test_gaps_are_filled_up_to_the_asked_number_of_points(shape, points):
     assert gaps.max() <= 2.6 * length / (points - 1)
 
 
-def test_jump_is_asked_from_both_sides_only_once():
-    filled = Filled(lambda x: np.where(x <= 0.3, 1.0 - x / 3, 0.4 - 0.4 * x), hidden=[(0.3, 0.5)])
-    fill_gaps(filled.front, filled.add, 12)
-    assert len(filled.points) == 12
-    assert np.abs(filled.front() - [0.3, 0.9]).max(axis=1).min() <= 0.03
-    assert np.abs(filled.front() - [0.5, 0.2]).max(axis=1).min() <= 0.03
-    assert len(set(filled.asked)) == len(filled.asked)
-
-
 def test_the_longer_side_of_the_widest_gap_is_cut_first():
     points = np.array([[0.0, 1.0, 0.0], [0.1, 0.6, 0.0], [1.0, 0.0, 0.0]])
     asked = []

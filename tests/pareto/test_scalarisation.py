@@ -31,18 +31,6 @@ def test_ranges_are_nadir_less_ideal_and_those_of_rounding_give_way_to_sizes():
     assert ranges_of(values, np.array([1.0, 7.0, 2.0])) == pytest.approx([2.0, 7.0, 2.0])
 
 
-def test_batches_lead_where_all_points_lead_at_once_and_are_looked_at_one_by_one():
-    program, weights = sketched(2, ellipses), np.array([[0.8, 0.2]])
-    rng, counts = np.random.default_rng(0), []
-    starts = placed(ellipses, rng.normal(size=(5, 2)))
-    settings = {"solver": "auto", "observe": lambda *count: counts.append(count)}
-    together = minimise_weighted(program, starts, weights, None, InteriorPointOptions(), **settings)
-    batches = minimise_weighted(program, starts, weights, None, InteriorPointOptions(), batch=2, **settings)
-    assert counts == [(5, 5), (2, 5), (4, 5), (5, 5)]
-    np.testing.assert_array_equal(together.x, batches.x)
-    assert together.x[:, :2] == pytest.approx(np.tile(ellipses_best(0.8), (5, 1)), abs=1e-5)
-
-
 def test_a_bound_holds_where_the_weights_alone_would_break_it():
     program, upper = sketched(2, ellipses), np.array([[np.inf, 2.0]])
     start = placed(ellipses, [[1.0, 0.5]])

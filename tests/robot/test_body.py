@@ -78,10 +78,3 @@ def test_bad_input_is_refused_in_one_line_with_name_and_value(make, words):
     with pytest.raises(InvalidInput, match=words) as caught:
         make()
     assert "\n" not in str(caught.value)
-
-
-def test_limits_given_as_number_array_or_pair_become_rows():
-    arm = Arm.planar(lengths=[1.0, 1.0], position_limits=([-1.0, -2.0], 3.0), velocity_limits=2.0)
-    assert arm.position_limits.tolist() == [[-1.0, 3.0], [-2.0, 3.0]]
-    assert arm.velocity_limits.tolist() == [2.0, 2.0]
-    assert np.isposinf(arm.torque_limits).all()

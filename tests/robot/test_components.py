@@ -7,30 +7,12 @@ import pytest
 
 from paretoik.robot import components, dynamics, kinematics
 from paretoik.robot.arms import tringali_3r
-from paretoik.robot.components import to_matrix, to_vector
+from paretoik.robot.components import to_vector
 from tests.robot.laws import same
 from tests.robot.oracles import STEP
 
 RNG = np.random.default_rng(0)
 A, B = RNG.normal(size=(2, 3, 5))  # two vectors of components over five samples
-M, N = RNG.normal(size=(2, 3, 3))
-
-
-def values(vector):
-    return np.array([np.broadcast_to(entry, 5) for entry in vector])
-
-
-@pytest.mark.parametrize("name", ["add", "subtract", "cross", "dot"])
-def test_vectors_are_combined_as_numpy_does(name):
-    expected = {"add": A + B, "subtract": A - B, "cross": np.cross(A.T, B.T).T, "dot": (A * B).sum(axis=0)}[name]
-    np.testing.assert_allclose(getattr(components, name)(tuple(A), tuple(B)), expected, atol=1e-15)
-
-
-def test_matrices_are_applied_transposed_and_multiplied_as_numpy_does():
-    np.testing.assert_allclose(values(components.apply(to_matrix(M), tuple(A))), M @ A, atol=1e-15)
-    np.testing.assert_allclose(values(components.apply_transposed(to_matrix(M), tuple(A))), M.T @ A, atol=1e-15)
-    np.testing.assert_allclose(components.multiply(to_matrix(M), to_matrix(N)), M @ N, atol=1e-15)
-    assert components.transpose(to_matrix(M)) == to_matrix(M.T)
 
 
 def test_products_and_sums_with_zero_and_one_are_folded_away():

@@ -47,18 +47,6 @@ def test_order_and_parts_of_told_results_do_not_matter():
     assert np.array_equal(whole.ask().X, parts.ask().X)
 
 
-def test_a_generation_advances_only_when_all_of_it_was_told():
-    search = Search(Parabolas(), population=6)
-    asked = search.ask()
-    F = search.problem.evaluate(asked.X)
-    search.tell(asked.ids[:5], F[:5])
-    assert search.ask() is asked
-    assert (search.generation, search.evaluations, len(search.archive)) == (0, 0, 0)
-    search.tell(asked.ids[5:], F[5:])
-    assert (search.generation, search.evaluations) == (1, 6)
-    assert search.ask().generation == 1
-
-
 def test_archived_points_are_what_was_asked_under_their_id():
     search = Search(Parabolas(), population=8, seed=2)
     rows = {}

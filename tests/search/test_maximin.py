@@ -13,7 +13,6 @@ from pymoo.optimize import minimize
 
 from paretoik.errors import InvalidInput
 from paretoik.search.maximin import (
-    InsertionOptions,
     MaxiMin,
     front_order,
     greedy_order,
@@ -100,15 +99,6 @@ def test_fast_and_greedy_selection_agree_on_large_fronts_and_geometric_tails(cou
         front_order(Z, count, nearest, starts), greedy_order(Z, count, nearest, starts), strict=True
     ):
         assert np.array_equal(actual, expected)
-
-
-def test_distances_without_the_matrix_are_the_same(monkeypatch):
-    Z = np.random.default_rng(0).random((40, 3))
-    with_matrix = greedy_order(Z, 40, np.full(40, np.inf))
-    monkeypatch.setattr("paretoik.search.maximin.OPTIONS", InsertionOptions(matrix_limit=10))
-    without = greedy_order(Z, 40, np.full(40, np.inf))
-    assert np.array_equal(with_matrix[0], without[0])
-    assert np.array_equal(with_matrix[1], without[1])
 
 
 @settings(max_examples=40, deadline=None)

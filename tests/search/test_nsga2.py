@@ -14,7 +14,7 @@ from pymoo.problems import get_problem
 
 from paretoik.search.ask_tell import Search
 from paretoik.search.nsga2 import BranchwiseMating, MaxiMinNSGA2
-from tests.search.problems import Branches, Constant, Parabolas, Repeated
+from tests.search.problems import Branches, Constant, Parabolas
 
 
 def test_maximin_nsga2_solves_zdt1_through_minimize():
@@ -39,12 +39,6 @@ def test_ask_and_tell_equals_minimize():
         algorithm.evaluator.eval(problem, infills)
         algorithm.tell(infills=infills)
     assert np.array_equal(algorithm.result().F, minimize(problem, MaxiMinNSGA2(pop_size=12), ("n_gen", 12), seed=3).F)
-
-
-@pytest.mark.parametrize("problem", [Constant(2), Repeated(), Parabolas(n_obj=10)])
-def test_constant_repeated_and_ten_objectives_are_solved(problem):
-    result = minimize(problem, MaxiMinNSGA2(pop_size=12), ("n_gen", 8), seed=1)
-    assert np.isfinite(result.F).all()
 
 
 def test_infeasible_survivors_never_enter_the_result():

@@ -198,18 +198,6 @@ def test_no_finer_grid_finds_a_larger_violation(made, seed, differences):
         assert stated >= max(found_on_a_grid(task, motion)) - TOLERANCE
 
 
-def test_a_limit_that_ends_is_judged_while_there_is_one():
-    arm, path, _ = planar(np.random.default_rng(1))
-    velocity = np.full((13, 4), 0.1)
-    velocity[5:] = np.inf
-    task, always = (
-        pk.Tracking(arm, path, objectives=[pk.kinetic_energy], limits=pk.Limits(velocity=each)).task
-        for each in (velocity, 0.1)
-    )
-    motions = task.motion(sample_starts(always, 1, np.random.default_rng(0)))
-    assert 0 < task.violation_between(motions)[0] <= always.violation_between(motions)[0] < np.inf
-
-
 # Failures in the evaluation of motions, and useless objectives
 
 

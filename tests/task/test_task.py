@@ -13,7 +13,6 @@ from paretoik.robot.arms import marcos_nr
 from paretoik.robot.kinematics import forward_kinematics, link_frames
 from paretoik.robot.pose import quaternion_to_matrix, rotation_vector
 from paretoik.task.retraction import task_errors
-from paretoik.task.task import describe_errors, error_unit, row_units
 from tests.api.scaled_problems import Units, on_a_rail
 from tests.formulations.problems import panda, random_arm
 
@@ -198,15 +197,3 @@ def test_an_arm_in_space_takes_2d_points_only_where_axes_leave_z_free():
 def test_a_frame_that_is_not_on_the_arm_is_refused_with_those_that_are():
     with pytest.raises(InvalidInput, match=r"frame must be one of tool, base, joint1, .* got 'elbow'"):
         Task(POINTS_2D, frame="elbow").resolve_axes(PLANAR)
-
-
-@every_kind
-def test_errors_are_told_in_metres_and_radians_apart(arm, axes, path):
-    tasks = [Task(path, axes=axes).resolve_axes(arm), Task(POINTS_2D, axes="xy").resolve_axes(arm)]
-    units = row_units(tasks)
-    moved = np.zeros(len(units))
-    moved[units.index("m")] = -0.25
-    turned = axes in ("xy+angle", "xyz+z-axis", "pose")
-    assert describe_errors(tasks, moved) == ("0.25 m and 0 rad" if turned else "0.25 m")
-    assert error_unit(tasks) == ("m or rad" if turned else "m")
-    assert len(units) == sum(task.rows for task in tasks)
