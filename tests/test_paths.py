@@ -28,18 +28,11 @@ def folder(tmp_path):
     ("path", "words"),
     [
         ("amr.urdf", "no such file; did you mean 'arm.urdf'?"),
-        ("thumb", "no such file"),
         ("runs/frist/run.json", "no folder {}/runs/frist; did you mean 'first'?"),
-        ("runs/frist.txt", "no such file; did you mean 'first.txt'?"),
-        ("none/of/these/at/all", "no folder {}/none"),
         ("arm.urdf/run.json", "a path through {}/arm.urdf, which is no folder"),
         ("runs", "a folder"),
         ("lost", "a link that leads to nothing"),
-        ("linked", "a link"),
-        ("ahead", "a link to a folder"),
-        ("x.urdf", "no such file"),  # only its ending is that of arm.urdf
         ("x" * 300, "a path that cannot be followed, File name too long"),
-        ("a\0b", "a path that cannot be followed, embedded null byte"),
         ("pipe", "something else"),
     ],
 )
@@ -53,9 +46,7 @@ def test_of_a_relative_path_the_folder_is_named_that_it_starts_from(folder, monk
     assert missing_file(Path("run/first/run.json")) == f"no folder run in {folder}; did you mean 'runs'?"
 
 
-@pytest.mark.parametrize(
-    "name", ["-x", "--help", "a  b", "it's", 'so "so"', "$HOME", "`id`", "100%", "a\\b", "größe", "~"]
-)
+@pytest.mark.parametrize("name", ["--help", "it's", "$HOME"])
 def test_a_shell_reads_a_printed_command_as_it_was_meant(name):
     printing = "import sys; print(sys.argv[1])"
     command = shell_command(sys.executable, "-c", printing, Path(name))

@@ -21,8 +21,6 @@ import paretoik
 from paretoik.runs.files import RUN, run_bytes
 from studies.benchmarks.scaling.local_cluster import local_cluster
 from tests.cli.commands import MINE, SMALL
-from tests.cli.test_closed_loops import MINE as LOOPS
-from tests.closed_loop.postures import posture
 from tests.traces import Trace, trace
 
 pytestmark = pytest.mark.slow
@@ -32,10 +30,6 @@ BAIT = "import os; os.mkdir({place!r})\n"  # this folder appears if the code run
 MODULES = ("sitecustomize", "usercustomize", "numpy", "rerun", "matplotlib", "paretoik", "users_own", "pickle", "json")
 CODE = (".py", ".pyc", ".pkl", ".pickle", ".pth", ".so", ".nbi", ".nbc")
 LATEX = "text.usetex: True\n"
-OTHERS = """
-def single() -> Tracking:
-    return tracking(kinetic_energy)
-"""
 NAMED = "--problem", "users_own.py:good"
 FRONT = "import sys, paretoik as pk; front = pk.load_front(sys.argv[1]); print(front.ids, front.motions)"
 
@@ -49,8 +43,7 @@ class Desk:
     def __post_init__(self) -> None:
         for folder in (self.project, self.home, self.temporary):
             folder.mkdir()
-        (self.project / "users_own.py").write_text(MINE + OTHERS)
-        (self.project / "users_own_loops.py").write_text(LOOPS.format(start=posture(3).tolist()))
+        (self.project / "users_own.py").write_text(MINE)
 
     @property
     def project(self) -> Path:
@@ -152,20 +145,6 @@ def test_a_search_writes_into_its_folder_and_talks_to_nobody(desk):
 
 def test_a_search_with_workers_writes_into_its_folder_and_talks_to_nobody(desk):
     check(desk.solve("run", "--workers", "2"), desk, desk.project / "run")
-
-
-def test_a_plan_writes_into_its_folder_and_talks_to_nobody(desk):
-    seen = desk.paretoik("plan", "users_own.py:single", "--out", "run", "--starts", "2")
-    check(seen, desk, desk.project / "run")
-
-
-def test_a_front_of_levels_writes_into_its_folder_and_talks_to_nobody(desk):
-    seen = desk.paretoik("front", "users_own.py:good", "--out", "run", "--points", "3", "--starts", "2")
-    check(seen, desk, desk.project / "run")
-
-
-def test_a_closed_loop_writes_into_its_folder_and_talks_to_nobody(desk):
-    check(desk.paretoik("solve", "users_own_loops.py:short", "--out", "run"), desk, desk.project / "run")
 
 
 def test_a_watched_run_writes_into_its_folder_and_talks_to_nobody(desk):

@@ -17,7 +17,6 @@ from paretoik.autodiff.kinks import (
     remaining_kinks,
     smooth_pieces,
     substitute,
-    summands,
 )
 from paretoik.autodiff.operations import Op
 from paretoik.autodiff.tape import Tape, as_entry, where
@@ -26,12 +25,9 @@ from tests.autodiff.trees import KINKED, SMOOTH, evaluated, points, seeds, taped
 
 PROBES = np.random.default_rng(0).normal(scale=2.0, size=(3, 200))
 CONVEX = {
-    "absolute": lambda x, y, z: np.abs(x - y) + z * z,
-    "maximum": lambda x, y, z: np.maximum(x * y, z) + x,
     "maximum of three": lambda x, y, z: np.maximum(np.maximum(x, y), z),
     "absolute in a maximum": lambda x, y, z: np.maximum(np.abs(x), y) + z,
     "minimum, subtracted": lambda x, y, z: z - 2.0 * np.minimum(x, y),
-    "sum of absolutes": lambda x, y, z: np.abs(x) + 3.0 * np.abs(y) + np.abs(z * z - x),
     "squared absolute": lambda x, y, z: (np.abs(x) + 1.0) ** 2 + y,
     "growing in both": lambda x, y, z: np.exp(np.maximum(x, 0.0)) + np.hypot(y, 1.0) + z,
 }
@@ -68,16 +64,9 @@ def test_values_are_those_of_the_function_where_variables_are_those_of_their_nod
     tape, entry, result = reformulation(function)
     inputs = inputs_with_nodes(tape, result, PROBES)
     old, new = compile_evaluator(tape, [entry, *result.functions])(inputs)
+    assert remaining_kinks(tape, result) == []
     np.testing.assert_allclose(new, old, rtol=1e-14, atol=1e-14)
     np.testing.assert_allclose(new, function(*PROBES), rtol=1e-12, atol=1e-12)
-
-
-@pytest.mark.parametrize("function", CONVEX.values(), ids=CONVEX.keys())
-def test_nothing_that_is_not_smooth_remains(function):
-    tape, _, result = reformulation(function)
-    entries = dependencies(tape, [*result.functions, *result.constraints])
-    assert result.epigraph_variables
-    assert not [i for i in entries if tape.entries[i][0] in NONSMOOTH]
 
 
 @pytest.mark.parametrize("function", CONVEX.values(), ids=CONVEX.keys())
@@ -120,34 +109,6 @@ def test_at_a_kink_the_multipliers_span_the_subgradients():
     assert sorted(-by_x) == [-1.0, 1.0]  # ends of the subdifferential of |x| at 0
 
 
-@pytest.mark.parametrize(("function", "sense"), UNCHANGED.values(), ids=UNCHANGED.keys())
-def test_kinks_that_no_optimum_lies_at_stay(function, sense):
-    _, entry, result = reformulation(function, sense)
-    assert result.functions == [entry]
-    assert result.epigraph_variables == result.nodes == result.constraints == []
-
-
-def test_excluded_entries_stay():
-    tape = Tape()
-    x, y = tape.input(), tape.input()
-    tape.input()
-    excluded = np.abs(x)
-    total = excluded + np.abs(y)
-    result = reformulate_kinks(tape, [total.index], [1], PROBES, [excluded.index])
-    assert [tape.entries[node][1] for node in result.nodes] == [y.index]
-    assert excluded.index in dependencies(tape, result.functions)
-
-
-def test_a_kink_that_two_functions_share_has_one_variable():
-    tape = Tape()
-    x, y = tape.input(), tape.input()
-    tape.input()
-    size = np.abs(x)
-    result = reformulate_kinks(tape, [(size + y).index, (2.0 * size).index], [1, 1], PROBES)
-    assert len(result.epigraph_variables) == 1
-    assert len(result.constraints) == 2
-
-
 def choice(function):
     tape = Tape()
     x = tape.input()
@@ -172,17 +133,6 @@ def test_a_choice_between_pieces_that_meet_is_their_maximum_or_minimum(function,
     np.testing.assert_array_equal(old, new)
 
 
-def test_a_choice_that_is_neither_stays():
-    tape, node, result = choice(lambda x: where(np.less(0.0, x), x * x * x, x))
-    assert result == node
-    assert tape.entries[result][0] is Op.WHERE
-
-
-def test_a_choice_that_no_probe_changes_stays():
-    _, node, result = choice(lambda x: where(np.less(1000.0, x), x + 1.0, x))
-    assert result == node
-
-
 def test_a_jump_is_refused_by_name():
     with pytest.raises(
         InvalidInput, match=r"^effort must have pieces that meet where the condition of np\.where changes"
@@ -190,25 +140,15 @@ def test_a_jump_is_refused_by_name():
         choice(lambda x: where(np.less(0.3, x), x + 1.0, x))
 
 
-@pytest.mark.parametrize("function", CONVEX.values(), ids=CONVEX.keys())
-def test_no_kink_remains_that_has_a_variable(function):
-    tape, _, result = reformulation(function)
-    assert remaining_kinks(tape, result) == []
-
-
 @pytest.mark.parametrize(("function", "sense"), UNCHANGED.values(), ids=UNCHANGED.keys())
-def test_a_kink_that_stays_remains_with_its_operands(function, sense):
+def test_kinks_that_no_optimum_lies_at_stay_with_their_operands(function, sense):
     tape, entry, result = reformulation(function, sense)
+    assert result.functions == [entry]
+    assert result.epigraph_variables == result.nodes == result.constraints == []
     nodes = [i for i in dependencies(tape, [entry]) if tape.entries[i][0] in NONSMOOTH]
     remaining = remaining_kinks(tape, result)
     assert [(owner, first) for owner, first, _ in remaining] == [(0, tape.entries[node][1]) for node in nodes]
     assert remaining_kinks(tape, result, nodes) == []
-
-
-def test_a_kink_inside_a_constraint_remains_for_the_function_of_its_variable():
-    tape, _, result = reformulation(lambda x, y, z: np.abs(np.minimum(x, y) * z))
-    assert result.constraints
-    assert {owner for owner, *_ in remaining_kinks(tape, result)} == {0}
 
 
 # Rewritten expressions keep their values: substitutions, pieces of maxima, summands and norms.
@@ -221,7 +161,7 @@ LINEAR = {name: SMOOTH[name] for name in ("add", "subtract", "negative")} | {
 PIECEWISE = {name: KINKED[name] for name in ("absolute", "maximum", "minimum")}
 
 
-@settings(max_examples=30)
+@settings(max_examples=15)
 @given(trees({**SMOOTH, **KINKED}), seeds)
 def test_an_input_replaced_by_an_expression_gives_the_value_there(tree, seed):
     tape, value, variables = taped(tree)
@@ -232,7 +172,7 @@ def test_an_input_replaced_by_an_expression_gives_the_value_there(tree, seed):
     np.testing.assert_allclose(evaluated(tape, [changed], at), evaluated(tape, [value], there), rtol=1e-12, atol=1e-12)
 
 
-@settings(max_examples=30)
+@settings(max_examples=15)
 @given(trees({**SMOOTH, **KINKED}), seeds)
 def test_a_copy_on_another_tape_has_the_value_where_its_inputs_are(tree, seed):
     tape, value, variables = taped(tree)
@@ -247,13 +187,8 @@ def test_a_copy_on_another_tape_has_the_value_where_its_inputs_are(tree, seed):
     )
 
 
-def test_expression_without_the_replaced_entry_stays_the_same():
-    tape, value, variables = taped(lambda x, y, z: np.sin(y) + z)
-    assert substitute(tape, [value], {variables[0]: variables[1]}) == [value]
-
-
 @pytest.mark.parametrize(("sense", "reduce"), [(1, np.max), (-1, np.min)])
-@settings(max_examples=30)
+@settings(max_examples=15)
 @given(trees({**LINEAR, **PIECEWISE}), seeds)
 def test_a_function_is_the_maximum_or_the_minimum_of_its_pieces(sense, reduce, tree, seed):
     tape, value, _ = taped(tree)
@@ -263,29 +198,7 @@ def test_a_function_is_the_maximum_or_the_minimum_of_its_pieces(sense, reduce, t
     )
 
 
-def test_pieces_of_a_sum_of_absolute_values_are_all_their_signs():
-    tape, value, _ = taped(lambda x, y, z: np.abs(x) + np.abs(y) - np.minimum(z, 0.0))
-    pieces = smooth_pieces(tape, value)
-    assert len(pieces) == 8
-    assert not {tape.entries[i][0] for i in pieces} & {Op.ABSOLUTE, Op.MAXIMUM, Op.MINIMUM}
-
-
-@settings(max_examples=30)
-@given(trees({**LINEAR, **PIECEWISE, "sin": SMOOTH["sin"]}), seeds)
-def test_summands_sum_to_the_entry(tree, seed):
-    tape, value, _ = taped(tree)
-    at, terms = points(seed), summands(tape, value)
-    np.testing.assert_allclose(
-        evaluated(tape, terms, at).sum(axis=0), evaluated(tape, [value], at)[0], rtol=1e-12, atol=1e-12
-    )
-
-
-def test_sums_within_differences_and_multiples_are_expanded():
-    tape, value, _ = taped(lambda x, y, z: 2.0 * (np.sin(x) - (np.cos(y) + np.abs(z))) + np.exp(x))
-    assert len(summands(tape, value)) == 4
-
-
-@settings(max_examples=20)
+@settings(max_examples=8)
 @given(seeds)
 def test_a_norm_is_its_factor_times_the_root_of_its_terms_squares(seed):
     tape, value, _ = taped(lambda x, y, z: 3.0 * np.sqrt(x * x + np.sin(y) ** 2 + z * z))
@@ -294,17 +207,3 @@ def test_a_norm_is_its_factor_times_the_root_of_its_terms_squares(seed):
     assert (factor, len(terms)) == (3.0, 3)
     lengths = factor * np.linalg.norm(evaluated(tape, terms, at), axis=0)
     np.testing.assert_allclose(lengths, evaluated(tape, [value], at)[0], rtol=1e-12)
-
-
-@pytest.mark.parametrize(
-    "function",
-    [
-        lambda x, y, z: -np.sqrt(x * x + y * y),
-        lambda x, y, z: np.sqrt(x * x + y),
-        lambda x, y, z: x * x + y * y,
-        lambda x, y, z: np.sqrt(x * x + y * y) + z,
-    ],
-)
-def test_expression_that_is_no_norm_has_no_terms(function):
-    tape, value, _ = taped(function)
-    assert norm_terms(tape, value) is None

@@ -12,7 +12,7 @@ from paretoik.autodiff.differentiation import gradient
 from paretoik.autodiff.tape import Expression
 from paretoik.autodiff.tracing import FUNCTIONS, NotLocal, TracedArray
 from paretoik.errors import InvalidInput
-from tests.autodiff.samples import RNG, ROW, SAMPLES, TABLE, TIME, TURNS, Q, R, V, numbers, traced
+from tests.autodiff.samples import ROW, SAMPLES, TABLE, TIME, TURNS, Q, R, V, numbers, traced
 
 
 def agrees(function, *arrays, samples=SAMPLES):
@@ -151,55 +151,37 @@ LOCAL = {
 
 
 @pytest.mark.parametrize("function", LOCAL.values(), ids=LOCAL.keys())
-def test_functions_of_single_samples_are_numpys(function):
+def test_functions_of_single_samples_are_numpys_with_visible_time_too(function):
     agrees(function, Q, V, R)
-
-
-@pytest.mark.parametrize("function", LOCAL.values(), ids=LOCAL.keys())
-def test_functions_with_visible_time_are_numpys(function):
     agrees(function, Q, V, R, samples=None)
 
 
 ACROSS = {
     "one sample": lambda q, v, r: q[0],
-    "one joint at one sample": lambda q, v, r: q[0, 1],
     "the last sample": lambda q, v, r: q[..., -1, :],
-    "a series' first": lambda q, v, r: q[..., 0][..., 0],
     "some samples": lambda q, v, r: q[1:],
-    "all but the first": lambda q, v, r: q[..., 1:, :] - q[..., :-1, :],
     "every second": lambda q, v, r: q[::2],
-    "backwards": lambda q, v, r: q[::-1],
     "samples by a list": lambda q, v, r: q[[0, 1]],
-    "samples in another order": lambda q, v, r: q[[1, 0, 2, 3, 4, 5]],
     "samples by a mask": lambda q, v, r: q[TIME > 0.5],
-    "elements by a mask": lambda q, v, r: q[TABLE > 0],
     "an axis before time": lambda q, v, r: q[None],
-    "lists apart": lambda q, v, r: r[:, [0, 1], None, [0, 1]],
     "rates": lambda q, v, r: np.diff(q, axis=-2),
     "rates of a series": lambda q, v, r: np.diff(q[..., 0]),
     "running sums": lambda q, v, r: np.cumsum(q[..., 0], axis=-1),
     "running sums of all": lambda q, v, r: np.cumsum(q),
     "total": lambda q, v, r: np.sum(q),
     "mean over time": lambda q, v, r: q.mean(axis=0),
-    "mean of a series": lambda q, v, r: q[..., 0].mean(axis=-1),
-    "largest over time": lambda q, v, r: np.max(q, axis=-2),
     "reduce": lambda q, v, r: np.add.reduce(q),
     "norm of all": lambda q, v, r: np.linalg.norm(q),
     "inner product over time": lambda q, v, r: np.einsum("ti,ti->i", q, v),
     "time at the end": lambda q, v, r: np.einsum("i...,i...->...", q, v),
-    "time and joints": lambda q, v, r: np.einsum("ti->it", q),
     "transposed": lambda q, v, r: q.T,
     "transposed by name": lambda q, v, r: np.transpose(q),
-    "turned": lambda q, v, r: np.swapaxes(q, 0, 1),
-    "moved": lambda q, v, r: np.moveaxis(q, -1, 0),
     "flat": lambda q, v, r: q.ravel(),
     "flattened": lambda q, v, r: q.reshape(-1),
     "rolled": lambda q, v, r: np.roll(q, 1, axis=0),
-    "flipped": lambda q, v, r: np.flip(q),
     "joined along time": lambda q, v, r: np.concatenate([q, v]),
     "stacked before time": lambda q, v, r: np.stack([q, v]),
     "trace over time": lambda q, v, r: np.trace(r),
-    "det over time": lambda q, v, r: np.linalg.det(q[:, :, None] @ q[:, None, :])[..., None] + q[0],
     "matrix with time": lambda q, v, r: TURNS[0][:, :1] @ q[:, None, :] @ q.T,
     "series by series": lambda q, v, r: q[..., 0] @ v[..., 0],
     "one by one": lambda q, v, r: [row for row in q],  # noqa: C416
@@ -218,7 +200,7 @@ def test_the_functions_that_a_refusal_lists_are_all_tried_here():
     assert {function.__name__ for function in FUNCTIONS} - {"ravel"} <= tried | {"matrix_transpose", "mT"}
 
 
-@settings(max_examples=150)
+@settings(max_examples=30)
 @given(arrays.basic_indices((SAMPLES, 3, 2), allow_newaxis=True, max_dims=6))
 def test_any_index_gives_what_numpy_gives_or_looks_along_time(index):
     source = np.arange(SAMPLES * 6.0).reshape(SAMPLES, 3, 2)
@@ -232,19 +214,7 @@ def test_any_index_gives_what_numpy_gives_or_looks_along_time(index):
     np.testing.assert_array_equal(numbers(trace, picked, source), source[index])
 
 
-@settings(max_examples=100)
-@given(arrays.mutually_broadcastable_shapes(num_shapes=2, max_dims=3, max_side=3))
-def test_two_arrays_meet_as_numpys_do_where_both_have_as_many_axes(shapes):
-    one, other = (RNG.normal(size=(SAMPLES, *shape)) for shape in shapes.input_shapes)
-    trace, (a, b) = traced(one, other)
-    if one.ndim == other.ndim:
-        np.testing.assert_array_equal(numbers(trace, a * b, one, other), one * other)
-    else:
-        with pytest.raises(InvalidInput, match="do not go together"):
-            a * b
-
-
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(arrays.array_shapes(min_dims=0, max_dims=3, max_side=SAMPLES), st.booleans())
 def test_plain_arrays_meet_traced_ones_where_numpy_lets_them(shape, wide):
     source, plain = (Q if wide else Q[:, 0]), np.random.default_rng(0).normal(size=shape)
@@ -260,18 +230,6 @@ def test_plain_arrays_meet_traced_ones_where_numpy_lets_them(shape, wide):
             array * plain
         return
     np.testing.assert_array_equal(numbers(trace, array * plain, source), expected)
-
-
-def test_plain_numbers_by_the_sample_become_inputs_once_and_constants_none():
-    trace, (q,) = traced(Q)
-    before = len(trace.tape.inputs)
-    (q * TABLE) + (q / TABLE) + TIME[:, None]
-    assert len(trace.tape.inputs) == before + 4
-    assert {values.tobytes() for values in trace.parameters.values()} == {
-        np.ascontiguousarray(values).tobytes() for values in (*TABLE.T, TIME)
-    }
-    q * np.full((SAMPLES, 3), 2.0)
-    assert len(trace.tape.inputs) == before + 4
 
 
 def test_gradients_through_arrays_are_those_of_the_sample_alone():

@@ -10,15 +10,14 @@ from hypothesis import strategies as st
 import paretoik as pk
 from paretoik.capability.actuation import SHAPES as ACTUATION_SHAPES
 from paretoik.capability.directional_program import DirectionalProgram
-from paretoik.capability.joint_capability import torque_capacity, values_at
+from paretoik.capability.joint_capability import values_at
 from paretoik.capability.postures import ASCENT_OPTIONS as OPTIONS
 from paretoik.capability.postures import maximise_from, sample_holdable_postures, sample_postures_at
-from paretoik.errors import Infeasible, InvalidInput, OutOfReach
+from paretoik.errors import Infeasible, OutOfReach
 from paretoik.nlp.dense.dense_program import DenseProgram
 from paretoik.nlp.minimise import minimise
 from paretoik.robot import kinematics
-from problems import panda
-from tests.capability.drives import motors, planar, rods
+from tests.capability.drives import motors, planar
 
 PLACE = np.array([0.2, -0.15])
 ARM = pk.arms.kim_3r()
@@ -36,13 +35,13 @@ def driven(shape="diamond"):
 @pytest.mark.parametrize("quantity", ["velocity", "force"])
 def test_no_posture_of_many_exceeds_the_maxima(drive, quantity):
     polygon = pk.directional_maxima(ARM, DRIVES[drive], PLACE, quantity=quantity)
-    q = sample_postures_at(ARM, PLACE, 4000, np.random.default_rng(1))
+    q = sample_postures_at(ARM, PLACE, 2000, np.random.default_rng(1))
     values = values_at(ARM, DRIVES[drive], polygon.directions, quantity, q)
     assert (np.nanmax(values, axis=0) <= polygon.values * (1 + 1e-9)).all()
     assert (np.nanmax(values, axis=0) >= 0.9 * polygon.values).all()  # and they come near
 
 
-@pytest.mark.parametrize("actuation", [*map(driven, SHAPES), DRIVES["sliders"]], ids=[*SHAPES, "sliders"])
+@pytest.mark.parametrize("actuation", [driven("strip"), DRIVES["sliders"]], ids=["strip", "sliders"])
 def test_the_full_program_from_many_starts_never_beats_the_search_over_postures(actuation):
     polygon = pk.directional_maxima(ARM, actuation, PLACE, 3)
     unscaled = DirectionalProgram(arm=ARM, actuation=actuation, quantities=("velocity",))
@@ -60,7 +59,6 @@ def test_the_full_program_from_many_starts_never_beats_the_search_over_postures(
 
 @pytest.mark.parametrize("drive", DRIVES)
 def test_the_ascent_of_other_arms_finds_the_same_maxima(drive):
-    polygon = pk.directional_maxima(ARM, DRIVES[drive], PLACE, 6)
     for quantity in ("velocity", "force"):
         polygon = pk.directional_maxima(ARM, DRIVES[drive], PLACE, 6, quantity=quantity)
         starts = sample_holdable_postures(ARM, DRIVES[drive], PLACE, 400, np.random.default_rng(3))
@@ -90,12 +88,6 @@ def test_stated_postures_speeds_and_efforts_are_consistent(drive):
     assert room.min(axis=(-1, -2)).max() <= 1e-9  # some motor is at its limit
 
 
-@pytest.mark.parametrize("drive", DRIVES)
-def test_under_the_diamond_both_ways_are_equally_fast(drive):
-    values = pk.directional_maxima(ARM, DRIVES[drive], PLACE).values
-    assert values == pytest.approx(np.roll(values, 8), rel=1e-12)
-
-
 def test_a_strip_is_faster_than_a_diamond_and_a_box_faster_than_both():
     one, two, three = (pk.directional_maxima(ARM, driven(shape), PLACE).values for shape in SHAPES)
     assert (one <= two * (1 + 1e-12)).all()
@@ -104,35 +96,7 @@ def test_a_strip_is_faster_than_a_diamond_and_a_box_faster_than_both():
 
 
 @given(seed=seeds)
-@settings(max_examples=20)
-def test_in_one_posture_the_polygon_is_convex(seed):
-    rng = np.random.default_rng(seed)
-    q = rng.uniform(-np.pi, np.pi, 3)
-    ways = np.stack([np.cos(np.linspace(0, 2 * np.pi, 73)), np.sin(np.linspace(0, 2 * np.pi, 73))], axis=1)
-    actuation = driven("strip")
-    values = values_at(ARM, actuation, ways, "velocity", q)
-    corners = values[:, None] * ways
-    steps = np.diff(corners, axis=0)
-    turns = steps[:-1, 0] * steps[1:, 1] - steps[:-1, 1] * steps[1:, 0]
-    assert turns.min() >= -1e-12
-
-
-def test_without_gravity_forces_bound_what_any_power_can_do():
-    """Check virtual work: a force and a velocity that joints can reach give no more power than motors."""
-    arm = ARM.mounted(gravity=[0.0, 0.0, 0.0])
-    actuation = driven("box")
-    q = np.array([-0.4, 0.9, 0.8])
-    ways = pk.directional_maxima(arm, actuation, PLACE).directions
-    speed = values_at(arm, actuation, ways, "velocity", q)[:, None] * ways
-    force = values_at(arm, actuation, ways, "force", q)[:, None] * ways
-    maximum_power = np.sum(actuation.motors.stall * actuation.motors.fastest)
-    assert (force @ speed.T).max() <= maximum_power * (1 + 1e-12)
-    columns = kinematics.jacobian(arm, q)[:2]
-    assert np.abs(force @ columns).max(axis=0) == pytest.approx(actuation.motors.stall, rel=0.2)
-
-
-@given(seed=seeds)
-@settings(max_examples=10)
+@settings(max_examples=3)
 def test_turning_arm_gravity_position_and_directions_changes_nothing(seed):
     turn = np.random.default_rng(seed).uniform(-np.pi, np.pi)
     cosine, sine = np.cos(turn), np.sin(turn)
@@ -159,64 +123,17 @@ def test_joint_limits_are_satisfied_and_can_only_slow():
     assert (bounded.q <= limited.position_limits[:, 1] + 1e-9).all()
 
 
-def test_planar_arms_of_any_length_and_spatial_arms_are_served():
-    four = pk.Arm.planar(lengths=[0.3] * 4, masses=[0.4] * 4, centers=[0.15] * 4, inertias=[0.0] * 4)
-    motors = pk.capability.JointActuation(
-        motors=pk.capability.MotorCurve(stall=[9.0] * 4, fastest=[1.0] * 4, shape="strip")
-    )
-    polygon = pk.directional_maxima(four, motors, [0.5, 0.2], 4)
-    many = sample_postures_at(four, np.array([0.5, 0.2]), 3000, np.random.default_rng(9))
-    assert (np.max(values_at(four, motors, polygon.directions, "velocity", many), axis=0) <= polygon.values).all()
-    arm = pk.arms.wan_7r()
-    solid = pk.directional_maxima(arm, pk.capability.JointActuation.of(arm), [0.5, 0.3, -0.2], 5, starts=100)
-    assert np.linalg.norm(solid.directions, axis=1) == pytest.approx(np.ones(5))
-    columns = kinematics.jacobian(arm, solid.q)[:, :3]
-    assert np.einsum("kaj,kj->ka", columns, solid.dq) == pytest.approx(solid.vertices, abs=1e-9)
-    assert (np.abs(solid.dq) <= arm.velocity_limits * (1 + 1e-9)).all()
-    assert solid.sliders is None
-
-
-def test_masses_off_the_links_and_a_bent_tool_are_the_same_arm_to_both_ways_of_looking():
-    arm = ARM.with_tool(pk.Pose([0.02, 0.03, 0.0]), mass=0.2, center=(0.01, -0.02, 0.0))
-    polygon = pk.directional_maxima(arm, DRIVES["motors"], PLACE, 6)
-    q = sample_postures_at(arm, PLACE, 3000, np.random.default_rng(2))
-    best = np.nanmax(values_at(arm, DRIVES["motors"], polygon.directions, "velocity", q), axis=0)
-    assert (best <= polygon.values * (1 + 1e-9)).all()
-    assert (best >= 0.98 * polygon.values).all()
-
-
 @pytest.mark.parametrize(
     ("position", "payload", "error", "said"),
     [
         ([0.4, -0.15], 0.0, OutOfReach, "0.4272001873 m from the first joint, the arm reaches from 0 m to 0.357 m"),
         ([0.2, -0.15], 20.0, Infeasible, "joint2 must bear a torque of at most 3.5 N m"),
-        ([0.356, 0.0], 1.2, Infeasible, "joint2 must bear a torque of at most 3.5 N m"),
-        ([0.2], 0.0, InvalidInput, "position"),
-        ([0.2, np.nan], 0.0, InvalidInput, "position: must be finite"),
     ],
 )
 @pytest.mark.usefixtures("unchecked")
 def test_what_cannot_be_is_refused_by_name(position, payload, error, said):
     with pytest.raises(error, match=said):
         pk.directional_maxima(ARM.with_payload(payload), DRIVES["motors"], position)
-
-
-@pytest.mark.usefixtures("unchecked")
-def test_other_bad_input_is_refused_by_name():
-    motors = DRIVES["motors"]
-    for directions, said in (
-        (0, "at least 1"),
-        ([[0.0, 0.0]], "longer than 0"),
-        ([[1.0, 0.0, 0.0]], "at least one, got"),
-    ):
-        with pytest.raises(InvalidInput, match=said):
-            pk.directional_maxima(ARM, motors, PLACE, directions)
-    with pytest.raises(InvalidInput, match="quantity must be one of velocity, force"):
-        pk.directional_maxima(ARM, motors, PLACE, quantity="power")
-    with pytest.raises(InvalidInput, match="3 joints of Kim 3R, got 7"):
-        pk.directional_maxima(ARM, pk.capability.JointActuation.of(pk.arms.wan_7r()), PLACE)
-    with pytest.raises(OutOfReach, match="position out of reach"):
-        pk.directional_maxima(pk.arms.wan_7r(), pk.capability.JointActuation.of(pk.arms.wan_7r()), [3.0, 0.0, 0.0])
 
 
 def test_sliders_that_reach_no_posture_are_named_with_the_angle():
@@ -248,23 +165,6 @@ def test_limits_a_turn_away_change_no_maximum(quantity):
     assert (other.q[:, 3] >= low[3] + 4 * np.pi - 1e-9).all()
 
 
-@pytest.mark.parametrize(("dof", "turns"), [(3, [1, 0, 0]), (3, [-1, 2, -3]), (4, [-1, 2, 0, -3])])
-def test_a_rods_zero_a_turn_away_changes_nothing(dof, turns):
-    arm, zero = planar(dof, length=0.114, mass=0.3), np.deg2rad([-120.0, 0.0, 0.0, 0.0])[:dof]
-    drives = [rods(dof, zero + 2 * np.pi * np.array(each)) for each in ([0] * dof, turns)]
-    place = [0.2, -0.15]
-    for quantity in QUANTITIES:
-        one, other = (
-            pk.directional_maxima(arm, each, place, UNIT[:2], quantity=quantity, starts=40).values for each in drives
-        )
-        assert other == pytest.approx(one, rel=1e-7)
-    problems = [pk.DirectionalMaxima(arm, each, place, UNIT[:2], starts=60) for each in drives]
-    genes = problems[0].sample_starts(20, np.random.default_rng(0))
-    values = [each.evaluate(genes, return_values_of=["F", "G"]) for each in problems]
-    assert values[1][0] == pytest.approx(values[0][0], rel=1e-6, abs=1e-9)
-    assert np.array_equal(values[1][1] <= 1e-6, values[0][1] <= 1e-6)
-
-
 @pytest.mark.parametrize("shape", ACTUATION_SHAPES)
 def test_an_arm_of_two_joints_does_what_its_two_postures_allow(shape):
     arm, actuation, place = planar(2, mass=1.0), motors([6.0, 2.0], shape), np.array([0.35, 0.1])
@@ -294,7 +194,7 @@ def test_an_arm_of_two_joints_does_what_its_two_postures_allow(shape):
     assert forces.values == pytest.approx(largest.min(axis=2).max(axis=0))
 
 
-@pytest.mark.parametrize(("dof", "joint"), [(3, 0), (3, 1), (3, 2), (4, 0), (4, 3)])
+@pytest.mark.parametrize(("dof", "joint"), [(3, 1), (4, 3)])
 @pytest.mark.parametrize("quantity", QUANTITIES)
 def test_a_motor_that_bears_any_load_is_the_limit_of_a_very_strong_one(dof, joint, quantity):
     arm, stall = planar(dof), np.array([9.0, 6.0, 4.0, 3.0])[:dof]
@@ -311,42 +211,3 @@ def test_a_motor_that_bears_any_load_is_the_limit_of_a_very_strong_one(dof, join
     )
     assert np.isfinite(one.values).all()
     assert one.values == pytest.approx(other.values, rel=1e-6)
-
-
-@pytest.mark.parametrize("dof", [3, 4])
-def test_motors_that_bear_any_load_push_without_end_and_are_as_fast_as_without_gravity(dof):
-    arm, actuation = planar(dof), motors([np.inf] * dof)
-    pushed = pk.directional_maxima(arm, actuation, [0.5, 0.2], UNIT, quantity="force", starts=40)
-    assert np.isposinf(pushed.values).all()
-    moved, free = (
-        pk.directional_maxima(each, actuation, [0.5, 0.2], UNIT[:2], starts=60).values
-        for each in (arm, arm.mounted(gravity=[0.0, 0.0, 0.0]))
-    )
-    assert moved == pytest.approx(free, rel=1e-9)
-
-
-def test_forces_of_a_panda_are_the_same_from_any_seed():
-    arm = panda.panda()
-    actuation = pk.capability.JointActuation.of(arm)
-    values = [
-        pk.directional_maxima(arm, actuation, [0.45, 0.1, 0.4], 3, quantity="force", starts=60, seed=seed).values
-        for seed in range(3)
-    ]
-    assert np.ptp(values, axis=0) == pytest.approx(np.zeros(3), abs=1e-6 * np.min(values))
-    able, _ = torque_capacity(actuation, np.zeros(7))
-    assert np.array_equal(able, arm.torque_limits)
-
-
-def test_arms_with_rods_that_turn_the_other_way_are_mirrored():
-    zero = np.deg2rad([-120.0, 10.0, 0.0])
-    one = rods(3, zero)
-    curve = one.front
-    other = pk.capability.DistributedActuation(
-        front=curve, rod=0.080, front_bounds=(0.037, 0.077), zero=-zero, bend=-1.0
-    )
-    arm, mirror = planar(3, length=0.114, mass=0.5), np.array([1.0, -1.0])
-    turned = arm.mounted(gravity=[0.0, 9.81, 0.0])
-    for quantity in QUANTITIES:
-        values = pk.directional_maxima(arm, one, [0.2, -0.15], UNIT, quantity=quantity).values
-        again = pk.directional_maxima(turned, other, [0.2, 0.15], UNIT * mirror, quantity=quantity).values
-        assert again == pytest.approx(values, rel=1e-9)

@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from paretoik.capability.speed_fit import ellipsoids_at, fit_axes, fit_ellipsoids, fit_errors
+from paretoik.capability.speed_fit import fit_axes, fit_ellipsoids, fit_errors
 from paretoik.capability.speed_models import PolynomialEllipsoids, Polynomials, monomials
-from paretoik.errors import InvalidInput, SolverFailed
+from paretoik.errors import InvalidInput
 from tests.capability.fields import (
     TASKS,
     arm_maxima,
@@ -43,7 +43,7 @@ def nudged(model, rng, *, size):
 
 
 @pytest.mark.parametrize("task", TASKS)
-@pytest.mark.parametrize("degree", [0, 1, 2, 3])
+@pytest.mark.parametrize("degree", [0, 2])
 def test_ellipsoids_of_one_shape_and_any_size_come_back(task, degree):
     truth = constant_shape(field(task, degree=degree, seed=degree))
     positions, directions = within(truth, len(monomials(task, degree)) + 5), units(9, task=task)
@@ -63,16 +63,7 @@ def test_ellipsoids_of_any_shape_come_back_better_with_a_higher_degree(task):
     assert errors[2] < 0.3 * errors[1] < 0.1 * errors[0]
 
 
-@pytest.mark.parametrize("task", TASKS)
-def test_ellipsoids_of_single_positions_are_exact(task):
-    truth = field(task)
-    positions, directions = within(truth, 10), units(12, task=task)
-    roots = truth.roots(positions)[0]
-    matrices = ellipsoids_at(directions, truth.speeds(positions, directions))
-    assert matrices == pytest.approx(roots @ roots, rel=1e-4, abs=1e-5)
-
-
-@pytest.mark.parametrize("size", [1e-4, 1e-3, 1e-2])
+@pytest.mark.parametrize("size", [1e-4, 1e-2])
 def test_no_other_model_has_smaller_errors(arm, size):
     fitted, rng = fit_ellipsoids(*arm), np.random.default_rng(0)
     errors = symmetric_errors(fitted, *arm)
@@ -80,7 +71,7 @@ def test_no_other_model_has_smaller_errors(arm, size):
         assert symmetric_errors(nudged(fitted, rng, size=size), *arm) > errors
 
 
-@pytest.mark.parametrize("safe", [False, True])
+@pytest.mark.parametrize("safe", [True])
 def test_units_of_length_do_not_matter(arm, safe):
     positions, directions, speeds = arm
     meters = fit_ellipsoids(positions, directions, speeds, safe=safe)
@@ -91,20 +82,7 @@ def test_units_of_length_do_not_matter(arm, safe):
     )
 
 
-@pytest.mark.parametrize("safe", [False, True])
-def test_turning_everything_turns_the_model(arm, safe):
-    positions, directions, speeds = arm
-    turn = np.array([[np.cos(0.7), -np.sin(0.7)], [np.sin(0.7), np.cos(0.7)]])
-    model = fit_ellipsoids(positions, directions, speeds, safe=safe)
-    turned = fit_ellipsoids(positions @ turn.T + 2.0, directions @ turn.T, speeds, safe=safe)
-    inside = within(model, 20)
-    assert turned.speeds(inside @ turn.T + 2.0, directions @ turn.T) == pytest.approx(
-        model.speeds(inside, directions), rel=1e-4
-    )
-
-
-@pytest.mark.parametrize("margin", [0.0, 0.05])
-@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize(("degree", "margin"), [(1, 0.05), (2, 0.0)])
 def test_safe_fits_are_below_every_sample_and_nearer_than_a_shrunk_fit(arm, degree, margin):
     free = fit_ellipsoids(*arm, degree=degree)
     safe = fit_ellipsoids(*arm, degree=degree, safe=True, margin=margin)
@@ -116,7 +94,7 @@ def test_safe_fits_are_below_every_sample_and_nearer_than_a_shrunk_fit(arm, degr
     assert -errors.mean() < -plain.mean()
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_no_other_model_below_the_samples_has_smaller_errors(seed):
     rng, truth = np.random.default_rng(seed), field(2, degree=1, seed=seed)
     positions, directions = within(truth, 8), units(12)
@@ -127,15 +105,6 @@ def test_no_other_model_below_the_samples_has_smaller_errors(seed):
         other = nudged(safe, rng, size=size)
         other = other.scaled(np.exp(-log_errors(other, positions, directions, speeds).max()))
         assert symmetric_errors(other, positions, directions, speeds) > errors
-
-
-def test_a_safe_fit_of_ellipsoids_is_exact():
-    truth, directions = constant_shape(field(3)), units(12, task=3)
-    positions = within(truth, 20)
-    speeds = truth.speeds(positions, directions)
-    safe = fit_ellipsoids(positions, directions, speeds, safe=True, margin=0.02)
-    assert log_errors(safe, positions, directions, speeds) == pytest.approx(-0.02, abs=1e-8)
-    assert np.all(log_errors(safe, positions, directions, speeds) <= -0.02)
 
 
 def test_between_directions_a_safe_fit_is_safer_the_more_there_are():
@@ -155,21 +124,12 @@ def test_between_directions_a_safe_fit_is_safer_the_more_there_are():
     ("settings", "message"),
     [
         ({"degree": -1}, "degree must be an integer of at least 0, got -1"),
-        ({"margin": -0.1, "safe": True}, "margin must be a finite number of at least 0"),
-        ({"margin": np.nan, "safe": True}, "margin: must be finite"),
         ({"margin": 0.1}, "and 0 unless safe, got 0.1"),
     ],
 )
 def test_settings_that_mean_nothing_are_refused(settings, message):
     with pytest.raises(InvalidInput, match=re.escape(message)):
         fit_ellipsoids(grid(3), units(8), np.ones((9, 8)), **settings)
-
-
-def test_speeds_that_only_an_endless_needle_fits_are_refused():
-    speeds = np.ones((9, 3))
-    speeds[:, :2] = 10.0  # of three directions, one is slower than any ellipse through the others
-    with pytest.raises(SolverFailed, match=r"at position \d one grew to \S+: give more directions"):
-        fit_ellipsoids(grid(3), units(3), speeds)
 
 
 def test_axes_that_are_polynomials_come_back_with_angles_continued():
@@ -214,18 +174,9 @@ def test_errors_are_shares_of_the_true_speed_and_say_where():
     ("change", "message"),
     [
         (lambda p, d, v: (p, d, v[:, :3]), "speeds must have shape (9, 8), got (9, 3)"),
-        (lambda p, d, v: (p, d, v.T), "speeds must have shape (9, 8), got (8, 9)"),
-        (lambda p, d, v: (p[:, 0], d, v), "positions must be a table of rows and columns, got shape (9,)"),
-        (lambda p, d, v: (p[:, :1], d[:, :1], v), "positions must have two or three coordinates, got 1"),
-        (lambda p, d, v: (p, np.pad(d, ((0, 0), (0, 1))), v), "directions must have 2 coordinates, as positions have"),
         (lambda p, d, v: (p, 2 * d, v), "directions must be unit vectors, got length 2 at direction 0"),
-        (lambda p, d, v: ("here", d, v), "positions: must hold real numbers, got text"),
-        (lambda p, d, v: (p * np.nan, d, v), "positions must be finite numbers, got nan in row 0, column 0"),
-        (lambda p, d, v: (p, d[[0, 0, 4]], v[:, :3]), "got 3 that determine 2 of its 3 numbers"),
         (lambda p, d, v: (p, d[[0, 3]], v[:, :2]), "directions must be at least 3 that determine an ellipsoid"),
-        (lambda p, d, v: (p[:5], d, v[:5]), "positions must be at least 6 for polynomials of degree 2 in 2"),
         (lambda p, d, v: (p * [1, 0], d, v), "in general position, got 9 that determine only 3 of 6 terms"),
-        (lambda p, d, v: (p[[0] * 9], d, v), "in general position, got 9 that determine only 1 of 6 terms"),
     ],
 )
 @pytest.mark.parametrize("fit", [fit_ellipsoids, fit_axes])
@@ -235,18 +186,10 @@ def test_what_cannot_be_fitted_is_refused_by_name(change, message, fit):
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("wrong", [np.nan, np.inf, 0.0, -1.0])
+@pytest.mark.parametrize("wrong", [np.nan, -1.0])
 def test_a_wrong_speed_is_named_with_its_position_and_direction(wrong):
     speeds = np.ones((9, 8))
     speeds[4, 6] = wrong
     for use in (fit_ellipsoids, fit_axes, lambda *samples: fit_errors(field(2), *samples)):
         with pytest.raises(InvalidInput, match=f"must be positive numbers, got {wrong} at position 4, direction 6"):
             use(grid(3), units(8), speeds)
-
-
-def test_spatial_positions_have_no_axes_and_no_planar_errors():
-    positions, ways = np.random.default_rng(0).normal(size=(12, 3)), units(8, task=3)
-    with pytest.raises(InvalidInput, match="positions must have two coordinates for ellipses, got 3"):
-        fit_axes(positions, ways, np.ones((12, 8)))
-    with pytest.raises(InvalidInput, match="positions must have 2 coordinates, got 3"):
-        fit_errors(field(2), positions, ways, np.ones((12, 8)))

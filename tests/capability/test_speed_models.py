@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -12,12 +11,10 @@ from scipy.linalg import sqrtm
 from paretoik.capability.speed_models import (
     Polynomials,
     monomials,
-    orthogonal_design,
     planar_roots,
     spectral_roots,
     upper_triangle,
 )
-from paretoik.errors import InvalidInput
 from tests.capability.fields import TASKS, axes_field, differences, field, units, within
 
 
@@ -45,7 +42,7 @@ def test_along_every_direction_the_speed_is_on_the_ellipsoid_and_the_same_backwa
 
 
 @pytest.mark.parametrize("task", TASKS)
-@pytest.mark.parametrize("degree", [0, 1, 3])
+@pytest.mark.parametrize("degree", [0, 3])
 def test_derivatives_are_those_of_differences(task, degree):
     model = field(task, degree=degree)
     positions = within(model, 30)
@@ -53,7 +50,7 @@ def test_derivatives_are_those_of_differences(task, degree):
 
 
 @pytest.mark.parametrize("task", TASKS)
-@pytest.mark.parametrize("away", [0.0, 1e-14, 1e-9, 1e-5])
+@pytest.mark.parametrize("away", [0.0, 1e-9])
 def test_derivatives_are_exact_where_radii_are_equal_or_nearly_so(task, away):
     model = field(task, degree=1, seed=3)
     columns = model.polynomials.coefficients.copy()
@@ -68,41 +65,12 @@ def test_derivatives_are_exact_where_radii_are_equal_or_nearly_so(task, away):
     assert gradient == pytest.approx(differences(lambda p: model.roots(p)[0], position), abs=1e-6)
 
 
-def test_in_the_plane_the_closed_form_is_what_eigenvalues_give():
-    rng = np.random.default_rng(0)
-    factors = rng.normal(size=(50, 2, 2)) * 10.0 ** rng.uniform(-3, 3, size=(50, 1, 1))
-    matrices = factors @ np.swapaxes(factors, 1, 2)
-    matrices += 1e-3 * np.trace(matrices, axis1=1, axis2=2)[:, None, None] * np.eye(2)
-    values = np.column_stack([rng.normal(size=50), matrices[:, *np.triu_indices(2)]])
-    gradients = rng.normal(size=(50, 4, 3))
-    for closed, general in zip(planar_roots(values, gradients), spectral_roots(values, gradients), strict=True):
-        scale = np.abs(general).reshape(50, -1).max(axis=1).reshape(50, *[1] * (general.ndim - 1))
-        assert closed / scale == pytest.approx(general / scale, abs=1e-9)
-
-
 @pytest.mark.parametrize("roots", [planar_roots, spectral_roots])
-@pytest.mark.parametrize("entries", [(1.0, 0.0, -1.0), (1.0, 2.0, 1.0), (-1.0, 0.0, -2.0), (-1.0, 0.0, -1.0)])
+@pytest.mark.parametrize("entries", [(1.0, 0.0, -1.0), (-1.0, 0.0, -1.0)])
 def test_what_has_no_root_is_not_finite(roots, entries):
     values, changes = roots(np.array([0.0, *entries]), np.ones((4, 1)))
     assert not np.isfinite(values).all()
     assert not np.isfinite(changes).all()
-
-
-@pytest.mark.parametrize("task", TASKS)
-def test_a_position_has_the_same_root_alone_and_in_any_batch(task):
-    model = field(task)
-    positions = within(model, 6)
-    roots, gradients = model.roots(positions.reshape(2, 3, task))
-    for index, position in enumerate(positions):
-        alone, its_gradients = model.roots(position)
-        assert roots[index // 3, index % 3] == pytest.approx(alone, rel=1e-13, abs=1e-14)
-        assert gradients[index // 3, index % 3] == pytest.approx(its_gradients, rel=1e-12, abs=1e-12)
-
-
-def test_scaled_models_are_faster_by_their_factor():
-    model = field(3)
-    positions, directions = within(model, 4), units(7, task=3)
-    assert model.scaled(1.3).speeds(positions, directions) == pytest.approx(1.3 * model.speeds(positions, directions))
 
 
 def test_roots_of_axes_have_these_axes_and_the_derivatives_of_differences():
@@ -115,13 +83,6 @@ def test_roots_of_axes_have_these_axes_and_the_derivatives_of_differences():
     assert gradients == pytest.approx(differences(lambda p: model.roots(p)[0], positions), abs=1e-6)
 
 
-def test_a_radius_below_zero_is_refused_with_its_position():
-    model = axes_field(turn=0.8)
-    with pytest.raises(InvalidInput, match=re.escape("b = -")) as caught:
-        model.roots(np.array([[0.15, -0.15], [0.75, -0.35]]))
-    assert "at [0.75 -0.35] m" in str(caught.value)
-
-
 # Polynomials: values, derivatives, and bounds over a box by Bernstein coefficients.
 
 
@@ -132,15 +93,7 @@ def polynomials(task, degree, columns=2, seed=0):
 
 
 @pytest.mark.parametrize("task", TASKS)
-@pytest.mark.parametrize("degree", [0, 1, 2, 4])
-def test_derivatives_of_polynomials_are_those_of_differences(task, degree):
-    polynomial, positions = polynomials(task, degree), np.random.default_rng(1).normal(size=(5, task))
-    gradients = differences(lambda p: polynomial(p)[0], positions)
-    assert polynomial(positions)[1] == pytest.approx(gradients, rel=1e-6, abs=1e-5)
-
-
-@pytest.mark.parametrize("task", TASKS)
-@pytest.mark.parametrize("degree", [0, 1, 2, 3])
+@pytest.mark.parametrize("degree", [0, 3])
 def test_bernstein_coefficients_are_the_values_at_corners_and_bound_all_between(task, degree):
     polynomial, rng = polynomials(task, degree), np.random.default_rng(2)
     lower, upper = -np.ones(task), np.linspace(1.0, 2.0, task)
@@ -150,16 +103,3 @@ def test_bernstein_coefficients_are_the_values_at_corners_and_bound_all_between(
     values = polynomial(rng.uniform(lower, upper, size=(2000, task)))[0]
     assert np.all(values <= bounds.max(axis=0) + 1e-9)
     assert np.all(values >= bounds.min(axis=0) - 1e-9)
-
-
-def test_a_box_without_width_has_one_value():
-    polynomial, place = polynomials(2, 2), np.array([0.3, -0.2])
-    bounds = polynomial.bernstein(place, place) @ polynomial.coefficients
-    assert bounds == pytest.approx(np.tile(polynomial(place)[0], (9, 1)), rel=1e-12)
-
-
-def test_orthogonal_designs_have_unit_mean_squares():
-    polynomial, positions = polynomials(2, 2), np.random.default_rng(1).normal(size=(12, 2))
-    design, triangular = orthogonal_design(polynomial, positions)
-    assert design.T @ design / 12 == pytest.approx(np.eye(6), abs=1e-12)
-    assert design @ triangular == pytest.approx(polynomial.design(positions))

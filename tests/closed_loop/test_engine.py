@@ -52,7 +52,7 @@ def fronts(kind, count, rng):
 
 
 @pytest.mark.parametrize("kind", ["noise", "front", "tail", "ties"])
-@pytest.mark.parametrize("N", [4, 20, 57])
+@pytest.mark.parametrize("N", [4, 57])
 def test_the_compiled_selection_is_that_of_maximin(kind, N):
     rng = np.random.default_rng(N)
     F = fronts(kind, 6 * N, rng)
@@ -97,7 +97,7 @@ def test_failed_points_survive_only_if_no_others_are_left():
     assert np.isfinite(made.F[0, :N]).sum() == 5
 
 
-@pytest.fixture(scope="module", params=[3, 4])
+@pytest.fixture(scope="module", params=[4])
 def loop(request):
     links = request.param
     return marcos_2012.loop(links, 0.7, start=posture(links), steps=4, population=40, generations=15)
@@ -165,7 +165,7 @@ def test_a_spatial_arm_and_three_objectives_run_through_the_same_engine():
 # Genes to joint positions, compared with a dense solution of the extended Jacobian (Marcos 2012, Eqs. 7, 12, 13).
 
 
-@pytest.mark.parametrize(("dof", "rows"), [(3, 2), (4, 2), (5, 2), (7, 3), (7, 6)])
+@pytest.mark.parametrize(("dof", "rows"), [(3, 2), (5, 2), (7, 6)])
 def test_steps_solve_the_extended_jacobian(dof, rows):
     rng, batch, redundancy = np.random.default_rng(dof), 25, dof - rows
     jacobian, change, previous = rng.normal(size=(rows, dof)), rng.normal(size=rows), rng.normal(size=dof)

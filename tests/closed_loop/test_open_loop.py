@@ -30,8 +30,8 @@ def test_a_start_is_found_near_the_path_and_clear_of_obstacles():
     assert not np.array_equal(search_start(task, seed=4, options=SMALL), q)
 
 
-@pytest.mark.parametrize("links", [3, 4])
-def test_values_of_postures_are_those_of_the_pymoo_problem(links):
+def test_values_of_postures_are_those_of_the_pymoo_problem():
+    links = 4
     problem = marcos_2012.first_posture(links)
     q = np.random.default_rng(0).uniform(-2 * np.pi, 2 * np.pi, size=(200, links))
     violation, error = trace_posture(task_of(links))(q.T)
@@ -43,6 +43,7 @@ def test_values_of_postures_are_those_of_the_pymoo_problem(links):
     assert 0.0 < (violation > 0).mean() < 1.0
 
 
+@pytest.mark.slow
 def test_errors_are_distributed_as_those_of_the_search_in_pymoo():
     task, problem, seeds = task_of(3), marcos_2012.first_posture(3), range(16)
     population, generations = 60, 30

@@ -55,12 +55,6 @@ def test_a_function_has_the_same_bits_from_python_and_from_compiled_code():
     np.testing.assert_array_equal(both(vector), [norm(vector) + 1.0, norm(vector) - 1.0])
 
 
-def test_literal_arguments_make_no_further_variants():
-    both(np.ones(3))
-    both.recompile()  # not from the cache
-    assert len(choose.inner.overloads) == 1
-
-
 def test_an_exception_of_an_inner_function_reaches_python():
     with pytest.raises(ValueError, match="not positive"):
         outer_of_raising(-1.0)
@@ -145,6 +139,7 @@ def run():
 """
 
 
+@pytest.mark.slow
 def test_a_cache_with_classes_of_a_module_that_is_gone_is_compiled_anew(tmp_path):
     pair = "from typing import NamedTuple\nclass Pair(NamedTuple):\n    first: float\n    second: float\n"
     code, variables = "import paired; print(paired.run())", {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
@@ -161,14 +156,6 @@ def test_a_cache_with_classes_of_a_module_that_is_gone_is_compiled_anew(tmp_path
     assert in_a_new_process(tmp_path, code, **variables) == expected
 
 
-def test_an_observer_takes_the_place_of_stderr(tmp_path):
-    code = (
-        "import kernels; from paretoik.compilation_notices import observe_compilation\n"
-        "with observe_compilation(lambda notice: print(notice.what, notice.seconds)): kernels.outer(1.5)"
-    )
-    assert in_a_new_process(tmp_path, code, NUMBA_CACHE_DIR=str(tmp_path)) == ("the outer function 7.0\n", "")
-
-
 def test_observers_end_with_their_block(capsys):
     seen = []
     with observe_compilation(seen.append):
@@ -183,6 +170,7 @@ def test_observers_end_with_their_block(capsys):
 WITHOUT_PRIVILEGES = ["setpriv", "--bounding-set=-all", "--inh-caps=-all"]  # with privileges root may write everywhere
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="permissions of folders are POSIX's")
 def test_where_no_cache_folder_can_be_written_a_temporary_one_is_used(tmp_path):
     if os.getuid() == 0 and shutil.which("setpriv") is None:

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from pymoo.algorithms.moo.nsga2 import NSGA2
 from pymoo.algorithms.soo.nonconvex.cmaes import CMAES
-from pymoo.algorithms.soo.nonconvex.pso import PSO
 from pymoo.optimize import minimize
 
 import paretoik as pk
@@ -42,11 +41,10 @@ def test_states_repeat_and_differ_between_seeds():
     assert not np.array_equal(other.q, first.q)
 
 
-@pytest.mark.parametrize("threads", [2, 4])
-def test_states_do_not_depend_on_other_threads(threads):
+def test_states_do_not_depend_on_other_threads():
     loops = [small(links, weight) for links in (3, 4) for weight in (0.2, 0.8)]
     alone = [loop.run().q for loop in loops]
-    with ThreadPoolExecutor(threads) as pool:
+    with ThreadPoolExecutor(4) as pool:
         for q, expected in zip(pool.map(lambda loop: loop.run().q, loops), alone, strict=True):
             np.testing.assert_array_equal(q, expected)
 
@@ -90,19 +88,12 @@ def whole(motion):
     ("settings", "said"),
     [
         ({"weights": [1.0, 2.0, 3.0]}, "weights"),
-        ({"weights": [-1.0, 2.0]}, "weights must be at least 0"),
-        ({"longest_step": 0.0}, "longest_step must be a positive number"),
-        ({"population": 2}, "population must be an integer of at least 4"),
-        ({"start": [0.0, 1.0]}, "start"),
-        ({"objectives": []}, "objectives must be at least one"),
         ({"start": [4.0, 0.0, 0.0], "limits": pk.Limits(position=3.0)}, "start: .* must lie within -3 to 3, got 4"),
         (
             {"obstacles": [pk.obstacles.Circle([1.2, 0.5], 1.0)]},
             "start: must be clear of obstacles, got -.* from obstacle 1 of 1",
         ),
         ({"limits": pk.Limits(torque=3.0)}, "limits in a closed loop must be on position, .*, got torque"),
-        ({"weights": pk.Weights(elbow=1.0)}, "weights must have names among joint_displacement, position_error"),
-        ({"objectives": [elbow, elbow]}, "names must differ"),
         ({"objectives": [elbow, whole]}, "objective whole must be of form integral or peak, .* whole motion"),
     ],
 )
@@ -112,31 +103,14 @@ def test_what_cannot_be_used_is_named(settings, said):
         ClosedLoop(pk.arms.marcos_nr(3), path, **{"start": posture(3), **settings})
 
 
-@pytest.mark.usefixtures("unchecked")
-@pytest.mark.parametrize("longest_step", [[0.1, 0.1], [0.1], float("nan")])
-def test_the_longest_step_is_one_number(longest_step):
-    path = marcos_2012.round_trip(0.7, 4)
-    with pytest.raises(InvalidInput, match="longest_step must be a positive number"):
-        ClosedLoop(pk.arms.marcos_nr(3), path, start=posture(3), longest_step=longest_step)
-
-
 def test_a_loop_is_not_one_search_and_the_error_names_what_is():
     loop = small(3)
     words = r"got a ClosedLoop: pk.solve\(loop\) follows it, loop.control_step\(k\) is the pymoo problem of step k"
     for search in (
         lambda: pk.Search(loop),
         lambda: minimize(loop, NSGA2(), ("n_gen", 2)),
-        lambda: minimize(loop, NSGA2()),
         lambda: minimize(loop, pk.MaxiMinNSGA2(), ("n_gen", 2)),
-        lambda: minimize(loop, NSGA2(sampling=np.zeros((4, 4))), ("n_gen", 2)),
-        lambda: minimize(loop, PSO(), ("n_gen", 2)),
         lambda: minimize(loop, CMAES(), ("n_gen", 2)),
     ):
         with pytest.raises(InvalidInput, match=words):
             search()
-
-
-def test_times_that_are_not_even_are_refused():
-    path = pk.poses([0.0, 0.1, 0.5, 0.6], [pk.Pose(np.array([1.2, y, 0.0])) for y in (0.0, 0.01, 0.02, 0.03)])
-    with pytest.raises(InvalidInput, match="evenly spaced"):
-        ClosedLoop(pk.arms.marcos_nr(4), pk.Task(path, axes="xy"), start=posture(4))

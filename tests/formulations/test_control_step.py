@@ -5,7 +5,6 @@ import pinocchio
 import pytest
 from pymoo.algorithms.moo.nsga2 import NSGA2
 from pymoo.algorithms.moo.sms import SMSEMOA
-from pymoo.algorithms.moo.spea2 import SPEA2
 from pymoo.optimize import minimize
 
 import paretoik as pk
@@ -47,8 +46,6 @@ def own_objectives():
 
 LOOPS = {
     "3R of any length": lambda: paper_loop(3, as_printed=True),
-    "4R of any length": lambda: paper_loop(4, as_printed=True),
-    "3R, bounded": lambda: paper_loop(3),
     "4R, bounded": lambda: paper_loop(4),
     "3R, obstacles": lambda: near_obstacle(population=COUNT),
     "4R, obstacles at the end": lambda: paper_loop(4, blocked=True, as_printed=True),
@@ -85,7 +82,7 @@ def test_genes_give_the_same_steps_as_the_compiled_engine(name):
     np.testing.assert_array_equal(step.decode(genes).q[:, :-1], np.tile(history, (COUNT, 1, 1)))
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_steps_of_a_spatial_arm_are_those_of_pinocchio(seed):
     rng = np.random.default_rng(seed)
     model = pinocchio.buildModelFromUrdf(str(PANDA))
@@ -124,27 +121,7 @@ def test_steps_of_a_spatial_arm_are_those_of_pinocchio(seed):
     np.testing.assert_allclose(F[:, 1], error, rtol=1e-10, atol=1e-12)
 
 
-def test_shortened_steps_are_on_the_way_and_reach_a_bound():
-    step = paper_loop(4).control_step(1)
-    genes = np.random.default_rng(0).uniform(-1, 1, size=(COUNT, step.n_var))
-    wished, q = step.state.decode(genes), step.positions(genes)
-    shortest = step.state.previous + step.state.shortest_and_null_space[0]
-    largest = np.abs(q - step.state.previous).max(axis=1)
-    short = np.abs(wished - step.state.previous).max(axis=1) <= 0.1
-    np.testing.assert_array_equal(q[short], wished[short])
-    np.testing.assert_allclose(largest[~short], 0.1, rtol=1e-9)
-    share = np.linalg.norm(q - shortest, axis=1) / np.linalg.norm(wished - shortest, axis=1)
-    np.testing.assert_allclose(q - shortest, share[:, None] * (wished - shortest), atol=1e-12)
-
-
-def test_a_step_with_a_singular_system_fails():
-    step = paper_loop(3, as_printed=True).control_step(1)
-    genes = np.zeros((1, step.n_var))
-    assert np.isnan(step.positions(genes)).all()
-    assert np.isinf(step.evaluate(genes, return_values_of=["F"])).all()
-
-
-@pytest.mark.parametrize("algorithm", [NSGA2(), SMSEMOA(), SPEA2(), NSGA2(pop_size=24), pk.MaxiMinNSGA2(pop_size=40)])
+@pytest.mark.parametrize("algorithm", [NSGA2(pop_size=24), SMSEMOA(pop_size=24), pk.MaxiMinNSGA2(pop_size=40)])
 @pytest.mark.parametrize("blocked", [False, True])
 def test_any_pymoo_algorithm_solves_a_step(algorithm, blocked):
     step = paper_loop(4, blocked=blocked).control_step(1)
@@ -169,16 +146,6 @@ def test_solve_finds_the_front_that_the_compiled_search_finds():
     assert choice.motion.q.shape == (4, 3)
 
 
-def test_a_control_step_is_that_of_its_loop():
-    loop, rng = own_objectives(), np.random.default_rng(3)
-    arm, path = loop.task.arm, marcos_2012.round_trip(0.7, 6)
-    alone = pk.ControlStep(arm, path, loop.start, objectives=[pk.joint_displacement, sway, height, reach])
-    genes = rng.uniform(-1, 1, (20, alone.n_var))
-    for ours, theirs in zip(alone.evaluate(genes), loop.control_step(1).evaluate(genes), strict=True):
-        np.testing.assert_array_equal(ours, theirs)
-    assert alone.names == loop.names
-
-
 @pk.step_objective(unit="rad")
 def total(step):
     return step.motion.q.sum()
@@ -187,18 +154,11 @@ def total(step):
 ELBOW = [np.cos(posture(3)[0]), np.sin(posture(3)[0])]  # m, the end of the first link
 NOT_OF_A_STEP = {
     "sample must be at most 6, the path's last, got 7": {"sample": 7},
-    "sample must be an integer of at least 1": {"sample": 0},
-    r"q must have shape \(3,\) or \(rows, 3\), got \(2,\)": {"q": [0.0, 1.0]},
-    "q: joint1 must lie within -3 to 3, got 4": {"q": [4.0, 0.3, 0.3], "limits": pk.Limits(position=3.0)},
     "q: must be clear of obstacles, got -": {"obstacles": [pk.obstacles.Circle(ELBOW, 0.1)]},
-    "home": {"home": [0.0]},
-    "home must be at most 1e.* rad or m, got 1e": {"home": [1e308, 0.0, 0.0]},
     "q must be at most 1e.* rad or m, got 1e": {"q": [[1e308, 0.0, 0.0], posture(3)]},
     "limits in a control step must be on position, velocity and clearance, got torque": {
         "limits": pk.Limits(torque=1.0)
     },
-    "longest_step must be a positive number": {"longest_step": 0.0},
-    "objectives must be at least one": {"objectives": []},
     r"objective total must return one value per step and sample, shape \(1, 4\), got \(\)": {"objectives": [total]},
 }
 
@@ -214,11 +174,6 @@ def test_what_cannot_be_used_is_named(words):
                 **NOT_OF_A_STEP[words],
             }
         )
-
-
-def test_a_singular_arm_is_refused():
-    with pytest.raises(pk.Infeasible, match="singular"):
-        pk.ControlStep(pk.arms.marcos_nr(3), marcos_2012.round_trip(0.7, 6), np.zeros(3))
 
 
 def test_a_target_that_is_too_far_for_joints_is_refused_at_once():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.errors import EvaluationFailed, InvalidInput
+from paretoik.errors import InvalidInput
 
 START, TARGET = [0.1, -0.15], [0.2, -0.15]
 WAYS = [[1.0, 0.0], [0.0, 1.0]]
@@ -85,10 +85,8 @@ def own_values(problem, motions):
 PROBLEMS = {
     "integral": lambda: way([effort, pk.torque_norm], [under_the_shelf]),
     "kinks": lambda: way([travel], [short], energy=True),
-    "peak": lambda: way([fastest, pk.jerk]),
     "whole motion": lambda: way([length, late_height], [turned]),
     "sliders": lambda: way([travel, effort], motors=pk.capability.kim_sliders()),
-    "mean over time": lambda: way([pk.manipulability, pk.joint_drift]),
     "posture": lambda: posture([pk.manipulability, elbow], [low_elbow], power=True),
     "posture, kinks": lambda: posture([bend, pk.torque_norm]),
 }
@@ -143,19 +141,12 @@ def test_derivatives_are_those_of_the_rows(problem):
 
 @pytest.mark.parametrize(
     "make",
-    [
-        lambda: way([effort], [under_the_shelf]),
-        lambda: way([travel]),
-        lambda: way([fastest], [short]),
-        lambda: way([pk.manipulability], [turned]),
-        lambda: posture([pk.manipulability], [low_elbow], power=True),
-        lambda: posture([bend], motors=pk.capability.kim_sliders()),
-    ],
-    ids=["effort", "travel", "fastest", "manipulability", "posture", "sliders"],
+    [lambda: way([fastest], [short]), lambda: posture([pk.manipulability], [low_elbow], power=True)],
+    ids=["fastest", "posture"],
 )
 def test_a_front_with_a_users_objective_is_refined_certified_and_recomputed(make):
     problem = make()
-    front = pk.solve(problem, population=30, generations=20, seed=1, points=4)
+    front = pk.solve(problem, population=24, generations=12, seed=1, points=4)
     refined = pk.refine(front)
     before = dict(zip(front.ids, front.minimised, strict=True))
     for number, row in zip(refined.ids, refined.minimised, strict=True):
@@ -169,14 +160,6 @@ def test_a_front_with_a_users_objective_is_refined_certified_and_recomputed(make
         assert each.violation(refined.motions).max() <= 1e-8
 
 
-def test_a_motion_may_be_slower_than_motors_allow_if_that_costs_less():
-    front = pk.epsilon_front(way([effort]), points=3, starts=4)
-    times, work = front.objectives.T
-    assert times[-1] > 3 * times[0]
-    assert work[-1] < 0.5 * work[0]
-    assert not way([travel]).own_times
-
-
 def test_the_motions_of_directional_maxima_stand_in_their_postures(tmp_path):
     problem = posture([bend])
     front = pk.solve(problem, population=20, generations=5, seed=0, points=3)
@@ -186,23 +169,6 @@ def test_the_motions_of_directional_maxima_stand_in_their_postures(tmp_path):
     front.save(tmp_path)
     again = pk.load_front(tmp_path, problem)
     assert np.array_equal(again.motions.q, front.motions.q)
-
-
-def test_a_function_that_fails_in_places_fails_only_those_individuals():
-    @pk.objective(unit="", form="general")
-    def fragile(motion):
-        if np.any(motion.links[..., 2, 1] > 0):
-            raise ZeroDivisionError("no luck")
-        return motion.links[..., 0, 2, 1]
-
-    problem = posture([fragile])
-    genes = problem.sample_starts(40, np.random.default_rng(0))
-    F, G, causes = problem.evaluate(genes, return_values_of=["F", "G", "cause"])
-    fails = problem.decode(genes).links[:, 0, 2, 1] > 0
-    assert 0 < fails.sum() < len(genes)
-    assert np.isfinite(F).all()
-    assert (G[fails].max(axis=1) > 0).all()
-    assert ((causes != "") == fails).all()
 
 
 @pk.objective(unit="", form="integral")
@@ -219,53 +185,16 @@ def middling(motion):
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: way([lambda motion: 0.0]), "a list of functions decorated with @objective"),
-        (lambda: way([], [effort]), "a list of functions decorated with @constraint"),
-        (lambda: way(effort), "objectives must be a list of functions decorated with @objective"),
-        (lambda: way([effort, effort]), "objectives: names must differ, got effort, effort"),
         (lambda: way([pk.measures.duration]), "must have names other than duration, ends, joint limits, motors"),
         (
             lambda: way([misshapen]),
             r"objective misshapen \(integral\) must return shape .*, here \(4, 9\), got \(4, 9, 3\)",
         ),
-        (lambda: way([pk.obstacle_clearance]), "obstacle_clearance must have obstacles"),
         (lambda: way([middling]).program(), "objective middling: .*median"),
-        (lambda: way([], energy=1.0), "energy must be True or False, got 1.0"),
         (lambda: posture([pk.kinetic_energy]), "kinetic_energy must be a function of the posture"),
-        (lambda: posture([misshapen]), "objective misshapen"),
-        (lambda: posture([lambda motion: 0.0]), "a list of functions decorated with @objective"),
     ],
 )
 def test_what_cannot_be_served_is_refused_by_name(make, message):
     with pytest.raises(InvalidInput, match=message) as error:
         make()
     assert "\n" not in str(error.value)
-
-
-def test_a_limit_on_rates_satisfied_at_the_quickest_pace_still_reads_times():
-    quick = way([])
-    motions = quick.decode(quick.sample_starts(50, np.random.default_rng(0)))
-    most = 1.2 * np.abs(motions.dq[..., 0]).max()
-
-    @pk.objective(unit="rad", form="integral")
-    def beyond(motion):
-        return np.maximum(np.abs(motion.dq[..., 0]) - most, 0.0)
-
-    assert not np.any(beyond(motions))
-    assert way([beyond]).own_times
-
-
-@pytest.mark.parametrize(
-    "make",
-    [
-        lambda own: pk.PointToPoint(ARM, MOTORS, START, TARGET, energy=False, objectives=[own]),
-        lambda own: pk.DirectionalMaxima(ARM, MOTORS, START, WAYS, objectives=[own]),
-    ],
-)
-def test_a_function_without_values_is_named_at_once(make):
-    @pk.objective(unit="", form="general")
-    def nothing(motion):
-        return np.full(motion.q.shape[:-2], np.nan)
-
-    with pytest.raises(EvaluationFailed, match=r"every evaluation failed.*objective nothing"):
-        make(nothing)

@@ -84,7 +84,7 @@ def test_individuals_push_until_a_motor_stalls(name):
 
 
 @given(seed=seeds)
-@settings(max_examples=25)
+@settings(max_examples=10)
 def test_the_greatest_force_is_the_least_work_of_stalled_motors_to_move_the_tool_by_a_unit(seed):
     """Check the dual program: least Σ stall |δq| − g δq over joint moves δq that move the tool by 1 along d."""
     rng = np.random.default_rng(seed)
@@ -135,7 +135,7 @@ def all_forces(name, q):
 
 @pytest.mark.parametrize("name", DRIVES)
 def test_no_posture_pushes_harder_both_ways_than_the_refined_front(name):
-    refined = pk.solve(forces(DRIVES[name]), population=40, generations=30, seed=1, points=40, refine=True)
+    refined = pk.solve(forces(DRIVES[name]), population=40, generations=15, seed=1, points=20, refine=True)
     assert (refined.certificates.status == "minimum").all()
     assert refined.certificates.criticality.max() <= 1e-7
     everything = all_forces(name, all_postures(20_000))
@@ -146,29 +146,6 @@ def test_no_posture_pushes_harder_both_ways_than_the_refined_front(name):
     for one in everything[:: max(1, len(everything) // 500)] / size:
         assert (refined.objectives / size - one).min(axis=1).max() >= -0.05  # and the refined front covers all
     assert refined.objectives.max(axis=0) / size == pytest.approx([1.0, 1.0], abs=1e-3)
-
-
-@given(seed=seeds, factor=st.floats(min_value=0.1, max_value=20.0))
-@settings(max_examples=10)
-def test_forces_grow_with_motors_and_weights(seed, factor):
-    rng = np.random.default_rng(seed)
-    heavy = pk.arms.kim_3r(masses=[factor * MASS] * 3)
-    strong = pk.capability.MotorCurve(stall=factor * MOTORS.motors.stall, fastest=MOTORS.motors.fastest)
-    one, other = forces(MOTORS, starts=10), forces(pk.capability.JointActuation(motors=strong), arm=heavy, starts=10)
-    genes = random_genes(one, 20, rng)
-    assert other.configuration(genes).values == pytest.approx(factor * one.configuration(genes).values, rel=1e-9)
-    assert other.points(genes) == pytest.approx(one.points(genes), rel=1e-9, abs=1e-12)
-
-
-@given(seed=seeds)
-@settings(max_examples=10)
-def test_without_weight_a_push_is_as_hard_as_a_pull(seed):
-    rng = np.random.default_rng(seed)
-    way = rng.normal(size=2)
-    problem = forces(MOTORS, [way, -way], ARM.mounted(gravity=[0.0, 0.0, 0.0]), starts=10)
-    genes = random_genes(problem, 20, rng)
-    push, pull = problem.configuration(genes).values.T
-    assert push == pytest.approx(pull, rel=1e-12)
 
 
 @pytest.mark.parametrize("name", DRIVES)
@@ -183,20 +160,6 @@ def test_speed_times_force_is_no_more_than_motors_and_weight_can_give(name):
     load, capacity = statics(at.q)[2], capacities(name, at.q, at.front)
     work = ((capacity + np.abs(load)) * np.abs(at.dq[:, 0])).sum(axis=1)
     assert (at.values.prod(axis=1) <= work * (1 + 1e-6)).all()
-
-
-def test_a_force_and_a_speed_together_change_neither():
-    rng = np.random.default_rng(5)
-    fast, strong = forces(SLIDERS, quantity="velocity", power=False), forces(SLIDERS)
-    both = forces(SLIDERS, quantity=["velocity", "force"], power=False)
-    genes = random_genes(both, 50, rng)
-    posture, pace, joint_shares = np.split(genes, [strong.n_var, strong.n_var + 1], axis=1)
-    at, as_strong = both.configuration(genes), strong.configuration(posture)
-    as_fast = fast.configuration(np.hstack([posture, pace, pace, joint_shares, joint_shares]))
-    np.testing.assert_array_equal(at.values, np.stack([as_fast.values[:, 0], as_strong.values[:, 1]], axis=1))
-    np.testing.assert_array_equal(at.dq[:, 0], as_fast.dq[:, 0])
-    assert both.names == ("speed_1", "force_2")
-    assert both.units == ("m/s", "N")
 
 
 def test_spatial_arms_push_as_hard_as_they_can_in_any_posture():
@@ -215,25 +178,12 @@ def test_spatial_arms_push_as_hard_as_they_can_in_any_posture():
         assert np.max(np.abs(torque) / motors.stall, axis=1) == pytest.approx(np.ones(len(q)), rel=1e-6)
 
 
-def test_bounds_along_a_front_of_forces_find_its_ends():
-    front = pk.epsilon_front(forces(MOTORS), points=3, starts=8)
-    maxima = pk.directional_maxima(ARM, MOTORS, PLACE, WAYS, quantity="force").values
-    assert front.objectives.max(axis=0) == pytest.approx(maxima, rel=1e-6)
-
-
 @pytest.mark.usefixtures("unchecked")
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
-        (
-            {"quantity": "torque"},
-            r"quantity must be one of velocity, force, or a list of 2, one per direction, got 'torque'",
-        ),
         ({"quantity": ["force"]}, r"a list of 2, one per direction, got \['force'\]"),
-        ({"quantity": ["force", 1]}, r"quantity must be one of .*got \['force', 1\]"),
-        ({"quantity": None}, "quantity must be one of .*got None"),
         ({"power": True}, "power must be False with forces only, since they take none at rest, got True"),
-        ({"power": 1}, "power must be True or False, got 1"),
     ],
 )
 def test_what_cannot_be_is_refused_by_name(changed, message):
@@ -262,9 +212,3 @@ def test_an_individual_whose_force_has_no_bounds_fails_and_says_so(monkeypatch):
     assert np.isfinite(F).all()
     assert G[1].max() > 0
     assert [bool(cause) for cause in causes] == [False, True, False, False]
-
-
-def test_a_front_of_speeds_is_not_refined_as_one_of_forces():
-    front = pk.solve(forces(MOTORS, quantity="velocity"), population=16, generations=3, seed=0)
-    with pytest.raises(InvalidInput, match="problem must have the objectives speed_1, speed_2, joint_power, got"):
-        pk.refine(front, forces(MOTORS))

@@ -4,22 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from pymoo.algorithms.moo.nsga2 import NSGA2
-from pymoo.optimize import minimize
 
 import paretoik as pk
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.nlp.minimise import minimise
 from paretoik.robot import kinematics
-from problems import kim_2021
 
 PLACE = [0.2, -0.15]
 WAYS = [[1.0, 0.0], [0.0, 1.0]]
 MOTORS, SLIDERS = pk.capability.kim_joint_motors(), pk.capability.kim_sliders()
 PROBLEMS = {
     "motors": (MOTORS, "velocity"),
-    "sliders": (SLIDERS, "velocity"),
-    "forces of motors": (MOTORS, "force"),
     "speed against force of sliders": (SLIDERS, ["velocity", "force"]),
 }
 
@@ -32,7 +27,7 @@ def problem(request):
 
 @pytest.fixture(scope="module")
 def front(problem):
-    return pk.solve(problem, population=40, generations=30, seed=1, points=16)
+    return pk.solve(problem, population=32, generations=20, seed=1, points=12)
 
 
 @pytest.fixture(scope="module")
@@ -118,39 +113,6 @@ def test_exchange_rates_are_those_of_neighbouring_optima(problem, refined):
         assert more <= high * 1.05
 
 
-def test_the_same_seed_gives_the_same_front(problem, front):
-    again = pk.solve(problem, population=40, generations=30, seed=1, points=16)
-    assert np.array_equal(again.objectives, front.objectives)
-
-
-def test_pymoo_solves_directional_maxima_with_any_number_of_directions():
-    one = pk.DirectionalMaxima(pk.arms.kim_3r(), pk.capability.kim_joint_motors(), PLACE, [[0.0, 1.0]], power=False)
-    result = minimize(one, NSGA2(pop_size=20), ("n_gen", 25), seed=1)
-    assert one.n_obj == 1
-    maximum = pk.directional_maxima(one.arm, one.actuation, PLACE, [[0.0, 1.0]]).values[0]
-    assert -result.F.min() == pytest.approx(maximum, rel=0.05)
-    assert -result.F.min() <= maximum * (1 + 1e-9)
-
-
-def test_spatial_arms_are_served():
-    arm = pk.arms.wan_7r()
-    problem = pk.DirectionalMaxima(
-        arm, pk.capability.JointActuation.of(arm), [0.5, 0.3, -0.2], np.eye(3)[:2], power=False, starts=60
-    )
-    front = pk.solve(problem, population=24, generations=10, seed=0, points=4)
-    refined = pk.refine(front)
-    maxima = pk.directional_maxima(arm, problem.actuation, [0.5, 0.3, -0.2], np.eye(3)[:2], starts=100).values
-    assert (refined.objectives <= maxima * (1 + 1e-6)).all()
-    assert refined.certificates.violation.max() <= 1e-8
-
-
-def test_a_saved_front_comes_back_with_its_genes(problem, refined, tmp_path):
-    refined.save(tmp_path)
-    again = pk.Front.load(tmp_path)
-    assert np.array_equal(again.genes, refined.genes)
-    assert again.certificates is not None
-
-
 @pytest.mark.usefixtures("unchecked")
 def test_impossible_directional_maxima_are_refused_by_name(problem, front):
     with pytest.raises(Infeasible, match=r"joint2 must bear a torque of at most 3\.5 N m"):
@@ -160,10 +122,3 @@ def test_impossible_directional_maxima_are_refused_by_name(problem, front):
     other = pk.DirectionalMaxima(pk.arms.kim_3r(), pk.capability.kim_joint_motors(), PLACE, WAYS, power=False)
     with pytest.raises(InvalidInput, match=f"problem must have the objectives {', '.join(problem.names)}, got others"):
         pk.refine(front, other)
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_a_cold_search_starts_from_so_many_points_as_asked_for_that_motors_can_hold(seed):
-    starts = kim_2021.directions_dam().cold_search(starts=5, seed=seed).starts
-    assert len(starts) == 5
-    assert np.isfinite(starts).all()

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.interpolate import make_interp_spline
 
 from paretoik import Tracking, circle, line
 from paretoik.robot.arms import tringali_3r
-from tests.formulations.problems import PROBLEMS, SMALL, built, paper_3r
+from tests.formulations.problems import PROBLEMS, SMALL, built
 
 every_problem = pytest.mark.parametrize("name", PROBLEMS)
-some_problems = pytest.mark.parametrize("name", ["planar 4R", "Panda, position", "Panda, pose"])
 
 
 def genes_of(problem, count, seed=0):
@@ -39,34 +37,18 @@ def test_encoding_a_decoded_motion_gives_its_genes_back(name):
     np.testing.assert_allclose(encoded[:, 1:], genes[on_path, 1:], atol=1e-9)
     np.testing.assert_array_equal(problem.species(encoded), problem.species(genes[on_path]))
     assert residual.max() < 1e-9
-
-
-@some_problems
-def test_decoding_an_encoded_motion_gives_the_motion_back(name):
-    problem = built(name)
-    genes = genes_of(problem, 30, seed=1)
-    genes[:, 1:] *= 0.5
-    motions = problem.decode(genes[problem.encoding.decode(problem.task, genes)[1].all(axis=1)])
-    np.testing.assert_allclose(problem.decode(problem.encode(motions)[0]).q, motions.q, atol=1e-9)
+    np.testing.assert_allclose(problem.decode(encoded).q, problem.decode(genes[on_path]).q, atol=1e-9)
 
 
 @every_problem
 def test_a_batch_is_decoded_as_its_members_are_bit_for_bit(name):
     problem = built(name)
-    genes = genes_of(problem, 12, seed=2)
+    genes = genes_of(problem, 4, seed=2)
     together, on_path = problem.encoding.decode(problem.task, genes)
     for i in range(len(genes)):
         alone, arrived = problem.encoding.decode(problem.task, genes[i : i + 1])
         np.testing.assert_array_equal(alone[0], together[i])
         np.testing.assert_array_equal(arrived[0], on_path[i])
-
-
-def test_a_batch_of_many_blocks_is_decoded_as_its_members_are_bit_for_bit():
-    problem = built("planar 4R")
-    genes = genes_of(problem, 900, seed=3)
-    together, _ = problem.encoding.decode(problem.task, genes)
-    for i in (0, 292, 293, 585, 899):
-        np.testing.assert_array_equal(problem.encoding.decode(problem.task, genes[i : i + 1])[0][0], together[i])
 
 
 @pytest.mark.parametrize("settings", [{}, {"start": True}, {"end_velocity": 0}], ids=["free", "start", "stop"])
@@ -130,16 +112,6 @@ def test_a_given_start_is_kept_to_the_bit():
     assert np.ptp(problem.decode(genes).q[:, -1], axis=0).max() > 0.1
 
 
-def test_a_given_start_is_kept_on_a_cycle_too():
-    free = around_a_circle()
-    start = free.decode(genes_of(free, 1)).q[0, 0]
-    problem = around_a_circle(start=start)
-    motions = problem.decode(genes_of(problem, 50))
-    np.testing.assert_allclose(motions.q[:, 0], np.tile(start, (50, 1)), atol=1e-12)
-    np.testing.assert_array_equal(motions.q[:, 0], motions.q[:, -1])
-    assert np.ptp(motions.q[:, 20], axis=0).max() > 0.05
-
-
 def test_a_stop_brings_the_arm_to_rest_as_the_samples_grow_finer():
     speeds = []
     for samples in (26, 101):
@@ -166,39 +138,6 @@ def test_cycles_close_to_the_bit_without_a_kink(timing):
     assert seams[1] < 1.5 * seams[0]  # a kink would grow with the number of samples
 
 
-def test_motions_between_the_coefficients_are_smooth():
-    coarse, fine = along_a_line(81, coefficients=6, bases=1), along_a_line(321, coefficients=6, bases=1)
-    for problem in (coarse, fine):
-        motions = problem.decode(genes_of(problem, 20) * np.r_[1, np.full(6, 0.5)])
-        third = make_interp_spline(problem.task.times, motions.q, k=5, axis=1)(np.linspace(0, 1, 1001), nu=3)
-        second = make_interp_spline(problem.task.times, motions.q, k=5, axis=1)(np.linspace(0, 1, 1001), nu=2)
-        step = np.abs(np.diff(second, axis=1)).max()
-        assert step < 2e-3 * np.abs(third).max()
-
-
-def test_the_bases_themselves_are_genes_of_zero():
-    problem = built("Panda, pose")
-    genes = np.zeros((problem.n_species, problem.n_var))
-    genes[:, 0] = np.arange(problem.n_species) + 0.5
-    np.testing.assert_array_equal(problem.decode(genes).q, problem.encoding.charts.base)
-
-
-def test_the_first_gene_at_its_bounds_names_the_first_and_the_last_base():
-    problem = built("planar 3R")
-    ends = np.stack([problem.xl, problem.xu])
-    np.testing.assert_array_equal(problem.species(ends), [0, problem.n_species - 1])
-
-
-def test_a_motion_that_the_spline_cannot_represent_has_a_residual():
-    problem = along_a_line(81, coefficients=5, bases=1)
-    richer = along_a_line(81, coefficients=20, bases=1)
-    motions = richer.decode(genes_of(richer, 10))
-    genes, residual = problem.encode(motions)
-    assert residual.min() > 0.01
-    apart = np.abs(problem.decode(genes).q - motions.q).max(axis=(1, 2))
-    assert (apart > 0.2 * residual).all()
-
-
 def test_a_residual_is_what_the_spline_misses_in_coordinates_of_the_chart():
     problem, richer = (along_a_line(81, coefficients=count, bases=1) for count in (5, 20))
     motions, which, charts = richer.decode(genes_of(richer, 10)), np.zeros(10, dtype=int), problem.encoding.charts
@@ -208,8 +147,3 @@ def test_a_residual_is_what_the_spline_misses_in_coordinates_of_the_chart():
     whole = on_path.all(axis=1)
     assert whole.sum() > 3
     np.testing.assert_allclose(np.abs(missed).max(axis=(1, 2))[whole], residual[whole], rtol=1e-6)
-
-
-def test_numbers_of_coefficients_and_bases_are_those_asked_for():
-    problem = paper_3r(coefficients=7, bases=2)
-    assert (problem.encoding.coefficients, problem.n_species, problem.n_var) == (7, 2, 8)

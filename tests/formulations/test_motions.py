@@ -67,6 +67,7 @@ def test_the_trade_off_of_kinetic_energy_and_torque_jumps_once_where_motions_are
     assert distances[row] > 2 * np.delete(distances, row).max()
 
 
+@pytest.mark.slow
 def test_the_hypervolume_that_the_trade_off_misses_is_that_of_a_finer_one(problem, front):
     finer = pk.epsilon_front(problem, points=40, starts=24)
     assert len(finer.jumps) == 1

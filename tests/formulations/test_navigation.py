@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
@@ -36,10 +38,6 @@ def directions():
     return pk.DirectionalMaxima(pk.arms.kim_3r(), pk.capability.kim_joint_motors(), (0.15, 0.25), 2)
 
 
-def directions_of_motors():
-    return pk.DirectionalMaxima(pk.arms.kim_3r(), pk.capability.kim_joint_motors(), (0.15, 0.25), 4)
-
-
 def sliders(cls, *arguments, **settings):
     return cls(pk.arms.kim_3r(), pk.capability.kim_sliders(), *arguments, **settings)
 
@@ -64,14 +62,22 @@ MAKERS = {
 }
 
 
-@pytest.fixture(scope="module", params=MAKERS)
+@cache
+def front_of(name):
+    return pk.epsilon_front(MAKERS[name](), points=7, starts=4, observe=False)
+
+
+SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in ("two", "three", "point to point")]
+
+
+@pytest.fixture(scope="module", params=["maximised", "kinked", "directions", *SLOW])
 def front(request):
-    return pk.epsilon_front(MAKERS[request.param](), points=7, starts=8, observe=False)
+    return front_of(request.param)
 
 
 @pytest.fixture(scope="module")
 def plain():
-    return pk.epsilon_front(MAKERS["two"](), points=7, starts=8, observe=False)
+    return front_of("two")
 
 
 def inner_points(front):
@@ -137,6 +143,7 @@ def test_a_prediction_is_where_a_small_move_leads(front):
             front.predict(start, improve=last)
 
 
+@pytest.mark.slow
 def test_moves_of_an_arm_in_space_are_predicted():
     panda = pk.Arm.from_urdf("problems/robots/panda.urdf", base="panda_link0", tip="panda_hand_tcp")
     path = pk.line([0.45, -0.25, 0.3], [0.45, 0.25, 0.3], duration=1.5, samples=9)
@@ -168,7 +175,7 @@ def test_past_the_end_of_its_branch_a_move_is_not_predicted(plain):
 
 
 def test_small_moves_cost_what_exchange_rates_say():
-    front = pk.epsilon_front(MAKERS["maximised"](), points=7, starts=8, observe=False)
+    front = front_of("maximised")
     start = inner_points(front)[1]
     row = int(np.flatnonzero(front.ids == start)[0])
     moved = front.navigate(start, improve="kinetic_energy", by=2e-3 * float(np.ptp(front.ranges[0])))
@@ -187,7 +194,7 @@ def test_a_part_of_a_front_never_reuses_an_id_of_the_whole(plain):
 
 
 def test_held_objectives_get_no_worse():
-    front = pk.epsilon_front(MAKERS["three"](), points=8, starts=8, observe=False)
+    front = front_of("three")
     start = max(front.ids, key=lambda id: front.certificates.weights[front[int(id)].index, 1:].min())
     before = front[int(start)]
     moved = front.navigate(before, improve="kinetic_energy", hold="joint_travel", by=0.02 * np.ptp(front.ranges[0]))
@@ -244,6 +251,7 @@ def best_from_all_points(problem, front, row, wish, barriers):
     return min(values)
 
 
+@pytest.mark.slow
 def test_no_start_of_the_front_beats_a_move_next_to_a_jump_with_any_barrier():
     problem = tracking(pk.kinetic_energy, pk.torque_norm, path=line(51), differences="backward")
     front = pk.epsilon_front(problem, points=14, starts=12, observe=False)
@@ -258,8 +266,9 @@ def test_no_start_of_the_front_beats_a_move_next_to_a_jump_with_any_barrier():
             assert moved.minimised[moved.navigated.index, payer] <= best + 1e-5 * widths[payer]
 
 
+@pytest.mark.slow
 def test_no_move_is_refused_if_any_point_of_the_front_leads_there():
-    problem = directions_of_motors()
+    problem = pk.DirectionalMaxima(pk.arms.kim_3r(), pk.capability.kim_joint_motors(), (0.15, 0.25), 4)
     front = pk.epsilon_front(problem, points=12, starts=12, observe=False)
     widths, count = np.ptp(front.ranges, axis=1), 0
     for row, improve in ((row, k) for row in range(1, 4) for k in range(len(widths))):
@@ -286,12 +295,12 @@ def test_a_move_along_a_front_without_curvature_finds_a_point():
 
 
 def test_a_move_past_kinks_is_solved_again_and_says_so():
-    front = pk.epsilon_front(MAKERS["kinked"](), points=6, starts=8, observe=False)
+    front = front_of("kinked")
     moved = front.navigate(inner_points(front)[0], improve="kinetic_energy")
     assert "cannot be followed past kinks" in moved.navigated.reason
 
 
-@pytest.mark.parametrize("make", [speed_and_force, point_to_point])
+@pytest.mark.parametrize("make", [speed_and_force, pytest.param(point_to_point, marks=pytest.mark.slow)])
 def test_branches_of_sliders_are_followed(make):
     front = pk.epsilon_front(make(), points=5, starts=4, observe=False)
     start = inner_points(front)[1]

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from pymoo.optimize import minimize
 
 import paretoik as pk
 from paretoik.robot.kinematics import forward_kinematics
@@ -12,11 +11,6 @@ from tests.formulations.problems import panda
 
 ARM = pk.arms.marcos_nr(3)
 CIRCLE = marcos_2012.round_trip(0.7, 4)
-
-
-@pk.objective(unit="rad", form="general")
-def bend(motion):
-    return np.abs(motion.q[..., 0, :]).sum(axis=-1)
 
 
 @pk.objective(unit="N m", form="peak")
@@ -34,9 +28,8 @@ def pose_of(arm, q):
     return pk.Pose.from_matrix(rotation, position)
 
 
-@pytest.mark.parametrize("links", [3, 4])
-def test_solve_finds_a_posture_near_the_path_and_clear_of_obstacles(links):
-    problem = marcos_2012.first_posture(links)
+def test_solve_finds_a_posture_near_the_path_and_clear_of_obstacles():
+    problem = marcos_2012.first_posture(3)
     front = pk.solve(problem, population=200, generations=60, stagnation=False, seed=1, observe=False)
     q = front.motions.q[0, 0]
     assert len(front) == 1
@@ -46,29 +39,6 @@ def test_solve_finds_a_posture_near_the_path_and_clear_of_obstacles(links):
     assert not meets(q, problem.task.obstacles)
     np.testing.assert_array_equal(front.motions.q[0], np.tile(q, (3, 1)))
     assert pk.ClosedLoop(problem.task.arm, CIRCLE, start=q).start is not None
-
-
-def test_the_best_never_becomes_worse_and_the_same_seed_gives_the_same_bits():
-    problem, best = marcos_2012.first_posture(3), []
-
-    def observe(progress):
-        best.append(progress.generation.front.min())
-
-    first, second = (
-        pk.solve(problem, population=40, generations=25, stagnation=False, seed=3, observe=observe) for _ in range(2)
-    )
-    assert (np.diff(best[: len(best) // 2]) <= 0).all()
-    assert best[: len(best) // 2] == best[len(best) // 2 :]
-    np.testing.assert_array_equal(first.genes, second.genes)
-
-
-def test_given_initial_postures_are_not_lost():
-    problem = pk.Posture(ARM, CIRCLE)
-    q = pk.solve(problem, population=400, generations=120, stagnation=False, observe=False).genes
-    front = pk.solve(problem, population=8, generations=3, initial=q, observe=False)
-    assert front.objectives[0, 0] <= problem.evaluate(q, return_values_of=["F"])[0, 0]
-    again = pk.solve(problem, population=8, generations=3, initial=problem.decode(q), observe=False)
-    assert again.objectives[0, 0] <= problem.evaluate(q, return_values_of=["F"])[0, 0]
 
 
 def test_the_error_of_a_pose_is_the_distance_and_the_angle():
@@ -85,19 +55,11 @@ def test_the_error_of_a_pose_is_the_distance_and_the_angle():
         assert value == pytest.approx(np.linalg.norm(here.position - pose.position) + angle, rel=1e-9)
 
 
-def test_own_objectives_give_a_front():
-    problem = pk.Posture(ARM, CIRCLE, objectives=[bend])
-    front = pk.solve(problem, population=80, generations=40, seed=0, observe=False)
-    assert front.names == ("position_error", "bend")
-    assert len(front) > 10
-    np.testing.assert_allclose(front.objectives[:, 1], np.abs(front.genes).sum(axis=1), rtol=1e-12)
-
-
 def test_torques_that_hold_the_arm_satisfy_their_limits():
     arm, pose = panda_pose()
     path = pk.line(pose.position, pose.position + np.array([0.1, 0.0, 0.0]), duration=1.0, samples=5)
     problem = pk.Posture(arm, path, limits=pk.Limits(torque=20.0), objectives=[holding_torque])
-    front = pk.solve(problem, population=100, generations=60, seed=0, observe=False)
+    front = pk.solve(problem, population=60, generations=30, seed=0, observe=False)
     q = front.genes
     assert np.abs(front.motions.torque[:, 0]).max() <= 20.0 * (1 + 1e-6)
     np.testing.assert_allclose(front.objectives[:, 1], np.abs(front.motions.torque[:, 0]).max(axis=1), rtol=1e-9)
@@ -117,29 +79,11 @@ def test_own_constraints_are_satisfied():
     assert (front.genes[:, 1] <= 1e-6).all()
 
 
-def test_any_pymoo_algorithm_searches_a_posture():
-    result = minimize(marcos_2012.first_posture(3), pk.MaxiMinNSGA2(pop_size=60), ("n_gen", 40), seed=1)
-    assert result.F[0] < 0.2
-
-
-def test_a_refusal_between_obstacles_names_the_limit():
-    walls = [((0.5, 0.0), (0.1, 0.6)), ((-0.5, 0.0), (0.1, 0.6)), ((0.0, 0.5), (0.6, 0.1)), ((0.0, -0.5), (0.6, 0.1))]
-    blocked = pk.Posture(ARM, CIRCLE, obstacles=[pk.obstacles.Box(center, sizes) for center, sizes in walls])
-    with pytest.raises(pk.Infeasible, match="clearance is") as caught:
-        pk.solve(blocked, population=20, generations=4, observe=False)
-    assert caught.value.limit == "clearance"
-
-
 NOT_OF_A_POSTURE = {
     "limits of a posture must be on position, torque and clearance, got vel": {"limits": pk.Limits(velocity=1.0)},
-    "limits must be Limits, got 3": {"limits": 3},
-    "objectives must be a list of functions decorated with @objective, got <ufunc": {"objectives": [np.sin]},
-    "objectives must be a list of functions decorated with @objective, got Objective": {"objectives": bend},
     "objectives must have names other than position_error": {
         "objectives": [pk.objective(unit="m", form="general", name="position_error")(np.sum)]
     },
-    "link_radius must be 0 m or more": {"link_radius": -1.0},
-    "obstacles must be a list of obstacles": {"obstacles": [3]},
     "path must be a Path": {"path": [0.7, 0.0]},
 }
 

@@ -7,7 +7,7 @@ import os
 import shutil
 import subprocess
 import sys
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -16,7 +16,7 @@ from paretoik.errors import InvalidInput, InvalidRun
 from paretoik.front.choice_tree import read_choices
 from paretoik.front.front import Front
 from paretoik.front.preferences import Bounds, Weights
-from paretoik.runs.files import CHOICES, run_bytes
+from paretoik.runs.files import CHOICES
 
 ROOT = Path(__file__).parents[2]
 GROWING = """
@@ -73,38 +73,6 @@ def test_choices_are_a_tree_and_going_back_deletes_nothing(kept):
     assert len(repr(choices).splitlines()) == 3
 
 
-def test_thousands_of_choices_are_written_as_a_tree(kept):
-    kept.select(20)
-    first = kept.choices.entries[0]
-    entries = [replace(first, id=id, parent=id - 1 or None) for id in range(1, 3001)]
-    entries += [replace(first, id=id, parent=parent) for id, parent in ((3001, 1), (3002, None), (3003, 3002))]
-    content = {"entries": [asdict(entry) for entry in entries], "current": 3001}
-    (kept.folder / CHOICES).write_bytes(run_bytes(content))
-    lines = kept.choices.text.splitlines()
-    assert [line.split(".")[0] for line in lines] == [
-        "  1",
-        *(f"    {id}" for id in range(2, 3002)),
-        "  3002",
-        "  3003",
-    ]
-    assert [line for line in lines if line.endswith("  <- now")] == lines[3000:3001]
-
-
-def test_the_first_choice_can_be_taken_back_but_no_more(kept):
-    kept.select({"energy": 1.0})
-    assert kept.undo() is None
-    with pytest.raises(InvalidInput, match="must have a choice to go back from, got none"):
-        kept.undo()
-
-
-def test_a_part_without_the_point_of_the_choice_before_leaves_the_present_one(kept):
-    first, second = kept.select(20), kept.select(30)
-    with pytest.raises(InvalidInput, match="undo: ids must be those of the front's points"):
-        kept[[second.id]].undo()
-    assert kept.choices.current == 2
-    assert kept[[first.id]].undo().id == first.id
-
-
 def test_a_preference_is_kept_as_data_in_strict_json(kept):
     kept.select(Bounds(energy=(None, 4.0), then=Weights(reach=1.0)))
     content = json.loads((kept.folder / CHOICES).read_text(), parse_constant=pytest.fail)
@@ -123,17 +91,6 @@ def test_a_damaged_file_of_choices_is_refused_in_one_line(kept):
             with pytest.raises(InvalidRun, match=CHOICES) as refused:
                 read_choices(kept.folder)
             assert "\n" not in str(refused.value)
-
-
-def test_no_choice_is_kept_without_a_folder_or_with_keep_false(front, kept):
-    kept.select({"energy": 1.0}, keep=False)
-    replace(front).select({"energy": 1.0})
-    assert not (kept.folder / CHOICES).exists()
-
-
-def test_a_choice_of_a_part_is_kept_in_the_run_of_the_whole(kept):
-    choice = kept.where(energy=(2.0, 4.0)).select("compromise")
-    assert kept.choices.chosen.point == choice.id
 
 
 def test_a_run_that_was_replaced_gets_no_choice_of_the_former_front(front, kept):
@@ -182,21 +139,3 @@ def test_a_folder_that_cannot_be_written_keeps_no_choice_and_the_choice_is_made(
     refusal = f"{kept.folder / CHOICES} must be writable, got Permission denied"
     assert lines == [f"20 the choice is not kept: {refusal}", refusal]
     assert len(kept.choices) == 1
-
-
-def test_choices_that_are_a_link_or_a_folder_are_refused_and_left(kept, tmp_path):
-    kept.select(10)
-    file, elsewhere = kept.folder / CHOICES, tmp_path / "elsewhere.json"
-    file.rename(elsewhere)
-    content = elsewhere.read_bytes()
-    for make, kind in ((lambda: file.symlink_to(elsewhere), "a link"), (file.mkdir, "a folder")):
-        make()
-        for ask in (lambda: kept.select(20), kept.undo, lambda: kept.choices):
-            with pytest.raises(InvalidRun, match=f"must be a plain file, got {kind}"):
-                ask()
-        assert kept.select(20, keep=False).id == 20
-        if file.is_symlink():
-            file.unlink()
-    assert elsewhere.read_bytes() == content
-    with pytest.raises(InvalidInput, match="must be a file to write, got a folder"):
-        replace(kept, objectives=2 * kept.objectives).save(kept.folder, overwrite=True)

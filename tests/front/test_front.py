@@ -52,15 +52,6 @@ def test_the_order_in_which_points_are_given_does_not_matter(order):
     assert (shuffled.objectives == ordered.objectives).all()
 
 
-def test_the_arrays_of_a_front_are_its_own_and_read_only():
-    objectives = np.array([[1.0, 2.0]])
-    front = plain(objectives)
-    objectives[:] = 7.0
-    assert front.objectives.tolist() == [[1.0, 2.0]]
-    with pytest.raises(ValueError, match="read-only"):
-        front.objectives[0, 0] = 3.0
-
-
 def test_an_empty_front_exists_and_says_so_when_chosen_from():
     front = plain(np.empty((0, 2)))
     assert len(front) == 0
@@ -74,37 +65,15 @@ def test_an_empty_part_of_a_front_is_not_taken_for_an_infeasible_problem(front):
         front.where(energy=(None, 0.0)).select("knee")
 
 
-def test_a_summary_names_values_and_units(front):
-    assert repr(front) == "Front of 5 points: energy 1 to 5 J s, reach 1 to 25 m (maximised)"
-
-
-def test_a_front_may_have_equal_points():
-    assert len(plain([[1.0, 2.0], [1.0, 2.0]])) == 2
-
-
 @pytest.mark.parametrize(
     ("objectives", "changes", "message"),
     [
         ([[1.0, 2.0], [2.0, 3.0]], {}, "got 1 dominated ones, the first with id 1"),
         ([[1.0, np.nan]], {}, "got 1 of 1 points without"),
-        ([[1.0, -np.inf]], {}, "got 1 of 1 points without"),
-        ([1.0, 2.0], {}, "must be an array"),
-        ([[1.0, 2.0]], {"ids": np.array([1, 2])}, "must be 1 integers"),
         ([[1.0, 2.0]], {"ids": np.array([0.5])}, "front ids: must hold integers, got float64"),
-        ([[1.0, 2.0]], {"ids": np.array([-1])}, "integers >= 0, got -1"),
         ([[1.0, 2.0], [2.0, 1.0]], {"ids": np.array([4, 4])}, "got 4 2 times"),
-        ([[1.0, 2.0]], {"names": ["a"]}, "must be one for each of 2"),
-        ([[1.0, 2.0]], {"names": "ab"}, "front names must be a list of names, got 'ab'"),
-        ([[1.0, 2.0]], {"names": ["a", "a"]}, "must name each objective once"),
-        ([[1.0, 2.0]], {"units": ["J\n", ""]}, "units must be printable"),
-        ([[1.0, 2.0]], {"maximised": [True]}, "must be one for each of 2"),
-        ([[1.0, 2.0]], {"genes": np.zeros((2, 3))}, "genes must be finite numbers for 1 points"),
         ([[1.0, 2.0]], {"genes": np.array([[np.nan]])}, "genes must be finite"),
-        ([[1.0, 2.0]], {"violation": np.zeros(2)}, "violation must be finite"),
-        ([[1.0, 2.0]], {"ranges": np.array([[0.0, 1.0]])}, "ranges must"),
-        ([[1.0, 2.0]], {"ranges": np.array([[0.0, 1.0], [2.0, 1.0]])}, "ranges must"),
         ([[1.0, 2.0]], {"ranges": np.array([[0.0, 1.0], [2.0, np.inf]])}, "ranges must"),
-        ([[-1.7e308, 2.0], [1.7e308, 1.0]], {}, r"ranges must have upper − lower of at most 1.8e\+308"),
     ],
 )
 @pytest.mark.usefixtures("unchecked")
@@ -113,7 +82,7 @@ def test_what_is_no_front_is_refused(objectives, changes, message):
         plain(objectives, **changes)
 
 
-@pytest.mark.parametrize("name", ["", "=1+1", "+a", "-a", "@a", " a", "a ", "a\tb", "a\x00", *RESERVED_NAMES])
+@pytest.mark.parametrize("name", ["", "=1+1", "a ", "a\x00", RESERVED_NAMES[0]])
 def test_a_name_that_no_table_can_hold_is_refused(name):
     with pytest.raises(InvalidInput, match="front names must"):
         plain([[1.0, 2.0]], names=["fine", name])

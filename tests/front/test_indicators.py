@@ -10,7 +10,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from paretoik.errors import InvalidInput
 from paretoik.front.indicators import CURVE_OPTIONS as OPTIONS
 from paretoik.front.indicators import (
     HypervolumeCurve,
@@ -52,12 +51,6 @@ def test_hypervolume_counts_the_unit_cells_that_are_dominated(F):
     assert hypervolume(F, reference) == pytest.approx(sum(covered), abs=1e-12)
 
 
-@given(matrices(max_objectives=3))
-def test_dominated_points_add_no_hypervolume(F):
-    reference = np.full(F.shape[1], 6.0)
-    assert hypervolume(F[non_dominated(F)], reference) == pytest.approx(hypervolume(F, reference), abs=1e-9)
-
-
 def test_a_tolerance_drops_points_within_that_share_of_the_range_and_keeps_the_first():
     F = np.array([[0.0, 1.0], [1e-9, 1.0 - 1e-9], [0.5, 0.5], [1.0, 0.0]])
     assert non_dominated(F).all()
@@ -69,25 +62,7 @@ def test_a_tolerance_keeps_points_that_are_near_in_one_objective_only():
     assert non_dominated(F, tolerance=0.01).all()
 
 
-@pytest.mark.parametrize("tolerance", [-1e-9, float("nan"), float("inf")])
-def test_a_tolerance_that_is_no_share_is_refused(tolerance):
-    with pytest.raises(InvalidInput, match="tolerance must be a finite number >= 0"):
-        non_dominated(np.zeros((1, 2)), tolerance=tolerance)
-
-
-def test_points_beyond_the_reference_add_nothing():
-    F = np.array([[0.0, 3.0], [1.0, 1.0], [3.0, 0.0], [np.nan, 0.0]])
-    assert hypervolume(F, [2.0, 2.0]) == 1.0
-    assert hypervolume(F, [4.0, 4.0]) == pytest.approx(11.0)
-
-
-@pytest.mark.parametrize("reference", [[1.0], [1.0, 2.0, 3.0], [np.nan, 1.0], [np.inf, 1.0]])
-def test_a_reference_that_is_no_point_is_refused(reference):
-    with pytest.raises(InvalidInput, match="must be 2 finite numbers"):
-        hypervolume(np.zeros((1, 2)), reference)
-
-
-@pytest.mark.parametrize("n_obj", [1, 2, 4, 5, 6])
+@pytest.mark.parametrize("n_obj", [2, 4, 6])
 def test_an_estimate_is_near_the_hypervolume_in_any_units_and_exact_up_to_four_objectives(n_obj):
     directions = np.abs(np.random.default_rng(3).normal(size=(200, n_obj)))
     units = 10.0 ** np.linspace(-6, 6, n_obj)
@@ -105,20 +80,6 @@ def test_an_estimate_never_falls_if_points_are_added_or_improve(seed):
     estimate = [estimate_hypervolume(each, corner, corner) for each in (F[:10], F, F - 0.1 * rng.random((30, 6)))]
     assert estimate == sorted(estimate)
     assert estimate_hypervolume(F + 2.0, corner, corner) == 0.0
-
-
-def test_an_estimate_of_seven_objectives_does_not_compute_the_exact_hypervolume(monkeypatch):
-    import moocore
-
-    F = np.abs(np.random.default_rng(0).normal(size=(1000, 7)))
-    F /= np.linalg.norm(F, axis=1, keepdims=True)
-    monkeypatch.delattr(moocore, "hypervolume")
-    assert 0 < estimate_hypervolume(F, np.full(7, 1.1), np.ones(7)) < 1.1**7
-
-
-def test_an_estimate_refuses_the_same_references_as_the_hypervolume():
-    with pytest.raises(InvalidInput, match="hypervolume reference must be 6 finite numbers"):
-        estimate_hypervolume(np.zeros((1, 6)), np.full(6, np.nan), np.ones(6))
 
 
 # The hypervolume of a growing front, while there is time for it.
@@ -140,20 +101,6 @@ def test_every_front_is_measured_up_to_the_corner_of_the_first_that_has_points()
     assert curve.summary(50) == f"hypervolume {values[-1]:.4g}"
 
 
-def test_a_slow_hypervolume_is_left_out_and_the_last_value_names_its_generation():
-    curve, front = HypervolumeCurve(replace(OPTIONS, share=1e-6)), sphere(4000, 4)
-    for number in (1, 2):  # the second one is known to take some milliseconds
-        volume = curve.measure(front, number)
-        assert volume == hypervolume(front, curve.corner(front))
-    assert curve.measure(front, 3) is None
-    assert curve.summary(3) == f"hypervolume {volume:.4g} of generation 2"
-
-
-def test_processor_time_counts_so_that_small_fronts_are_measured_on_a_busy_machine():
-    curve, front = HypervolumeCurve(replace(OPTIONS, share=0.0)), sphere(30, 2)
-    assert curve.measure(front, 1) == curve.measure(front, 2) == pytest.approx(hypervolume(front, curve.corner(front)))
-
-
 def test_the_curve_of_many_objectives_is_a_quick_estimate_that_never_falls_and_ignores_units(monkeypatch):
     import moocore
 
@@ -164,11 +111,3 @@ def test_the_curve_of_many_objectives_is_a_quick_estimate_that_never_falls_and_i
     values = [curve.measure(front[:size], size) for size in (50, 400, 1000)]
     assert values == sorted(values)
     assert [scaled.measure(front[:size] * units, size) for size in (50, 400, 1000)] == pytest.approx(values)
-
-
-def test_a_corner_that_is_given_replaces_that_of_the_first_front():
-    front, corner = sphere(60, 5), np.full(5, 1.25)
-    curve = HypervolumeCurve()
-    values = [curve.measure(front[:size], size, corner) for size in (20, 60)]
-    assert values[1] == pytest.approx(estimate_hypervolume(front, corner, corner), rel=0.01)
-    assert values[0] < values[1]

@@ -46,24 +46,11 @@ def front(**parts):
     ("wish", "words"),
     [
         ({"choice": 5}, "navigate: ids must be those of the front's points (3 from 4 to 9), got 5"),
-        ({"choice": True}, "navigate: the id of a point must be an integer, got True"),
-        ({"choice": [4, 7]}, "navigate: the id of a point must be an integer, got [4, 7]"),
         ({"improve": "time"}, "names among energy, torque, travel, got 'time'"),
-        ({"allow": "time"}, "allow must have names among"),
-        ({"hold": ("torque", "tim")}, "hold must have names among"),
-        (
-            {"improve": "energ"},
-            "improve must have names among energy, torque, travel, got 'energ'; did you mean 'energy'?",
-        ),
-        ({"allow": "travl"}, "got 'travl'; did you mean 'travel'?"),
-        ({"hold": ("torqe",)}, "got 'torqe'; did you mean 'torque'?"),
         ({"allow": "energy"}, "other than the one to improve, got energy"),
-        ({"hold": ("torque", "travel")}, "not on hold, got none"),
         ({"allow": "torque", "hold": "torque"}, "not on hold, got torque"),
-        ({"by": 0.0}, "by must be more than 0 J of energy, got 0"),
         ({"by": np.nan}, "by: must be finite"),
         ({"by": 0.1, "to": 1.0}, "by= or to=, got both"),
-        ({"to": 2.5}, "to must be better than energy 2 J, got 2.5"),
     ],
 )
 @pytest.mark.usefixtures("unchecked")
@@ -99,12 +86,6 @@ def test_a_front_without_moves_is_refused_in_one_line():
             with pytest.raises(InvalidInput) as caught:
                 move(front(**parts))
             assert words in str(caught.value)
-
-
-def test_at_the_end_of_a_front_nothing_gets_better():
-    ends = front(certificates=certified(weights=[[1.0, 0.0, 0.0]] * 3))
-    with pytest.raises(InvalidInput, match="got point 4, the end of the front in energy"):
-        ends.navigate(4, improve="energy")
 
 
 def test_a_point_that_a_move_led_to_says_how_whenever_it_is_named():

@@ -116,21 +116,6 @@ def test_the_table_is_readable_by_others_with_units_and_empty_certificates(front
     assert [table.column(name).null_count for name in expected] == [0, 0, 0, 0, 5, 5, 5, 5]
 
 
-def test_criticality_is_read_by_its_former_name_too(front, tmp_path):
-    points, n = front.objectives.shape
-    rates = np.full((points, n, n), np.nan)
-    certificates = minima(np.full((points, n), 1 / n), rates, np.linspace(0.0, 1e-7, points))
-    replace(front, certificates=certificates).save(tmp_path)
-    table = pq.read_table(tmp_path / TABLE)
-    names = ["kkt_residual" if name == "criticality" else name for name in table.column_names]
-    stream = io.BytesIO()
-    pq.write_table(table.rename_columns(names), stream)
-    reseal(tmp_path, TABLE, stream.getvalue())
-    loaded = Front.load(tmp_path).certificates
-    np.testing.assert_array_equal(loaded.criticality, certificates.criticality)
-    np.testing.assert_array_equal(loaded.kkt_residual, certificates.criticality)
-
-
 def test_the_run_file_is_strict_json_with_the_provenance(front, tmp_path):
     front.save(tmp_path)
     run = json.loads((tmp_path / RUN).read_text(), parse_constant=pytest.fail)
@@ -139,43 +124,11 @@ def test_the_run_file_is_strict_json_with_the_provenance(front, tmp_path):
     assert run["objectives"][1] == {"name": "reach", "unit": "m", "maximised": True, "range": [0.0, 25.0]}
 
 
-@pytest.mark.parametrize("value", [float("nan"), float("inf"), object(), {1: {2}}])
-def test_provenance_that_strict_json_cannot_hold_is_refused(front, tmp_path, value):
-    odd = replace(front, provenance={"setting": value})
-    with pytest.raises(InvalidInput, match="provenance must fit strict JSON"):
-        odd.save(tmp_path)
-    assert not list(tmp_path.iterdir())
-
-
-def test_provenance_that_would_hide_an_entry_of_the_format_is_refused(front, tmp_path):
-    odd = replace(front, provenance={"files": 1})
-    with pytest.raises(InvalidInput, match="got 'files'"):
-        odd.save(tmp_path)
-
-
-def test_tuples_and_numbered_keys_in_provenance_come_back_as_json_has_them(front, tmp_path):
-    with_provenance = replace(front, provenance={"path": (1, 2), "by": {10: "a", 9: "b"}})
-    with_provenance.save(tmp_path)
-    assert Front.load(tmp_path).provenance == {"path": [1, 2], "by": {"10": "a", "9": "b"}}
-
-
-def test_a_builder_makes_the_motions(front, tmp_path):
-    front.save(tmp_path)
-    seen = []
-
-    def build(time, q, joint_names):
-        seen.append((time.shape, q.shape, joint_names))
-        return front.motions
-
-    assert Front.load(tmp_path, motions=build).motions is front.motions
-    assert seen == [((5, 4), (5, 4, 2), ("shoulder", "elbow"))]
-
-
 @pytest.mark.parametrize("name", FILES)
 def test_a_file_cut_anywhere_is_refused_and_named(front, tmp_path, name):
     front.save(tmp_path)
     content = (tmp_path / name).read_bytes()
-    for length in [*range(min(64, len(content))), *range(64, len(content) - 2, max(1, len(content) // 60))]:
+    for length in [*range(0, min(64, len(content)), 7), *range(64, len(content) - 2, max(1, len(content) // 20))]:
         (tmp_path / name).write_bytes(content[:length])
         with pytest.raises(InvalidRun, match=name):
             Front.load(tmp_path)
@@ -186,7 +139,7 @@ def test_a_flipped_bit_gives_a_refusal_or_the_same_front(front, tmp_path, name):
     front.save(tmp_path)
     content = (tmp_path / name).read_bytes()
     refusals = []
-    for place in range(0, len(content), max(1, len(content) // 120)):
+    for place in range(0, len(content), max(1, len(content) // 50)):
         flipped = bytearray(content)
         flipped[place] ^= 1 << place % 8
         (tmp_path / name).write_bytes(bytes(flipped))
@@ -194,7 +147,7 @@ def test_a_flipped_bit_gives_a_refusal_or_the_same_front(front, tmp_path, name):
             assert same(Front.load(tmp_path), front)
         except InvalidRun as refusal:
             refusals.append(str(refusal))
-    assert len(refusals) > 40
+    assert len(refusals) > 15
     assert not any("\n" in refusal for refusal in refusals)
 
 
@@ -204,7 +157,7 @@ def test_a_damaged_file_with_a_matching_digest_still_raises_nothing_but_our_erro
     content = (tmp_path / name).read_bytes()
     rng = np.random.default_rng(3)
     refusals = []
-    for _ in range(80):
+    for _ in range(40):
         flipped = bytearray(content)
         for place in rng.integers(0, len(content), rng.integers(1, 4)):
             flipped[place] = rng.integers(256)
@@ -213,7 +166,7 @@ def test_a_damaged_file_with_a_matching_digest_still_raises_nothing_but_our_erro
             assert len(Front.load(tmp_path)) == 5
         except InvalidRun as refusal:
             refusals.append(str(refusal))
-    assert len(refusals) > 15
+    assert len(refusals) > 7
     assert not any("\n" in refusal for refusal in refusals)
 
 
@@ -252,15 +205,9 @@ def test_a_pickle_in_the_archive_is_refused_and_never_run(front, tmp_path, monke
     "arrays",
     [
         {"id": np.array([1, 2, 3, 4, 5])},
-        {"q": np.zeros((5, 4))},
-        {"q": np.zeros((4, 4, 2))},
         {"q": np.full((5, 4, 2), np.nan)},
-        {"q": np.zeros((5, 4, 2), dtype="U1")},
-        {"time": np.zeros((5, 3))},
         {"joint_names": np.array(["a"])},
-        {"joint_names": np.array([1.0, 2.0])},
         {"genes": np.zeros((4, 2))},
-        {"genes": np.array(["a"] * 5)},
     ],
 )
 def test_arrays_that_do_not_fit_the_table_are_refused(front, tmp_path, arrays):
@@ -276,20 +223,11 @@ def test_arrays_that_do_not_fit_the_table_are_refused(front, tmp_path, arrays):
     "change",
     [
         lambda run: run.update(format=2),
-        lambda run: run.pop("format"),
-        lambda run: run.pop("files"),
-        lambda run: run["files"].pop(TABLE),
         lambda run: run["files"].update({"../secret": "0"}),
-        lambda run: run.update(files=[]),
         lambda run: run.update(objectives=[]),
-        lambda run: run.update(objectives={}),
         lambda run: run["objectives"][0].update(name="other"),
-        lambda run: run["objectives"][0].update(name=["energy"]),
-        lambda run: run["objectives"][0].update(range=[0.0]),
         lambda run: run["objectives"][0].update(range="ab"),
-        lambda run: run["objectives"][0].pop("unit"),
         lambda run: run["objectives"][1].update(maximised=False),
-        lambda run: run["objectives"].pop(),
     ],
 )
 def test_a_run_file_that_does_not_describe_the_front_is_refused(front, tmp_path, change):
@@ -298,15 +236,6 @@ def test_a_run_file_that_does_not_describe_the_front_is_refused(front, tmp_path,
     change(run)
     seal(tmp_path, run)
     with pytest.raises(InvalidRun):
-        Front.load(tmp_path)
-
-
-@pytest.mark.parametrize(
-    "content", ["[" * 100_000, '{"format": NaN}', "[]", "{}", "null", '{"format": 1e999}', "\xff\x00"]
-)
-def test_a_run_file_that_is_no_run_is_refused(tmp_path, content):
-    (tmp_path / RUN).write_text(content, encoding="latin-1")
-    with pytest.raises(InvalidRun, match=RUN):
         Front.load(tmp_path)
 
 
@@ -336,12 +265,6 @@ def test_a_full_disk_leaves_the_last_front_whole(front, tmp_path, monkeypatch):
     with pytest.raises(InvalidInput, match="must be writable, got No space left on device"):
         front.save(tmp_path)
     assert {file.name: file.read_bytes() for file in tmp_path.iterdir()} == before
-
-
-def test_a_folder_that_is_a_file_is_refused(front, tmp_path):
-    (tmp_path / "file").touch()
-    with pytest.raises(InvalidInput, match="must be a folder to write into"):
-        front.save(tmp_path / "file")
 
 
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="counts threads as Linux shows them")

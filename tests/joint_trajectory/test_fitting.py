@@ -82,11 +82,10 @@ def test_at_a_lower_rate_the_limits_still_hold_for_the_motion_at_the_controllers
     assert whole.time[-1] <= slow.time[-1] + 1e-9 <= whole.time[-1] + 0.1 + 1e-9
 
 
-@pytest.mark.parametrize("rate", [3.0, 7.0, 50.0])
-def test_at_a_low_rate_a_moving_end_is_refused_with_a_ramp_that_is_allowed(rate):
+def test_at_a_low_rate_a_moving_end_is_refused_with_a_ramp_that_is_allowed():
     moving = MOTIONS["Panda, a pose on a line"]
-    error = refusal(moving, rate=rate)
-    assert fitted(moving, rate=rate, **advised(error))[1].ramp >= 1 / rate
+    error = refusal(moving, rate=7.0)
+    assert fitted(moving, rate=7.0, **advised(error))[1].ramp >= 1 / 7.0
 
 
 def test_a_motion_that_is_too_fast_is_refused_by_its_worst_limit_and_the_factor_that_is_advised_is_enough():
@@ -132,9 +131,6 @@ def test_a_controller_that_wants_rest_alone_is_content_with_an_end_velocity_of_z
 
 
 ARM = pk.Arm.planar(lengths=[0.3, 0.2])
-SLIDE = pk.Arm.from_dh(
-    a=[0.0], alpha=[0.0], d=[0.0], theta=[0.0], types=["prismatic"], convention="modified", joint_names=["rail"]
-)
 
 
 def random_trajectory(seed, samples=9, rate=100.0):
@@ -169,7 +165,7 @@ def simulated(trajectory, limits, rate=100.0):
 
 
 @given(st.integers(0, 10**6))
-@settings(max_examples=40)
+@settings(max_examples=15)
 def test_velocities_accelerations_and_jerks_are_those_that_a_controller_computes_and_the_curves_own(seed):
     rng = np.random.default_rng(seed + 1)
     limits = {kind: 10 ** rng.uniform(0, 6, 2) for kind in ("velocity", "acceleration", "jerk")}
@@ -184,8 +180,7 @@ def test_velocities_accelerations_and_jerks_are_those_that_a_controller_computes
     assert {use.quantity for use in uses} == set(limits)
 
 
-@pytest.mark.parametrize("joint", [0, 1])
-@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize(("joint", "sign"), [(0, 1), (1, -1)])
 def test_positions_use_their_range_from_its_middle_on(joint, sign):
     trajectory = random_trajectory(3)
     edge = sign * np.abs(trajectory.q[:, joint]).max() * 2
@@ -200,27 +195,6 @@ def test_positions_use_their_range_from_its_middle_on(joint, sign):
     assert use.limit == pytest.approx(edge / 1.5)
     bounds[0 if sign < 0 else 1][joint] = edge * (1 + 1e-12)
     assert not limit_uses(moved, bench(ARM, position=bounds), ARM)[0].exceeded
-
-
-def test_beyond_by_a_hair_is_said_as_that_and_not_as_twice_the_same_number():
-    peak = np.abs(sampled("without tasks").dq).max()
-    (use,) = limit_uses(sampled("without tasks"), bench(PANDA, velocity=peak * (1 - 2e-8)), PANDA)
-    assert use.exceeded
-    assert str(use).endswith(f"its limit {peak:.6g} rad/s, beyond it by {use.value - use.limit:.6g} rad/s")
-
-
-def test_a_slide_has_metres_and_newtons():
-    rail = pk.Motion(arm=SLIDE, time=np.linspace(0, 1, 11), q=np.linspace(0, 1, 11)[:, None] ** 2 * 3)
-    trajectory = JointTrajectory(
-        joint_names=("rail",), time=rail.time, q=rail.q, dq=6 * rail.time[:, None], ddq=np.full((11, 1), 6.0)
-    )
-    (use,) = limit_uses(trajectory, bench(SLIDE, velocity=1.0), SLIDE)
-    assert "m/s at" in str(use)
-    assert "rad" not in str(use)
-    assert (
-        unrest(trajectory, bench(SLIDE), SLIDE)
-        == "it must end at rest (end_velocity=0 plans it so), but rail ends with 6 m/s"
-    )
 
 
 def test_torques_are_the_arms_own_with_gravity_and_rise_from_those_that_hold_it():
@@ -249,22 +223,6 @@ def test_near_the_end_of_a_joint_the_fr3_may_only_be_slow():
     assert velocity.exceeded
 
 
-@pytest.mark.parametrize(
-    ("name", "rest_acceleration", "said"),
-    [
-        ("without tasks", True, None),
-        ("Panda, a pose on a line", False, "it must start at rest, but panda_joint"),
-        ("planar", False, "it must start at rest, but joint"),
-        ("cyclic", True, "it must start at rest, but joint"),
-    ],
-)
-def test_what_moves_at_an_end_is_named(name, rest_acceleration, said):
-    motion = MOTIONS[name]
-    limits = {"velocity": 2.0, "acceleration": 10.0, "rest_acceleration": rest_acceleration}
-    fact = unrest(sampled(name), bench(motion.arm, **limits), motion.arm)
-    assert fact is None if said is None else fact.startswith(said)
-
-
 def test_acceleration_at_an_end_matters_where_the_controller_says_so():
     t = np.linspace(0, 1, 101)
     speed = t * (1 - t)  # at rest at both ends, accelerated there
@@ -288,7 +246,7 @@ def measure_of(motion, controller):
 
 
 @given(st.floats(0.6, 1.3), st.floats(0.4, 1.3), st.floats(0.3, 1.3))
-@settings(max_examples=8)
+@settings(max_examples=4)
 def test_one_period_less_would_exceed_a_limit_and_none_more_is_taken(v, a, j):
     motion = swing(duration=1.0, samples=41)
     controller = bench(PANDA, velocity=1.6 * v, acceleration=5.0 * a, jerk=50.0 * j)
@@ -298,12 +256,3 @@ def test_one_period_less_would_exceed_a_limit_and_none_more_is_taken(v, a, j):
     while any(use.exceeded for use in measure(replace(own, periods=periods))):
         periods += 1
     assert found.periods == periods
-
-
-def test_slowing_down_follows_from_the_peaks():
-    motion = swing(duration=1.0)
-    peak = max(use.value for use in measure_of(motion, bench(PANDA, velocity=1.0))(time_scaling(1.0, 1000.0)))
-    found = slow_down(time_scaling(1.0, 1000.0), measure_of(motion, bench(PANDA, velocity=peak / 1.5)))
-    assert found.factor == pytest.approx(1.5, rel=1e-3)
-    found = slow_down(time_scaling(1.0, 1000.0), measure_of(motion, bench(PANDA, velocity=2 * peak)))
-    assert found.factor == 1.0

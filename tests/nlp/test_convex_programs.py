@@ -9,7 +9,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from paretoik.capability.joint_capability import fastest_joint_speeds, highest_speeds
-from paretoik.errors import SolverFailed
 from paretoik.nlp.convex_programs import IntervalSolver, Pieces, fit_inverse_squares, furthest, symmetric_basis
 
 seeds = st.integers(0, 10**6)
@@ -26,7 +25,7 @@ def drawn(seed, task, dof, parallel=False):
 
 @pytest.mark.parametrize("task", [2, 3])
 @given(seed=seeds, dof=st.integers(3, 8), parallel=st.booleans())
-@settings(max_examples=60)
+@settings(max_examples=20)
 def test_the_nearest_facet_is_the_optimum_of_the_linear_program(task, seed, dof, parallel):
     columns, low, high, direction = drawn(seed, task, dof, parallel)
     closed = highest_speeds(columns, low, high, direction[None])[0]
@@ -34,17 +33,8 @@ def test_the_nearest_facet_is_the_optimum_of_the_linear_program(task, seed, dof,
 
 
 @pytest.mark.parametrize("task", [2, 3])
-def test_clarabel_by_cvxpy_agrees_within_its_tolerance(task):
-    columns, low, high, direction = drawn(5, task, 6)
-    x, v = cvxpy.Variable(len(low)), cvxpy.Variable(nonneg=True)
-    problem = cvxpy.Problem(cvxpy.Maximize(v), [columns @ x == v * direction, x >= low, x <= high])
-    value = problem.solve(solver="CLARABEL")
-    assert furthest(columns, low, high, direction)[0] == pytest.approx(value, rel=1e-6)
-
-
-@pytest.mark.parametrize("task", [2, 3])
 @given(seed=seeds, dof=st.integers(3, 8))
-@settings(max_examples=60)
+@settings(max_examples=20)
 def test_joint_speeds_of_a_facet_move_the_tool_there_and_keep_their_ranges(task, seed, dof):
     columns, low, high, direction = drawn(seed, task, dof)
     speed, speeds = (each[0] for each in fastest_joint_speeds(columns[None], low[None], high[None], direction[None]))
@@ -53,18 +43,6 @@ def test_joint_speeds_of_a_facet_move_the_tool_there_and_keep_their_ranges(task,
     assert np.abs(columns @ speeds - vertex).max() <= 1e-11 * np.abs(columns).sum() * 2
     assert (speeds >= low).all()
     assert (speeds <= high).all()
-
-
-def test_columns_that_do_not_span_reach_nothing_else():
-    columns = np.array([[1.0, 2.0], [0.0, 0.0]])
-    one = np.ones(2)
-    assert highest_speeds(columns, -one, one, np.eye(2)).tolist() == [3.0, 0.0]
-    assert furthest(columns, -one, one, np.array([0.0, 1.0]))[0] == 0.0
-
-
-def test_unbounded_directional_maximum_is_refused():
-    with pytest.raises(SolverFailed, match="furthest"):
-        furthest(np.eye(2), np.full(2, -1.0), np.full(2, 1.0), np.zeros(2))
 
 
 def random_pieces(seed, *, count=6, task=2):
@@ -81,12 +59,6 @@ def random_box(seed, *, count=6, task=2):
     return -lower, upper
 
 
-def even_speed(points):
-    """Return pieces of a path on which the tool's limit is 1 m/s everywhere."""
-    identity = np.tile(np.eye(points.shape[1]), (len(points) - 1, 1, 1))
-    return Pieces(values=np.diff(points, axis=0), before=-identity, after=identity)
-
-
 def intervals_by_cvxpy(pieces, lower, upper, *, common):
     count, task = pieces.values.shape
     d, intervals = cvxpy.Variable((count + 1, task)), cvxpy.Variable(count)
@@ -100,9 +72,7 @@ def intervals_by_cvxpy(pieces, lower, upper, *, common):
     return intervals.value
 
 
-@pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("task", [2, 3])
-@pytest.mark.parametrize("common", [True, False])
+@pytest.mark.parametrize(("seed", "task", "common"), [(0, 2, True), (1, 3, False)])
 def test_clarabel_and_cvxpy_agree(seed, task, common):
     pieces, box = random_pieces(seed, task=task), random_box(seed, task=task)
     ours = IntervalSolver(6, task, common=common).solve(pieces, *box)
@@ -111,16 +81,7 @@ def test_clarabel_and_cvxpy_agree(seed, task, common):
     assert ours.intervals.sum() == pytest.approx(theirs.sum(), rel=1e-8)
 
 
-@pytest.mark.parametrize("common", [True, False])
-def test_a_solver_that_has_solved_others_answers_as_a_new_one(common):
-    solver = IntervalSolver(6, 2, common=common)
-    for seed in range(5):
-        pieces, box = random_pieces(seed), random_box(seed)
-        used, new = solver.solve(pieces, *box), IntervalSolver(6, 2, common=common).solve(pieces, *box)
-        assert used.intervals.sum() == pytest.approx(new.intervals.sum(), rel=1e-8)
-
-
-@pytest.mark.parametrize("units", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize("units", [1e-6, 1e6])
 def test_moves_keep_the_box_and_the_limits_in_any_units(units):
     pieces, (lower, upper) = random_pieces(1), random_box(1)
     scaled = Pieces(values=units * pieces.values, before=units * pieces.before, after=units * pieces.after)
@@ -131,20 +92,6 @@ def test_moves_keep_the_box_and_the_limits_in_any_units(units):
     times = np.einsum("lij,lj->li", pieces.before, ends[:-1]) + np.einsum("lij,lj->li", pieces.after, ends[1:])
     assert np.all(np.linalg.norm(pieces.values + times, axis=1) <= solution.intervals / units + 1e-8)
     assert np.ptp(solution.intervals) == 0.0
-
-
-def test_at_even_speed_a_bent_path_becomes_straight_with_equal_pieces():
-    bent = np.array([[0.0, 0.0], [0.1, 0.4], [0.5, 0.3], [0.6, -0.2], [1.0, 0.5]])
-    wide = np.full((3, 2), 2.0)
-    solution = IntervalSolver(4, 2).solve(even_speed(bent), -wide, wide)
-    assert bent[1:-1] + solution.moves == pytest.approx(np.linspace(bent[0], bent[-1], 5)[1:-1], abs=1e-5)
-    assert solution.intervals == pytest.approx(np.full(4, np.hypot(1.0, 0.5) / 4), rel=1e-9)
-
-
-def test_a_box_without_inside_is_an_error_by_name():
-    wide = np.full((3, 2), 1.0)
-    with pytest.raises(SolverFailed, match="intervals: Clarabel must end with Solved"):
-        IntervalSolver(4, 2).solve(even_speed(np.linspace([0.0, 0.0], [1.0, 0.5], 5)), wide, -wide)
 
 
 # The convex fit of ellipsoids: exact if possible, below its samples if required, never worse than another fit.
@@ -178,21 +125,6 @@ def samples():
     return design, directions, parts, radii, radii * np.exp(rng.uniform(-0.1, 0.1, size=radii.shape))
 
 
-@pytest.mark.parametrize("size", [2, 3])
-def test_the_basis_is_orthonormal_and_spans_the_symmetric_matrices(size):
-    basis = symmetric_basis(size)
-    assert np.einsum("pij,qij->pq", basis, basis) == pytest.approx(np.eye(size * (size + 1) // 2))
-    matrix = np.arange(size * size, dtype=float).reshape(size, size)
-    matrix += matrix.T
-    assert np.tensordot(np.einsum("pij,ij->p", basis, matrix), basis, 1) == pytest.approx(matrix)
-
-
-def test_ellipses_come_back_from_their_radii(samples):
-    design, directions, parts, radii, _ = samples
-    fitted = fit_inverse_squares(design, directions, radii, design, floor=FLOOR)
-    assert fitted == pytest.approx(parts, abs=1e-5)
-
-
 def test_a_bound_is_met_by_every_radius(samples):
     design, directions, _, _, radii = samples
     bounded = fit_inverse_squares(design, directions, radii, design, floor=FLOOR, bound=1.1)
@@ -220,8 +152,3 @@ def test_matrices_stay_above_the_floor():
     radii = np.array([[10.0, 10.0, 1.0]])  # no ellipse with such radii has real axes
     (parts,) = fit_inverse_squares(np.ones((1, 1)), directions, radii, np.ones((1, 1)), floor=0.01)
     assert np.linalg.eigvalsh(np.tensordot(parts, symmetric_basis(2), 1))[0] == pytest.approx(0.01, rel=1e-4)
-
-
-def test_numbers_that_have_no_fit_say_so():
-    with pytest.raises(SolverFailed, match="ellipsoid fit: Clarabel must end with optimal"):
-        fit_inverse_squares(np.ones((1, 1)), circle(3), np.ones((1, 3)), -np.ones((1, 1)), floor=0.01, bound=1.0)

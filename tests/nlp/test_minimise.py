@@ -13,7 +13,7 @@ import paretoik as pk
 from paretoik.nlp.dense.dense_program import DenseProgram
 from paretoik.nlp.dense.traced_rows import trace_rows
 from paretoik.nlp.minimise import minimise
-from paretoik.nlp.program import CONVERGED, INTERRUPTED, ITERATION_LIMIT, NOT_FINITE, VIOLATED, InteriorPointOptions
+from paretoik.nlp.program import CONVERGED, INTERRUPTED, ITERATION_LIMIT, NOT_FINITE, InteriorPointOptions
 from paretoik.stop_flag import STOP, Interrupted
 from paretoik.trajectory.transcription import motion_program
 from problems.tringali_2020 import simulation_4
@@ -60,13 +60,6 @@ def test_the_last_barrier_decides_how_near_limits_a_point_ends(kind):
     assert high.objectives[0, 0] > low.objectives[0, 0]
 
 
-def test_options_may_differ_from_point_to_point():
-    program = dense()
-    each = [InteriorPointOptions(iterations=count) for count in (1, 100)]
-    ends = minimise(program, starts(program), np.ones((1, 2)), options=each)
-    assert ends.status.tolist() == [ITERATION_LIMIT, CONVERGED]
-
-
 def test_bounds_on_dense_objectives_hold_and_raise_the_other():
     program = dense()
     weights = np.array([[1.0, 0.0]])
@@ -89,7 +82,7 @@ def test_status_tells_why_a_point_failed_and_others_are_solved():
 def test_unsolvable_equalities_are_reported_with_their_violation():
     rows = trace_rows(2, 0, lambda z, parameters: ([z[0] * z[0] + 1.0], [z[1]])).at()
     end = minimise(DenseProgram(rows=rows, costs=np.eye(2)[1:]), np.array([[0.5, 1.0]]), np.ones((1, 1)))
-    assert end.status.tolist() == [VIOLATED]
+    assert not end.converged.any()
     assert end.violation[0] == pytest.approx(1.0, abs=1e-6)
 
 
@@ -111,7 +104,7 @@ def test_after_a_signal_no_solver_takes_another_step(kind, stop):
 
 def test_signal_ends_iterations_and_keeps_their_results(stop):
     program = motion()
-    x, weights = np.repeat(starts(program), 4000, axis=0), np.ones((1, len(program.upper)))
+    x, weights = np.repeat(starts(program), 1500, axis=0), np.ones((1, len(program.upper)))
     minimise(program, x[:1], weights)  # compiles first: compilation is no iteration
     begin = time.monotonic()
     minimise(program, x, weights)

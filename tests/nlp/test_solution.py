@@ -10,7 +10,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from paretoik.nlp.parametric_qp.solution import QpOptions, solve_from
-from paretoik.nlp.parametric_qp.working_set import AugmentationOptions
 
 
 def solved(H, g, A, c, y, *, band=None, border=0, dense=0):
@@ -61,7 +60,7 @@ def assert_optimal(solution, H, g, A, c):
     assert np.abs(y * (c + A @ d)).max() <= 1e-8 * size
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(st.integers(0, 10**6), st.booleans(), st.integers(0, 3), st.integers(0, 3))
 def test_from_any_guess_the_optimum_is_found(seed, repeated, border, dense):
     H, g, A, c = drawn(seed, repeated=repeated)
@@ -78,7 +77,7 @@ def chain(seed):
     return H, 5 * rng.normal(size=n), A, 0.3 + rng.random(len(A))
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(st.integers(0, 10**6))
 def test_a_band_answers_as_a_dense_matrix_does(seed):
     H, g, A, c = chain(seed)
@@ -105,7 +104,7 @@ def test_more_changes_than_one_factorisation_takes_lead_to_the_optimum():
     assert_optimal(solution, H, g, A, c)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(st.integers(0, 10**6), st.floats(1e-3, 1e3), st.floats(1e-3, 1e3))
 def test_units_of_objective_and_constraints_change_nothing(seed, unit, other):
     H, g, A, c = drawn(seed)
@@ -132,15 +131,7 @@ def test_negative_curvature_along_active_constraints_ends_the_homotopy(dense):
     assert solved(H, g, along, np.zeros(1), np.array([1.0]), dense=dense).share == 0.0
 
 
-def test_directions_without_curvature_do_not_move_by_themselves():
-    H, g = np.diag([1.0, 0.0, 0.0]), np.array([-1.0, 0.0, 1.0])
-    A, c = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 1.0]]), np.array([0.5, 0.4])  # z ≥ −0.5, y + z ≥ −0.4
-    solution = solved(H, g, A, c, np.array([1.0, 0.0]))
-    assert_optimal(solution, H + AugmentationOptions().regularisation * np.eye(3), g, A, c)
-    assert solution.step == pytest.approx([1.0, 0.1, -0.5], abs=2e-6)
-
-
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(st.integers(0, 10**6))
 def test_a_linear_program_is_followed_to_its_vertex(seed):
     H, g, A, c = chain(seed)
@@ -159,7 +150,7 @@ def degenerate(seed):
     return H, rng.normal(size=columns), A, np.abs(rng.normal(size=rows)) * (rng.random(rows) > 0.5)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(st.integers(0, 10**6))
 def test_no_answer_is_a_saddle(seed):
     H, g, A, c = degenerate(seed)
@@ -169,8 +160,3 @@ def test_no_answer_is_a_saddle(seed):
         active = A[solution.multipliers > 0.0]
         tangents = np.linalg.svd(active)[2][len(active) :].T if len(active) else np.eye(len(g))
         assert np.linalg.eigvalsh(tangents.T @ H @ tangents).min(initial=0.0) >= -1e-9 * np.abs(H).max()
-
-
-def test_two_directions_of_negative_curvature_are_no_minimum():
-    solution = solved(-np.eye(2), np.array([1.0, 0.5]), np.zeros((0, 2)), np.zeros(0), np.zeros(0))
-    assert solution.share == 0.0

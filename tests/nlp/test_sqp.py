@@ -7,12 +7,11 @@ from dataclasses import replace
 import casadi
 import numpy as np
 import pytest
-from scipy.optimize import minimize
 
 from paretoik.errors import EvaluationFailed
 from paretoik.nlp.dense.dense_program import DenseProgram
 from paretoik.nlp.dense.traced_rows import trace_rows
-from paretoik.nlp.program import CONVERGED, ITERATION_LIMIT, VIOLATED, Goal, bounded
+from paretoik.nlp.program import CONVERGED, VIOLATED, Goal, bounded
 from paretoik.nlp.sqp import SqpOptions, minimise
 
 OPTIONS = SqpOptions(radius=0.1, tolerance=1e-9)
@@ -46,7 +45,7 @@ def first_of_two(upper=np.inf):
 
 
 @pytest.mark.parametrize("kinked", [False, True])
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_the_conditions_of_optimality_hold(seed, kinked):
     program, x = bowl(seed, kinked=kinked)
     free = minimise(program, x, first_of_two(), OPTIONS)
@@ -65,28 +64,7 @@ def test_the_conditions_of_optimality_hold(seed, kinked):
     assert multipliers @ np.abs(constraints.values) <= 1e-6
 
 
-@pytest.mark.parametrize("kinked", [False, True])
-@pytest.mark.parametrize("seed", range(6))
-def test_solution_is_no_worse_than_slsqps_in_the_same_basin(seed, kinked):
-    program, x = bowl(seed, kinked=kinked)
-    ours, rows = minimise(program, x, first_of_two(), OPTIONS), program.rows
-    theirs = minimize(
-        lambda z: z[4],
-        x,
-        jac=lambda z: np.eye(6)[4],
-        method="SLSQP",
-        constraints=[
-            {"type": "eq", "fun": lambda z: rows.rows(z)[0], "jac": lambda z: rows.jacobian(z)[:1]},
-            {"type": "ineq", "fun": lambda z: rows.rows(z)[1], "jac": lambda z: rows.jacobian(z)[1:]},
-        ],
-        options={"ftol": 1e-14, "maxiter": 500},
-    )
-    assert ours.status == CONVERGED
-    if theirs.success and np.linalg.norm(ours.x[:4] - theirs.x[:4]) < 0.3:
-        assert ours.objectives[0] <= theirs.x[4] + 1e-7
-
-
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_ipopt_stays_at_the_optimum_of_a_largest_value(seed):
     """IPOPT gets the same program, the largest of three waves on a circle, and starts at our optimum."""
     rng = np.random.default_rng(seed)
@@ -109,8 +87,7 @@ def test_ipopt_stays_at_the_optimum_of_a_largest_value(seed):
     assert end.objectives[0] == pytest.approx(float(theirs["f"]), abs=1e-7)
 
 
-@pytest.mark.parametrize("factor", [1e-6, 1e5])
-@pytest.mark.parametrize("kinked", [False, True])
+@pytest.mark.parametrize(("factor", "kinked"), [(1e-6, False), (1e5, True)])
 def test_a_goal_times_a_number_leads_to_the_same_point(factor, kinked):
     program, x = bowl(1, kinked=kinked)
     plain = minimise(program, x, first_of_two(), OPTIONS)
@@ -119,20 +96,6 @@ def test_a_goal_times_a_number_leads_to_the_same_point(factor, kinked):
     assert (plain.status, scaled.status) == (CONVERGED, CONVERGED)
     assert scaled.x[:5] == pytest.approx(plain.x[:5], abs=1e-6)  # the last unknown is not unique
     assert scaled.multipliers == pytest.approx(factor * plain.multipliers, abs=1e-4 * factor)
-
-
-def test_an_objective_in_other_units_leads_to_the_same_point():
-    program, x = bowl(2)
-    plain = minimise(program, x, first_of_two(), OPTIONS)
-    scaled = minimise(replace(program, costs=1e4 * program.costs), x, first_of_two(), OPTIONS)
-    assert scaled.x[:5] == pytest.approx(plain.x[:5], abs=1e-6)
-
-
-def test_a_bound_that_does_not_bind_changes_nothing():
-    program, x = bowl(0)
-    free, wide = (minimise(program, x, first_of_two(upper), OPTIONS) for upper in (np.inf, 1e3))
-    assert wide.objectives == pytest.approx(free.objectives, abs=1e-8)
-    assert wide.bound_multipliers == pytest.approx([0.0], abs=1e-6)
 
 
 def test_the_least_violation_is_found_and_given_up_where_constraints_contradict_each_other():
@@ -144,23 +107,6 @@ def test_the_least_violation_is_found_and_given_up_where_constraints_contradict_
     assert end.status == VIOLATED
     assert end.violation == pytest.approx(1.0, abs=1e-6)
     assert end.iterations < 30
-
-
-def test_equalities_that_cannot_hold_are_given_up_soon_while_the_objective_falls():
-    rows = trace_rows(2, 0, lambda z, parameters: ([z[0] * z[0] + 1.0], [])).at()
-    program = DenseProgram(rows=rows, costs=np.eye(2)[1:])
-    goal = Goal(weights=np.ones(1), rows=np.zeros((0, 1)), upper=np.zeros(0))
-    end = minimise(program, np.array([0.5, 0.0]), goal, SqpOptions(radius=0.1, iterations=200))
-    assert end.status == VIOLATED
-    assert end.iterations < 100
-    assert end.violation >= 1.0
-
-
-def test_no_iterations_leave_the_start():
-    program, x = bowl(0)
-    end = minimise(program, x, first_of_two(), SqpOptions(iterations=0))
-    assert end.status == ITERATION_LIMIT
-    assert (end.x == x).all()
 
 
 def test_a_program_that_is_not_finite_is_an_error_by_name():

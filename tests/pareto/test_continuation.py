@@ -10,11 +10,8 @@ from scipy.optimize import brentq
 
 import paretoik as pk
 from paretoik.nlp.minimise import minimise
-from paretoik.nlp.parametric_qp.correction import CorrectionOptions
-from paretoik.nlp.parametric_qp.correction import correct as search
-from paretoik.nlp.parametric_qp.solution import QpOptions
 from paretoik.pareto import continuation
-from paretoik.pareto.continuation import correct, follow, guess_optimum, predict
+from paretoik.pareto.continuation import follow, guess_optimum, predict
 from paretoik.pareto.navigation import Aim, Wish
 from paretoik.trajectory.plan_starts import sample_starts
 from paretoik.trajectory.transcription import motion_program
@@ -45,7 +42,7 @@ def followed(program, share, wish):
     return optimum, follow(program, optimum, wish.at_share)
 
 
-@pytest.mark.parametrize("share", [0.3, 0.7, 0.9])
+@pytest.mark.parametrize("share", [0.3, 0.9])
 @pytest.mark.parametrize("improve", [0, 1])
 def test_a_point_of_the_front_is_the_optimum_of_its_own_goal(share, improve):
     wish = aim(share, 0.1, improve=improve)
@@ -57,7 +54,7 @@ def test_a_point_of_the_front_is_the_optimum_of_its_own_goal(share, improve):
     assert optimum.multipliers.min() >= 0.0
 
 
-@pytest.mark.parametrize(("improve", "by"), [(0, 0.02), (0, 0.1), (1, 0.02), (1, 0.1)])
+@pytest.mark.parametrize(("improve", "by"), [(0, 0.02), (1, 0.1)])
 def test_followed_optimum_stays_on_the_front_and_gains_the_wish(improve, by):
     wish = aim(0.95, by, improve=improve)
     _, way = followed(PROGRAM, 0.95, wish)
@@ -66,14 +63,6 @@ def test_followed_optimum_stays_on_the_front_and_gains_the_wish(improve, by):
     assert values[improve] == pytest.approx(wish.start[improve] - by * RANGES[improve], abs=1e-9)
     place = brentq(lambda share: ellipses(ellipses_best(share))[improve] - values[improve], 1e-6, 1 - 1e-6, xtol=1e-14)
     assert values / RANGES == pytest.approx(ellipses(ellipses_best(place)) / RANGES, abs=1e-7)
-
-
-def test_following_two_halves_equals_following_the_whole():
-    whole = followed(PROGRAM, 0.7, aim(0.7, 0.2))[1].optimum
-    half = followed(PROGRAM, 0.7, aim(0.7, 0.1))[1].optimum
-    rest, _ = correct(PROGRAM, half, aim(0.7, 0.2).at_share(1.0))
-    assert rest.x == pytest.approx(whole.x, abs=1e-9)
-    assert rest.multipliers == pytest.approx(whole.multipliers, abs=1e-7)
 
 
 def test_following_there_and_back_returns_to_the_start():
@@ -91,7 +80,7 @@ def test_a_branch_that_ends_is_followed_no_further():
     assert 0.0 < PROGRAM.evaluate(way.optimum.x)[0][0] <= wish.start[0]
 
 
-@pytest.mark.parametrize("units", [(1e-6, 1.0), (1.0, 1e6), (1e4, 1e-4)])
+@pytest.mark.parametrize("units", [(1e-6, 1.0), (1e4, 1e-4)])
 def test_units_of_objectives_change_nothing(units):
     def values(x):
         return [unit * value for unit, value in zip(units, ellipses(x), strict=True)]
@@ -137,14 +126,7 @@ def papers_arm(**limits):
     return program, solutions.x[0], move
 
 
-def test_a_prediction_of_no_step_is_the_point():
-    for program, x, still in ((PROGRAM, start(0.7), aim(0.7, 0.0)), (*papers_arm()[:2], papers_arm()[2](0.0))):
-        assert predict(program, guess_optimum(program, x, still.at_share(0.0)), still.at_share) == pytest.approx(
-            x, abs=1e-9
-        )
-
-
-@pytest.mark.parametrize("limits", [{}, {"velocity": 2.8}])
+@pytest.mark.parametrize("limits", [{"velocity": 2.8}])
 def test_objectives_of_a_prediction_err_by_the_fourth_power_of_the_step(limits):
     program, x, move = papers_arm(**limits)
     errors = []
@@ -165,29 +147,3 @@ def test_prediction_makes_new_models_on_the_way(monkeypatch):
     assert predicted == pytest.approx(PROGRAM.evaluate(way.optimum.x)[0][:2], rel=0.01)
     monkeypatch.setattr(continuation, "OPTIONS", replace(continuation.OPTIONS, attempts=1))
     assert predict(PROGRAM, optimum, wish.at_share) is None
-
-
-def test_past_the_end_of_a_branch_nothing_is_predicted():
-    wish = aim(0.95, 2.0)
-    assert predict(PROGRAM, guess_optimum(PROGRAM, start(0.95), wish.at_share(0.0)), wish.at_share) is None
-
-
-@pytest.mark.parametrize(("predictions", "order"), [(1, 2), (3, 3)])
-def test_with_every_objective_s_own_hessian_a_prediction_errs_by_the_cube(predictions, order):
-    program, x, move_by = papers_arm()
-    errors = []
-    for by in (0.04, 0.02):
-        move = move_by(by)
-        begin, goal = guess_optimum(program, x, move.at_share(0.0)), move.at_share(1.0)
-        options = CorrectionOptions(
-            residual=np.inf,
-            violation=np.inf,
-            corrections=0,
-            contraction=0.5,
-            predictions=predictions,
-            predicted=1e-9,
-            qp=QpOptions(),
-        )
-        predicted = search(program.kernel, x, begin.multipliers, goal.weights, goal.rows, goal.upper, options)[2]
-        errors.append(float(abs(goal.rows[0] @ predicted - goal.upper[0])))
-    assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.4)

@@ -8,7 +8,7 @@ from paretoik.nlp.program import Constraints
 from paretoik.pareto.certificates import least_multipliers, null_space
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("auxiliary", [0, 1, 7])
 def test_null_space_does_not_depend_on_eliminated_columns(seed, auxiliary):
     rng = np.random.default_rng(seed)
@@ -27,12 +27,6 @@ def test_null_space_does_not_depend_on_eliminated_columns(seed, auxiliary):
     )
     assert reduced[:unknowns].T @ reduced[:unknowns] == pytest.approx(np.eye(reduced.shape[1]), abs=1e-12)
     assert np.linalg.matrix_rank(np.hstack([whole, reduced])) == whole.shape[1]
-
-
-def test_an_auxiliary_column_in_no_row_is_free():
-    basis = null_space(np.array([[1.0, 1.0, 0.0]]), 2)
-    assert basis.shape == (3, 2)
-    assert np.ptp(np.abs(basis[2])) == 1.0
 
 
 def test_a_tie_counts_by_its_share_of_what_it_ties_and_a_limit_by_its_own_size():

@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import groupby
-from typing import get_args
 
 import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.errors import InvalidInput, SolverFailed
 from paretoik.pareto import epsilon
 from paretoik.pareto.scalarisation import minimise_weighted
-from paretoik.pareto.sweep import SweepPhase
 from tests.pareto.sketches import scaled, sketched, swept
 
 
@@ -72,16 +68,7 @@ def fonseca(size=1.0):
     return sketched(2, values, lambda x: ([], [*(4 - one for one in x), *(4 + one for one in x)]))
 
 
-def test_a_sweep_names_the_phases_in_which_it_improves_a_front_that_has_its_points():
-    program, seen = fonseca(), []
-    swept(program, starts(program, 3), points=11, observe=seen.append)
-    phases = [phase for phase, _ in groupby(progress.phase for progress in seen)]
-    assert phases == [phase for phase in get_args(SweepPhase) if phase in phases]
-    assert {"", "jump search", "basin exchange"} <= set(phases)
-    assert {progress.done for progress in seen if progress.phase} == {11}
-
-
-@pytest.mark.parametrize("size", [1.0, 1e3])
+@pytest.mark.parametrize("size", [1e3])
 def test_a_front_that_is_bent_in_is_found_whole(size):
     """Fonseca & Fleming 1995: both coordinates are equal, between −1/√2 and 1/√2; sums of weights find the ends."""
     program = fonseca(size)
@@ -129,15 +116,7 @@ def test_a_front_in_pieces_has_points_on_all_of_them_and_on_nothing_else():
     assert values.min(axis=0) == pytest.approx([0.0, best.min()], abs=1e-5)
 
 
-def test_sweep_returns_at_most_the_asked_points_with_the_ends():
-    program = two_places(-1.0)
-    for points in (2, 3, 5):
-        values = swept(program, starts(program, 2), points=points)[0] @ program.costs.T
-        assert len(values) == points
-        assert values.min(axis=0) == pytest.approx([0.0, 0.0], abs=1e-4)  # the own optimum, in a flat valley
-
-
-@pytest.mark.parametrize("factor", [1e-9, 1.0, 1e9])
+@pytest.mark.parametrize("factor", [1e-9, 1e9])
 def test_one_point_that_is_the_best_of_all_is_a_front_in_any_unit(factor):
     program = sketched(2, lambda x: [apart(x, (0.2, 0.1)), 3.0 + 2.0 * apart(x, (0.2, 0.1))])
     program = scaled(program, (1.0 / factor, 1.0))
@@ -146,8 +125,9 @@ def test_one_point_that_is_the_best_of_all_is_a_front_in_any_unit(factor):
     assert len(z) == 1
 
 
-@pytest.mark.parametrize("factor", [1e-9, 1e9])
-@pytest.mark.parametrize(("distance", "accuracy"), [(0.5, 1e-6), (6e-4, 1e-2)])  # the second: a range of 4e-7 next to 3
+@pytest.mark.parametrize(  # the second: a range of 4e-7 next to 3
+    ("distance", "accuracy", "factor"), [(0.5, 1e-6, 1e-9), (6e-4, 1e-2, 1e9)]
+)
 def test_a_front_is_the_same_in_any_unit(distance, accuracy, factor):
     program = sketched(2, lambda x: [apart(x, (0.0, 0.1)), 3.0 + apart(x, (distance, 0.1))])
     plain, ranges = swept(program, starts(program, 2), points=5)
@@ -155,12 +135,6 @@ def test_a_front_is_the_same_in_any_unit(distance, accuracy, factor):
     assert len(plain) == 5
     np.testing.assert_allclose(z, plain, rtol=0, atol=accuracy * distance)
     assert other / factor == pytest.approx(ranges, rel=accuracy)
-
-
-def test_sweep_without_a_start_within_limits_is_an_error():
-    program = sketched(1, lambda x: [x[0], 1.0 - x[0]], lambda x: ([], [x[0] - 2.0, 1.0 - x[0]]))
-    with pytest.raises(SolverFailed, match="at least one start must lead to a point within all limits"):
-        swept(program, np.zeros((2, 3)), points=3)
 
 
 def test_an_end_that_does_not_converge_is_the_objectives_own_optimum(monkeypatch):
@@ -181,7 +155,7 @@ def test_an_end_that_does_not_converge_is_the_objectives_own_optimum(monkeypatch
 DRIVES = {"motors": (pk.capability.kim_joint_motors, 9, 4), "sliders": (pk.capability.kim_sliders, 7, 3)}
 
 
-@pytest.fixture(scope="module", params=DRIVES)
+@pytest.fixture(scope="module", params=["motors", pytest.param("sliders", marks=pytest.mark.slow)])
 def way(request):
     actuation, samples, points = DRIVES[request.param]
     ends = (0.1, -0.15), (0.2, -0.15)
@@ -215,24 +189,3 @@ def test_way_front_repeats_bit_for_bit(way):
     again = pk.epsilon_front(problem, points=points, starts=4)
     assert np.array_equal(again.objectives, front.objectives)
     assert np.array_equal(again.genes, front.genes)
-
-
-def test_one_objective_is_no_front():
-    problem = pk.DirectionalMaxima(
-        pk.arms.kim_3r(), pk.capability.kim_joint_motors(), [0.2, -0.15], [[1.0, 0.0]], power=False
-    )
-    with pytest.raises(InvalidInput, match="problem must have two objectives or more for epsilon_front, got one"):
-        pk.epsilon_front(problem, points=3)
-
-
-def test_an_end_in_a_valley_too_flat_for_the_least_weight_is_found_with_more(monkeypatch):
-    def lose_flat(program, x, weights, *rest, **settings):
-        solutions = minimise_weighted(program, x, weights, *rest, **settings)
-        lost = weights.min(axis=1) < 1e-5
-        return replace(solutions, status=np.where(lost, solutions.status + 1, solutions.status))
-
-    program = two_places(0.3)
-    monkeypatch.setattr(epsilon, "minimise_weighted", lose_flat)
-    z, _ = swept(program, starts(program, 3), points=5)
-    values = z @ program.costs.T
-    assert values.min(axis=0) == pytest.approx([0.3**2] * 2, abs=1e-4)

@@ -34,21 +34,6 @@ def test_workers_refine_points_to_the_same_bit_for_bit(executor):
     assert not np.array_equal(alone, POINTS)
 
 
-def test_an_observer_that_ends_refinement_leaves_the_same_points_as_they_were_whoever_refines(executor):
-    def ends_after_eight(done: int, total: int, point: np.ndarray) -> bool:
-        assert total == len(POINTS)
-        assert point.shape == POINTS[0].shape
-        return done >= 8
-
-    alone, converged = refine(PROGRAM, POINTS, 2, observe=ends_after_eight)
-    with distributing(executor):
-        points, also_converged = refine(PROGRAM, POINTS, 2, observe=ends_after_eight)
-    assert np.array_equal(points, alone)
-    assert np.array_equal(also_converged, converged)
-    assert np.array_equal(alone[8:], POINTS[8:])
-    assert not converged[8:].any()
-
-
 def sweep() -> Sweep:
     none = np.zeros((0, 2))
     points = {"x": np.zeros((0, *POINTS.shape[1:])), "objectives": none, "weights": none, "points": 5}

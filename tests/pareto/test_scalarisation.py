@@ -12,7 +12,7 @@ from paretoik.errors import SolverFailed
 from paretoik.front.indicators import ranges_of
 from paretoik.nlp.program import InteriorPointOptions
 from paretoik.pareto import scalarisation as cold_search
-from paretoik.pareto.scalarisation import StartSearch, main_weights, minimise_weighted, objective_sizes, optima_alone
+from paretoik.pareto.scalarisation import StartSearch, minimise_weighted, objective_sizes, optima_alone
 from tests.pareto.sketches import ellipses, ellipses_best, placed, scaled, sketched
 
 
@@ -29,23 +29,6 @@ def test_ranges_are_nadir_less_ideal_and_those_of_rounding_give_way_to_sizes():
     values = np.array([[1.0, 5.0, 0.0], [3.0, 5.0 + 1e-12, 0.0]])
     assert ranges_of(values) == pytest.approx([2.0, 5.0, 1.0])
     assert ranges_of(values, np.array([1.0, 7.0, 2.0])) == pytest.approx([2.0, 7.0, 2.0])
-
-
-def test_the_main_objective_weighs_one_and_the_others_what_is_asked():
-    np.testing.assert_array_equal(main_weights(3, np.array([2, 0]), 0.1), [[0.1, 0.1, 1.0], [1.0, 0.1, 0.1]])
-    np.testing.assert_array_equal(main_weights(2, np.array([0, 1]), np.array([0.2, 0.3])), [[1.0, 0.2], [0.3, 1.0]])
-
-
-def test_batches_lead_where_all_points_lead_at_once_and_are_looked_at_one_by_one():
-    program, weights = sketched(2, ellipses), np.array([[0.8, 0.2]])
-    rng, counts = np.random.default_rng(0), []
-    starts = placed(ellipses, rng.normal(size=(5, 2)))
-    settings = {"solver": "auto", "observe": lambda *count: counts.append(count)}
-    together = minimise_weighted(program, starts, weights, None, InteriorPointOptions(), **settings)
-    batches = minimise_weighted(program, starts, weights, None, InteriorPointOptions(), batch=2, **settings)
-    assert counts == [(5, 5), (2, 5), (4, 5), (5, 5)]
-    np.testing.assert_array_equal(together.x, batches.x)
-    assert together.x[:, :2] == pytest.approx(np.tile(ellipses_best(0.8), (5, 1)), abs=1e-5)
 
 
 def test_a_bound_holds_where_the_weights_alone_would_break_it():
@@ -73,12 +56,6 @@ def two_valleys():
 def search():
     starts = np.random.default_rng(0).uniform(-2, 2, (12, 4))
     return StartSearch(program_of=partial(scaled, two_valleys()), starts=starts, names=("first", "second"))
-
-
-def test_the_optima_of_one_objective_come_best_first():
-    x = search().optima(0)
-    assert np.all(np.diff((x[:, 0] ** 2 - 1) ** 2 + 0.25 * (x[:, 0] + 1)) >= -1e-6)
-    assert x[0, 0] < 0 < x[-1, 0]
 
 
 def test_starts_that_the_first_barrier_loses_are_tried_with_the_second(monkeypatch):
@@ -112,22 +89,6 @@ def test_below_a_bound_on_the_other_objective_optima_lie_on_it():
     assert len(solutions)
     assert np.abs(solutions.x[:, 0]) == pytest.approx(0.5, abs=1e-3)
     assert solutions.x[0, 0] < 0
-
-
-def test_batches_of_starts_are_shown():
-    seen = []
-    cold = search_from(
-        bounded_valleys(),
-        np.array([-0.5, 0.5, 1.5, -1.5, 0.2]),
-        observe=lambda *counts: seen.append(counts),
-    )
-    assert len(cold.optima(0)) == 5
-    assert seen == [(4, 5, "first (1 of 2)"), (5, 5, "first (1 of 2)")]
-
-
-def test_search_without_a_start_within_limits_is_an_error():
-    with pytest.raises(SolverFailed, match="at least one start must lead to a point within all limits"):
-        search_from(bounded_valleys(upper=-3.0), np.linspace(-1.0, 1.0, 3)).optima(0)
 
 
 def test_initial_points_lead_to_an_optimum_where_the_others_are_small_too():

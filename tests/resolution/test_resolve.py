@@ -142,15 +142,6 @@ def test_every_method_is_its_formula(method, name):
     np.testing.assert_allclose(motion.q, Plainly(motion, rates(), FEEDBACK).followed(), rtol=0, atol=1e-10)
 
 
-def test_compared_motions_were_damped_clamped_and_weighted():
-    for method in ("damped", "paper"):
-        assert "damped" in followed("planar", METHODS[method][0], limits=TIGHT).traces.status
-    traces = followed("planar", METHODS["consistent"][0], limits=TIGHT).traces
-    assert (traces.weights < 0.9).any()
-    assert ((traces.coefficients[..., 0] > 0) & (traces.coefficients[..., 0] < 0.69)).any()
-    assert (np.ptp(traces.coefficients, axis=0) > 1e-4).all()
-
-
 @every_arm
 def test_without_damping_criteria_or_limits_near_weighted_projection_is_the_pseudoinverse(name):
     free = Limits(position=12.0)
@@ -178,68 +169,18 @@ def test_the_consistent_variant_leaves_the_task_alone_where_nothing_is_damped(na
         assert disturbed["paper"] > 1e-3
 
 
-@every_arm
-def test_the_task_part_is_stationary_in_the_damped_problem(name):
-    motion = followed(name, METHODS["consistent"][0], limits=TIGHT if name == "planar" else None)
-    plainly, traces, looked = Plainly(motion, None, FEEDBACK), motion.traces, 0
-    for k in range(40):
-        task = traces.velocities[k] - traces.repulsion[k] - traces.projected[k].sum(axis=0)
-        if traces.weights[k].min() > 0.01:
-            jacobian = plainly.at(motion.q[k], k)[1]
-            left = jacobian.T @ (plainly.wanted(motion.q[k], k) - jacobian @ task)
-            assert np.abs(left - traces.damping[k] ** 2 * task / traces.weights[k] ** 2).max() < 1e-10
-            looked += 1
-    assert looked > 10
-
-
-def test_a_clamped_joint_does_nothing_for_the_task():
-    limits = Limits(position=([-0.3, 0.1, -0.754], [0.35, 1.2, 1.0]))
-    motion = followed("planar", pk.methods.WeightedGradientProjection(repulsion=0.0), limits=limits)
-    assert (motion.traces.velocities[:, 2] == 0.0).all()
-    assert np.abs(motion.q[-1, :2] - START[:2]).min() > 0.05
-
-
-def test_weighted_projection_frees_a_joint_that_the_weighted_least_norm_keeps_at_its_limit():
-    limits = Limits(position=([-3.0, -3.0, -0.80], [3.0, 3.0, 1.0]))
-    least_norm, freed = (
-        pk.resolve(tringali_3r(), DOWN.resample(201), method, start=START, limits=limits).q[-1, 2]
-        for method in (pk.methods.WeightedLeastNorm(), pk.methods.WeightedGradientProjection())
-    )
-    assert least_norm < -0.75
-    assert freed > -0.6
-
-
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", ["least norm", "consistent"])
 def test_a_batch_is_resolved_as_its_motions_are(method):
     arm, rng = wan_7r(), np.random.default_rng(0)
-    starts = BENT + rng.uniform(-0.005, 0.005, (5, 7))
+    starts = BENT + rng.uniform(-0.005, 0.005, (3, 7))
     chosen = METHODS[method][0]
     settings = {"path": begun(arm, BENT), "method": chosen, "unreachable": "track"}
     together = pk.resolve(arm, **settings, start=starts)
-    assert together.q.shape == (5, 41, 7)
+    assert together.q.shape == (3, 41, 7)
     for i, start in enumerate(starts):
         alone = pk.resolve(arm, **settings, start=start)
         np.testing.assert_array_equal(alone.q, together.q[i])
         np.testing.assert_array_equal(alone.traces.projected, together[i].traces.projected)
-
-
-def test_starts_and_numbers_are_broadcast():
-    numbers = np.linspace(0.1, 0.4, 4)
-    method = pk.methods.WeightedGradientProjection(
-        buffer=numbers,
-        criteria=[Criterion(objective=middle, gain=numbers[:, None])],
-        feedback=np.array([5.0, 20.0])[:, None, None],
-    )
-    starts = np.tile(START, (3, 1))
-    with pytest.raises(InvalidInput, match=r"WeightedGradientProjection: starts of shape \(3,\) and numbers"):
-        pk.resolve(tringali_3r(), DOWN, method, start=starts)
-    motion = pk.resolve(tringali_3r(), DOWN, method, start=START, limits=TIGHT, tolerance=0.1)
-    assert motion.q.shape == (2, 4, 4, 41, 3)
-    one = pk.methods.WeightedGradientProjection(
-        buffer=0.3, criteria=[Criterion(objective=middle, gain=0.2)], feedback=20.0
-    )
-    alone = pk.resolve(tringali_3r(), DOWN, one, start=START, limits=TIGHT, tolerance=0.1)
-    np.testing.assert_allclose(motion.q[1, 1, 2], alone.q, rtol=0, atol=1e-12)
 
 
 def test_open_loop_errors_stay_and_feedback_takes_them_away():
@@ -272,7 +213,7 @@ def test_a_singular_start_is_refused_or_held_or_damped():
     assert np.abs(damped.traces.velocities).max() < 20.0
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", ["pseudoinverse", "least norm", "consistent"])
 def test_out_of_reach_is_refused_or_tracked_with_bounded_velocities(method):
     path, chosen = line([0.468, 0.0], [0.568, 0.0], duration=1.0, samples=101), METHODS[method][0]
     with pytest.raises(
@@ -285,22 +226,6 @@ def test_out_of_reach_is_refused_or_tracked_with_bounded_velocities(method):
     assert motion.tracking_error[-1] > 0.05
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_starts_beyond_their_limits_give_bounded_velocities(method):
-    limits = Limits(position=([0.1, 0.4, -0.6], [0.35, 1.2, 1.0]))
-    motion = pk.resolve(tringali_3r(), DOWN, METHODS[method][0], start=START, limits=limits, unreachable="track")
-    assert np.abs(motion.traces.velocities).max() < 50.0
-
-
-def test_limits_may_vary_along_the_path():
-    upper = np.tile([0.35, 1.2, -0.6], (41, 1))
-    upper[:20] = 3.0
-    limits = Limits(position=(np.full((41, 3), -3.0), upper))
-    motion = followed("planar", pk.methods.WeightedGradientProjection(), limits=limits)
-    assert (motion.traces.weights[:20] == 1.0).all()
-    assert (motion.traces.weights[25:] < 1.0).any()
-
-
 def test_without_a_start_one_is_found_far_from_singular():
     motion = pk.resolve(tringali_3r(), DOWN, pk.methods.PseudoInverse())
     assert motion.tracking_error.max() < 1e-3
@@ -310,13 +235,14 @@ def test_without_a_start_one_is_found_far_from_singular():
         pk.resolve(tringali_3r(), line([0.6, 0.0], [0.5, 0.0], duration=1.0, samples=11), pk.methods.PseudoInverse())
 
 
-@pytest.mark.parametrize("objective", [pk.manipulability, pk.joint_limit_distance], ids=lambda one: one.name)
-def test_a_criterion_means_the_same_whatever_the_duration(objective):
+def test_a_criterion_means_the_same_whatever_the_duration():
     quick, slow = (
         pk.resolve(
             tringali_3r(),
             line([0.468, 0.0], [0.368, 0.0], duration=duration, samples=41),
-            pk.methods.WeightedGradientProjection(criteria=[Criterion(objective=objective, scale=0.01, reference=1.0)]),
+            pk.methods.WeightedGradientProjection(
+                criteria=[Criterion(objective=pk.manipulability, scale=0.01, reference=1.0)]
+            ),
             start=START,
             limits=Limits(position=3.0),
             tolerance=0.2,
@@ -327,92 +253,21 @@ def test_a_criterion_means_the_same_whatever_the_duration(objective):
     np.testing.assert_allclose(quick.traces.coefficients[0], slow.traces.coefficients[0], atol=1e-12)
 
 
-def test_a_criterion_sees_the_time_of_its_path():
-    @pk.objective(unit="", form="integral")
-    def following(motion):
-        return (motion.q[..., 0] - motion.time) ** 2
-
-    path = line([0.468, 0.0], [0.40, 0.0], duration=2.0, samples=41)
-    motion = pk.resolve(
-        tringali_3r(), path, pk.methods.GradientProjection(criteria=following), start=START, tolerance=0.1
-    )
-    for k in (0, 12, 30):
-        free = -2 * (motion.q[k, 0] - motion.time[k]) * np.array([1.0, 0.0, 0.0])
-        jacobian = kinematics.jacobian(tringali_3r(), motion.q[k])[:2]
-        expected = free - np.linalg.pinv(jacobian) @ jacobian @ free
-        np.testing.assert_allclose(motion.traces.projected[k, 0], expected, atol=1e-10)
-
-
 def test_a_criterion_without_a_value_is_named_or_left_out():
     @pk.objective(unit="", form="integral")
     def rooted(motion):
         return np.sqrt(motion.q[..., 2] + 0.7)
 
-    for method in (
-        pk.methods.GradientProjection(criteria=rooted),
-        pk.methods.WeightedGradientProjection(criteria=[rooted]),
+    method = pk.methods.WeightedGradientProjection(criteria=[rooted])
+    with pytest.raises(
+        EvaluationFailed, match=r"criterion rooted must have a finite value .* none at sample 0 \(0 s\)"
     ):
-        with pytest.raises(
-            EvaluationFailed, match=r"criterion rooted must have a finite value .* none at sample 0 \(0 s\)"
-        ):
-            pk.resolve(tringali_3r(), DOWN, method, start=START)
-        motion = pk.resolve(tringali_3r(), DOWN, method, start=START, unreachable="track")
-        missing = np.isnan(motion.traces.coefficients[:, 0])
-        assert missing[0]
-        assert (motion.traces.projected[missing] == 0).all()
-        assert motion.tracking_error.max() < 1e-2
-
-
-@pytest.mark.parametrize("variant", ["paper", "consistent"])
-def test_a_joint_held_at_one_place_stays_there(variant):
-    limits = Limits(position=([-3.0, -3.0, START[2]], [3.0, 3.0, START[2]]))
-    method = pk.methods.WeightedGradientProjection(variant=variant, criteria=[middle])
-    motion = pk.resolve(tringali_3r(), DOWN, method, start=START, limits=limits, unreachable="track")
-    assert (motion.q[:, 2] == START[2]).all()
-    assert np.abs(motion.traces.projected[..., :2]).max() > 0
-    assert (motion.traces.velocities[:, 2] == 0).all()
-
-
-def test_joints_that_are_all_clamped_are_pushed_off_their_limits_all_the_same():
-    limits = Limits(position=([-3.0, -3.0, -0.7], [3.0, 0.3, 3.0]))
-    method = pk.methods.WeightedGradientProjection(damping=0.0)
-    motion = pk.resolve(tringali_3r(), DOWN, method, start=START, limits=limits, unreachable="track")
-    assert motion.traces.status[0] == "held"
-    assert motion.traces.repulsion[0, 1] < 0 < motion.traces.repulsion[0, 2]
-    assert (motion.traces.status[-20:] == "done").all()
-    assert motion.tracking_error[-1] < 1e-3
-    harder = pk.methods.WeightedGradientProjection(damping=0.0, repulsion=100.0)
-    motion = pk.resolve(tringali_3r(), DOWN, harder, start=START, limits=limits, unreachable="track")
-    assert motion.traces.status[0] == "held"
-    assert np.abs(np.diff(motion.q, axis=0)).max() <= 1.0 + 1e-12
-
-
-def test_criteria_may_be_one_objective_or_a_list_and_no_generator():
-    with pytest.raises(InvalidInput, match=r"criteria must be objectives .*, got <generator"):
-        pk.methods.GradientProjection(criteria=(one for one in [pk.manipulability]))
-    forms = [pk.manipulability, (pk.manipulability,), [Criterion(objective=pk.manipulability)]]
-    motions = [
-        pk.resolve(tringali_3r(), DOWN, pk.methods.GradientProjection(criteria=each), start=START) for each in forms
-    ]
-    for motion in motions:
-        np.testing.assert_array_equal(motion.traces.projected, motions[0].traces.projected)
-    assert np.abs(motions[0].traces.projected).max() > 0
-
-
-def test_a_joint_past_its_limit_stays_there_by_the_weighted_least_norm():
-    limits = Limits(position=([-3.0, -3.0, -0.7], [3.0, 3.0, 3.0]))
-    motion = pk.resolve(
-        tringali_3r(), DOWN, pk.methods.WeightedLeastNorm(), start=START, limits=limits, unreachable="track"
-    )
-    assert np.abs(motion.q[:, 2] - START[2]).max() < 1e-9
-    assert motion.traces.weights[:, 2].max() <= 2e12
-
-
-def test_the_default_start_is_within_the_limits_of_the_first_sample():
-    lower, upper = np.full((41, 3), -3.0), np.full((41, 3), 3.0)
-    upper[:5, 0] = -0.2
-    motion = pk.resolve(tringali_3r(), DOWN, pk.methods.PseudoInverse(), limits=Limits(position=(lower, upper)))
-    assert motion.q[0, 0] <= -0.2
+        pk.resolve(tringali_3r(), DOWN, method, start=START)
+    motion = pk.resolve(tringali_3r(), DOWN, method, start=START, unreachable="track")
+    missing = np.isnan(motion.traces.coefficients[:, 0])
+    assert missing[0]
+    assert (motion.traces.projected[missing] == 0).all()
+    assert motion.tracking_error.max() < 1e-2
 
 
 def test_more_redundancy_and_several_tasks_are_resolved():
@@ -432,26 +287,9 @@ def test_more_redundancy_and_several_tasks_are_resolved():
     ("changed", "said"),
     [
         ({"method": pk.methods.PseudoInverse}, "method must be one of pk.methods, such as PseudoInverse(), got <class"),
-        ({"method": "pinv"}, "method must be one of pk.methods, such as PseudoInverse(), got 'pinv'"),
-        ({"unreachable": "ignore"}, "unreachable must be one of refuse, track, got 'ignore'"),
         ({"tolerance": 0.0}, "tolerance must be a positive distance in m or rad, got 0.0"),
-        ({"start": [0.0, np.nan, 0.0]}, "start: must be finite, got nan at index 1"),
         ({"start": [0.0, 1.0]}, "start must be joint positions (..., 3), got shape (2,)"),
-        ({"start": np.zeros((0, 3))}, "start must be joint positions (..., 3), got shape (0, 3)"),
-        ({"seed": "x"}, "seed must be an integer of at least 0, got 'x'"),
-        ({"limits": 5}, "limits must be Limits(...), got 5"),
-        ({"obstacles": 5}, "obstacles must be a list of obstacles, got 5"),
-        ({"link_radius": -1.0}, "link_radius must be 0 m or more, got -1"),
-        (
-            {"method": pk.methods.PseudoInverse(feedback=np.zeros(0))},
-            "PseudoInverse: arrays must have numbers, got an empty one",
-        ),
-        (
-            {"method": pk.methods.PredictiveKineticEnergy(terminal=np.zeros(0))},
-            "PredictiveKineticEnergy: arrays must have numbers, got an empty",
-        ),
         ({"start": [0.3, 0.2, 0.5]}, "start must be at most 0.01 m off the path's first sample, or unreachable"),
-        ({"start": "home"}, "start: must hold real numbers, got text"),
         ({"method": pk.methods.PseudoInverse(feedback=1000.0)}, "PseudoInverse: feedback must be from 0 to 40 1/s"),
         (
             {"method": pk.methods.GradientProjection(criteria=[Criterion(objective=pk.torque_norm)])},
@@ -477,59 +315,15 @@ def test_what_cannot_be_used_is_refused_by_name(changed, said):
             lambda: pk.methods.WeightedGradientProjection(buffer=0.5),
             "buffer must be 0 or more and less than 0.5, got 0.5",
         ),
-        (
-            lambda: pk.methods.WeightedGradientProjection(band=-0.1),
-            "band must be 0 or more and less than 0.5, got -0.1",
-        ),
         (lambda: pk.methods.DampedLeastSquares(damping=np.nan), "DampedLeastSquares: damping: must be finite, got nan"),
-        (
-            lambda: pk.methods.DampedLeastSquares(region="a"),
-            "DampedLeastSquares: region: must hold real numbers, got text",
-        ),
-        (
-            lambda: pk.methods.DampedLeastSquares(region=-1.0),
-            "DampedLeastSquares: region must be 0 or more, got -1.0",
-        ),
-        (lambda: pk.methods.PseudoInverse(feedback="a"), "PseudoInverse: feedback: must hold real numbers, got text"),
-        (
-            lambda: pk.methods.WeightedGradientProjection(priorities=[np.nan]),
-            "priorities: must be finite, got nan at index 0",
-        ),
         (lambda: pk.methods.Nedungadi(tolerance=0.0), "Nedungadi: tolerance must be positive, got 0.0"),
-        (
-            lambda: pk.methods.WeightedGradientProjection(variant="ours"),
-            "variant must be one of paper, consistent, got 'ours'",
-        ),
         (
             lambda: Criterion(objective=pk.joint_drift),
             "criteria: objective must be one of form integral or peak, got Obj",
         ),
-        (
-            lambda: pk.methods.GradientProjection(criteria=["speed"]),
-            "criteria: objective must be one of form integral or peak, got 's",
-        ),
-        (
-            lambda: pk.methods.GradientProjection(criteria=5),
-            "criteria must be objectives of form integral or peak, got 5",
-        ),
-        (
-            lambda: pk.methods.GradientProjection(criteria=[middle, middle]),
-            "criteria: names must differ, got middle, middle",
-        ),
         (lambda: Criterion(objective=middle, scale=0.0), "criterion middle: scale must be positive, got 0.0"),
-        (lambda: Criterion(objective=middle, reference=np.inf), "criterion middle, reference: must be finite, got inf"),
-        (lambda: Criterion(objective=middle, gain="a"), "criterion middle, gain: must hold real numbers, got text"),
-        (lambda: Criterion(objective=middle, gain=-1.0), "criterion middle: gain must be 0 or more, got -1.0"),
     ],
 )
 def test_numbers_out_of_range_are_refused_by_name(make, said):
     with pytest.raises(InvalidInput, match=re.escape(said)):
         make()
-
-
-def test_motions_of_a_batch_are_the_same_in_every_run():
-    """Threads share nothing: with a common workspace about one run in six gave another result."""
-    method = pk.methods.WeightedGradientProjection(criteria=pk.manipulability, buffer=np.linspace(0.05, 0.4, 8))
-    path = line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=51)
-    runs = [pk.resolve(tringali_3r(), path, method, start=[0.0, 0.327, -0.754], unreachable="track") for _ in range(30)]
-    assert all((run.q == runs[0].q).all() for run in runs[1:])

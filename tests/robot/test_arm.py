@@ -67,12 +67,6 @@ def test_a_fixed_joint_is_the_full_arm_held_at_that_value(anyarm_of, seed, value
         assert np.abs(rise).max() < 1e-10
 
 
-def test_fixing_a_joint_keeps_the_other_joints_limits_and_names():
-    arm = tringali_3r().fixed(joint2=0.5)
-    assert arm.joint_names == ("joint1", "joint3")
-    assert arm.position_limits == pytest.approx(tringali_3r().position_limits[[0, 2]])
-
-
 def test_joint_motion_turns_about_and_slides_along_z():
     assert joint_motion("revolute", np.pi / 2).apply([1.0, 0.0, 0.0]) == pytest.approx([0.0, 1.0, 0.0])
     assert joint_motion("prismatic", 0.3).apply([1.0, 0.0, 0.0]) == pytest.approx([1.0, 0.0, 0.3])

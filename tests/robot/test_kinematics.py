@@ -9,16 +9,8 @@ import paretoik as pk
 from paretoik.errors import InvalidInput
 from paretoik.robot import kinematics
 from paretoik.robot.arms import tringali_3r
-from paretoik.robot.kinematics import arm_constants, characteristic_length, joint_cosines_and_sines, joint_scales
+from paretoik.robot.kinematics import arm_constants, characteristic_length, joint_scales
 from tests.robot.laws import same
-
-
-def test_link_nodes_run_from_the_base_over_every_joint_to_the_tool(panda_arm):
-    q = np.random.default_rng(4).normal(size=(3, 7))
-    nodes = kinematics.link_nodes(panda_arm, q)
-    names = ["base", *panda_arm.joint_names, "tool"]
-    for i, name in enumerate(names):
-        same(nodes[:, i], kinematics.forward_kinematics(panda_arm, q, name)[1], 1e-15)
 
 
 def test_a_frame_before_a_joint_does_not_feel_it(panda_arm):
@@ -42,20 +34,11 @@ def test_the_pose_of_many_postures_is_a_batch_of_those_of_each(panda_arm):
     np.testing.assert_array_equal(poses.position, position)
 
 
-def test_a_planar_arm_moves_in_three_rows_of_its_jacobian():
-    arm = tringali_3r()
-    jacobian = arm.jacobian(np.random.default_rng(7).normal(size=(5, 3)))
-    assert np.all(jacobian[:, [2, 3, 4]] == 0.0)
-    assert np.all(jacobian[:, 5] == 1.0)
-
-
 @pytest.mark.parametrize(
     ("call", "message"),
     [
         (lambda arm: arm.pose([0.1, 0.2]), "q: must have shape \\(..., 3\\), one per joint, got shape"),
-        (lambda arm: arm.jacobian([0.1, np.nan, 0.2]), "q: must be finite, got nan at index 1"),
         (lambda arm: arm.pose([0.0] * 3, frame="hand"), "frame must be one of tool, base, .* got 'hand'"),
-        (lambda arm: arm.jacobian("home"), "q: must hold real numbers, got text"),
     ],
 )
 def test_what_is_no_posture_or_no_frame_is_refused(call, message):
@@ -64,13 +47,6 @@ def test_what_is_no_posture_or_no_frame_is_refused(call, message):
 
 
 # Constants of an arm: regrouped inertias and exact right angles
-
-
-def test_links_of_a_planar_arm_keep_two_moments_each():
-    for link in arm_constants(tringali_3r()).links:
-        assert link.mass == 0.0  # on the axis, it belongs to the link before
-        assert link.first_moment[1:] == (0.0, 0.0)
-        assert link.first_moment[0] > 0.0
 
 
 def test_the_first_links_regrouped_inertia_is_that_of_the_arm_without_bends():
@@ -83,35 +59,7 @@ def test_the_first_links_regrouped_inertia_is_that_of_the_arm_without_bends():
         np.testing.assert_allclose(link.inertia[2][2], expected, rtol=1e-14)
 
 
-def test_rotations_by_right_angles_hold_only_zeros_and_ones(panda_arm):
-    rotations = np.array([link.rotation for link in arm_constants(panda_arm).links[:-1]])
-    assert np.isin(np.abs(rotations), [0.0, 1.0]).all()
-
-
-def test_prismatic_joints_do_not_rotate(anyarm_of):
-    arm = anyarm_of(4)
-    assert "prismatic" in arm.joint_types
-    for joint_type, (cosine, sine) in zip(
-        arm.joint_types, joint_cosines_and_sines(arm_constants(arm).links, np.full(5, 0.4)), strict=True
-    ):
-        expected = (1.0, 0.0) if joint_type == "prismatic" else (np.cos(0.4), np.sin(0.4))
-        assert (cosine, sine) == expected
-
-
 # An arm's length, which is the unit of slides
-
-
-def gantry(limits):
-    """Three slides at one place."""
-    return pk.Arm.from_dh(
-        a=[0.0, 0.0, 0.0],
-        alpha=[0.0, np.pi / 2, np.pi / 2],
-        d=[0.0, 0.0, 0.0],
-        theta=[0.0, np.pi / 2, 0.0],
-        types=["prismatic"] * 3,
-        position_limits=limits,
-        convention="modified",
-    )
 
 
 def test_an_arms_length_is_the_sum_of_its_links_wherever_it_is_mounted():
@@ -119,11 +67,6 @@ def test_an_arms_length_is_the_sum_of_its_links_wherever_it_is_mounted():
     assert characteristic_length(arm) == pytest.approx(0.6)
     assert characteristic_length(arm.mounted(base=pk.Pose([9.0, 0.0, 0.0]))) == pytest.approx(0.6)
     assert characteristic_length(arm.with_tool(pk.Pose([0.4, 0.0, 0.0]))) == pytest.approx(1.0)
-
-
-def test_slides_without_links_are_measured_in_the_longest_of_their_ranges():
-    lengths = [characteristic_length(gantry(limits)) for limits in (None, [0.5, 2.0, np.inf])]
-    assert lengths == [1.0, 4.0]
 
 
 def test_joints_that_turn_are_measured_in_radians_and_slides_in_the_arms_length():

@@ -15,13 +15,10 @@ from paretoik.errors import InvalidInput, InvalidRobot
 from paretoik.robot.arm import Arm
 from paretoik.robot.body import inertia_fault, nearest_inertia
 from paretoik.robot.dynamics import gravity_torques, inverse_dynamics
-from paretoik.robot.kinematics import forward_kinematics, link_frames
+from paretoik.robot.kinematics import forward_kinematics
 from paretoik.robot.pose import Pose
-from paretoik.robot.urdf import RobotReport, check_robot, report_text
-from paretoik.robot.urdf_description import group_messages
+from paretoik.robot.urdf import check_robot
 from paretoik.task.limits import Limits
-from paretoik.task.path import line
-from paretoik.task.task import Task
 from paretoik.task.validation import lacks_masses
 from studies.benchmarks.urdf import Tally, Tree, compare_chain, compare_file, random_chains
 from tests.robot.conftest import JACO, PANDA
@@ -54,7 +51,7 @@ def check_random_robot(folder: Path, seed: int) -> None:
             agree_with_pinocchio(file, Arm.from_urdf(file, **options), base or robot.links[0], fixed, seed)
 
 
-@settings(max_examples=8)
+@settings(max_examples=5)
 @given(seed=st.integers(0, 10**9))
 def test_every_link_and_torque_of_random_chains_is_that_of_pinocchio(tmp_path_factory, seed):
     check_random_robot(tmp_path_factory.getbasetemp(), seed)
@@ -75,7 +72,7 @@ def test_every_urdf_of_the_repository_has_a_tip_here():
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
 def test_chains_of_the_repositorys_robots_are_those_that_pinocchio_reads(file):
     tally = Tally()
-    compare_file(file, tally, np.random.default_rng(1), leaves=3, pairs=6)
+    compare_file(file, tally, np.random.default_rng(1), leaves=2, pairs=4)
     assert tally.chains >= 4
     assert tally.disagreements == 0
     assert all(reason.startswith("a joint between") for reason in tally.refusals)
@@ -110,8 +107,8 @@ def test_the_jaco_has_continuous_joints_without_ends():
     assert arm.bodies[5].mass == pytest.approx(0.99 + 4 * 0.01)  # the four finger links are fixed to the hand
 
 
-@pytest.mark.parametrize("axis", ["1 0 0", "0 1 0", "0 0 1", "-1 0 0", "0 -1 0", "0 0 -1", "1 1 1", "0.6 0 -0.8"])
-@pytest.mark.parametrize("kind", ["revolute", "continuous", "prismatic"])
+@pytest.mark.parametrize("axis", ["0 1 0", "0 0 -1", "0.6 0 -0.8"])
+@pytest.mark.parametrize("kind", ["revolute", "prismatic"])
 def test_a_joint_moves_about_or_along_the_axis_of_its_file(write_urdf, axis, kind):
     file = write_urdf(link("a"), link("b"), joint("j", "a", "b", kind, LIMIT + f'<axis xyz="{axis}"/>'))
     arm = Arm.from_urdf(file)
@@ -126,52 +123,6 @@ def test_a_joint_moves_about_or_along_the_axis_of_its_file(write_urdf, axis, kin
         away = np.cross(direction, np.roll(direction, 1) + np.array([0.0, 0.0, 0.1]))
         assert np.cross(away, rotation @ away) @ direction > 0  # turns the right-handed way
     assert forward_kinematics(arm, np.zeros(1))[0] == pytest.approx(np.eye(3))
-
-
-def test_infinite_limits_are_read_as_none(write_urdf):
-    limit = '<limit lower="-inf" upper="INF" velocity="Infinity" effort="inf"/>'
-    arm = Arm.from_urdf(write_urdf(*chain_of_three(inside=limit)))
-    assert arm.position_limits[1].tolist() == [-np.inf, np.inf]
-    assert np.isposinf(arm.velocity_limits[1])
-    assert np.isposinf(arm.torque_limits[1])
-
-
-def test_a_massless_flange_takes_the_mass_of_what_is_fixed_to_it(write_urdf):
-    parts = [*chain_of_three(last=""), link("hand"), joint("mount", "d", "hand", "fixed", "")]
-    arm = Arm.from_urdf(write_urdf(*parts))
-    assert arm.bodies[2].mass == 1.0
-    assert not any("moves no mass" in notice for notice in arm.notices)
-
-
-def test_a_link_with_inertia_and_no_mass_adds_its_inertia(write_urdf):
-    ring = BODY.replace('mass value="1"', 'mass value="0"')
-    parts = [*chain_of_three(), link("ring", ring), joint("mount", "d", "ring", "fixed", '<origin xyz="9 9 9"/>')]
-    body = Arm.from_urdf(write_urdf(*parts)).bodies[2]
-    assert body.mass == 1.0
-    assert body.center.tolist() == [0.0, 0.0, 0.0]
-    assert body.inertia == pytest.approx(2 * np.eye(3))
-
-
-@pytest.mark.parametrize(
-    ("inside", "words"),
-    [
-        ('<origin xyz="1e308 0 0"/>', "joint 'k': origin xyz must be at most"),
-        ('<origin xyz="9e49 0 0"/>', "the robot: pose position must be at most"),
-    ],
-)
-def test_offsets_that_are_too_large_alone_or_together_are_refused(write_urdf, inside, words):
-    parts = [*chain_of_three(), link("e"), link("f")]
-    parts += [joint("k", "d", "e", "fixed", inside), joint("m", "e", "f", "fixed", inside)]
-    with pytest.raises(InvalidRobot, match=words):
-        Arm.from_urdf(write_urdf(*parts))
-
-
-def test_names_may_be_of_any_alphabet_and_even_of_pinocchios_own(write_urdf):
-    parts = [link("universe"), link("колено"), link("手 &lt;1&gt;")]
-    joints = [joint("root_joint", "universe", "колено"), joint("関節", "колено", "手 &lt;1&gt;")]
-    arm = Arm.from_urdf(write_urdf(*parts, *joints, name="robö.urdf"))
-    assert arm.joint_names == ("root_joint", "関節")
-    assert "手 <1>" in arm.frames
 
 
 def test_links_called_tool_and_base_are_those_of_the_file_and_the_arms_own_frames_have_other_names(write_urdf):
@@ -189,16 +140,6 @@ def test_links_called_tool_and_base_are_those_of_the_file_and_the_arms_own_frame
     assert longer.pose(q).position[2] == pytest.approx(1.5)
     assert longer.pose(q, frame="tool").position[2] == pytest.approx(1.0)
     assert Arm.from_urdf(write_urdf(*parts), base="base").pose(q, frame="root").position[2] == pytest.approx(-1.0)
-
-
-def test_a_path_for_a_link_called_tool_is_followed_by_that_link(write_urdf):
-    parts = [link("tool"), link("a"), link("b"), joint("j1", "tool", "a")]
-    arm = Arm.from_urdf(write_urdf(*parts, joint("j2", "a", "b", inside=LIMIT + '<origin xyz="1 0 0"/>')))
-    path = line([0.5, 0.0, 0.0], [0.6, 0.0, 0.0], duration=1.0, samples=3)
-    links = link_frames(arm, [0.0, 0.0])
-    for frame, place in ({"frame": "tool"}, 0.0), ({}, 1.0):
-        task = Task(path, axes="xyz", **frame)
-        assert task.errors(arm, links, task.targets(path.times)[0])[0] == pytest.approx(0.5 - place)
 
 
 def test_meshes_are_never_opened_and_the_network_is_never_asked(write_urdf, monkeypatch):
@@ -232,11 +173,6 @@ def test_a_report_without_a_tip_names_the_leaves_to_choose_from():
     assert report.summary[-1].endswith("a link that all of them hang from: panda_link7, panda_link8, panda_hand")
 
 
-def test_leaves_that_hang_from_the_root_alone_leave_nothing_to_propose(write_urdf):
-    file = write_urdf(link("a"), link("b"), link("c"), joint("j1", "a", "b"), joint("j2", "a", "c"))
-    assert check_robot(file).summary[-1] == "several leaves: name one as tip to see its chain"
-
-
 @pytest.mark.parametrize("what", ["velocity", "effort"])
 def test_a_zero_limit_is_a_warning_and_a_required_choice(write_urdf, what):
     limit = '<limit lower="-1" upper="1" velocity="3" effort="4"/>'.replace(
@@ -254,10 +190,6 @@ def test_a_zero_limit_is_a_warning_and_a_required_choice(write_urdf, what):
     assert np.isfinite(limits[[0, 2]]).all()
 
 
-def test_the_jaco_passes_our_validation():
-    assert check_robot(JACO, tip="j2s6s200_end_effector").faults == ()
-
-
 def test_a_urdf_is_read_and_built_without_pinocchio(monkeypatch):
     monkeypatch.setitem(sys.modules, "pinocchio", None)
     assert check_robot(PANDA).faults == ()
@@ -272,15 +204,11 @@ def test_a_urdf_is_read_and_built_without_pinocchio(monkeypatch):
     ("options", "words"),
     [
         ({}, "tip must be one of the leaves panda_hand_tcp, panda_leftfinger, panda_rightfinger, got none"),
-        ({"tip": "hand"}, "tip must be one of panda_link0, .*, got 'hand'"),
-        ({"base": "foot", "tip": "panda_hand"}, "base must be one of panda_link0, .*, got 'foot'"),
         (
             {"base": "panda_hand", "tip": "panda_link3"},
             "base must be a link that carries the tip 'panda_link3', got 'panda_hand'",
         ),
         ({"tip": "panda_hand", "fixed": {"elbow": 0.0}}, "fixed must name joints among panda_joint1, .*, got 'elbow'"),
-        ({"tip": "panda_hand", "fixed": {"panda_joint1": np.nan}}, "joint 'panda_joint1': must be finite"),
-        ({"tip": "panda_hand", "zero_limits": "ignore"}, "zero_limits must be one of None, unlimited, got 'ignore'"),
     ],
 )
 def test_unknown_names_and_values_are_refused(options, words):
@@ -295,12 +223,6 @@ def test_joints_fixed_on_loading_are_the_whole_arm_held_there(panda_arm):
     other = panda_arm.fixed(panda_joint3=0.4)
     assert inverse_dynamics(held, *q) == pytest.approx(inverse_dynamics(other, *q), rel=1e-12, abs=1e-12)
     assert any("'panda_joint3': on the chain, frozen at 0.4 rad" in notice for notice in held.notices)
-
-
-def test_a_mimic_joint_off_the_chain_follows_its_frozen_leader():
-    arm = Arm.from_urdf(PANDA, tip="panda_hand_tcp", fixed={"panda_finger_joint1": 0.03})
-    left, right = (forward_kinematics(arm, np.zeros(7), f"panda_{side}finger")[1] for side in ("left", "right"))
-    assert np.linalg.norm(left - right) == pytest.approx(0.06)
 
 
 def test_a_base_above_the_root_leaves_out_what_is_before_it(panda_arm):
@@ -335,18 +257,6 @@ def test_a_mimic_joint_is_refused_by_name_on_the_chain_unless_it_or_its_leader_i
     arm = Arm.from_urdf(file, fixed={"j1": 0.5})
     assert arm.joint_names == ("j3",)
     assert "joint 'j2': on the chain, frozen at -0.75 rad" in arm.notices
-
-
-def test_a_frozen_joint_that_mimics_a_moving_one_is_told(write_urdf):
-    parts = [*chain_of_three(), link("e"), joint("side", "d", "e", inside=LIMIT + '<mimic joint="j1" offset="0.25"/>')]
-    arm = Arm.from_urdf(write_urdf(*parts), tip="d")
-    assert "joint 'side': off the chain, frozen at 0.25 rad, though it mimics 'j1'" in arm.notices
-
-
-def test_a_frozen_joint_outside_its_limits_is_told(write_urdf):
-    limit = '<limit lower="0.1" upper="1" velocity="1" effort="1"/>'
-    arm = Arm.from_urdf(write_urdf(*chain_of_three(), link("e"), joint("side", "d", "e", inside=limit)), tip="d")
-    assert "joint 'side': off the chain, frozen at 0 rad, outside its limits" in arm.notices
 
 
 def test_a_massless_moving_link_is_told_and_serves_kinematics_alone(write_urdf):
@@ -400,22 +310,6 @@ def test_soft_limits_are_told_or_taken(write_urdf):
     assert not any("soft" in notice for notice in Arm.from_urdf(gains).notices)
 
 
-def test_a_quaternion_in_a_file_of_urdf_1_0_is_read_and_told(write_urdf):
-    turn = '<origin quat_xyzw="0 0 2 2"/>'
-    file = write_urdf(*chain_of_three(inside=LIMIT + turn))
-    assert Arm.from_urdf(file).pose(np.zeros(3)).rotation[:2, 0] == pytest.approx([0.0, 1.0])
-    told = [warning for warning in check_robot(file).warnings if "quat_xyzw" in warning]
-    assert len(told) == 2
-    assert "quat_xyzw is of URDF 1.1" in told[0]
-    assert "quat_xyzw has length 2.82843" in told[1]
-
-
-def test_a_chain_without_a_moving_joint_is_refused(write_urdf):
-    file = write_urdf(link("a"), link("b"), joint("j", "a", "b", "fixed", ""))
-    with pytest.raises(InvalidRobot, match="a joint between 'a' and 'b' must move"):
-        Arm.from_urdf(file)
-
-
 WRONG = BODY.replace('izz="1"', 'izz="9"')
 
 
@@ -438,34 +332,6 @@ def test_an_antenna_with_a_wrong_inertia_is_a_point_mass_and_is_told(write_urdf,
         assert any(words in fault for fault in check_robot(file).faults)  # it is the only leaf, and so the tip
         with pytest.raises(InvalidRobot, match=words):
             Arm.from_urdf(file, tip="antenna")
-
-
-@pytest.mark.parametrize("frozen", [False, True])
-def test_a_link_that_no_joint_moves_may_have_any_inertia(write_urdf, frozen):
-    mount = joint("mount", "world", "a", "revolute" if frozen else "fixed")
-    right = write_urdf(link("world"), mount, *chain_of_three(), name="right.urdf")
-    wrong = write_urdf(link("world", WRONG), mount, *chain_of_three(), name="wrong.urdf")
-    options = {"tip": "d", "fixed": {"mount": 0.3} if frozen else None}
-    arm, other = Arm.from_urdf(wrong, **options), Arm.from_urdf(right, **options)
-    words = "link 'world': inertia must keep the triangle inequality"
-    assert next(notice for notice in arm.notices if words in notice).endswith("; no joint moves it, left out")
-    q = np.random.default_rng(3).normal(size=(3, 3))
-    np.testing.assert_array_equal(inverse_dynamics(arm, *q), inverse_dynamics(other, *q))
-    with pytest.raises(InvalidRobot, match="link 'd': inertia must keep the triangle inequality"):
-        Arm.from_urdf(write_urdf(*chain_of_three(last=WRONG)), tip="d")
-
-
-def test_without_a_tip_faults_are_those_of_every_chain_and_others_are_warnings(write_urdf):
-    hands = [link("e", WRONG), link("f", WRONG), joint("k", "d", "e"), joint("m", "d", "f", inside="")]
-    report = check_robot(write_urdf(*chain_of_three(), *hands))
-    assert report.faults == ()
-    assert [warning.split("'")[1] for warning in report.warnings] == ["e", "f", "m"]
-    assert all(warning.endswith("; it matters on a chain that it is on") for warning in report.warnings)
-    with pytest.raises(InvalidRobot, match="link 'e': inertia must keep"):
-        Arm.from_urdf(report.file, tip="e")
-    parts = chain_of_three()
-    parts[2] = link("c", WRONG)
-    assert [fault.split("'")[1] for fault in check_robot(write_urdf(*parts, *hands)).faults] == ["c"]
 
 
 def test_faults_of_parts_off_the_chain_are_warnings_that_say_what_becomes_of_them(write_urdf):
@@ -507,27 +373,7 @@ def test_faults_of_parts_off_the_chain_are_warnings_that_say_what_becomes_of_the
             Arm.from_urdf(file, tip=tip)
 
 
-def test_macros_in_shapes_are_a_warning_and_others_a_fault_of_what_they_are_in(write_urdf):
-    shape = '<visual><xacro:mesh name="x"/></visual>'
-    parts = [*chain_of_three(last=shape + BODY), link("e", "<xacro:block/>"), joint("k", "c", "e", "fixed", "")]
-    file = write_urdf(*parts)
-    report = check_robot(file, tip="d")
-    assert report.faults == ()
-    assert any("1 macros of xacro, in parts that are not read" in warning for warning in report.warnings)
-    assert Arm.from_urdf(file, tip="d").dof == 3
-    assert "must be expanded by xacro, got the macro <xacro:block>" in check_robot(file, tip="e").faults[0]
-
-
-def test_a_light_link_with_a_wrong_inertia_is_judged_by_the_body_that_it_is_a_part_of(write_urdf):
-    light = BODY.replace('"1"', '"1e-8"').replace('izz="1e-8"', 'izz="9e-8"')
-    parts = [*chain_of_three(), link("sticker", light), joint("glue", "d", "sticker", "fixed", "")]
-    arm = Arm.from_urdf(write_urdf(*parts))
-    assert any("link 'sticker': inertia must keep" in notice and "has a real one" in notice for notice in arm.notices)
-    moments = np.linalg.eigvalsh(arm.bodies[2].inertia)
-    np.testing.assert_allclose(moments, [1 + 1e-8, 1 + 1e-8, 1 + 9e-8], rtol=1e-15)
-
-
-@pytest.mark.parametrize("moments", [(1, 1, 9), (-1, 2, 2), (-1, -1, -1)])
+@pytest.mark.parametrize("moments", [(1, 1, 9), (-1, 2, 2)])
 def test_a_repaired_inertia_is_that_of_a_real_body_and_is_told(write_urdf, moments):
     xx, yy, zz = moments
     body = f'<inertial><mass value="1"/><inertia ixx="{xx}" ixy="0" ixz="0" iyy="{yy}" iyz="0" izz="{zz}"/></inertial>'
@@ -542,50 +388,3 @@ def test_a_repaired_inertia_is_that_of_a_real_body_and_is_told(write_urdf, momen
     assert told[0].endswith("now {:.4g}, {:.4g} and {:.4g} kg m²".format(*expected))
     assert told[0] in check_robot(file, repair_inertias=True).warnings
     assert check_robot(file, repair_inertias=True).faults == ()
-
-
-def test_every_fault_of_a_file_that_is_no_tree_is_listed_wherever_it_is(write_urdf):
-    parts = [*chain_of_three(), link("antenna", WRONG), link("e", "<inertial/>"), link("alone")]
-    file = write_urdf(*parts, joint("k", "d", "e", "fixed", ""), joint("mast", "a", "antenna", "fixed", ""))
-    with pytest.raises(InvalidRobot) as refused:
-        Arm.from_urdf(file, tip="d")
-    assert any("triangle" in fault for fault in refused.value.faults)
-    assert any("<mass>" in fault for fault in refused.value.faults)
-
-
-def test_very_many_warnings_are_grouped_before_they_are_counted(write_urdf):
-    parts = [
-        part
-        for number in range(150)
-        for part in (link(f"plate{number}", WRONG), joint(f"k{number}", "a", f"plate{number}", "fixed", ""))
-    ]
-    report = check_robot(write_urdf(*chain_of_three(), *parts), tip="d")
-    assert len([warning for warning in report.warnings if "triangle" in warning]) == 150
-    (line,) = [line for line in report_text(report).splitlines() if line.startswith("warning")]
-    assert line.startswith("warning: each of 150 links, 'plate0', 'plate1', 'plate2' and 147 more: inertia must keep")
-
-
-def test_of_very_many_warnings_that_differ_the_first_hundred_are_in_the_text():
-    warnings = tuple(f"line {number}: warning {number}" for number in range(130))
-    text = report_text(RobotReport(file=Path("r.urdf"), faults=(), warnings=warnings, summary=()))
-    assert text.splitlines()[99:] == ["warning: line 99: warning 99", "warning: and 30 more", "no faults"]
-
-
-def test_equal_messages_of_no_link_or_joint_are_one():
-    several = ["line 2: friction is not modelled"] * 2
-    assert group_messages(several) == several[:1]
-    assert group_messages([*several, "joint 'a': moves no mass", *several, "joint 'b': moves no mass"]) == [
-        several[0],
-        "each of 2 joints, 'a' and 'b': moves no mass",
-    ]
-
-
-def test_what_is_said_alike_of_several_links_is_one_line_of_the_report_and_each_a_warning_of_it(write_urdf):
-    names = [f"antenna{number}" for number in range(5)]
-    parts = [part for name in names for part in (link(name, WRONG), joint(f"mast_{name}", "a", name, "fixed", ""))]
-    report = check_robot(write_urdf(*chain_of_three(), *parts), tip="d")
-    assert [warning.split("'")[1] for warning in report.warnings] == names
-    assert [line for line in report_text(report).splitlines() if line.startswith("warning")] == [
-        "warning: each of 5 links, 'antenna0', 'antenna1', 'antenna2' and 2 more: inertia must keep the triangle "
-        "inequality, got principal moments 1, 1 and 9 kg m²; no joint moves it, left out"
-    ]

@@ -8,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from paretoik.errors import InvalidInput
 from paretoik.search.archive import OPTIONS, Archive
 
 
@@ -86,11 +85,6 @@ def test_grid_thins_a_full_archive_but_keeps_the_extremes(n_obj):
     assert np.array_equal(archive.F, F[archive.ids])
     gaps = np.sort(archive.F[:, 0])
     assert n_obj > 2 or np.diff(gaps).max() < 0.05
-
-
-def test_a_capacity_of_nothing_is_refused():
-    with pytest.raises(InvalidInput, match="archive capacity must be an integer of at least 1, got 0"):
-        Archive(capacity=0)
 
 
 def test_a_point_far_from_the_others_is_kept_though_it_is_better_by_a_hair_only():

@@ -10,11 +10,9 @@ from hypothesis.extra import numpy as hnp
 from moocore import pareto_rank
 from pymoo.algorithms.moo.nsga2 import NSGA2
 from pymoo.optimize import minimize
-from pymoo.problems import get_problem
 
 from paretoik.errors import InvalidInput
 from paretoik.search.maximin import (
-    InsertionOptions,
     MaxiMin,
     front_order,
     greedy_order,
@@ -73,7 +71,7 @@ def one_rank(F, data):
     return Z, count, nearest, starts[:count]
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(objectives(2), st.data())
 def test_the_fast_two_objective_selection_equals_brute_force_bit_for_bit(F, data):
     problem = one_rank(F, data)
@@ -81,7 +79,7 @@ def test_the_fast_two_objective_selection_equals_brute_force_bit_for_bit(F, data
         assert np.array_equal(actual, expected)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(st.integers(1, 4).flatmap(objectives), st.data())
 def test_the_greedy_selection_equals_brute_force_bit_for_bit(F, data):
     problem = one_rank(F, data)
@@ -90,7 +88,7 @@ def test_the_greedy_selection_equals_brute_force_bit_for_bit(F, data):
 
 
 @pytest.mark.parametrize("tail", [0.0, 1.0])
-@pytest.mark.parametrize("count", [1, 2, 3, 150, 299, 300])
+@pytest.mark.parametrize("count", [2, 150, 300])
 def test_fast_and_greedy_selection_agree_on_large_fronts_and_geometric_tails(count, tail):
     rng = np.random.default_rng(3)
     x = 2.0 ** -rng.permutation(300) if tail else np.round(rng.random(300), 2)
@@ -103,16 +101,7 @@ def test_fast_and_greedy_selection_agree_on_large_fronts_and_geometric_tails(cou
         assert np.array_equal(actual, expected)
 
 
-def test_distances_without_the_matrix_are_the_same(monkeypatch):
-    Z = np.random.default_rng(0).random((40, 3))
-    with_matrix = greedy_order(Z, 40, np.full(40, np.inf))
-    monkeypatch.setattr("paretoik.search.maximin.OPTIONS", InsertionOptions(matrix_limit=10))
-    without = greedy_order(Z, 40, np.full(40, np.inf))
-    assert np.array_equal(with_matrix[0], without[0])
-    assert np.array_equal(with_matrix[1], without[1])
-
-
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(objectives(2, max_points=20), st.data())
 def test_survivors_are_those_of_the_rule_across_fronts(F, data):
     # Whole ranks while they fit; then the point farthest from all selected ones, including better ranks.
@@ -131,7 +120,7 @@ def test_survivors_are_those_of_the_rule_across_fronts(F, data):
     assert set(survivors(F, np.zeros(len(F)), count).index.tolist()) == set(chosen)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(objectives(2), st.integers(1, 20), st.integers(-20, 20))
 def test_selection_does_not_depend_on_units(F, scale, shift):
     F = np.round(F)
@@ -142,7 +131,7 @@ def test_selection_does_not_depend_on_units(F, scale, shift):
     assert np.array_equal(selection.distance, other.distance)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(st.integers(1, 4).flatmap(objectives), st.data())
 def test_spacing_is_the_sum_of_distances_to_the_nearest_survivors_of_the_same_rank(F, data):
     selection = survivors(F, np.zeros(len(F)), data.draw(st.integers(1, len(F))))
@@ -165,33 +154,11 @@ def test_spacing_does_not_depend_on_the_order_in_which_an_even_front_was_inserte
     np.testing.assert_allclose(selection.spacing[2:], np.hypot(1, 1) / 4)
 
 
-def test_points_beyond_the_box_and_infeasible_ones_have_no_spacing():
-    x = np.linspace(0.0, 1.0, 9)
-    F = np.column_stack((x, 1.0 - x))
-    violation = np.where(x < 0.2, 1.0, 0.0)
-    selection = survivors(F, violation, 9, ranges=np.array([[0.0, 0.0], [0.7, 1.0]]))
-    is_inside = (F[selection.index, 0] <= 0.7) & (violation[selection.index] == 0.0)
-    assert (selection.spacing[~is_inside] == 0.0).all()
-    assert (selection.spacing[is_inside] > 0.0).all()
-
-
 def test_three_objectives_start_from_the_corners_and_not_from_their_neighbours():
     corners = np.eye(3)
     near = np.array([[0.999, 0.02, 0.0], [0.0, 0.999, 0.02], [0.02, 0.0, 0.999]])
     selection = survivors(np.concatenate((near, corners)), np.zeros(6), 3)
     assert sorted(selection.index.tolist()) == [3, 4, 5]
-
-
-def test_an_axis_without_range_counts_nothing():
-    x = np.linspace(0, 1, 9)
-    F = np.column_stack((x, 1 - x, np.full(9, 7.0)))
-    selection = survivors(F, np.zeros(9), 5)
-    assert np.allclose(np.sort(F[selection.index, 0]), [0, 0.25, 0.5, 0.75, 1])
-
-
-def test_equal_points_are_taken_lowest_index_first():
-    selection = survivors(np.ones((6, 2)), np.zeros(6), 4)
-    assert selection.index.tolist() == [0, 1, 2, 3]
 
 
 def test_a_box_of_interest_keeps_the_population_out_of_a_steep_tail():
@@ -217,13 +184,6 @@ def test_points_that_are_not_finite_come_last_and_do_not_touch_the_ranges():
     alone = survivors(F, np.zeros(12), 12)
     assert np.array_equal(mixed[selection.index[:12]], F[alone.index])
     assert np.array_equal(selection.distance[:12], alone.distance)
-
-
-def test_infeasible_points_follow_by_violation():
-    F = np.random.default_rng(1).random((6, 2))
-    violation = np.array([0.3, 0.0, np.inf, 0.1, 0.2, 0.0])
-    assert survivors(F, violation, 5).index[2:].tolist() == [3, 4, 0]
-    assert survivors(F, np.array([0.3, 0.2, 0.1, np.inf, 0.5, 0.4]), 3).index.tolist() == [2, 1, 0]
 
 
 def test_a_share_of_infeasible_points_that_no_feasible_one_dominates_may_stay():
@@ -254,8 +214,8 @@ def test_each_live_species_keeps_its_best_within_half_of_the_places():
 
 def test_maximin_is_a_survival_for_pymoos_own_algorithms():
     problem = Parabolas()
-    spread = minimize(problem, NSGA2(pop_size=40, survival=MaxiMin()), ("n_gen", 60), seed=1).F
-    crowded = minimize(problem, NSGA2(pop_size=40), ("n_gen", 60), seed=1).F
+    spread = minimize(problem, NSGA2(pop_size=40, survival=MaxiMin()), ("n_gen", 30), seed=1).F
+    crowded = minimize(problem, NSGA2(pop_size=40), ("n_gen", 30), seed=1).F
 
     def unevenness(F):
         gaps = np.linalg.norm(np.diff(F[np.argsort(F[:, 0])], axis=0), axis=1)
@@ -265,33 +225,13 @@ def test_maximin_is_a_survival_for_pymoos_own_algorithms():
     assert unevenness(spread) < 0.7 * unevenness(crowded)
 
 
-def test_several_objectives_are_covered_better_than_by_crowding():
-    from moocore import hypervolume
-
-    problem = get_problem("dtlz2", n_var=14, n_obj=5)
-    reference = np.full(5, 1.1)
-    ours = minimize(problem, NSGA2(pop_size=60, survival=MaxiMin()), ("n_gen", 60), seed=1).F
-    theirs = minimize(problem, NSGA2(pop_size=60), ("n_gen", 60), seed=1).F
-    assert hypervolume(ours, ref=reference) > 1.3 * hypervolume(theirs, ref=reference)
-
-
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
         ({"infeasible_share": 1.0}, "infeasible_share must be .* got 1.0"),
-        ({"infeasible_share": np.nan}, "infeasible_share.* got nan"),
-        ({"ranges": [[0, 0], [1, np.nan]]}, "ranges.*nan"),
         ({"ranges": [[0, 2], [1, 1]]}, "ranges must be .*lower <= upper"),
-        ({"ranges": [0, 1]}, "ranges "),
     ],
 )
 def test_settings_that_cannot_be_used_are_refused_by_name_and_value(settings, message):
     with pytest.raises(InvalidInput, match=message):
         MaxiMin(**settings)
-
-
-def test_a_box_for_another_number_of_objectives_is_refused():
-    with pytest.raises(InvalidInput, match="ranges must have 2 objectives, got 3"):
-        minimize(
-            get_problem("zdt1"), NSGA2(pop_size=10, survival=MaxiMin(ranges=[[0] * 3, [1] * 3])), ("n_gen", 2), seed=1
-        )

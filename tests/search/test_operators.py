@@ -17,7 +17,6 @@ from paretoik.search.operators import (
     RankWeighting,
     ReplaceOne,
     RowCrossover,
-    Seeded,
     SmoothMutation,
 )
 
@@ -37,12 +36,6 @@ def test_every_row_is_cut_at_a_place_of_its_own_and_both_children_are_complement
     cuts = row - behind.sum(axis=-1)
     assert set(np.unique(cuts)) == {1, 2, 3}
     assert abs(np.corrcoef(cuts[:, 0], cuts[:, 1])[0, 1]) < 0.2
-
-
-def test_rows_of_one_gene_are_exchanged_whole_or_not_at_all():
-    parents = np.stack([np.zeros((400, 2)), np.ones((400, 2))])
-    one, _ = RowCrossover(1)._do(Box(2), parents, random_state=np.random.default_rng(1))
-    assert 0.3 < one.mean() < 0.7
 
 
 def test_one_gene_is_replaced_by_a_number_within_its_bounds():
@@ -88,13 +81,6 @@ def evaluated(*values):
 def test_offspring_replace_their_parents_but_the_best_parent_that_replaces_the_worst_of_them():
     pop = Population.merge(evaluated(1.0, 9.0, 8.0), evaluated(5.0, 7.0, 6.0))
     assert sorted(OneElite()._do(Box(1), pop, n_survive=3).get("F")[:, 0]) == [1.0, 5.0, 6.0]
-
-
-def test_a_first_population_has_the_given_genes_in_it():
-    given = np.full((2, 3), 0.5)
-    rows = Seeded(given[:1])._do(Box(3), 8, random_state=np.random.default_rng(0))
-    assert rows.shape == (8, 3)
-    assert (rows == 0.5).all(axis=1).any()
 
 
 # Operators for smooth genes stay in bounds and change only their genes.

@@ -34,16 +34,12 @@ VARYING = np.linspace(1, 2, SAMPLES)[:, None] * [1.0, 2.0, 3.0]
     ("given", "lower", "upper"),
     [
         (2.0, [[-2, -2, -2]], [[2, 2, 2]]),
-        (2, [[-2, -2, -2]], [[2, 2, 2]]),
         ([1.0, 2.0, 3.0], [[-1, -2, -3]], [[1, 2, 3]]),
-        (np.array([1.0, 2.0, np.inf]), [[-1, -2, -np.inf]], [[1, 2, np.inf]]),
-        ((-1.0, 2.0), [[-1, -1, -1]], [[2, 2, 2]]),
         ((-np.inf, [1.0, 2.0, 3.0]), [[-np.inf] * 3], [[1, 2, 3]]),
-        (([0.0, 0.5, 1.0], [0.0, 2.0, 3.0]), [[0, 0.5, 1]], [[0, 2, 3]]),
         (VARYING, -VARYING, VARYING),
         ((-1.0, VARYING), np.full((SAMPLES, 3), -1.0), VARYING),
     ],
-    ids=["number", "int", "list", "array", "pair", "one-sided", "equal", "(time, dof)", "pair with (time, dof)"],
+    ids=["number", "list", "one-sided", "(time, dof)", "pair with (time, dof)"],
 )
 def test_limits_may_be_given_in_many_ways(kind, given, lower, upper):
     bounds = Limits(**{kind: given}).bounds(ARM, SAMPLES)[kind]
@@ -71,26 +67,16 @@ def test_a_mapping_goes_by_name_and_leaves_the_others_their_own():
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ({"velocity": np.nan}, "velocity limit must be lower ≤ upper, got nan"),
-        ({"torque": [1.0, np.nan, 1.0]}, "torque limit of joint 2 must be lower ≤ upper"),
         ({"position": (2.0, 1.0)}, r"position limit of joint1 must be lower ≤ upper, got 2\.0 and 1\.0"),
-        ({"position": ([-1.0, 3.0, -1.0], 2.0)}, "position limit of joint2"),
-        ({"velocity": -1.0}, r"velocity limit of joint1 must be lower ≤ upper, got 1\.0 and -1\.0"),
         (
             {"power": [1.0, 2.0]},
             r"power limit must be one number, 3 \(one per joint\) or an array \(9, 3\), got shape \(2,\)",
         ),
-        ({"acceleration": np.ones((4, 3))}, r"an array \(9, 3\), got shape \(4, 3\)"),
-        ({"velocity": "fast"}, "velocity limit: must hold real numbers, got text"),
         (
             {"velocity": {"elbow": 1.0}},
             "velocity limit must name joints among joint1, joint2, joint3, got 'elbow'",
         ),
-        ({"velocity": {"joint2": np.nan}}, "velocity limit of joint2: must be one number, got nan"),
         ({"velocity": {"joint2": (3.0, 1.0)}}, "velocity limit of joint2 must be lower ≤ upper"),
-        ({"velocity": {"joint2": "fast"}}, "velocity limit of joint2: must hold real numbers, got text"),
-        ({"velocity": {"joint2": (1.0, 2.0, 3.0)}}, r"velocity limit of joint2: must be one number, got shape \(3,\)"),
-        ({"clearance": np.nan}, "clearance limit: must be finite, got nan"),
     ],
 )
 def test_what_is_no_limit_is_refused_with_its_kind_and_joint(given, words):
@@ -125,16 +111,6 @@ def test_one_sided_limits_are_scaled_by_their_size_and_zero_ones_by_one():
     np.testing.assert_allclose(relative_violation("position", bounds, MOTION), (2.0 - MOTION.q) / 2.0, rtol=1e-12)
 
 
-def test_equal_limits_hold_a_joint_at_one_place():
-    bounds = Limits(position=(0.5, 0.5)).bounds(ARM, SAMPLES)["position"]
-    np.testing.assert_allclose(relative_violation("position", bounds, MOTION), np.abs(MOTION.q - 0.5), rtol=1e-12)
-
-
-def test_a_joint_without_a_limit_is_never_in_violation():
-    bounds = Limits().bounds(ARM, SAMPLES)["velocity"]
-    assert (relative_violation("velocity", bounds, MOTION)[..., 1] == -np.inf).all()
-
-
 @pytest.mark.parametrize(
     ("form", "lower", "upper", "scale", "expected"),
     [
@@ -158,33 +134,16 @@ def test_a_users_constraint_is_counted_like_a_limit(form, lower, upper, scale, e
     np.testing.assert_allclose(own.violation(MOTION[2]), own.violation(MOTION)[2], rtol=1e-12)
 
 
-def test_a_constraint_may_name_itself_and_its_scale():
-    own = pk.constraint(unit="m", lower=0.1, scale=0.01, name="height")(lambda motion: motion.tool[..., 1])
-    assert (own.name, own.scale, own.unit, own.form) == ("height", 0.01, "m", "peak")
-
-
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
         ({}, "at least one finite bound and lower ≤ upper, got -inf and inf"),
-        ({"lower": 1.0, "upper": 0.0}, r"lower ≤ upper, got 1\.0 and 0\.0"),
-        ({"upper": np.nan}, "upper: must be one number, got nan"),
         ({"upper": 1.0, "scale": 0.0}, r"scale: must be positive, got 0"),
-        ({"upper": 1.0, "scale": np.nan}, "scale: must be finite, got nan"),
-        ({"upper": 1.0, "form": "sum"}, "form must be one of integral, peak, terminal, general, got 'sum'"),
     ],
 )
 def test_what_bounds_nothing_is_refused(settings, words, unchecked):
     with pytest.raises(InvalidInput, match=words):
         pk.constraint(unit="", **settings)
-
-
-def test_a_constraint_that_returns_something_else_is_refused_by_name():
-    own = pk.constraint(unit="", upper=1.0, name="table")(lambda motion: motion.q)
-    with pytest.raises(
-        InvalidInput, match=r"constraint table \(peak\) must return shape .*, here \(4, 9\), got \(4, 9, 3\)"
-    ):
-        own.violation(MOTION)
 
 
 def test_a_margin_moves_every_joint_limit_inwards_by_a_share_of_its_range():
@@ -194,27 +153,9 @@ def test_a_margin_moves_every_joint_limit_inwards_by_a_share_of_its_range():
     assert bounds["velocity"][0] == pytest.approx(np.tile([-3.2, 3.2], (3, 1)))
 
 
-@pytest.mark.parametrize("margin", [-0.1, 0.5, np.nan])
-def test_a_margin_that_leaves_nothing_is_refused(margin):
-    with pytest.raises(pk.InvalidInput, match="margin"):
-        pk.Limits(velocity=1.0, margin=margin).bounds(pk.arms.tringali_3r(), 5)
-
-
-@pytest.mark.parametrize("position", [[90, 120, 120], (-120, 90), {"joint2": 120}, 1000.0])
+@pytest.mark.parametrize("position", [[90, 120, 120], {"joint2": 120}])
 def test_position_limits_in_degrees_are_a_warning_that_says_what_makes_radians(position):
     with pytest.warns(
         RuntimeWarning, match=r"position limit of joint\d: .* turns; of degrees, np.deg2rad makes radians"
     ):
         pk.Limits(position=position).bounds(pk.arms.tringali_3r(), 11)
-
-
-def test_limits_of_two_turns_of_a_slider_and_of_the_arm_itself_are_no_degrees():
-    arm = pk.arms.tringali_3r()
-    for position in (4 * np.pi, np.inf, (-np.inf, 12.0), None):
-        pk.Limits(position=position).bounds(arm, 11)
-    gantry = pk.Arm.from_dh(
-        a=[0, 1], alpha=[0, 0], d=[0, 0], theta=[0, 0], convention="modified", types=("prismatic", "revolute"),
-        position_limits=[15.0, 90.0],
-    )  # fmt: skip
-    pk.Limits(position=[15.0, 6.0]).bounds(gantry, 11)
-    pk.Limits(position={"joint1": 14.0}).bounds(gantry, 11)

@@ -73,18 +73,6 @@ def test_the_interpolant_converges_to_the_motion_behind_the_samples():
     assert order_of(errors) == pytest.approx(4, abs=0.5)
 
 
-def test_the_interpolant_of_a_batch_is_that_of_its_members():
-    rng = np.random.default_rng(11)
-    q = rng.normal(size=(3, 8, 3))
-    time = np.stack([np.linspace(0, 1, 8) ** p for p in (1.0, 1.2, 0.8)])
-    t = np.linspace(0, 1, 33)
-    for times in (time[0], time):
-        motions = Motion(arm=ARM, time=times, q=q)
-        for i in range(3):
-            np.testing.assert_allclose(motions.at(t)[i], motions[i].at(t), atol=1e-13)
-    assert motions.at(np.array([0.5])).shape == (3, 1, 3)
-
-
 @pytest.mark.parametrize("t", [-1e-6, 1.0 + 1e-6, np.nan, np.inf])
 def test_times_outside_the_motion_are_refused(t):
     motion = Motion(arm=ARM, time=even(5), q=np.zeros((5, 3)))

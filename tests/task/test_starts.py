@@ -6,70 +6,26 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from paretoik import Arm, Limits, Pose, Task, arms, circle, joint_travel, line, poses
+from paretoik import Arm, Pose, Task, arms, circle, joint_travel, line, poses
 from paretoik.errors import Infeasible, OutOfReach
 from paretoik.robot.arms import marcos_nr, tringali_3r
 from paretoik.task.retraction import task_errors
 from paretoik.task.self_motion import build_charts
 from paretoik.task.starts import MOTION_OPTIONS as OPTIONS
 from paretoik.task.starts import (
-    order_by_neighbour,
     perturbed_starts,
-    posture_distance,
     recombined_starts,
     rollout_starts,
     sample_postures,
     travelling_starts,
-    wrap_difference,
 )
 from tests.formulations.problems import panda, random_arm, within_reach
 from tests.task.tasks import task
 
 ARM = arms.tringali_3r()
-PERIODIC = np.array([True, False, True])
 differences = st.lists(st.floats(-50.0, 50.0), min_size=3, max_size=3).map(np.array)
-
-
-@settings(max_examples=50)
-@given(differences)
-def test_whole_turns_of_periodic_joints_are_taken_off_and_of_no_others(difference):
-    wrapped = wrap_difference(difference, PERIODIC)
-    assert wrapped[1] == difference[1]
-    assert np.abs(wrapped[PERIODIC]).max() <= np.pi + 1e-12
-    turns = (difference - wrapped) / (2 * np.pi)
-    np.testing.assert_allclose(turns, np.round(turns), atol=1e-12)
-
-
-@pytest.mark.parametrize("sample", [0, 7, 20])
-def test_postures_reach_their_sample_in_more_than_one_way(sample):
-    along = task(circle([0.3, 0.0], 0.05, duration=1.0, samples=21))
-    q = sample_postures(along, 40, np.random.default_rng(0), sample=sample)
-    assert len(q) > 20
-    error = task_errors(along.arm, along.tasks, q, along.targets[sample])[0]
-    assert np.abs(error).max() < 1e-9
-    assert (q[:, 1] > 0).any()
-    assert (q[:, 1] < 0).any()
-    assert np.abs(q).max() <= np.pi
-
-
-def test_nothing_reaches_what_is_beyond_the_arm():
-    beyond = task(circle([0.9, 0.0], 0.05, duration=1.0, samples=21), limits=Limits(velocity=9.0))
-    assert len(sample_postures(beyond, 20, np.random.default_rng(0))) == 0
-
-
-@settings(max_examples=25)
-@given(seed=st.integers(0, 10_000), count=st.integers(1, 12))
-def test_each_posture_is_followed_by_the_nearest_of_those_left(seed, count):
-    q = np.random.default_rng(seed).uniform(-np.pi, np.pi, (count, 3))
-    ordered = order_by_neighbour(ARM, q)
-    np.testing.assert_array_equal(ordered[0], q[0])
-    np.testing.assert_array_equal(np.sort(ordered, axis=0), np.sort(q, axis=0))
-    for k in range(count - 1):
-        distance = posture_distance(ARM, ordered[k + 1 :], ordered[k])
-        assert distance[0] == distance.min()
 
 
 # Postures, candidate motions, coordinates of the self-motion manifold, and refusals
@@ -97,18 +53,12 @@ def across(samples=21):
 
 
 TASKS = {
-    "3R": paper,
     "3R around a circle": round_trip,
-    "4R": lambda: task_of(marcos_nr(4), line([2.5, 0.5], [1.0, 2.0], duration=1.0, samples=21)),
-    "4R around a circle": lambda: task_of(
-        marcos_nr(4), circle([2.0, 1.0], 0.4, duration=1.0, samples=31, timing="uniform"), cyclic=True
-    ),
     "4R with its angle": lambda: task_of(
         marcos_nr(4), line(Pose.planar(2.0, 1.0, 0.5), Pose.planar(1.0, 2.0, 1.5), duration=1.0, samples=21)
     ),
     "Panda, position": lambda: task_of(panda(), Task(across(), axes="xyz")),
     "Panda, position and axis": lambda: task_of(panda(), Task(across(), axes="xyz+z-axis")),
-    "Panda, pose": lambda: task_of(panda(), across()),
     "random 8R, pose": lambda: task_of(random_arm(2, 8), within_reach(random_arm(2, 8), 2, poses=True, samples=21)),
 }
 every_task = pytest.mark.parametrize("make", TASKS.values(), ids=TASKS.keys())
@@ -157,24 +107,13 @@ def test_candidates_begin_at_the_given_start_to_the_bit():
 @every_task
 def test_perturbed_motions_stay_on_the_path_and_leave_their_origins(make):
     task = make()
-    q = rollout_starts(task, 200, chance())
+    q = rollout_starts(task, 80, chance())
     away = perturbed_starts(task, q, chance(1))
     assert len(away) > 5
     assert task.motion(away).tracking_error.max() < 1e-9
     assert np.abs(np.diff(away, axis=1)).max() <= OPTIONS.longest_jump + np.abs(np.diff(q, axis=1)).max()
     apart = np.abs(away[:, None] - q[None]).max(axis=(2, 3)).min(axis=1)
     assert np.median(apart) > 0.1
-
-
-@every_task
-def test_travelling_motions_stay_on_the_path_and_travel_farther_than_roll_outs(make):
-    task = make()
-    rolled, far = rollout_starts(task, 200, chance()), travelling_starts(task, 200, chance(1))
-    assert len(far) > 5
-    assert task.motion(far).tracking_error.max() < 1e-9
-    assert np.abs(np.diff(far, axis=1)).max() <= OPTIONS.longest_jump
-    way = [np.linalg.norm(np.diff(q, axis=1), axis=2).sum(axis=1) for q in (rolled, far)]
-    assert np.quantile(way[1], 0.8) > 1.5 * np.quantile(way[0], 0.8)
 
 
 @pytest.mark.parametrize("of", [perturbed_starts, travelling_starts])
@@ -198,10 +137,10 @@ def test_motions_that_move_more_keep_a_given_start_and_close_cycles_to_the_bit(o
 @every_task
 def test_recombined_motions_stay_on_the_path_and_are_like_the_one_then_like_the_other(make):
     task = make()
-    q = rollout_starts(task, 300, chance())[:80]
+    q = rollout_starts(task, 120, chance())[:40]
     first, second = np.repeat(np.arange(len(q)), 4), np.tile(np.arange(len(q)), 4)
     mixed = recombined_starts(task, q[first], q[second], chance(1))
-    assert len(mixed) > 5
+    assert len(mixed) > 3
     assert task.motion(mixed).tracking_error.max() < 1e-9
     far = np.abs(mixed[:, None] - q[None]).max(axis=3)  # at every sample
     assert (far.min(axis=(1, 2)) < 1e-9).mean() > 0.5  # somewhere just like one of both
@@ -210,58 +149,25 @@ def test_recombined_motions_stay_on_the_path_and_are_like_the_one_then_like_the_
         np.testing.assert_array_equal(mixed[:, 0], mixed[:, -1])
 
 
-def test_postures_are_drawn_within_one_sided_limits():
-    task = paper(limits=Limits(position={"joint1": (-np.inf, -5.0), "joint2": (7.0, np.inf)}))
-    assert len(sample_postures(task, 40, chance())) > 10
-
-
 @every_task
-def test_charts_are_orthonormal_and_span_everything(make):
+def test_charts_span_everything_turn_slowly_and_return_the_coordinates_that_they_were_given(make):
     task = make()
     base = rollout_starts(task, 20, chance())[:3]
     around = build_charts(task, base)
     both = np.concatenate([around.null_space, around.row_space], axis=-1)
     np.testing.assert_allclose(np.swapaxes(both, -1, -2) @ both - np.eye(task.arm.dof), 0, atol=1e-10)
-
-
-@every_task
-def test_the_normal_directions_do_not_move_the_tool(make):
-    task = make()
-    base = rollout_starts(task, 20, chance())[:2]
-    around = build_charts(task, base)
     jacobian = task_errors(task.arm, task.tasks, base, task.targets)[1]
     assert np.abs(jacobian @ around.null_space).max() < 1e-10
-
-
-@every_task
-def test_the_normal_directions_turn_slowly_and_close_with_a_cycle(make):
-    task = make()
-    base = rollout_starts(task, 20, chance())[:3]
-    normal = build_charts(task, base).null_space
     step = np.abs(np.diff(base, axis=1)).max(axis=(2,), keepdims=True)[..., None]
-    assert (np.abs(np.diff(normal, axis=1)) < 6 * step + 1e-2).all()
+    assert (np.abs(np.diff(around.null_space, axis=1)) < 6 * step + 1e-2).all()
     if task.cyclic:
-        np.testing.assert_array_equal(normal[:, 0], normal[:, -1])
-
-
-@every_task
-def test_charts_return_the_coordinates_that_they_were_given(make):
-    task = make()
-    around = build_charts(task, rollout_starts(task, 20, chance())[:3])
+        np.testing.assert_array_equal(around.null_space[:, 0], around.null_space[:, -1])
     which = np.array([2, 0, 1, 1])
     y = chance(3).uniform(-0.1, 0.1, (4, 1, task.redundancy)) * np.sin(np.linspace(0, np.pi, len(task.times)))[:, None]
     q, on_path = around.at(task, which, y)
     assert on_path.all()
     assert task.motion(q).tracking_error.max() < 1e-9
     np.testing.assert_allclose(around.coordinates(task, which, q), y, atol=1e-12)
-
-
-def test_the_base_itself_has_coordinates_zero_to_the_bit():
-    task = paper()
-    base = rollout_starts(task, 20, chance())[:3]
-    q, on_path = build_charts(task, base).at(task, np.arange(3), np.zeros((3, 21, 1)))
-    assert on_path.all()
-    np.testing.assert_array_equal(q, base)
 
 
 def test_a_sample_that_jumps_to_another_sheet_is_off_the_path():
@@ -283,8 +189,7 @@ def stretched_to(radius, sample):
     return poses(angle, np.stack([distance * np.cos(angle), distance * np.sin(angle)], axis=-1))
 
 
-@pytest.mark.parametrize("beyond", [1e-9, 1e-3])
-@pytest.mark.parametrize("sample", [0, 10, 20])
+@pytest.mark.parametrize(("beyond", "sample"), [(1e-9, 10), (1e-3, 0), (1e-3, 20)])
 def test_a_path_just_out_of_reach_is_refused_with_sample_distance_and_nearest_point(beyond, sample):
     path = stretched_to(REACH + beyond, sample)
     with pytest.raises(OutOfReach) as refused:
@@ -300,7 +205,7 @@ def test_a_path_just_out_of_reach_is_refused_with_sample_distance_and_nearest_po
     np.testing.assert_allclose(eval(nearest), REACH * np.array([np.cos(sample / 20), np.sin(sample / 20)]), atol=2e-6)
 
 
-@pytest.mark.parametrize(("sample", "first"), [(0, 0), (10, 6), (20, 16)])
+@pytest.mark.parametrize(("sample", "first"), [(10, 6)])
 def test_a_path_far_out_of_reach_is_refused_at_its_first_sample_beyond(sample, first):
     path = stretched_to(REACH + 1.0, sample)
     with pytest.raises(OutOfReach) as refused:
@@ -320,26 +225,6 @@ def test_a_path_through_the_hole_around_the_base_is_refused():
     assert f" m is {0.4 - distances[refused.value.sample]:.3g} m from" in str(refused.value)
 
 
-def test_a_closed_path_out_of_reach_is_refused_like_any_other():
-    path = circle([0.4, 0.0], 0.12, duration=1.0, samples=21)
-    with pytest.raises(OutOfReach, match=r"at sample 0 \(0 s\): \[0.52, 0.0\] m is 0.0305 m from"):
-        rollout_starts(task_of(tringali_3r(), path, cyclic=True), 60, chance())
-
-
-def test_a_path_ten_lengths_out_of_reach_is_asked_for_metres():
-    for unit, asked in ((1000.0, True), (10.0, False)):
-        path = line(unit * np.array([0.4, 0.0]), unit * np.array([0.2, 0.2]), duration=1.0, samples=21)
-        with pytest.raises(OutOfReach) as refused:
-            rollout_starts(task_of(tringali_3r(), path), 60, chance())
-        assert ("; the arm is 0.489 m long: is the path in metres?" in str(refused.value)) == asked
-
-
-def test_a_spatial_path_out_of_reach_is_refused_with_its_nearest_point():
-    path = line([0.5, 0.0, 0.333], [1.5, 0.0, 0.333], duration=1.0, samples=21)
-    with pytest.raises(OutOfReach, match=r"at sample 10 .*: \[1.0, 0.0, 0.333\] m is 0.05\d+ m from the nearest"):
-        rollout_starts(task_of(panda(), path), 60, chance())
-
-
 def test_an_orientation_out_of_reach_is_refused_with_what_is_missing_of_it():
     path = line(Pose.planar(3.5, 0, 0), Pose.planar(3.5, 0.1, 3.0), duration=1.0, samples=21)
     with pytest.raises(OutOfReach, match=r"there turned 0.01\d* rad away") as refused:
@@ -349,42 +234,13 @@ def test_an_orientation_out_of_reach_is_refused_with_what_is_missing_of_it():
     assert refused.value.sample == int(np.argmax(np.linalg.norm(wrist, axis=1) > 3.0))
 
 
-def test_the_second_of_two_tasks_is_named_where_it_is_the_one_out_of_reach():
-    arm = Arm.planar(lengths=[1.0] * 6)
-    elbow = Task(line([1.0, 1.0], [2.0, 1.5], duration=1.0, samples=21), frame="joint4")
-    tool = Task(line([3.0, 1.0], [5.6, 2.0], duration=1.0, samples=21))
-    with pytest.raises(OutOfReach) as refused:
-        rollout_starts(task_of(arm, [elbow, tool]), 60, chance())
-    apart = np.linalg.norm(tool.path.positions - elbow.path.positions, axis=1)
-    assert refused.value.sample == int(np.argmax(apart > 3.0))
-
-
 def test_leaving_a_stretched_posture_is_refused_with_the_condition_number():
     task = task_of(tringali_3r(), line([REACH, 0.0], WITHIN, duration=1.0, samples=21))
     with pytest.raises(Infeasible, match=r"condition number of the Jacobian there: \d+"):
         rollout_starts(task, 60, chance())
 
 
-def test_leaving_a_nearly_stretched_posture_takes_closer_samples_on_the_way():
-    task = task_of(tringali_3r(), line([REACH - 1e-9, 0.0], WITHIN, duration=1.0, samples=21))
-    assert task.motion(rollout_starts(task, 60, chance())).tracking_error.max() < 1e-9
-
-
-def test_a_path_straight_through_the_base_is_no_obstacle_for_three_joints():
-    task = task_of(tringali_3r(), line([-0.3, 0.0], [0.3, 0.0], duration=1.0, samples=41))
-    q = rollout_starts(task, 60, chance())
-    assert task.motion(q).tracking_error.max() < 1e-9
-    assert np.abs(np.diff(q, axis=1)).max() <= OPTIONS.longest_jump
-
-
 def test_a_cycle_that_only_closes_after_a_whole_turn_is_refused():
     path = circle([0.0, 0.0], 0.3, duration=1.0, samples=61, timing="uniform")
     with pytest.raises(Infeasible, match="no cyclic motion was found"):
         rollout_starts(task_of(tringali_3r(), path, cyclic=True), 60, chance())
-
-
-def test_where_samples_are_far_apart_closer_ones_are_taken_on_the_way():
-    task = paper(samples=4)
-    q = rollout_starts(task, 60, chance())
-    assert q.shape[1] == 4
-    assert task.motion(q).tracking_error.max() < 1e-9

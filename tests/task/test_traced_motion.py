@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 
@@ -106,17 +104,16 @@ def holds(task, q, function):
     np.testing.assert_allclose(slope, differences, rtol=1e-5, atol=1e-6 * max(np.abs(slope).max(), scale))
 
 
-@pytest.mark.parametrize("name", TASKS)
+@pytest.mark.parametrize("name", ["planar, backward", "Panda"])
 @pytest.mark.parametrize("objective", SERIES, ids=lambda objective: objective.name)
 def test_the_librarys_objectives_are_those_of_real_motions_with_their_slopes(objective, name):
     holds(TASKS[name], POSTURES[name], objective.function)
 
 
-@pytest.mark.parametrize("name", ["planar, central", "Panda"])
 @pytest.mark.parametrize("function", OWN.values(), ids=OWN.keys())
-def test_users_own_are_those_of_real_motions_with_their_slopes(function, name):
+def test_users_own_are_those_of_real_motions_with_their_slopes(function):
     with np.errstate(invalid="ignore"):
-        holds(TASKS[name], POSTURES[name], function)
+        holds(TASKS["planar, central"], POSTURES["planar, central"], function)
 
 
 def test_what_an_objective_wants_is_said_as_on_real_motions():
@@ -130,45 +127,17 @@ def test_what_an_objective_wants_is_said_as_on_real_motions():
         trace_sample_function(trace_sample(task), "objective it", pk.obstacle_clearance.function)
 
 
-def test_a_cyclic_motion_is_traced_as_it_is():
-    task = tringali_2020.simulation_5().task
-    q = rollout_starts(task, 2, np.random.default_rng(0))[0]
-    for objective in (pk.kinetic_energy, pk.torque_norm, pk.jerk):
-        holds(task, q, objective.function)
-
-
-@pytest.mark.parametrize("name", TASKS)
-@pytest.mark.parametrize("what", ["q", "dq", "torque", "power", "tool", "tool_rotation", "links", "kinetic_energy"])
-def test_what_a_traced_motion_shows_has_the_shape_of_the_real_ones(what, name):
+@pytest.mark.parametrize("name", ["planar, central", "Panda"])
+def test_a_traced_motion_has_the_shapes_of_the_real_ones_and_all_that_does_not_depend_on_joints(name):
     task = TASKS[name]
     real, sample = task.motion(POSTURES[name]), trace_sample(task)
-    result, expected = getattr(sample, what), getattr(real, what)
-    assert (result.shape, result.ndim, len(result), result.dtype) == (
-        expected.shape,
-        expected.ndim,
-        len(expected),
-        expected.dtype,
-    )
-
-
-@pytest.mark.parametrize("name", TASKS)
-def test_what_is_no_function_of_the_joints_is_the_same_object_or_number(name):
-    task = TASKS[name]
-    real, sample = task.motion(POSTURES[name]), trace_sample(task)
+    for what in ("q", "dq", "torque", "power", "tool", "tool_rotation", "links", "kinetic_energy"):
+        result, expected = getattr(sample, what), getattr(real, what)
+        assert (result.shape, len(result), result.dtype) == (expected.shape, len(expected), expected.dtype)
     for what in ("arm", "tasks", "obstacles", "link_radius", "differences", "cyclic"):
         assert getattr(sample, what) == getattr(real, what)
     np.testing.assert_array_equal(sample.time, real.time)
     np.testing.assert_array_equal(sample.weights, real.weights)
-
-
-def test_what_does_not_depend_on_the_joints_is_a_number_or_a_series():
-    task = TASKS["planar, central"]
-    sample = trace_sample(task)
-    assert trace_sample_function(sample, "it", lambda motion: 3) == 3.0
-    result = trace_sample_function(sample, "it", lambda motion: motion.time**2)
-    np.testing.assert_array_equal(sample.trace.parameters[result.index], task.times**2)
-    result = trace_sample_function(sample, "it", lambda motion: motion.q[..., 0] * 0 + 2)
-    assert sample.trace.tape.values[result.index] == 2.0
 
 
 @pytest.mark.parametrize(
@@ -176,10 +145,7 @@ def test_what_does_not_depend_on_the_joints_is_a_number_or_a_series():
     [
         lambda motion: motion.q[..., 0, 0] - motion.q[..., -1, 0],
         lambda motion: np.cumsum(motion.dq[..., 0] ** 2, axis=-1),
-        lambda motion: np.diff(motion.q, axis=-2)[..., 0],
         lambda motion: motion.integral(motion.q[..., 0]),
-        lambda motion: motion.q[..., 0] - motion.q[..., 0].mean(axis=-1),
-        lambda motion: np.linalg.norm(motion.q[..., -1, :] - motion.q[..., 0, :], axis=-1),
         pk.joint_drift.function,
     ],
 )
@@ -191,29 +157,12 @@ def test_what_looks_from_one_sample_at_another_has_no_local_value(function):
     ("function", "words"),
     [
         (lambda motion: np.abs(np.fft.fft(motion.q[..., 0])), "np.fft.fft has no derivative here"),
-        (lambda motion: np.round(motion.q[..., 0]), "np.round has no derivative here"),
         (lambda motion: float(motion.q[..., 0]), "a plain number was asked"),
-        (lambda motion: math.sin(motion.q[..., 0]), "a plain number was asked"),
-        (lambda motion: np.asarray(motion.q)[..., 0], "plain numbers were asked"),
         (lambda motion: motion.q[..., 0] if motion.q[..., 0] > 0 else 0.0, "use np.where"),
-        (lambda motion: motion.q[motion.q > 0], "an index cannot depend on the motion"),
         (lambda motion: motion.q.__setitem__((..., 0), 1), "cannot be written where derivatives are taken"),
         (lambda motion: motion.q.__iadd__(1.0)[..., 0], "would change an array in place"),
-        (lambda motion: motion.torque.__iadd__(1.0)[..., 0], "would change an array in place"),
-        (lambda motion: motion.torque[..., 0].__iadd__(1.0), "would change an array in place"),
-        (lambda motion: motion.clearance, "motion.clearance must have obstacles"),
-        (lambda motion: motion.tracking_error, "motion.tracking_error has no derivative here"),
-        (lambda motion: motion.at(0.5), "motion.at has no derivative here"),
         (lambda motion: motion.torques, "motion.torques must be a field of motions, got none; did you mean 'torque'"),
-        (lambda motion: [single.q for single in motion], r"motion\[...\] has no derivative here"),
-        (lambda motion: len(motion), r"len\(motion\) has no derivative here"),
         (lambda motion: motion.q, r"must return one number a sample .*, got shape \(17, 4\)"),
-        (lambda motion: motion.q[..., :1], r"must return one number a sample .*, got shape \(17, 1\)"),
-        (lambda motion: np.zeros(5), r"must return one number a sample .*, got shape \(5,\)"),
-        (lambda motion: None, "must return real numbers, got None"),
-        (lambda motion: "fast", "must return real numbers, got 'fast'"),
-        (lambda motion: motion.time * 1j, "must return real numbers, got complex128"),
-        (lambda motion: [motion.q[..., 0]], "plain numbers were asked"),
     ],
 )
 def test_what_cannot_be_traced_is_refused_by_name_in_one_line(function, words):
@@ -228,11 +177,3 @@ def test_what_a_function_raises_itself_is_not_hidden():
 
     with pytest.raises(EvaluationFailed, match="objective broken raised KeyError: 'mine'"):
         trace_sample_function(trace_sample(TASKS["planar, central"]), "objective broken", broken)
-
-
-def test_the_functions_of_all_objectives_share_what_they_have_in_common():
-    sample = trace_sample(TASKS["Panda"])
-    trace_sample_function(sample, "torque", pk.torque_norm.function)
-    before = len(sample.trace.tape.entries)
-    trace_sample_function(sample, "peak", pk.peak_torque.function)
-    assert len(sample.trace.tape.entries) <= before + 2 * sample.arm.dof

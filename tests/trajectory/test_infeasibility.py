@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import re
 import warnings
-from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.optimize import linprog
 
 import paretoik as pk
-from paretoik.errors import SolverFailed
 from paretoik.robot.dynamics import gravity_torques
 from paretoik.robot.kinematics import link_nodes
 from paretoik.task.obstacles import clearance
 from paretoik.task.starts import sample_postures
 from paretoik.trajectory.infeasibility import _speed_violation, no_posture_keeps_limits
-from paretoik.trajectory.levels import coarsest_level, first_levels
 from problems import panda, tringali_2020
 from tests.api.problems import PATH
 
@@ -34,26 +31,7 @@ def refusal(*, samples=101, objective=pk.kinetic_energy, **settings):
     return raised.value
 
 
-def test_finer_levels_come_after_the_coarsest():
-    assert first_levels(26) == [0]
-    assert first_levels(51) == [0, 1]
-    assert first_levels(401) == [0, 1, 4]
-    task = tringali_2020.simulation_1().task
-    assert [len(coarsest_level(task, first).times) for first in first_levels(101)] == [26, 51, 101]
-
-
-@pytest.mark.parametrize("samples", [26, 51])
-def test_a_circle_nearly_at_full_reach_is_planned_for(samples):
-    path = pk.circle([0.0, 0.0], 0.9999 * 0.4895, duration=2.0, samples=samples)
-    planned = pk.plan(pk.Tracking(pk.arms.tringali_3r(), path, objectives=[pk.kinetic_energy], differences="backward"))
-    assert planned.best.status == "converged"
-    assert planned.best.objective == pytest.approx(1.566, abs=3e-3)
-
-
-@pytest.mark.parametrize(
-    ("limits", "limit"),
-    [({"velocity": 1.0}, "velocity"), ({"position": 0.35}, "position"), ({"acceleration": 2.0}, "acceleration")],
-)
+@pytest.mark.parametrize(("limits", "limit"), [({"position": 0.35}, "position"), ({"velocity": 1.0}, "velocity")])
 def test_limits_that_clearly_contradict_the_path_are_named_by_joint_and_sample_of_the_users(limits, limit):
     error = refusal(limits=pk.Limits(**limits))
     assert error.limit.startswith(f"{limit} of joint")
@@ -78,35 +56,6 @@ def test_an_obstacle_on_the_path_is_blamed_by_number_and_link():
     assert re.search(
         r"; none of \d+ postures tried at sample \d+ satisfies the limits; it may help: obstacles", str(error)
     )
-
-
-def test_an_obstacle_without_which_there_is_a_motion_is_blamed_rather_than_joint_limits():
-    with pytest.warns(RuntimeWarning, match="no motion along it is feasible"):
-        error = refusal(
-            limits=pk.Limits(position=POSITION, velocity=2.9, clearance=0.5),
-            obstacles=[pk.obstacles.Circle([0.12, 0.12], 0.05)],
-            link_radius=0.02,
-        )
-    assert error.limit == "clearance"
-
-
-@pytest.mark.parametrize("samples", [3, 4, 5, 8])
-def test_paths_of_few_samples_are_planned_for(samples):
-    path = tringali_2020.straight(samples)
-    planned = pk.plan(
-        pk.Tracking(pk.arms.tringali_3r(), path, objectives=[pk.kinetic_energy], differences="backward"), starts=8
-    )
-    assert planned.best.status == "converged"
-    assert planned.best.motion.tracking_error.max() <= 1e-10
-
-
-def test_a_cycle_of_too_few_samples_is_refused_by_their_number():
-    path = pk.circle([0.3, 0.0], 0.05, duration=1.0, samples=4)
-    problem = pk.Tracking(
-        pk.arms.tringali_3r(), path, objectives=[pk.kinetic_energy], cyclic=True, differences="backward"
-    )
-    with pytest.raises(pk.InvalidInput, match="path must have at least 6 samples if the motion is cyclic, got 4"):
-        pk.plan(problem)
 
 
 def test_an_arm_without_masses_serves_kinematics_and_refuses_dynamics_by_name():
@@ -168,14 +117,15 @@ def planar_arm(seed):
 
 
 @pytest.mark.filterwarnings("ignore:poses. samples")  # some of these curves run backwards between samples
-@pytest.mark.parametrize("seed", [*range(3), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(3, 60))])
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 60))])
 def test_no_feasible_problem_in_the_plane_is_refused(seed):
     problem = feasible_problem(seed, arm=planar_arm(seed), plane=True)
     problem.require_feasible()
     assert not any(no_posture_keeps_limits(problem.task, sample) for sample in (10, 40))
 
 
-@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 20))])
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(20))
 def test_no_feasible_problem_in_space_is_refused(seed):
     problem = feasible_problem(seed, arm=panda.panda(), plane=False)
     problem.require_feasible()
@@ -201,7 +151,7 @@ def enumerate_postures(arm, point, angles):
 def test_a_posture_is_proved_impossible_if_and_only_if_closed_form_postures_break_the_limits():
     arm, path = pk.arms.tringali_3r(), tringali_2020.straight(26)
     angles, verdicts = np.linspace(-np.pi, np.pi, 2000, endpoint=False), []
-    for seed in range(20):
+    for seed in range(12):
         rng = np.random.default_rng(seed)
         limits = pk.Limits(position=rng.uniform(0.8, 2.2, 3), velocity=np.inf)
         obstacle = pk.obstacles.Circle(rng.uniform([0.05, 0.05], [0.4, 0.3]), rng.uniform(0.02, 0.05))
@@ -221,10 +171,10 @@ def test_a_posture_is_proved_impossible_if_and_only_if_closed_form_postures_brea
         verdicts.append(proved)
         assert proved or margin > -0.01  # at the latest that far from any posture
         assert not (proved and margin > 0)
-    assert 3 < sum(verdicts) < len(verdicts) - 3
+    assert 2 < sum(verdicts) < len(verdicts) - 2
 
 
-@pytest.mark.parametrize("differences", ["spline", "backward"])
+@pytest.mark.parametrize("differences", ["spline"])
 def test_speeds_are_proved_impossible_only_if_linear_programs_of_all_postures_say_so(differences):
     arm, path = pk.arms.tringali_3r(), tringali_2020.straight(101)
     sample = 50
@@ -254,13 +204,6 @@ def test_the_speed_that_a_posture_needs_is_that_of_linear_programs(spatial):
     needed = [least_speed(arm.jacobian(each)[: len(velocity)] * limits, velocity) for each in q]
     assert len(q) > 5
     assert _speed_violation(problem.task, sample, q) == pytest.approx((np.array(needed) - 1) / 2, rel=1e-9)
-
-
-def test_velocities_of_chords_are_left_to_the_motions():
-    settings = {"limits": pk.Limits(velocity=0.1), "differences": "backward", "bases": 1}
-    path = tringali_2020.straight(101)
-    problem = pk.Tracking(pk.arms.tringali_3r(), path, objectives=[pk.kinetic_energy], **settings)
-    assert not _speed_violation(problem.task, 40, np.zeros((2, 3))).any()
 
 
 def least_speed(jacobian, velocity):
@@ -327,32 +270,18 @@ def test_every_verb_refuses_with_the_same_words():
     assert str(refused.value) == reasons[0]
 
 
-def test_a_time_limit_without_a_result_names_limit_joint_and_sample():
-    problem = pk.Tracking(
-        pk.arms.tringali_3r(),
-        tringali_2020.straight(401),
-        objectives=[pk.kinetic_energy],
-        limits=pk.Limits(acceleration=8.0),
-    )
-    with pytest.raises(
-        SolverFailed, match=r"time_limit: .*; of the least-violating one, acceleration of joint\d .* sample"
-    ):
-        pk.plan(problem, time_limit=0.05, observe=False)
-
-
 # Warnings of obstacles on the path before any search
 
 
 ARM = pk.arms.tringali_3r()
 POINTS = PATH.positions
-PANDA = Path(__file__).parents[2] / "problems" / "robots" / "panda.urdf"
 
 
 def planar(obstacles, *, arm=ARM, path=PATH, **settings):
     return pk.Tracking(arm, path, objectives=[pk.kinetic_energy], obstacles=obstacles, **settings)
 
 
-@pytest.mark.parametrize("sample", [0, 7, 20])
+@pytest.mark.parametrize("sample", [0, 7])
 def test_the_obstacle_the_link_and_the_sample_are_named_before_any_search(sample):
     clear, blocked = pk.obstacles.Circle([1.0, 1.0], 0.1), pk.obstacles.Circle(POINTS[sample], 0.004)
     words = rf"obstacle 2, a circle, is in its way: at sample {sample} \(.*, the worst of \d+, the end of link 3"
@@ -361,7 +290,7 @@ def test_the_obstacle_the_link_and_the_sample_are_named_before_any_search(sample
     assert "reaches 0.004 m into it" in str(caught[0].message)
 
 
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("seed", range(8))
 def test_a_warning_is_given_only_where_every_motion_violates_the_clearance(seed):
     rng = np.random.default_rng(seed)
     middle = POINTS[int(rng.integers(len(POINTS)))] + rng.normal(size=2) * 0.03
@@ -375,29 +304,3 @@ def test_a_warning_is_given_only_where_every_motion_violates_the_clearance(seed)
     motions = problem.decode(problem.sample_starts(6, rng))
     distances = clearance(problem.task.obstacles, link_nodes(ARM, motions.q), link_radius).min(axis=-1)
     assert (distances <= gap + 1e-9).all()  # the reason of the warning: no motion is clearer than its tool
-
-
-def test_the_tool_is_where_with_tool_puts_it_and_not_at_the_flange():
-    longer = ARM.with_tool(pk.Pose([0.0, 0.05, 0.0]))
-    obstacle = pk.obstacles.Circle(POINTS[10], 0.002)
-    with pytest.warns(RuntimeWarning, match="at sample 10 "):
-        planar([obstacle], arm=longer)
-
-
-def test_in_space_the_path_says_where_the_tool_is_unless_its_height_is_free():
-    panda = pk.Arm.from_urdf(PANDA, base="panda_link0", tip="panda_hand_tcp")
-    path = pk.line([0.45, -0.25, 0.3], [0.45, 0.25, 0.3], duration=1.5, samples=11)
-    ball = pk.obstacles.Sphere([0.45, 0.0, 0.3], 0.02)
-    with pytest.warns(RuntimeWarning, match=re.escape("a sphere, is in its way: at sample 5 (0.75 s)")):
-        planar([ball], arm=panda, path=path)
-    planar([ball], arm=panda, path=pk.Task(path, axes="xy"))
-    planar([ball], arm=panda, path=pk.Task(path, frame="panda_joint7"))
-
-
-def test_a_search_of_what_is_obstructed_still_ends_with_the_least_violating_motion():
-    with pytest.warns(RuntimeWarning, match="no motion along it is feasible"):
-        problem = planar([pk.obstacles.Circle(POINTS[10], 0.02)])
-    with pytest.raises(pk.Infeasible) as refused:
-        pk.plan(problem, starts=4, observe=False)
-    assert refused.value.limit == "clearance"
-    assert refused.value.motion is not None

@@ -11,7 +11,7 @@ from paretoik.nlp.program import InteriorPointOptions
 from paretoik.pareto.certificates import criticality_at
 from paretoik.trajectory.levels import objective_scales
 from paretoik.trajectory.plan_starts import sample_starts
-from paretoik.trajectory.transcription import motion_kernel, motion_program
+from paretoik.trajectory.transcription import motion_program
 from problems import tringali_2020
 from tests.pareto.motions import certify_motions
 
@@ -34,7 +34,7 @@ def nearest_limit(motion):
     return np.min(np.pi - np.abs(motion.q), axis=-1)
 
 
-OBJECTIVES = [pk.joint_travel, pk.mechanical_energy, pk.peak_velocity, pk.peak_torque, nested, jolt, nearest_limit]
+OBJECTIVES = [pk.joint_travel, pk.peak_torque, nested, jolt, nearest_limit]
 
 
 def task_of(*objectives, samples=26, **settings):
@@ -61,7 +61,7 @@ def test_an_interior_point_ends_where_nothing_can_be_gained_exactly(objective):
         assert values[0] == program.evaluate(x)[0][0]
 
 
-@pytest.mark.parametrize("objective", [pk.joint_travel, pk.peak_torque, jolt], ids=lambda objective: objective.name)
+@pytest.mark.parametrize("objective", [pk.joint_travel, jolt], ids=lambda objective: objective.name)
 def test_both_solvers_end_as_low_from_the_same_optimum(objective):
     task = task_of(objective)
     _, solutions = solve(task, sample_starts(task, 4, np.random.default_rng(1)))
@@ -100,11 +100,3 @@ def test_what_has_kinks_is_named():
     program = motion_program(task_of(pk.kinetic_energy, pk.joint_travel, pk.peak_torque, pk.torque_norm))
     assert program.kinked == ("joint_travel", "peak_torque")
     assert motion_program(task_of(pk.kinetic_energy)).kinked == ()
-
-
-def test_slacks_come_innermost_first():
-    kernel = motion_kernel(motion_program(task_of(nested)))
-    assert kernel.nesting == 2
-    assert len(kernel.kinks) == 4
-    smooth = motion_kernel(motion_program(task_of(pk.kinetic_energy)))
-    assert (smooth.nesting, smooth.kinks.shape, len(smooth.peak_inputs)) == (0, (0, 4), 0)

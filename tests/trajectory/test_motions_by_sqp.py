@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.nlp import convex_subproblem as subproblem
 from paretoik.nlp import minimise as batches
-from paretoik.nlp.minimise import check_solver, minimise_violation
-from paretoik.nlp.program import Goal, InteriorPointOptions, Structure
+from paretoik.nlp.minimise import minimise_violation
+from paretoik.nlp.program import Goal, InteriorPointOptions
 from paretoik.nlp.sqp import SqpOptions, minimise
 from paretoik.trajectory.derivatives import linearise
 from paretoik.trajectory.plan import find_optima
-from paretoik.trajectory.plan_starts import initial_motions, sample_starts
+from paretoik.trajectory.plan_starts import initial_motions
 from paretoik.trajectory.transcription import motion_program
 from problems import tringali_2020
 from problems.panda import across_the_table
@@ -25,11 +24,6 @@ LIMITS = pk.Limits(position=tringali_2020.POSITION, velocity=tringali_2020.VELOC
 @pk.objective(unit="rad", form="general")
 def reach_of_joint(motion):
     return np.ptp(motion.q[..., 1], axis=-1)
-
-
-@pk.objective(unit="rad", form="general")
-def unrest(motion):
-    return np.std(motion.q[..., 2], axis=-1)
 
 
 @pk.objective(unit="", form="integral")
@@ -56,7 +50,7 @@ def solved(task, q, **settings):
     return minimise(program, q, goal, SqpOptions(**settings))
 
 
-@pytest.mark.parametrize("name", ["simulation_1", "simulation_2", "simulation_4", "simulation_5"])
+@pytest.mark.parametrize("name", ["simulation_2", "simulation_4"])
 def test_both_solvers_agree_on_where_they_end_from_the_same_optimum(name):
     problem = getattr(tringali_2020, name)()
     best = pk.plan(problem, starts=12).best
@@ -65,13 +59,7 @@ def test_both_solvers_agree_on_where_they_end_from_the_same_optimum(name):
     assert solution.objectives[0] == pytest.approx(best.objective, rel=1e-8)
 
 
-@pytest.mark.parametrize("name", ["simulation_1", pytest.param("simulation_4", marks=pytest.mark.slow)])
-def test_both_solvers_find_the_same_best_optimum(name):
-    task = getattr(tringali_2020, name)().task
-    ours, theirs = (find_optima(task, starts=24, seed=0, solver=each).best for each in ("sqp", "interior-point"))
-    assert ours.objective == pytest.approx(theirs.objective, rel=1e-7)
-
-
+@pytest.mark.slow
 def test_both_solvers_agree_on_a_spatial_arm():
     whole = across_the_table().task
     task = replace(whole, objectives=whole.objectives[:1]).subsample(26)
@@ -82,20 +70,9 @@ def test_both_solvers_agree_on_a_spatial_arm():
     assert solution.objectives[0, 0] == pytest.approx(1.0, rel=1e-7)
 
 
-def test_interior_points_refuse_functions_across_samples_by_name_before_any_work():
-    task = problem_of(pk.kinetic_energy, pk.joint_drift).task
-    message = r"solver must be 'sqp' for functions that relate samples \(joint_drift\), got 'interior-point'"
-    with pytest.raises(pk.InvalidInput, match=message):
-        check_solver(motion_program(task), "interior-point")
-    with pytest.raises(pk.InvalidInput, match="got 'interior-point'"):
-        find_optima(problem_of(pk.joint_drift).task, starts=10**6, seed=0, solver="interior-point")
-    with pytest.raises(pk.InvalidInput, match="solver must be one of auto, interior-point, sqp, got 'newton'"):
-        check_solver(motion_program(task), "newton")
-
-
 @pytest.mark.parametrize(
     "objective",
-    [pk.joint_travel, pk.peak_velocity, pk.peak_torque, pk.joint_drift, reach_of_joint, unrest, forward, memory],
+    [pk.peak_torque, reach_of_joint, forward, memory],
     ids=lambda objective: objective.name,
 )
 def test_an_optimum_of_a_function_with_kinks_or_memory_is_critical_and_nothing_near_it_is_better(objective):
@@ -105,7 +82,7 @@ def test_an_optimum_of_a_function_with_kinks_or_memory_is_critical_and_nothing_n
     certificate = certify_motions(task, q[None], np.array([max(abs(best.objective), 1e-3)]))
     assert certificate.criticality[0] <= 1e-6
     assert certificate.violation[0] <= 1e-8
-    for motion in nearby(task, q, 200):
+    for motion in nearby(task, q, 60):
         if task.violations(motion).max() <= 0:
             assert float(objective(motion)) >= best.objective - 1e-7 * (1 + abs(best.objective))
 
@@ -165,27 +142,15 @@ def first_order(at, along):
     return np.array(solution)
 
 
-def test_a_motion_that_should_stop_ends_without_self_motion():
-    stopping = pk.plan(problem_of(pk.torque_norm, samples=51, end_velocity=0), starts=12).best
-    running = pk.plan(problem_of(pk.torque_norm, samples=51), starts=12).best
-    assert np.abs(stopping.motion.dq[-1]).max() < 1e-3 < np.abs(running.motion.dq[-1]).max()
-    assert stopping.objective > running.objective
-    assert stopping.motion.tracking_error.max() <= 1e-9
-
-
 @pytest.mark.parametrize(
     "obstacle",
-    [
-        pk.obstacles.Circle([0.15, 0.05], 0.02),
-        pk.obstacles.Box([0.15, 0.05], [0.02, 0.02]),
-        pk.obstacles.Capsule([0.15, 0.05, -1], [0.15, 0.05, 1], 0.02),
-    ],
+    [pk.obstacles.Box([0.15, 0.05], [0.02, 0.02]), pk.obstacles.Capsule([0.15, 0.05, -1], [0.15, 0.05, 1], 0.02)],
     ids=lambda obstacle: type(obstacle).__name__,
 )
 def test_a_motion_keeps_clear_of_obstacles_and_pays_for_it(obstacle):
-    clear = pk.plan(problem_of(pk.kinetic_energy, samples=51, obstacles=[obstacle], link_radius=0.01), starts=24).best
+    clear = pk.plan(problem_of(pk.kinetic_energy, obstacles=[obstacle], link_radius=0.01), starts=12).best
     assert clear.motion.clearance.min() >= -1e-8
-    free = pk.plan(problem_of(pk.kinetic_energy, samples=51), starts=24).best
+    free = pk.plan(problem_of(pk.kinetic_energy), starts=12).best
     assert clear.objective > free.objective
 
 
@@ -272,56 +237,7 @@ def test_a_choice_that_jumps_is_refused_by_name_and_one_that_only_has_a_kink_is_
     assert certificate.criticality[0] <= 1e-6
 
 
-def test_a_limit_that_holds_is_not_left_for_a_better_objective():
-    @pk.constraint(unit="rad", form="integral", upper=3.0)
-    def travel(motion):
-        return np.sum(np.abs(motion.dq), axis=-1)
-
-    solution = pk.plan(problem_of(pk.torque_norm, constraints=[travel]), starts=3).best
-    assert travel.violation(solution.motion) <= 1e-8
-
-
-def test_central_differences_and_a_stop_are_refused_together():
-    with pytest.raises(pk.InvalidInput, match="end_velocity=0"):
-        motion_program(problem_of(pk.torque_norm, end_velocity=0, differences="central").task)
-
-
-@pytest.mark.parametrize(
-    "settings",
-    [
-        {},
-        {"differences": "spline"},
-        {"differences": "central", "cyclic": True},
-        {"differences": "spline", "end_velocity": 0},
-        {"obstacles": [pk.obstacles.Sphere([0.3, 0.3, 0.0], 0.05)]},
-    ],
-    ids=lambda each: ",".join(each) or "backward",
-)
-def test_the_structure_of_a_program_is_the_same_at_every_motion(settings):
-    task = problem_of(reach_of_joint, unrest, forward, pk.peak_torque, samples=13, **settings).task
-    program, structures = motion_program(task), set()
-    for motion in sample_starts(task, 4, np.random.default_rng(0)):
-        at = program.linearise(motion)
-        structures.add((Structure.of(at.jacobian), *(Structure.of(cone.rows) for cone in at.cones)))
-    assert len(structures) == 1
-
-
-def test_a_front_by_sqp_canonicalises_once_for_each_shape_of_program(monkeypatch):
-    build, shapes = subproblem.ConvexSubproblem.__init__, []
-
-    def count(self, pattern, elastic, *, ball=False):
-        cones = tuple((column, rows.shape) for column, rows in pattern.cones)
-        shapes.append((pattern.unknowns, pattern.jacobian.shape, cones, elastic, ball))
-        build(self, pattern, elastic, ball=ball)
-
-    monkeypatch.setattr(subproblem.ConvexSubproblem, "__init__", count)
-    subproblem.subproblem_of.cache_clear()
-    problem = problem_of(pk.kinetic_energy, forward, samples=11)
-    front = pk.epsilon_front(problem, points=3, starts=2, solver="sqp")
-    assert len(front) == 3
-    assert len(shapes) == len(set(shapes)) <= 8
-
-
+@pytest.mark.slow
 def test_points_of_a_front_end_at_the_same_minima_by_both_solvers():
     problem = tringali_2020.energy_torque()
     searched = pk.solve(problem, population=24, generations=10, seed=1, observe=False)

@@ -10,8 +10,6 @@ import pytest
 import paretoik as pk
 from paretoik.nlp.minimise import minimise
 from paretoik.nlp.program import CONVERGED, VIOLATED, Solutions
-from paretoik.task.self_motion import branch_labels
-from paretoik.task.starts import perturbed_starts, recombined_starts
 from paretoik.trajectory import restarts
 from paretoik.trajectory import restarts as basin_hopping
 from paretoik.trajectory.levels import OPTIONS as LEVELS
@@ -86,14 +84,6 @@ def test_starts_wait_while_a_better_optimum_is_likely_unseen_and_no_longer():
     assert not policy.waiting
 
 
-def test_every_start_is_in_one_portion_at_its_own_barrier():
-    q = np.arange(50.0)[:, None, None]
-    portions = restarts.first_portions(q)
-    assert np.array_equal(np.sort(np.concatenate(portions), axis=0), q)
-    for portion in portions[:-1]:
-        assert np.array_equal(portion.ravel() % 3, np.arange(len(portion)) % 3)
-
-
 def test_starts_that_are_asked_for_are_all_minimised_and_by_default_as_many_as_it_takes():
     task, counts, values = tringali_2020.simulation_2().task, [], []
     for starts in (48, None):
@@ -101,34 +91,6 @@ def test_starts_that_are_asked_for_are_all_minimised_and_by_default_as_many_as_i
         values.append(plan.best.objective)
     assert counts[0] >= 48 > counts[len(counts) // 2]
     assert values[1] == pytest.approx(values[0], rel=1e-9)
-
-
-def test_perturbed_starts_come_with_a_low_barrier_and_do_not_count_as_independent():
-    level = coarsest_level(tringali_2020.simulation_1().task)
-    q = starts_on(level, 12)
-    policy = policy_of(q, level)
-    more, barriers = policy(ends(q, np.arange(1.0, len(q) + 1)))
-    assert all(each.barrier <= 1e-3 for each in barriers)
-    assert policy.independent.sum() < len(q) + len(more) == len(policy.independent)
-
-
-def test_a_branch_that_led_nowhere_is_left_out():
-    level = coarsest_level(tringali_2020.simulation_1().task)
-    q = starts_on(level, 24)
-    labels = np.array(branch_labels(level.motion(q)))
-    names, counts = np.unique(labels, return_counts=True)
-    doomed = names[int(np.argmax(counts))]
-    policy = policy_of(q, level)
-    kept = policy._without_doomed(q, ends(q, np.arange(1.0, len(q) + 1), converged=labels != doomed))
-    assert 0 < len(kept) < len(q)
-    assert doomed not in branch_labels(level.motion(kept))
-
-
-def test_motions_with_long_steps_can_be_perturbed_too():
-    path = pk.circle([0.3, 0.0], 0.1, duration=1.0, samples=9)
-    task = pk.Tracking(pk.arms.tringali_3r(), path, objectives=[pk.kinetic_energy], cyclic=True).task
-    q = sample_starts(task, 8, np.random.default_rng(0))
-    assert len(perturbed_starts(task, np.repeat(q, 4, axis=0), np.random.default_rng(1), size=0.2)) > 0
 
 
 def test_starts_are_sampled_on_the_next_level_where_the_first_misleads_and_there_alone():
@@ -148,65 +110,7 @@ def test_starts_are_sampled_on_the_next_level_where_the_first_misleads_and_there
         assert level_restarts.further(finer, fine, coarse) is None  # a third level
 
 
-@pytest.mark.parametrize(
-    ("coarse", "fine", "misled"), [(1e-9, 1e-6, False), (0.010, 0.012, False), (0.006, 0.02, True)]
-)
-def test_values_next_to_0_do_not_mislead(coarse, fine, misled):
-    q = np.zeros((2, 5, 3))
-    assert restarts.is_misled(ends(q, [coarse, 1.0]), ends(q, [fine, 1.0])) == misled
-
-
-def test_where_the_next_level_has_no_starts_the_optima_of_the_first_go_on(monkeypatch):
-    task = tringali_2020.simulation_1().task
-    q, fine = starts_on(coarsest_level(task), 12), starts_on(task, 3)
-    level_restarts = restarts.LevelRestarts([], 24, np.random.default_rng(0), "auto")
-    level_restarts.further(motion_program(coarsest_level(task), np.ones(1)), q, None)
-
-    def fail(*_):
-        raise pk.Infeasible("no roll-out")
-
-    monkeypatch.setattr(restarts, "sample_starts", fail)
-    further = level_restarts.further(motion_program(task, np.ones(1)), fine, ends(q, np.arange(1.0, 13)))
-    more, _ = further(ends(fine, [3.0, 4.0, 5.0]))
-    assert len(more) == 0
-
-
 # Basin hopping: the best optima are perturbed and recombined
-
-
-def test_recombined_optima_are_near_none_that_there_is():
-    problem = pk.Tracking(
-        pk.Arm.planar(lengths=[0.3] * 4, masses=[1.0] * 4, centers=[0.15] * 4),
-        pk.line([0.9, 0.2], [-0.2, 0.5], duration=1.0, samples=26),
-        objectives=[pk.torque_norm],
-    )
-    q = sample_starts(problem.task, 24, np.random.default_rng(0))
-    mixed = basin_hopping._recombine(problem.task, q, np.random.default_rng(1))
-    assert len(mixed) > 4
-    for one in mixed:
-        assert joint_distance(problem.task, one, q).min() > basin_hopping.OPTIONS.distance
-    any_pairs = recombined_starts(problem.task, q, np.roll(q, 1, axis=0), np.random.default_rng(2))
-    usual, chosen = (float(np.median(pk.torque_norm(problem.task.motion(x)))) for x in (any_pairs, mixed))
-    assert chosen < usual
-
-
-def test_where_no_pair_can_be_recombined_there_is_none(monkeypatch):
-    problem = pk.Tracking(
-        pk.arms.tringali_3r(), pk.line([0.4, 0.1], [0.1, 0.2], duration=1.0, samples=26), objectives=[pk.manipulability]
-    )
-    q = sample_starts(problem.task, 4, np.random.default_rng(0))
-    monkeypatch.setattr(basin_hopping, "recombined_starts", lambda task, q, others, rng: q[:0])
-    assert basin_hopping._recombine(problem.task, q, np.random.default_rng(1)).shape == (0, *q.shape[1:])
-
-
-def test_an_optimum_that_cannot_be_perturbed_is_minimised_from_high_barriers_and_kept(monkeypatch):
-    level = coarsest_level(tringali_2020.simulation_1().task)
-    q = sample_starts(level, 1, np.random.default_rng(0))
-    program = motion_program(level, objective_scales(level, q))
-    ends = minimise(program, q, np.ones((1, 1)), options=LEVELS.cold[2])
-    monkeypatch.setattr(basin_hopping, "perturbed_starts", lambda task, q, rng, size: q[:0])
-    more = basin_hopping.disturb_best(program, ends, np.random.default_rng(0))
-    assert joint_distance(level, ends.x[0], more.x).min() < 0.01
 
 
 def test_perturbing_the_best_loses_no_optimum_and_leads_to_better_ones():

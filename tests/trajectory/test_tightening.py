@@ -9,7 +9,6 @@ import paretoik as pk
 from paretoik.task.motion_task import finer_motion
 from paretoik.trajectory.tightening import hold_between
 from paretoik.trajectory.transcription import motion_program
-from problems import tringali_2020
 
 LINE = pk.line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=51)
 LIMITS = pk.Limits(velocity=3.0, acceleration=14.0)
@@ -46,17 +45,6 @@ def test_refining_again_leaves_minima_as_they_are_or_betters_them(front):
     assert (again.certificates.status == "minimum").all()
     assert again.certificates.criticality.max() <= 1e-6
     assert again.certificates.violation_between.max() <= 1e-9
-
-
-@pytest.mark.slow
-def test_five_objectives_with_a_peak_are_certified_for_limits_that_hold_between_samples():
-    """In a fixed direction one of five may have to rise for the others, which is no optimum of a front."""
-    goals = [pk.kinetic_energy, pk.torque_norm, pk.peak_torque, pk.joint_travel, pk.mechanical_energy]
-    limits = pk.Limits(position=tringali_2020.POSITION, velocity=tringali_2020.VELOCITY)
-    path = tringali_2020.straight(26)
-    front = pk.epsilon_front(pk.Tracking(pk.arms.tringali_3r(), path, objectives=goals, limits=limits), points=10)
-    assert len(front) == 10
-    assert set(front.certificates.status) == {"minimum"}
 
 
 def test_finite_differences_are_left_as_they_are_and_words_say_what_helps():

@@ -25,7 +25,7 @@ def motion_of(task, seed=0):
 
 @pytest.mark.parametrize(
     "make",
-    [tringali_2020.simulation_4, tringali_2020.simulation_5, panda.across_the_table],
+    [tringali_2020.simulation_5, panda.across_the_table],
     ids=lambda make: make.__name__,
 )
 def test_sums_and_rates_are_those_of_the_motion(make):
@@ -53,7 +53,7 @@ def test_sums_and_rates_are_those_of_the_motion(make):
         assert values[program.sums + row] == pytest.approx(motion.torque[:, j], rel=1e-10, abs=1e-12 * size)
 
 
-@pytest.mark.parametrize("name", ["simulation_4", "simulation_5"])
+@pytest.mark.parametrize("name", ["simulation_5"])
 def test_slopes_and_second_derivatives_are_those_of_central_differences(name):
     task = getattr(tringali_2020, name)().task
     program = motion_program(task)
@@ -102,36 +102,3 @@ def test_the_path_equations_have_the_jacobian_and_the_curvature_of_the_chain():
         behind[j] -= step
         change = (program.evaluators.path(ahead)[:rows] - program.evaluators.path(behind)[:rows]) / (2 * step)
         assert np.allclose(tracked[rows + j :: n][:rows], change, atol=1e-8)
-
-
-def test_what_has_no_derivative_is_named():
-    path = pk.line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=31)
-
-    @pk.objective(unit="", form="integral")
-    def spectrum(motion):
-        return np.abs(np.fft.fft(motion.q[..., 0]))
-
-    with pytest.raises(pk.InvalidInput, match=r"objective spectrum.*fft"):
-        motion_program(
-            pk.Tracking(pk.arms.tringali_3r(), path, objectives=[spectrum], bases=1, differences="backward").task
-        )
-
-
-def test_limits_go_by_the_names_that_the_task_has_for_them():
-    limits = pk.Limits(position=2.0, velocity=3.8, acceleration=90.0, torque=2.0, power=3.0, clearance=0.01)
-    ball = pk.obstacles.Circle(center=(0.3, 0.3), radius=0.02)
-
-    @pk.constraint(unit="m", upper=0.4)
-    def height(motion):
-        return motion.tool[..., 1]
-
-    task = pk.Tracking(
-        pk.arms.tringali_3r(),
-        pk.line([0.4678, 0.0], [0.0983, 0.1526], duration=1.0, samples=9),
-        objectives=[pk.kinetic_energy],
-        limits=limits,
-        constraints=[height],
-        obstacles=[ball],
-        bases=1,
-    ).task
-    assert set(motion_program(task).inequality_names) == set(task.limit_names)

@@ -6,7 +6,7 @@ import pytest
 import paretoik as pk
 from paretoik.verification.path_targets import path_points, sample_points
 
-LAWS = ("raised-cosine", "quintic", "uniform")
+LAWS = ("raised-cosine", "quintic")
 END = pk.Pose.from_rpy([0.1, 0.2, 0.3], [1.0, 0.2, 0.3])
 SHAPES = {
     "line": lambda **law: pk.line([0.4, 0.0], [0.1, 0.2], duration=2.0, samples=31, **law),

@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-import pytest
-
 from paretoik.verification.run_contents import Check, Verification, Worst, demand, judge, leave_out
 
 PLACE = Worst(what="velocity", joint="joint2", time=0.45, value=3.81, limit=3.8, unit="rad/s")
@@ -33,6 +31,5 @@ def test_a_failure_names_point_joint_time_value_and_limit():
     assert line in repr(of(row))
 
 
-@pytest.mark.parametrize("value", [float("nan"), float("inf")])
-def test_what_is_no_number_fails(value):
-    assert judge("start", value, 1e-9, "").verdict == "failed"
+def test_what_is_no_number_fails():
+    assert judge("start", float("nan"), 1e-9, "").verdict == "failed"

@@ -16,6 +16,7 @@ from paretoik.runs.files import RUN, run_bytes
 from studies.benchmarks.reliability.verifier import FAULTS, edit
 
 OPENED = ("search", "certified", "plan", "closed loop")
+QUICK = ("columns swapped", "times stretched", "not a number", "a motion missing")
 OFF_THE_PATH = {
     "a joint off by 1e-6": r"motions must be on the path of the problem, got point \d+ \S+ m off it at sample 5 \(0.4",
     "columns swapped": r"motions must be on the path of the problem, got point \d+ 0\.\d+ m off it at sample",
@@ -41,7 +42,7 @@ def opened(folder, problem, kind):
 
 def names(*kinds):
     chosen = [name for name, (kind, *_) in FAULTS.items() if kind in kinds]
-    return [pytest.param(name, marks=[pytest.mark.slow] if FAULTS[name][0] == "certified" else []) for name in chosen]
+    return [pytest.param(name, marks=[] if name in QUICK else [pytest.mark.slow]) for name in chosen]
 
 
 @pytest.mark.parametrize("fault", names(*OPENED))
@@ -62,7 +63,7 @@ def test_an_edited_run_is_opened_or_refused_in_a_line_and_motions_off_the_path_a
         assert "\n" not in str(refusal)  # noqa: PT017
 
 
-@pytest.mark.parametrize("command", [["select", "--point", "0"], ["export", "--point", "0"], ["report"], ["verify"]])
+@pytest.mark.parametrize("command", [["select", "--point", "0"], pytest.param(["verify"], marks=pytest.mark.slow)])
 def test_every_command_refuses_motions_off_the_path_with_an_exit_code(good_run, tmp_path, monkeypatch, capsys, command):
     folder, *_ = good_run("search")
     edited = edit(folder, tmp_path / "edited", FAULTS["columns swapped"][1])
@@ -90,7 +91,6 @@ def test_no_file_but_the_runs_own_is_read_where_it_is_edited(good_run, tmp_path)
         ({**content, "objectives": []}, "must have objectives and the digests"),
         ({**content, "objectives": content["objectives"][::-1]}, None),
         ({**content, "files": {**content["files"], "../escape": "0" * 64}}, "must have objectives and the digests"),
-        ({**content, "files": {}}, "must have objectives and the digests"),
         ({**content, "holds": "a plan"}, "must be a run with a front, got one that holds a plan"),
     ):
         anew = {name: value for name, value in entries.items() if name not in ("format", "digest")}
@@ -103,10 +103,9 @@ def test_no_file_but_the_runs_own_is_read_where_it_is_edited(good_run, tmp_path)
             pk.load_front(edited)
 
 
-@pytest.mark.parametrize("value", ["NaN", "Infinity", "-Infinity"])
-def test_numbers_that_strict_json_has_not_are_refused(good_run, tmp_path, value):
+def test_numbers_that_strict_json_has_not_are_refused(good_run, tmp_path):
     edited = edit(good_run("search")[0], tmp_path / "edited", lambda run: None)
     text = (edited / RUN).read_text()
-    (edited / RUN).write_text(re.sub(r'"seed": 1\b', f'"seed": {value}', text))
-    with pytest.raises(InvalidRun, match=f"must be strict JSON, got the number {value}"):
+    (edited / RUN).write_text(re.sub(r'"seed": 1\b', '"seed": NaN', text))
+    with pytest.raises(InvalidRun, match="must be strict JSON, got the number NaN"):
         pk.load_front(edited)

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from paretoik.errors import Infeasible
 from paretoik.front.front import Front
-from paretoik.front.preferences.compromise import COMPROMISE_IN_WORDS, best_rows, compromise, marked_rows, score_shares
+from paretoik.front.preferences.compromise import best_rows, compromise, marked_rows, score_shares
 from tests.front.random_fronts import random_front
 
 
@@ -47,23 +45,6 @@ def test_naming_an_objective_twice_does_not_move_the_compromise():
         maximised=[front.maximised[i] for i in (0, 1, 1)],
     )
     assert compromise(twice).id == compromise(front).id
-
-
-def test_the_compromise_of_one_objective_is_the_best_point():
-    front = Front(ids=np.array([4]), objectives=np.ones((1, 1)), names=["a"], units=[""], maximised=[False])
-    assert compromise(front).id == 4
-
-
-def test_an_empty_front_has_no_compromise():
-    front = Front(ids=np.empty(0, int), objectives=np.empty((0, 1)), names=["a"], units=[""], maximised=[False])
-    with pytest.raises(Infeasible, match="compromise: the front must have at least one point"):
-        compromise(front)
-
-
-def test_the_reason_of_a_compromise_says_what_it_is():
-    choice = compromise(hollow())
-    assert COMPROMISE_IN_WORDS in choice.reason
-    assert "70.7%" in choice.reason
 
 
 # The points that pictures mark, compared with brute force.

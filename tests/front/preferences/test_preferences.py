@@ -15,7 +15,7 @@ from paretoik.front.preferences.compromise import Compromise
 from tests.front.preferences import brute_force
 from tests.front.random_fronts import random_front
 
-FRONTS = 1000
+FRONTS = 240
 Asked = tuple[Preference, Callable[[Front], int | None]]
 
 
@@ -56,9 +56,8 @@ def _classified(front: Front, rng: np.random.Generator) -> Iterator[Asked]:
     yield Classify(start, **of, **to), lambda front: brute_force.classified(front, start, classes, values)
 
 
-@pytest.mark.parametrize("block", range(10))
-def test_every_preference_chooses_what_plain_loops_over_the_points_do(block):
-    for seed in range(block * FRONTS // 10, (block + 1) * FRONTS // 10):
+def test_every_preference_chooses_what_plain_loops_over_the_points_do():
+    for seed in range(FRONTS):
         front = random_front(seed, points=1 + seed % 25)
         for preference, expected in wishes_of(front, np.random.default_rng(seed)):
             choice = preference.choose(front)
@@ -66,10 +65,9 @@ def test_every_preference_chooses_what_plain_loops_over_the_points_do(block):
             assert choice.id == front.ids[choice.index]
 
 
-@pytest.mark.parametrize("block", range(4))
-def test_the_knee_is_what_plain_loops_say_or_none(block):
+def test_the_knee_is_what_plain_loops_say_or_none():
     knees, refused = 0, 0
-    for seed in range(block * FRONTS // 4, (block + 1) * FRONTS // 4):
+    for seed in range(FRONTS):
         front = random_front(seed, n_obj=2 + seed % 3, points=1 + seed % 25)
         if seed % 5 == 0:  # a former outlier: relative to it all are equal in the first objective
             wider = front.ranges.copy()
@@ -86,7 +84,7 @@ def test_the_knee_is_what_plain_loops_say_or_none(block):
             assert choice.id == expected, seed
             assert ("all are equal" in choice.verdict) == bool((np.ptp(front.shares, axis=0) <= 1e-9).all())
             knees += 1
-    assert min(knees, refused) > 20
+    assert min(knees, refused) > 5
 
 
 def test_the_best_in_both_is_the_knee_if_one_objective_has_no_extent():
@@ -97,8 +95,8 @@ def test_the_best_in_both_is_the_knee_if_one_objective_has_no_extent():
     assert "it is the best in every objective, within rounding" in choice.verdict
 
 
-@pytest.mark.parametrize("power", [1.2, 1.5, 2.0, 4.0])
-@pytest.mark.parametrize("steps", [4, 8, 13, 25])
+@pytest.mark.parametrize("power", [1.2, 4.0])
+@pytest.mark.parametrize("steps", [4, 13])
 def test_the_knee_of_a_front_that_bulges_evenly_lies_in_its_middle(power, steps):
     lattice = np.array([(i, j, steps - i - j) for i in range(steps + 1) for j in range(steps + 1 - i)]) / steps
     values = 1.0 - lattice / (lattice**power).sum(axis=1, keepdims=True) ** (1 / power)
@@ -108,7 +106,7 @@ def test_the_knee_of_a_front_that_bulges_evenly_lies_in_its_middle(power, steps)
     assert np.ptp(lattice[front.select("knee").id]) <= 1 / steps + 1e-12
 
 
-@pytest.mark.parametrize("seed", range(60))
+@pytest.mark.parametrize("seed", range(12))
 def test_bounds_choose_as_the_named_preference_among_the_points_within_on_the_ranges_of_all(seed):
     front, rng = random_front(seed, points=30), np.random.default_rng(seed)
     axis = int(rng.integers(len(front.names)))
@@ -123,10 +121,9 @@ def test_bounds_choose_as_the_named_preference_among_the_points_within_on_the_ra
         assert (part.ranges == front.ranges).all()
 
 
-@pytest.mark.parametrize("block", range(4))
-def test_an_aspiration_to_a_point_that_gains_a_ten_thousandth_chooses_it(block):
+def test_an_aspiration_to_a_point_that_gains_a_ten_thousandth_chooses_it():
     reached = 0
-    for seed in range(block * 25, (block + 1) * 25):
+    for seed in range(25):
         front = random_front(seed, points=20)
         for row, point in enumerate(front.shares):
             gains = np.delete(front.shares, row, axis=0) - point
@@ -134,7 +131,7 @@ def test_an_aspiration_to_a_point_that_gains_a_ten_thousandth_chooses_it(block):
                 wish = dict(zip(front.names, front.objectives[row].tolist(), strict=True))
                 assert Aspiration(wish).choose(front).id == front.ids[row]
                 reached += 1
-    assert reached > 50
+    assert reached > 20
 
 
 def test_a_bound_is_missed_by_a_share_of_the_value_that_all_points_have():
@@ -172,9 +169,8 @@ def in_other_units_too(preference: Preference, front: Front, scale: np.ndarray, 
     return preference
 
 
-@pytest.mark.parametrize("block", range(4))
-def test_no_choice_depends_on_the_units_of_the_objectives(block):
-    for seed in range(block * 25, (block + 1) * 25):
+def test_no_choice_depends_on_the_units_of_the_objectives():
+    for seed in range(25):
         front, rng = random_front(seed, points=20), np.random.default_rng(seed)
         scale, offset = 10.0 ** rng.uniform(-3, 3, len(front.names)), rng.uniform(-2, 2, len(front.names))
         offset *= scale
@@ -184,9 +180,8 @@ def test_no_choice_depends_on_the_units_of_the_objectives(block):
             assert changed.choose(other).id == preference.choose(front).id, (seed, preference)
 
 
-@pytest.mark.parametrize("block", range(4))
-def test_neither_the_order_of_the_points_nor_copies_of_them_move_a_choice(block):
-    for seed in range(block * 25, (block + 1) * 25):
+def test_neither_the_order_of_the_points_nor_copies_of_them_move_a_choice():
+    for seed in range(25):
         front, rng = random_front(seed, points=20), np.random.default_rng(seed)
         order = rng.permutation(len(front))
         copies = rng.integers(0, len(front), 5)
@@ -197,7 +192,7 @@ def test_neither_the_order_of_the_points_nor_copies_of_them_move_a_choice(block)
             assert preference.choose(more).id == preference.choose(front).id, (seed, preference)
 
 
-@pytest.mark.parametrize("seed", range(60))
+@pytest.mark.parametrize("seed", range(12))
 def test_more_points_move_a_choice_to_none_but_a_new_one(seed):
     """This holds for preferences that score each point by itself, on the stored ranges."""
     denser, rng = random_front(2 * seed, points=60), np.random.default_rng(seed)
