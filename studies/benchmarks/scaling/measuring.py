@@ -28,7 +28,7 @@ def search(generations: int, seed: int) -> Objectives:
 
 def load() -> None:
     """Load everything that a worker needs for any task."""
-    import paretoik.runs.cluster_task  # noqa: F401
+    import paretoik.runs.cluster  # noqa: F401
 
 
 def sleep(shared: None, seconds: float) -> None:
