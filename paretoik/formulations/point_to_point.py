@@ -203,7 +203,7 @@ class PointToPoint(DenseFormulation):
     def _motions(self, q: JointPaths, intervals: Float[np.ndarray, "points intervals"]) -> Motion:
         steps = np.maximum(np.nan_to_num(intervals, nan=1.0), OPTIONS.shortest_interval)
         time = np.concatenate([np.zeros((len(q), 1)), np.cumsum(steps, axis=1)], axis=1)
-        return Motion(arm=self.arm, time=time, q=q)
+        return Motion(arm=self.arm, time=time, q=q, differences="backward")
 
     def points(self, genes: Genes) -> Float[np.ndarray, "points unknowns"]:
         """Return the unknowns of the smooth program at genes."""

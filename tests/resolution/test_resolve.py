@@ -169,6 +169,37 @@ def test_the_consistent_variant_leaves_the_task_alone_where_nothing_is_damped(na
         assert disturbed["paper"] > 1e-3
 
 
+@every_arm
+def test_the_task_part_is_stationary_in_the_damped_problem(name):
+    motion = followed(name, METHODS["consistent"][0], limits=TIGHT if name == "planar" else None)
+    plainly, traces, looked = Plainly(motion, None, FEEDBACK), motion.traces, 0
+    for k in range(40):
+        task = traces.velocities[k] - traces.repulsion[k] - traces.projected[k].sum(axis=0)
+        if traces.weights[k].min() > 0.01:
+            jacobian = plainly.at(motion.q[k], k)[1]
+            left = jacobian.T @ (plainly.wanted(motion.q[k], k) - jacobian @ task)
+            assert np.abs(left - traces.damping[k] ** 2 * task / traces.weights[k] ** 2).max() < 1e-10
+            looked += 1
+    assert looked > 10
+
+
+def test_a_clamped_joint_does_nothing_for_the_task():
+    limits = Limits(position=([-0.3, 0.1, -0.754], [0.35, 1.2, 1.0]))
+    motion = followed("planar", pk.methods.WeightedGradientProjection(repulsion=0.0), limits=limits)
+    assert (motion.traces.velocities[:, 2] == 0.0).all()
+    assert np.abs(motion.q[-1, :2] - START[:2]).min() > 0.05
+
+
+def test_weighted_projection_frees_a_joint_that_the_weighted_least_norm_keeps_at_its_limit():
+    limits = Limits(position=([-3.0, -3.0, -0.80], [3.0, 3.0, 1.0]))
+    least_norm, freed = (
+        pk.resolve(tringali_3r(), DOWN.resample(201), method, start=START, limits=limits).q[-1, 2]
+        for method in (pk.methods.WeightedLeastNorm(), pk.methods.WeightedGradientProjection())
+    )
+    assert least_norm < -0.75
+    assert freed > -0.6
+
+
 @pytest.mark.parametrize("method", ["least norm", "consistent"])
 def test_a_batch_is_resolved_as_its_motions_are(method):
     arm, rng = wan_7r(), np.random.default_rng(0)
