@@ -62,8 +62,10 @@ def load_problem(reference: str) -> Any:
             summary = _summary(error, getattr(module, "__file__", None))
             raise InvalidInput(f"problem {reference!r} must be built without error, got {summary}") from error
     if not _is_problem(problem):
+        imported = _function_of(problem) is not None and problem is value
+        hint = "; a function from another module must say that it returns a problem: def f() -> pk.Tracking" * imported
         raise InvalidInput(
-            f"problem {reference!r} must be a pymoo problem or a function that returns one, got {shown(problem)}"
+            f"problem {reference!r} must be a pymoo problem or a function that returns one, got {shown(problem)}{hint}"
         )
     return problem
 

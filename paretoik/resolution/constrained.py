@@ -406,10 +406,17 @@ class _Stepper:
             step = replace(step, status=MISSED)
         # The limit that each joint is at, and whether a distance is at its own.
         first, rounding = len(nearest), 1e-7 * float(np.abs([step.rates, step.free]).max())
-        distances, lower, upper = np.split(limits.slack(step.rates), [first, first + len(q)])
         kinds = 1 + 2 * np.abs(bounds - interval).argmin(axis=0) + [0, 1]
-        active = np.where(lower <= rounding, kinds[:, 0], np.where(upper <= rounding, kinds[:, 1], 0))
-        active = np.append(active, len(ACTIVE) - 1 if (distances <= rounding).any() else 0)
+
+        def reached(rates: np.ndarray) -> np.ndarray:
+            distances, lower, upper = np.split(limits.slack(rates), [first, first + len(q)])
+            joints = np.where(lower <= rounding, kinds[:, 0], np.where(upper <= rounding, kinds[:, 1], 0))
+            return np.append(joints, len(ACTIVE) - 1 if (distances <= rounding).any() else 0)
+
+        active = reached(step.rates)
+        if step.status == LIMITED and not active.any():  # damping stays within the limits that the task would exceed
+            rest = goal.task_rates - goal.jacobian @ step.rates
+            active = reached(step.rates + np.linalg.lstsq(goal.jacobian, rest, rcond=None)[0])
         broken = np.stack([bounds[..., 0] - interval[:, 1], interval[:, 0] - bounds[..., 1]], axis=-1) > rounding
         if broken.any():  # because of more important limits: accelerations or velocities
             step = replace(step, status=LIMITED)

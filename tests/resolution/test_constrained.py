@@ -119,6 +119,18 @@ def test_limits_that_leave_no_way_on_are_named():
         )
 
 
+@pytest.mark.parametrize("velocity", [0.15, 0.5])
+def test_limits_that_damping_keeps_the_step_away_from_are_named_too(velocity):
+    arm = pk.Arm.planar(lengths=[0.4, 0.3, 0.25, 0.15], velocity_limits=3.0, position_limits=2.8)
+    start = np.array([0.3, 0.6, -0.8, 0.5])
+    begin = np.asarray(arm.pose(start).position)[:2]
+    path = pk.line(begin, begin + np.array([-0.25, 0.2]), duration=2.0, samples=101)
+    limits = pk.Limits(velocity=velocity, acceleration=2.0)
+    with pytest.raises(pk.Infeasible) as fault:
+        pk.resolve(arm, path, pk.methods.ConstrainedQP(), start=start, limits=limits)
+    assert "velocity of joint2" in fault.value.limit
+
+
 def test_a_joint_past_its_limit_is_refused_or_returns():
     limits = Limits(position=([-3.0, 0.4, -3.0], [3.0, 3.0, 3.0]), velocity=2.0, acceleration=50.0)
     with pytest.raises(InvalidInput, match=r"start: joints must be .* for ConstrainedQP, got joint2 0.073 past one"):
