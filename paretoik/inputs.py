@@ -262,9 +262,9 @@ def _array(name: str, value: object, kinds: str, wish: str) -> np.ndarray:
         raise InvalidInput(f"{name}: must be an array of numbers, got {cause_of(error)}") from None
     if array.dtype.kind not in kinds and array.size + (array.dtype.kind != "f") > 0:  # an empty list is one of floats
         kind = "text" if array.dtype.kind in "US" else array.dtype
-        raise InvalidInput(f"{name}: must hold {wish}, got {kind}")
+        raise InvalidInput(f"{name}: must contain {wish}, got {kind}")
     if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
-        raise InvalidInput(f"{name}: must hold {wish}, got masked ones")
+        raise InvalidInput(f"{name}: must contain {wish}, got masked ones")
     return array
 
 

@@ -47,7 +47,7 @@ class Foreign:
 INPUTS = {
     "lengths: must be an array of numbers, got rows": lambda: arm(lengths=[1, [2]]),
     "lengths: must be an array of numbers, got RuntimeError: not": lambda: arm(lengths=Foreign()),
-    "lengths: must hold real numbers, got masked": lambda: arm(lengths=np.ma.array([0.1, 0.2], mask=[0, 1])),
+    "lengths: must contain real numbers, got masked": lambda: arm(lengths=np.ma.array([0.1, 0.2], mask=[0, 1])),
     "lengths must be at most 1e\\+50, got 1e\\+308": lambda: arm(lengths=[1e308]),
     "lengths must be at least 1e-50, got 1e-300": lambda: arm(lengths=[0.1, 1e-300]),
     "line end must be at most 1e\\+50 m, got 1e\\+308 m": lambda: pk.line([0.0, 0.0], [1e308, 0.0], duration=1.0),
@@ -57,11 +57,11 @@ INPUTS = {
     "joint 'panda_joint1' must be from": lambda: pk.Arm.from_urdf(PANDA, tip="panda_hand", fixed={"panda_joint1": 99}),
     "joint joint1 must be from -1 to 1, got 3": lambda: arm(position_limits=1.0).fixed(joint1=3),
     "pose must be a Pose, got 5": lambda: arm().with_tool(5),
-    "position limit: must hold": lambda: tracking(position=HUGE),
+    "position limit: must contain": lambda: tracking(position=HUGE),
     "seed must be an integer of at least 0": lambda: pk.Tracking(
         arm(), PATH, objectives=[pk.kinetic_energy], seed="a", coefficients=4, differences="backward"
     ),
-    "motion: time: must hold": lambda: pk.Motion(arm=arm(), time="x", q=np.zeros((3, 3))),
+    "motion: time: must contain": lambda: pk.Motion(arm=arm(), time="x", q=np.zeros((3, 3))),
     "objective kinetic_energy must get a Motion, got int": lambda: pk.kinetic_energy(5),
     "unit must be printable text, got 5": lambda: own(unit=5),
     "front names .*'=x'": lambda: pk.solve(tracking(own(name="=x"))),

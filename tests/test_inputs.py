@@ -38,8 +38,8 @@ def test_an_array_is_copied_as_floats():
     ("value", "shape", "message"),
     [
         ([[1.0], [1.0, 2.0]], None, "x: must be an array of numbers, got rows of different lengths"),
-        (["a"], None, "x: must hold real numbers, got text"),
-        ([True], None, "x: must hold real numbers, got bool"),
+        (["a"], None, "x: must contain real numbers, got text"),
+        ([True], None, "x: must contain real numbers, got bool"),
         ([1.0, 2.0], (3,), r"x: must have shape \(3,\), got shape \(2,\)"),
         ([[0.0], [np.inf]], None, r"x: must be finite, got inf at index \(1, 0\)"),
         (np.inf, (), "x: must be finite, got inf$"),

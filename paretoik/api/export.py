@@ -132,7 +132,7 @@ def _one_motion(motion: Choice | Motion) -> tuple[Motion, dict[str, Any]]:
                 "pk.load_front(folder, problem), or --problem FILE.py:NAME"
             )
     if not isinstance(motion, Motion):
-        raise InvalidInput(f"motion must be a Motion or the Choice of one, got {shown(motion)}")
+        raise InvalidInput(f"motion must be a Motion or a Choice that has one, got {shown(motion)}")
     if motion.q.ndim != 2:
         raise InvalidInput(f"motion must be one motion, got a batch of {motion.q.shape[:-2]}; pick one: motions[0]")
     return motion, about

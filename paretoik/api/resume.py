@@ -173,7 +173,7 @@ def _call(
         ended = {name: ENDINGS[name] for name in ENDINGS if name == run.get("status")}
         counts = run.get("counts")
         if not isinstance(counts, Mapping) or not isinstance(counts.get("generations"), int):
-            raise InvalidRun(f"{folder} must have the number of its generations, got {counts!r:.200}")
+            raise InvalidRun(f"{folder} must contain the number of generations done, got counts {counts!r:.200}")
         arguments |= {**ended, "generations": counts["generations"] + generations}
     if verb is refine:  # from the front that it began with, in its former folder
         front = Front.load(folder.joinpath(*SOURCE))

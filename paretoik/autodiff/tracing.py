@@ -273,7 +273,7 @@ def rearrange(name: str, function: Callable[..., Any], *arrays: TracedArray) -> 
     if trace.samples is not None:
         is_per_sample = result.ndim > 0 and len(result) == trace.samples
         if not is_per_sample or (result != result[0] + _as_column(sample_offsets, result.ndim - 1)).any():
-            raise NotLocal("looks from one sample at another")
+            raise NotLocal("combines several samples")
         result = result[0]
     for array in arrays:
         array.shared = True
@@ -306,7 +306,7 @@ def apply_function(trace: Trace, function: Callable[..., Any], args: Any, settin
     try:
         inspect.signature(traceable).bind(trace, *args, **settings)
     except TypeError as error:
-        raise InvalidInput(f"{name}: {error} where derivatives are taken") from None
+        raise InvalidInput(f"{name} must get only arguments that have a derivative here: {error}") from None
     return traceable(trace, *args, **settings)
 
 

@@ -237,7 +237,7 @@ def _bearable_stretch(slider, sine, cosine, torque, low, high):
 
 @compiled
 def _refined_maximum(slider, sine, cosine, torque, quantity, low, high):
-    """Return (value, front slider) of the maximum between two places."""
+    """Return (maximum, front slider's position there) between low and high, by golden section."""
     arguments = (slider, sine, cosine, torque, quantity)
     value, front = golden_section(_negative_value, arguments, low, high, OPTIONS.sections)
     return -value, front

@@ -104,7 +104,10 @@ class Planner:
         return np.vstack([position, np.transpose(remaining_points)[1:], plan.points[-1]])
 
     def plan(self, points: Float[np.ndarray, "points task"]) -> Plan:
-        """Return the best plan near these points, with fixed first and last. Raises SolverFailed without one."""
+        """Return the best plan near ``points``; the first and the last point stay fixed.
+
+        Raises SolverFailed if the iterations do not converge, or Clarabel finds no solution.
+        """
         pieces = linearise_pieces(self.model, points, self._place)
         intervals, iterations = self._intervals(pieces), 0
         if self._solver is not None and intervals.any():
@@ -248,7 +251,9 @@ def time_optimal_control(
         if not 0 < finite_array(name, value, ()) < np.inf:
             raise InvalidInput(f"{name} must be a finite number above 0, got {value}")
     if gain * period > 1.0 + LIMIT_TOLERANCE:
-        raise InvalidInput(f"gain must be at most 1 / period = {1 / period:g} 1/s, got {gain:g}: it overshoots")
+        raise InvalidInput(
+            f"gain must be at most 1 / period = {1 / period:g} 1/s, got {gain:g}; a larger gain overshoots"
+        )
     planner = Planner(model, horizon=horizon, formulation=formulation)
     first, last = check_ends(model, start, target)
     tool = first if initial is None else finite_array("initial", initial, first.shape)

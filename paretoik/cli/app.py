@@ -26,7 +26,7 @@ class Commands(TyperGroup):
     """The sub-commands; wrong words, and a signal before there is a result, are one line each."""
 
     def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
-        """Read the words of a command line."""
+        """Return the context of a parsed command line; raises InvalidInput for wrong arguments."""
         with _one_line():
             return super().make_context(info_name, args, parent, **extra)
 
@@ -52,7 +52,7 @@ def _one_line() -> Iterator[None]:
             raise
         about = "paretoik" if error.ctx is None else error.ctx.command_path
         text = error.format_message().rstrip(".")
-        raise InvalidInput(f"{text}; '{about} --help' says what there is") from None
+        raise InvalidInput(f"{text}; see '{about} --help'") from None
 
 
 app = typer.Typer(

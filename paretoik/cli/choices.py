@@ -63,16 +63,15 @@ BoundsOption = Annotated[
         metavar="'NAME<=VALUE,NAME>=VALUE'",
     ),
 ]
-RobustOption = Annotated[
-    str | None, typer.Option(help="Least regret if weights are not known exactly.", metavar=NUMBERS)
-]
+RobustOption = Annotated[str | None, typer.Option(help="Least regret if these weights are not exact.", metavar=NUMBERS)]
 UncertaintyOption = Annotated[
     float | None, typer.Option(help="Share by which the weights of --robust may be wrong (0.2).")
 ]
 ClassifyOption = Annotated[
     str | None,
     typer.Option(
-        help="Class of each objective, from a point: improve, improve:VALUE, keep, relax:VALUE or free (NIMBUS).",
+        help="Class of each objective, relative to a point: improve, improve:VALUE, keep, relax:VALUE or free "
+        "(NIMBUS).",
         metavar="NAME=CLASS,NAME=CLASS",
     ),
 ]

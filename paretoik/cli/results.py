@@ -191,7 +191,10 @@ def _point(run: Path, point: int | None, problem: str | None) -> tuple[int, Choi
 
 
 def _optimum(run: Path, point: int | None, problem: str | None) -> tuple[int, Motion, dict[str, Any], str]:
-    """Return an optimum of a plan or the best, as ``_point`` does; raises InvalidInput without one."""
+    """Return an optimum of a plan: its id, motion, metadata, and the words for the default.
+
+    ``point`` is the id of the optimum, None for the best. Raises InvalidInput if the plan has no such id.
+    """
     from paretoik.api.load import load_plan
     from paretoik.runs.files import RUN, read_run
 

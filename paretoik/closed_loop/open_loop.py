@@ -32,9 +32,10 @@ OPTIONS = OpenLoopOptions()
 
 
 class PostureWorkspace(NamedTuple):
-    """Arrays of the engine: joint positions (dof, individuals) and values (2, individuals) of parents and children.
+    """Arrays of the engine, for parents and children.
 
-    Values are the violation of the clearance [m] and the task error.
+    Joint positions are (dof, individuals). Values (2, individuals) are the violation of the clearance [m] and the task
+    error.
     """
 
     parents: np.ndarray

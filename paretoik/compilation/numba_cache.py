@@ -161,9 +161,10 @@ def _module_alone(library: Any) -> Any:
 
 @contextmanager
 def compilation_unit(codegen: Any, entry: str = "", *, level: int = 1) -> Iterator[None]:
-    """Create inner libraries for all functions that the body compiles, except ``entry``.
+    """Create inner libraries for all functions compiled in the ``with`` block, except ``entry``.
 
-    LLVM optimises ``entry`` at ``level``, up to 3: level 1 takes two thirds of the time of 3, and most code is as fast.
+    LLVM optimises ``entry`` at ``level``, at most 3. Level 1 compiles in two thirds of the time of level 3, and most
+    code runs as fast.
     """
     before = codegen.__dict__.get("_library_class")
 
@@ -363,7 +364,10 @@ class _InnerCache(_EntryCache):
 
 
 def _cache(function: Any, notice: CompilationNotice | None = None) -> Any:
-    """Return the cache of a variant; none if no folder can be written."""
+    """Return the cache of a function; without ``notice`` that of its inner variant.
+
+    It stores nothing (``NullCache``) if no folder can be written.
+    """
     try:
         created = _InnerCache(function) if notice is None else _EntryCache(function)
     except RuntimeError:  # no locator available

@@ -90,7 +90,7 @@ class WholeProgram:
 
     @cached_property
     def own(self) -> TermRows:
-        """Unknowns and rows of users' functions."""
+        """Rows of the user's objectives and constraints, and the unknowns that they add."""
         task = self.task
         sizes = [float(np.median(np.abs(each(self.near)))) or 1.0 for each in task.objectives]
         terms = [objective_term(each, size) for each, size in zip(task.objectives, sizes, strict=True)]

@@ -226,7 +226,7 @@ class Tracking(Formulation, Differentiable):
         return fit_screen(f"Tracking, {self.n_var} genes\n{task_text(self.task)}\nnext: {next_step}")
 
     def _encode_motions(self) -> None:
-        """Make the genes of motions at the samples of the task."""
+        """Set the encoding of motions as genes, from roll-outs at the task's samples."""
         coefficients, bases, seed = self._encoded_with
         coefficients = choose_coefficients(coefficients, len(self.task.times))
         self._rollouts, *self._rollout_values = sample_rollouts(self.task, np.random.default_rng(seed))
@@ -406,7 +406,7 @@ class Tracking(Formulation, Differentiable):
             return resolve_plan(self.task, plan, self._rollouts, given=given, solver=solver, observe=show)
 
     def sample_starts(self, count: int, rng: np.random.Generator) -> Genes:
-        """Return genes of the ``count`` best roll-outs, as near as the spline comes to them."""
+        """Return genes that approximate the ``count`` best roll-outs."""
         return self.encode(self.task.motion(self._rollouts[:count]))[0]
 
     def self_motion_samples(self, count: int, rng: np.random.Generator) -> Genes:

@@ -121,7 +121,7 @@ def read_choices(folder: Path) -> Choices:
             raise ValueError(f"no entry {current!r}")
         return Choices(entries=tuple(KeptChoice(**entry) for entry in entries), current=current)
     except (KeyError, TypeError, ValueError) as fault:
-        raise InvalidRun(f"{file}: entries must be choices, got others: {fault}") from fault
+        raise InvalidRun(f"{file} must contain valid choices, got a fault: {fault}") from fault
 
 
 def keep_choice(

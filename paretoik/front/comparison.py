@@ -306,7 +306,7 @@ DIFFERENT = "what differs in how they were made"
 
 
 def comparison_entries(comparison: Comparison) -> dict[str, Any]:
-    """Return the comparison as data that JSON can hold."""
+    """Return the comparison as data that can be written as JSON."""
     front, attainment = comparison.fronts[0], None
     if len(front.names) in ATTAINABLE:  # surfaces of all runs, and of each label with several
         labels = {label: comparison.surfaces(label) for label in comparison.runs}

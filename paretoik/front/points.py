@@ -134,7 +134,10 @@ Ranges: TypeAlias = Float[np.ndarray, "n_obj 2"]
 def check_objectives(
     names: Sequence[str], units: Sequence[str], maximised: Sequence[bool], values: Objectives
 ) -> Objectives:
-    """Return objectives as floats; raises InvalidInput unless names, units and directions agree."""
+    """Return objectives (points, n_obj) as floats.
+
+    Raises InvalidInput unless they are finite, and each has one name, one unit and one direction.
+    """
     objectives = real_array("front objectives", values)
     if objectives.ndim != 2 or objectives.shape[1] == 0:
         raise InvalidInput(f"front objectives must be an array (points, n_obj), got shape {objectives.shape}")

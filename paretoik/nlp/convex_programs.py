@@ -47,9 +47,10 @@ def fit_inverse_squares(
     floor: float,
     bound: float | None = None,
 ) -> Float[np.ndarray, "terms parts"]:
-    """Return the coefficients C of the ellipsoids with the least symmetric relative errors.
+    """Return the coefficients C of ellipsoids with the least symmetric relative errors.
 
-    ``radii`` should be of the order 1. ``bound`` is the least (r / ρ)² allowed, None for no bound.
+    radii: radii r of the samples, of the order 1
+    bound: least (r / ρ)² allowed, with ρ the ellipsoid's radius in the direction of r; None for no bound
 
     Raises SolverFailed if Clarabel finds no solution.
     """
@@ -160,7 +161,7 @@ class IntervalSolver:
             self._solver.update(A=matrix, b=right)
         solution = self._solver.solve()
         if str(solution.status) not in ("Solved", "AlmostSolved"):
-            raise SolverFailed(f"intervals: Clarabel must end with Solved, got {solution.status}")
+            raise SolverFailed(f"minimum-time cone program: Clarabel must end with Solved, got {solution.status}")
         x = np.array(solution.x)
         return Moves(
             moves=x[: self._unknowns].reshape(-1, self._task) * length,

@@ -153,7 +153,10 @@ class Constraints:
 
 
 class InteriorPointOptions(NamedTuple):
-    """Settings of the interior-point method, without unit except ``radius``; kernels have more."""
+    """Settings of the interior-point method.
+
+    They have no unit, except ``radius``. Each kernel has further settings.
+    """
 
     barrier: float = 0.1  # μ of the first subproblem
     last_barrier: float = 1e-13  # μ of the last

@@ -97,7 +97,7 @@ class Aim:
         return max(self.wish.payers, key=lambda payer: self.weights[payer])
 
     def at_share(self, share: float) -> Goal:
-        """Return the goal at a share of the way."""
+        """Return the goal at a share of the way from start (0) to wish (1)."""
         count, main, wish = len(self.ranges), self.main, self.wish
         identity = np.eye(count, self.objectives) / np.append(self.ranges, np.ones(self.objectives - count))
         others = [k for k in range(count) if k != main]

@@ -262,7 +262,7 @@ def main() -> None:
     os.dup2(2, 1)  # other prints are not answers
 
     def tell(**answer: Any) -> None:
-        """Answer, if the parent still listens."""
+        """Send an answer to the parent process, if it still listens."""
         with suppress(OSError, ValueError):
             print(json.dumps(answer), file=answers, flush=True)
 

@@ -180,7 +180,7 @@ def joint_tuple(names: object, count: int) -> tuple[str, ...]:
     for joint in joints:
         check_text("joint_names", joint)
         if joint in (*OWN_FRAMES, *OTHER_NAMES):
-            wish = f"must be others than the arm's own frames, {', '.join((*OTHER_NAMES, *OWN_FRAMES))}"
+            wish = f"must differ from the names of the arm's own frames, {', '.join((*OTHER_NAMES, *OWN_FRAMES))}"
             raise InvalidInput(f"joint_names {wish}, got {shown(joint)}")
     return joints
 

@@ -72,7 +72,9 @@ class Pose:
                 raise InvalidInput(f"pose matrix: the last row must be 0 0 0 1, got {array[3].tolist()}")
             array, position = array[:3, :3], array[:3, 3]
         if array.shape != (3, 3):
-            raise InvalidInput(f"pose matrix: must be (3, 3), or (4, 4) without a position, got shape {array.shape}")
+            raise InvalidInput(
+                f"pose matrix: must have shape (3, 3), or (4, 4) if no position is given, got {array.shape}"
+            )
         with np.errstate(over="ignore", invalid="ignore"):
             excess = float(np.abs(array.T @ array - np.eye(3)).max())
             determinant = float(np.linalg.det(array))
@@ -235,9 +237,9 @@ def matrix_to_quaternion(matrices: Float[np.ndarray, "*batch 3 3"]) -> Float[np.
 
 
 def rotation_vector(matrices: Float[np.ndarray, "*batch 3 3"]) -> Float[np.ndarray, "*batch 3"]:
-    """Return axis · angle [rad] of rotation matrices, angle in [0, π]: their logarithm.
+    """Return the rotation vectors (axis · angle [rad]) of rotation matrices: their logarithm.
 
-    It is accurate near 0 and near π. At π both signs of the axis are correct and one is returned.
+    The angle is in [0, π], and accurate near 0 and near π. At π both signs of the axis are correct and one is returned.
 
     >>> rotation_vector(Pose.from_rpy([0, 0, 0], [0, 0, 1e-9]).rotation)
     array([0.e+00, 0.e+00, 1.e-09])

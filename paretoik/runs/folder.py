@@ -208,4 +208,4 @@ def check_no_run(folder: Path) -> None:
 def check_other_folder(name: str, folder: Path, *sources: Path | None) -> None:
     """Raise InvalidInput, by ``name``, if a folder is that of a run that its new content comes from."""
     if any(source is not None and source.resolve() == folder.resolve() for source in sources):
-        raise InvalidInput(f"{name} must be another folder than that of the run that it comes from, got {folder}")
+        raise InvalidInput(f"{name} must not be the folder of the source run, got {folder}")

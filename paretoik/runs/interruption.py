@@ -211,11 +211,11 @@ os.register_at_fork(after_in_child=_leave_to_parent)
 
 @contextmanager
 def interruptible() -> Iterator[Interruption]:
-    """Record the first SIGINT or SIGTERM instead of ending the process; restore the former handlers at the end.
+    """Record the first SIGINT or SIGTERM instead of ending the process.
 
-    The body learns of the signal from ``stop_flag``. With the first signal the former handlers return at once, so a
-    second Ctrl-C raises KeyboardInterrupt. Within another such context it is that one. Outside the main thread, where
-    Python allows no handlers, nothing is caught.
+    Code in the ``with`` block learns of the signal from ``stop_flag``. The former handlers are restored at the first
+    signal, so that a second Ctrl-C raises KeyboardInterrupt, or else at the end of the block. A nested block gets the
+    ``Interruption`` of the outer one. Outside the main thread no signal is caught, because Python allows no handlers.
     """
     if threading.current_thread() is not threading.main_thread():
         yield Interruption()

@@ -50,7 +50,7 @@ def evaluate_problem(problem: Any, X: Genes) -> Mapping[str, Any]:
 
 @dataclass(frozen=True)
 class _CheckedEvaluation:
-    """The ``_evaluate`` of a problem, with a check of the values before pymoo reads them."""
+    """A problem's ``_evaluate`` that checks the values before pymoo reads them."""
 
     problem: Any
 
@@ -167,7 +167,10 @@ def evaluate_candidates(search: Search | Islands, candidates: Candidates, evalua
 
 
 def evaluate_again(search: Search | Islands, candidates: Candidates, evaluation: Evaluation) -> Objectives:
-    """Return F of a generation's first row, evaluated again, or from the run's journal."""
+    """Return F of a generation's first individual from a second evaluation.
+
+    A resumed run reads it from its journal if it is there.
+    """
     of = search.names, search.seed, candidates.generation, "again"
 
     def compute() -> Values:
@@ -241,7 +244,10 @@ def _evaluate_group(evaluation: Evaluation, X: Genes) -> Values:
 
 
 def _check_rows_alone(evaluation: Evaluation, X: Genes) -> None:
-    """Warn if a row's values depend, by rounding, on the other rows of its batch: workers then change them."""
+    """Warn if an individual's values depend on the other individuals in its batch.
+
+    Workers evaluate other batches: their values then differ, by rounding, from those without workers.
+    """
     size = evaluation.rows_of_a_task
     if not workers() or evaluation.has_own_runner or size == 1 or len(X) <= size:
         return

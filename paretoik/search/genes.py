@@ -126,9 +126,9 @@ SMALLEST_POPULATION = 4
 
 
 def check_problem(problem: Any, *, initial: Any = None) -> None:
-    """Raise InvalidInput unless the problem has real genes with ordered bounds, and an objective.
+    """Raise InvalidInput unless the problem has an objective and real genes.
 
-    Bounds may be missing or infinite only if there are ``initial`` genes to start from.
+    Bounds must be ordered. They may be missing or infinite only if there are ``initial`` genes to start from.
     """
     check_sizes(problem)
     if not has_real_genes(problem):
@@ -155,7 +155,10 @@ def check_algorithm(algorithm: object) -> None:
 
 
 def check_bounds(problem: Any, *, initial: Any = None) -> None:
-    """Raise InvalidInput unless the bounds of real genes are ordered, and finite or there are ``initial`` genes."""
+    """Raise InvalidInput unless the bounds of real genes are ordered and finite.
+
+    With ``initial`` genes, bounds may be missing or infinite.
+    """
     for name in ("xl", "xu"):
         bound = getattr(problem, name)
         if bound is None:

@@ -79,7 +79,10 @@ def squared_distances(Z: Floats, others: Floats) -> Floats:
 
 
 def nearest_squared(Z: Floats, others: Floats) -> Floats:
-    """Return squared distances (points,) to the nearest of ``others``, in blocks of bounded memory."""
+    """Return squared distances (points,) to the nearest of ``others``.
+
+    They are computed in blocks, so that memory is bounded.
+    """
     nearest = np.full(len(Z), np.inf)
     step = max(1, 1_000_000 // max(1, len(Z)))
     for first in range(0, len(others), step):

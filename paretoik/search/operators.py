@@ -156,8 +156,9 @@ class BinaryTournament(Selection):  # type: ignore[misc]  # pymoo has no types
 
 
 class RankWeighting(Selection):  # type: ignore[misc]  # pymoo has no types
-    """For one objective: the k-th best of N is selected with probability 2 (N − k + 1) / (N (N + 1)).
+    """Selection by rank, for one objective.
 
+    The k-th best of N is selected with probability 2 (N − k + 1) / (N (N + 1)).
     Source: Haupt & Haupt 2004, section 2.2.4, rank weighting.
     """
 

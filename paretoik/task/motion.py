@@ -137,7 +137,7 @@ class Motion:
             distance = np.abs(q[..., -1, :] - q[..., 0, :])
             if (distance / joint_scales(self.arm)).max(initial=0.0) > CLOSURE_TOLERANCE:
                 raise InvalidInput(
-                    f"cyclic motion: must end where it starts, got ends {distance.max():.3g} rad or m apart"
+                    f"cyclic motion: must end where it starts, got end points {distance.max():.3g} rad or m apart"
                 )
             q[..., -1, :] = q[..., 0, :]
         object.__setattr__(self, "q", read_only(q))

@@ -156,7 +156,9 @@ def evaluate_function(name: str, function: Function, motion: Motion, form: Form)
 
 
 def evaluate_integral(name: str, term: Any, motion: Motion) -> np.ndarray:
-    """Return the integrals (*batch,) of an objective or a constraint, on ``Motion.of_spline`` if it has kinks.
+    """Return the integrals (*batch,) of an objective's or a constraint's function.
+
+    A function with kinks is integrated on ``Motion.of_spline``, if the motion's differences are "spline".
 
     Raises as ``evaluate_function`` does.
     """

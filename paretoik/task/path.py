@@ -143,7 +143,7 @@ class Path:
         return sample_curve(self.curve, even_times(self.duration, samples))
 
     def with_midpoints(self) -> Path:
-        """Return the same path with a sample added in the middle of every interval."""
+        """Return the same path with one more sample halfway through every interval."""
         return sample_curve(self.curve, with_midpoints(self.times))
 
     def subsample(self, samples: int) -> Path:

@@ -66,7 +66,7 @@ def relative_errors(
 
 
 def row_scales(arm: Arm, tasks: Sequence[Task]) -> Float[np.ndarray, " rows"]:
-    """Return the unit of each task error: the arm's length [m], or 1 rad."""
+    """Return each task error's unit: the arm's length [m], or 1 rad."""
     length = characteristic_length(arm)
     rows = [[length] * task.position_rows + [1.0] * (task.rows - task.position_rows) for task in tasks]
     return np.concatenate(rows)

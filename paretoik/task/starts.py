@@ -330,7 +330,11 @@ def _on_path(task: MotionTask, q: JointPaths, steps: np.ndarray | float = 0.0) -
 def _retract_to_path(
     task: MotionTask, q: JointPaths, steps: np.ndarray | float = 0.0
 ) -> tuple[JointPaths, Bool[np.ndarray, "*batch time"]]:
-    """Return motions retracted to the path, and which of their samples are on it without a jump beyond ``steps``."""
+    """Return motions retracted to the path, and which samples are on it.
+
+    A sample does not count as on the path if a joint jumps to it: if its step from the previous sample exceeds
+    ``steps`` by more than ``longest_jump``.
+    """
     scales = joint_scales(task.arm)
     jacobian = relative_errors(task.arm, task.tasks, q, task.targets)[1]
     directions = scales * jacobian / np.maximum(np.linalg.norm(jacobian, axis=-1, keepdims=True), 1e-12)

@@ -184,7 +184,10 @@ class Task:
         return self.position_rows + 3 * self.has_orientation
 
     def targets(self, t: Times) -> Float[np.ndarray, "time numbers"]:
-        """Return the targets at times t [s]: position, then the rotation matrix by rows, if any."""
+        """Return the targets at times t [s].
+
+        Each is the position and, for a task with orientation, the rotation matrix row by row.
+        """
         positions, quaternions = self.path.at(t)
         columns = [positions[:, : self.position_rows]]
         if quaternions is not None and self.has_orientation:
@@ -306,7 +309,7 @@ def path_targets(tasks: Sequence[Task], t: Times) -> Float[np.ndarray, "time num
 
 
 def path_errors(arm: Arm, tasks: Sequence[Task], q: Components, targets: Components) -> list[Component]:
-    """Return the errors of all tasks at joint positions and targets, as components."""
+    """Return all tasks' errors at joint positions and targets, as components."""
     return _over_tasks(Task.errors, arm, tasks, q, targets)
 
 

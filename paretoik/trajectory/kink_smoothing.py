@@ -102,7 +102,7 @@ def chain_gradients(kernel, work):
 
 @compiled
 def _chain(kernel, work, f, count):
-    """Add the part by the first ``count`` slacks to the gradient of function f by u."""
+    """Add the chain rule's terms of the first ``count`` slacks to ∂f/∂u."""
     gradients, by_u = work.gradients, work.slack_gradients
     for j in range(count):
         column = kernel.kinks[j, 1]

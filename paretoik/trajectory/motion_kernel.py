@@ -92,7 +92,7 @@ def peak_rows(kernel, n):
 
 @compiled
 def copy_peaks(kernel, work, x):
-    """Write the σ of a point into the inputs of the functions of a sample."""
+    """Copy the epigraph variables σ of a point into the functions' inputs."""
     samples, n = sample_count(kernel), x.shape[1]
     for k in range(len(kernel.peak_inputs)):
         for s in range(len(kernel.ones)):

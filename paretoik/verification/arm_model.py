@@ -151,7 +151,7 @@ class ArmModel:
         return place.rotation.copy(), place.translation.copy(), jacobian
 
     def drift(self, q: np.ndarray, dq: np.ndarray, frame: str) -> np.ndarray:
-        """Return the acceleration (6,) of a frame in world axes when joints have none."""
+        """Return a frame's acceleration (6,) in world axes at zero joint accelerations."""
         number, world = self.frame_number(frame), self.pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         self.pin.forwardKinematics(self.model, self.data, q, dq, np.zeros_like(q))
         motion = self.pin.getFrameClassicalAcceleration(self.model, self.data, number, world)

@@ -171,7 +171,9 @@ def check_certificate(
         reason = str(fault) if undecided else f"a function fails here: {first_line(fault)}"
         yield from (leave_out(subject, reason, point=point) for subject in SUBJECTS)
         return
-    detail = f"a direction improves all objectives by {gain:.3g} of their ranges, the table says {residual:.3g}"
+    detail = (
+        f"a direction improves all objectives by {gain:.3g} of their ranges; criticality in the table is {residual:.3g}"
+    )
     yield judge(SUBJECTS[0], gain, accepted, detail, point=point)
     detail = f"a direction improves the weighted sum by {weighted:.3g} of its range: the weights are others"
     if not known:
@@ -400,10 +402,11 @@ def _totals(terms: Sequence[Terms]) -> np.ndarray:
 
 
 def _shown_gain(near: Neighbours, at: FirstOrder, box: float, accepted: float) -> tuple[float, FirstOrder]:
-    """Return the gain of all objectives at once; one above ``accepted`` only if a motion shows it.
+    """Return the first-order gain of all objectives at once, and its linearisation.
 
-    On the way there all objectives fall with at least half of the predicted slope, and no limit is exceeded more than
-    before, at any instant or between. Raises UndecidedError if kinks or limits between samples leave it open.
+    A gain above ``accepted`` is returned only if a motion along its direction confirms it: all objectives fall with at
+    least half of the predicted slope, and no limit is exceeded more than at the start, at instants or between them.
+    Raises UndecidedError if kinks or limits between samples leave it open.
     """
     task, origin = near.task, np.zeros(near.size)
     start, between = _totals(near.terms(origin)), np.zeros(0)

@@ -31,7 +31,7 @@ def check_tuning(run: RunContents, problem: Any, model: ArmModel) -> Iterator[Ch
     task = problem.task
     listed = [str(each["name"]) for each in run.objectives]
     names = [each.name for each in task.objectives]
-    yield demand("objectives' names", listed == names, f"the problem has {names}, run.json {listed}")
+    yield demand("objectives' names", listed == names, f"the problem has {names}, but run.json lists {listed}")
     yield from check_path(task, model)
     for row, number in enumerate(run.ids.tolist()):
         time, q = (np.asarray(run.motions[name][row], dtype=float) for name in ("time", "q"))

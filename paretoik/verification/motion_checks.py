@@ -80,7 +80,7 @@ def check_limits(task: Any, motion: MeasuredMotion, violation: float | None, poi
         detail = f"{place}: exceeded by {excess:.3g} of its range"
         yield judge(subject, max(excess, 0.0), TOLERANCES.limits, detail, point=point, worst=place)
     if violation is not None:
-        detail = f"the table says {violation:.3g}, it is {largest:.3g}"
+        detail = f"the table says {violation:.3g}, but recomputing gives {largest:.3g}"
         yield judge("violation in the table", abs(violation - largest), TOLERANCES.limits, detail, point=point)
 
 
@@ -96,14 +96,18 @@ def check_objectives(
             yield leave_out(subject, f"its function fails here: {first_line(fault)}", point=point)
             continue
         off = abs(value - expected) / objective_size(entry, expected)
-        detail = f"the table says {value:.10g} {objective.unit}, it is {expected:.10g}"
+        detail = f"the table says {value:.10g} {objective.unit}, but recomputing gives {expected:.10g}"
         yield judge(subject, off, TOLERANCES.values, detail, point=point)
 
 
 def check_errors(
     run: RunContents, objectives: Any, motion: MeasuredMotion, finer: MeasuredMotion, row: int, *, promised: bool
 ) -> Iterator[Check]:
-    """Check how far the values of one motion are off those of its curve, against the table and the promise."""
+    """Check the discretisation errors of one motion's objectives.
+
+    An error is the difference between the value at the samples and the value on the curve (``finer``). It must agree
+    with the table and, if ``promised``, be within the tolerance.
+    """
     for objective, entry, stated_as in zip(objectives, run.objectives, run.values[row], strict=True):
         subject, column = f"error of {objective.name}", f"discretisation error of {objective.name}"
         try:
@@ -117,7 +121,7 @@ def check_errors(
             yield judge(subject, share, TOLERANCES.resolved, detail, point=point)
         if column in run.table and np.isfinite(run.table[column][row]):
             stated = float(run.table[column][row]) / size
-            detail = f"the table says {100 * stated:.2g} % of its size, it is {100 * share:.2g} %"
+            detail = f"the table says {100 * stated:.2g} % of its size, but recomputing gives {100 * share:.2g} %"
             yield judge(f"{subject} in the table", abs(stated - share), TOLERANCES.error, detail, point=point)
 
 

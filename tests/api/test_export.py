@@ -80,7 +80,7 @@ def test_limits_are_those_of_the_joints_by_name_in_whatever_order_they_are_writt
     ("changed", "message"),
     [
         ({"rate": 0}, "rate: must be positive, got 0 Hz"),
-        ({"rate": "1 kHz"}, "rate: must hold real numbers, got text"),
+        ({"rate": "1 kHz"}, "rate: must contain real numbers, got text"),
         ({"controller": "abb"}, "controller must be one of franka, ur, kinova, panda"),
         ({"controller": "kinova"}, "controller gen3: joints must be joint_1"),
         ({"joint_names": ["elbow"]}, "got 'elbow', which is not among them"),
@@ -99,7 +99,7 @@ def test_limits_are_those_of_the_joints_by_name_in_whatever_order_they_are_writt
             "bag must be a folder of its own to write into, got the folder /",
         ),
         ({"file": "x" * 300 + ".csv"}, "file must be a path, got 'xxx"),
-        ({"motion": None}, "motion must be a Motion or the Choice of one, got None"),
+        ({"motion": None}, "motion must be a Motion or a Choice that has one, got None"),
         (
             {"metadata": {"rate": 7}},
             "metadata must not use the names of entries that export writes, got 'rate'",

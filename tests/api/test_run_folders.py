@@ -64,7 +64,7 @@ def test_an_epsilon_front_and_its_refinement_are_runs_with_recordings(problem, t
     assert np.array_equal(stored.objectives, front.objectives)
     refined = pk.refine(stored, out=tmp_path / "refined")
     said = entries(tmp_path / "refined")
-    with pytest.raises(pk.InvalidInput, match="out must be another folder than that of the run"):
+    with pytest.raises(pk.InvalidInput, match="out must not be the folder of the source run"):
         pk.refine(stored, out=tmp_path / "front", overwrite=True)
     assert (said["verb"], said["status"], said["parent"]["verb"]) == ("refine", "refined", "epsilon_front")
     assert said["parent"]["run"] == str(tmp_path / "front")

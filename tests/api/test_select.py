@@ -26,6 +26,6 @@ def test_a_loop_is_not_followed_again_into_its_own_run(tmp_path):
     loop = marcos_2012.loop(3, 0.7, start=posture(3), steps=4, population=12, generations=3)
     front = solve(loop, out=tmp_path)
     before = (tmp_path / "run.json").read_bytes()
-    with pytest.raises(pk.InvalidInput, match="out must be another folder than that of the run that it comes from"):
+    with pytest.raises(pk.InvalidInput, match="out must not be the folder of the source run"):
         select(front, pk.Weights({front.names[0]: 1.0}), out=tmp_path, overwrite=True)
     assert (tmp_path / "run.json").read_bytes() == before

@@ -74,13 +74,13 @@ def test_bad_input_is_one_line_on_stderr_and_exit_code_2(paretoik, mine, finishe
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["solve"], "solve --help' says what there is"),
+        (["solve"], "; see 'paretoik solve --help'"),
         (["solve", "x.py:y"], "Missing option '--out'"),
-        (["solve", "x.py:y", "--out"], "Option '--out' requires an argument; 'paretoik"),
+        (["solve", "x.py:y", "--out"], "Option '--out' requires an argument; see 'paretoik"),
         (["solve", "x.py:y", "--out", "o", "--seed", "x\ny"], "Invalid value for '--seed': "),
         (["solve", "x.py:y", "--out", "o", "--solver", "x"], "Invalid value for '--solver': "),
         (["solve", "x.py:y", "--populaton", "9"], "No such option: --populaton"),
-        (["show", "a", "b (c)"], "(b (c)); 'paretoik show --help' says"),
+        (["show", "a", "b (c)"], "(b (c)); see 'paretoik show --help'"),
         (["slove"], "No such command 'slove'"),
     ],
 )

@@ -92,7 +92,7 @@ def test_an_interruption_before_any_result_has_its_own_line_and_exit_code(pareto
 def test_wrong_combinations_are_one_line_and_2(paretoik, mine, finished, tmp_path):
     for words, said in (
         (("plan", f"{mine}:good", "--out", tmp_path / "p"), "plan: problem must have one objective, got 2"),
-        (("refine", finished, "--out", finished), "out must be another folder"),
+        (("refine", finished, "--out", finished), "out must not be the folder of the source run"),
         (("front", f"{mine}:good", "--out", finished), "use --overwrite"),
         (("refine", tmp_path, "--out", tmp_path / "r"), "must be a plain file, got no such file"),
     ):

@@ -76,7 +76,7 @@ def test_the_run_itself_is_no_other_folder(paretoik, run):
     words = ("--point", start, "--improve", "kinetic_energy", "--out", run / ".." / "run", "--overwrite")
     ended = paretoik("navigate", run, *words)
     assert ended.code == 2
-    assert "out must be another folder than that of the run" in ended.err
+    assert "out must not be the folder of the source run" in ended.err
     assert (run / "run.json").read_bytes() == before
 
 

@@ -119,7 +119,7 @@ def test_a_pose_cannot_be_changed_nor_shares_memory_with_what_it_was_made_from()
         ),
         (lambda: Pose([0, np.nan, 0]), "position: must be finite, got nan at index 1"),
         (lambda: Pose.from_matrix(np.diag([1.0, 1.0, -1.0])), "matrix: must be a rotation, got determinant -1"),
-        (lambda: Pose.from_matrix(np.eye(4), [0, 0, 0]), "(4, 4) without a position"),
+        (lambda: Pose.from_matrix(np.eye(4), [0, 0, 0]), "(4, 4) if no position is given"),
     ],
 )
 def test_what_is_no_pose_is_refused_with_name_wish_and_fact(make, message):

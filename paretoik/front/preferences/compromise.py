@@ -99,7 +99,10 @@ class Knee:
 
 
 def _trade_offs(front: FrontData, row: int) -> Values:
-    """Return the cost of each exchange of a row's point divided by its gain; inf without a gain."""
+    """Return cost / gain of a move from a row's point to each point.
+
+    Cost and gain are sums of shares of the ranges; the ratio is inf if nothing is gained.
+    """
     shares = np.ascontiguousarray(front.shares.T)
     steps = shares - shares[:, row, None]
     steps[np.abs(steps) <= OPTIONS.rounding] = 0.0

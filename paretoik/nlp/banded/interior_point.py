@@ -486,7 +486,11 @@ def _stationarity(kernel, work, it, goal):
 
 @compiled
 def _subproblem_solved(barrier, stationarity, complementarity, flat, it, options):
-    """Return whether errors are small (Wächter & Biegler 2006, Eq. 5), or only rounding is left to gain."""
+    """Return whether the barrier subproblem is solved (Wächter & Biegler 2006, Eq. 5).
+
+    Its errors must be within tolerances. Stationarity is not checked if the merit is ``flat``: it could only decrease
+    by rounding errors.
+    """
     tolerance, largest = options.barrier_tolerance * barrier.mu, 0.0
     for i in range(len(it.r)):
         largest = max(largest, abs(it.r[i]))

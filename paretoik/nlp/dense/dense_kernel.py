@@ -96,7 +96,10 @@ class DenseWorkspace(NamedTuple):
 
 @compiled
 def run_part(kernel, work, x, p, which, out):
-    """Run one program of a part at x; second derivatives also read the multipliers."""
+    """Write values, first or second derivatives (``which``) of part p at x into ``out``.
+
+    The program of second derivatives also reads the multipliers.
+    """
     places, unknowns, parameters, rows = kernel.parts[p, 0], kernel.parts[p, 1], kernel.parts[p, 2], kernel.parts[p, 3]
     where, parameter, first = kernel.parts[p, 5], kernel.parts[p, 6], kernel.parts[p, 7]
     inputs = work.inputs[: (unknowns + parameters + rows) * places]

@@ -257,7 +257,7 @@ def show_choice_in_recording(front: Front, *, moved: Choice | None = None, sourc
     except Exception as fault:  # a view may fail in any way
         cause = str(fault) if isinstance(fault, ParetoikError) else f"{recording}: {type(fault).__name__}: {fault}"
         what = "choice" if moved is None else "point"
-        warn_user(f"the recording stays as it was, the {what} is kept: {' '.join(cause.split())}")
+        warn_user(f"the {what} is saved, but the recording is unchanged: {' '.join(cause.split())}")
 
 
 def recording_with_choice(

@@ -90,7 +90,7 @@ class StepScene:
             if place == 0:
                 self._log_generation(recording, last)
             self._log_individual(recording, last, int(individual))
-            words = f"## Point {individual}, number {place + 1} of {len(order)} by {self.loop.names[0]}\n\n"
+            words = f"## Point {individual}, rank {place + 1} of {len(order)} in {self.loop.names[0]}\n\n"
             words += "The weights choose it.\n\n" if individual == self.step.chosen[last] else ""
             self._log_text(recording, words + self._objectives(last, int(individual)))
         recording.reset_time()

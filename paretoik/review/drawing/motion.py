@@ -60,7 +60,7 @@ def posture_chart(cell: Workcell, values: Values, postures: Float[np.ndarray, "p
     return Chart(
         entity="postures",
         dots=True,
-        title="joint position over the final front",
+        title="joint positions on the final front",
         labels=(label, f"joint position [{joint_units(cell.arm, JOINT_UNITS['position'])}]"),
         names=cell.arm.joint_names,
         colours=[SCREEN.joint(number) for number in range(cell.arm.dof)],

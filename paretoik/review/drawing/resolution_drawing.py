@@ -219,7 +219,7 @@ class ResolutionDrawing:
         entries: list[Entry] = [
             *([(first, SCREEN.arm), *named] if named else []),
             ("step damped, shortened, held, limited or missed", SCREEN.event),
-            ("error from which the path counts as lost: dashed", SCREEN.limit),
+            ("error at which the path counts as lost: dashed", SCREEN.limit),
             *motions.entries(arm),
         ]
         recorded, count = len(self.end.motions), self.end.count

@@ -312,7 +312,7 @@ class PlannedLevel:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlannedScene:
-    """The scene of a plan: its objective's name, unit and sense, and the workcell of its motions."""
+    """Scene of a plan: objective's name, unit and sense, and the workcell."""
 
     name: str
     unit: str

@@ -134,7 +134,7 @@ def test_an_invalid_recording_stays_unchanged_and_the_choice_is_kept(front, kind
     file = recording(front)
     damage(file, kind)
     before = None if kind == "a folder" else file.read_bytes()
-    with pytest.warns(RuntimeWarning, match="the recording stays as it was, the choice is kept: ") as caught:
+    with pytest.warns(RuntimeWarning, match="the choice is saved, but the recording is unchanged: ") as caught:
         choice = front.select("compromise")
     assert [str(each.message).count("\n") for each in caught] == [0]
     assert front.choices.chosen.point == choice.id
@@ -145,7 +145,10 @@ def test_a_running_process_owns_its_recording_and_the_choice_is_kept(front):
     before = recording(front).read_bytes()
     with (
         lock_folder(front.folder),
-        pytest.warns(RuntimeWarning, match="the choice is kept: .*must have no other writer, got process"),
+        pytest.warns(
+            RuntimeWarning,
+            match="the choice is saved, but the recording is unchanged: .*must have no other writer, got process",
+        ),
     ):
         choice = front.select("compromise")
     assert front.choices.chosen.point == choice.id
@@ -158,7 +161,9 @@ def test_on_a_full_disk_the_recording_stays_as_it_was_and_the_choice_is_kept(sea
         before = recording(front).read_bytes()
         rest = shutil.disk_usage(disk).free - len(before) // 2
         (disk / "other").write_bytes(b"0" * rest)
-        with pytest.warns(RuntimeWarning, match="the choice is kept: .*got No space left on device"):
+        with pytest.warns(
+            RuntimeWarning, match="the choice is saved, but the recording is unchanged: .*got No space left on device"
+        ):
             choice = front.select("compromise")
         assert front.choices.chosen.point == choice.id
         assert recording(front).read_bytes() == before
@@ -177,7 +182,7 @@ def test_a_process_in_which_rerun_records_nothing_replaces_nothing(front):
             text=True,
             check=True,
         )
-    assert "the recording stays as it was, the choice is kept" in ended.stderr
+    assert "the choice is saved, but the recording is unchanged" in ended.stderr
     assert recording(front).read_bytes() == before
     assert front.choices.chosen.point == point
 

@@ -314,4 +314,4 @@ def test_a_closed_loop_opens_on_the_step_whose_search_was_recorded(tmp_path):
     searched = rows(entities["/step_7/text"], "generation", "text")
     assert all(str(searched[number][0]).startswith(f"# Step 7, generation {number}") for number in searched)
     one_by_one = rows(entities["/step_7/text"], "individual", "text")
-    assert f", number 4 of {len(one_by_one)} by joint_displacement\n" in str(one_by_one[3][0])
+    assert f", rank 4 of {len(one_by_one)} in joint_displacement\n" in str(one_by_one[3][0])
