@@ -13,8 +13,8 @@ from types import ModuleType
 from typing import Any, TypeGuard
 
 from paretoik.errors import InvalidInput, ParetoikError
+from paretoik.file_paths import missing_file, shell_command
 from paretoik.inputs import attribute_of, cause_of, is_integer, likely_spelling, limited_call, listed, shown
-from paretoik.paths import missing_file, shell_command
 
 
 def load_problem(reference: str) -> Any:

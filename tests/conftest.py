@@ -22,7 +22,7 @@ import paretoik.nlp.dense.dense_kernel
 import paretoik.nlp.parametric_qp.correction
 import paretoik.nlp.parametric_qp.prediction
 import paretoik.resolution.horizon_newton
-import paretoik.resolution.kernels
+import paretoik.resolution.step_kernels
 import paretoik.robot.components  # before the hook: sums and products, millions of them, without shapes
 import paretoik.task.retraction_kernel
 import paretoik.trajectory.motion_kernel  # noqa: F401  before the hook, as all that is compiled

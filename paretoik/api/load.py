@@ -9,13 +9,13 @@ from typing import Any
 
 from paretoik.api.result import read_plan
 from paretoik.errors import EvaluationFailed, InvalidInput, InvalidRun, SolverFailed, warn_user
+from paretoik.file_paths import shell_command
 from paretoik.formulations.motions import motions_of_task, restore_motions
 from paretoik.formulations.protocol import at_samples_of, timeline
 from paretoik.front.front import Front
 from paretoik.front.points import attach
 from paretoik.inputs import CALLS, file_path, shown
 from paretoik.loading import load_problem
-from paretoik.paths import shell_command
 from paretoik.runs.files import MOTIONS, problem_words
 from paretoik.runs.fingerprint import check_fingerprint
 from paretoik.runs.interruption import TimeLimit, check_time_limit, limited_evaluations

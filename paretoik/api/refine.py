@@ -14,9 +14,9 @@ from paretoik.api.session import RunRequest, Session, computing, open_session, s
 from paretoik.arrays import Objectives, Points
 from paretoik.errors import InvalidInput
 from paretoik.formulations.protocol import ProblemParts, at_samples_of, require_program
-from paretoik.front import indicators
+from paretoik.front import hypervolume as indicators
 from paretoik.front.front import Front
-from paretoik.front.indicators import HypervolumeCurve, ranges_of
+from paretoik.front.hypervolume import HypervolumeCurve, ranges_of
 from paretoik.front.points import ADDED_SAMPLES, SOLVERS
 from paretoik.front.preferences.compromise import marked_rows
 from paretoik.inputs import file_path, shown

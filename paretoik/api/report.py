@@ -11,13 +11,13 @@ from paretoik.api.load import check_problem_argument, load_front, with_problem
 from paretoik.api.result import ENTRY, read_stored_motions
 from paretoik.api.result_text import gap_text, status_text
 from paretoik.errors import InvalidInput, InvalidRun
+from paretoik.file_paths import shell_command
 from paretoik.formulations.protocol import is_loop
 from paretoik.front.certificates import certificate_text
 from paretoik.front.choice import list_words
 from paretoik.front.front import Front
 from paretoik.front.points import StoredMotions, attach, confirmation_text
 from paretoik.inputs import check_flag, file_path, shown
-from paretoik.paths import shell_command
 from paretoik.review.report import Report, Steps
 from paretoik.review.words import describe_limits_between
 from paretoik.runs.files import (

@@ -8,11 +8,11 @@ from dataclasses import asdict, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from paretoik.file_paths import shell_command
 from paretoik.formulations.protocol import is_loop
 from paretoik.front.certificates import certificate_text
 from paretoik.front.choice_tree import preference_data
 from paretoik.front.points import confirmation_text
-from paretoik.paths import shell_command
 from paretoik.review.words import describe_limits_between, ending_words
 from paretoik.runs.files import DRAWING, RUN, STOPPED, can_resume, problem_words, read_run
 from paretoik.tables import columns

@@ -17,7 +17,7 @@ from paretoik.errors import Infeasible, InvalidInput, SolverFailed
 from paretoik.formulations.control_step import read_steps
 from paretoik.formulations.protocol import ProblemParts, explain_violation, require_program, violation_words
 from paretoik.front.front import Front
-from paretoik.front.indicators import HypervolumeCurve
+from paretoik.front.hypervolume import HypervolumeCurve
 from paretoik.front.preferences.compromise import marked_rows
 from paretoik.inputs import check_size, real_array, shown
 from paretoik.nlp.minimise import check_solver

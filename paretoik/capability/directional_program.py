@@ -20,7 +20,7 @@ from jaxtyping import Float
 from paretoik.capability.actuation import Actuation, DistributedActuation
 from paretoik.capability.actuator_kernels import gears
 from paretoik.capability.joint_capability import Quantity, joint_speeds, torque_capacity
-from paretoik.capability.smooth_functions import Lanes, LanesOf
+from paretoik.capability.user_functions import Lanes, LanesOf
 from paretoik.nlp.dense.traced_rows import AssembledRows, TracedRows, trace_rows
 from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arm import Arm

@@ -19,7 +19,7 @@ from jaxtyping import Float
 from paretoik.arrays import JointPaths
 from paretoik.capability.actuation import Actuation, DistributedActuation
 from paretoik.capability.directional_program import consecutive_slices, gear_ratios, ratios_and_slacks, stall_slacks
-from paretoik.capability.smooth_functions import Lanes, SmoothTerm
+from paretoik.capability.user_functions import Lanes, SmoothTerm
 from paretoik.errors import InvalidInput
 from paretoik.nlp.dense.traced_rows import AssembledRows, Part, TracedRows, trace_rows
 from paretoik.robot import dynamics, kinematics

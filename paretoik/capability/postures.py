@@ -17,11 +17,11 @@ from paretoik.nlp.minimise import minimise
 from paretoik.nlp.program import InteriorPointOptions
 from paretoik.robot.arm import Arm
 from paretoik.robot.dynamics import gravity_torques
-from paretoik.task.curves import Line
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import joint_travel
 from paretoik.task.path import sample_curve
-from paretoik.task.starts import reach_error, sample_postures, wrap_difference
+from paretoik.task.path_shapes import Line
+from paretoik.task.random_starts import reach_error, sample_postures, wrap_difference
 from paretoik.task.validation import motion_task
 
 # Local maxima over all postures of any arm: many starts, and ascent over posture, sliders and speeds.

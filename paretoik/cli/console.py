@@ -20,7 +20,7 @@ from rich.console import Console
 from rich.text import Text
 
 from paretoik.errors import InvalidInput, SolverFailed
-from paretoik.paths import shell_command
+from paretoik.file_paths import shell_command
 from paretoik.progress import Observer, open_observer
 from paretoik.runs.files import RUN, is_run, problem_words, read_run, to_json
 

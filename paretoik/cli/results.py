@@ -22,7 +22,7 @@ from paretoik.cli.console import (
     stdout_for_results,
 )
 from paretoik.errors import InvalidInput
-from paretoik.paths import missing_file, shell_command
+from paretoik.file_paths import missing_file, shell_command
 from paretoik.runs.files import DRAWING, PICTURE_MARK, RECORDING, RUN, check_target, is_run, read_run
 
 if TYPE_CHECKING:  # keeps the start of the command line quick

@@ -12,7 +12,7 @@ from jaxtyping import Float, Int
 
 from paretoik.arrays import Genes, Points, Values
 from paretoik.capability.actuation import Actuation, DistributedActuation
-from paretoik.capability.smooth_functions import LanesOf, TermRows, constraint_terms, objective_term, smooth_term
+from paretoik.capability.user_functions import LanesOf, TermRows, constraint_terms, objective_term, smooth_term
 from paretoik.errors import InvalidInput
 from paretoik.formulations.formulation import Formulation
 from paretoik.formulations.motions import possible_values

@@ -52,8 +52,8 @@ from paretoik.task.limits import LIMIT_TOLERANCE, Constraint
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask, evaluate_motions, examine_functions, require_values
 from paretoik.task.objectives import Objective
+from paretoik.task.random_starts import order_by_neighbour, wrap_difference
 from paretoik.task.retraction import ON_PATH_TOLERANCE, retract, task_errors
-from paretoik.task.starts import order_by_neighbour, wrap_difference
 
 # Configurations at a position: posture, sliders, joint speeds, forces in several directions, and limits.
 

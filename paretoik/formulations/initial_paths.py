@@ -21,8 +21,8 @@ from paretoik.robot.dynamics import gravity_torques
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import joint_travel
 from paretoik.task.path import line, waypoints
+from paretoik.task.random_starts import rollout_starts, travelling_starts
 from paretoik.task.retraction import retract, task_errors
-from paretoik.task.starts import rollout_starts, travelling_starts
 from paretoik.task.validation import motion_task
 
 

@@ -32,16 +32,16 @@ from paretoik.search.nsga2 import MaxiMinNSGA2
 from paretoik.search.operators import Differential, SmoothMutation
 from paretoik.stop_flag import STOP
 from paretoik.tables import fit_screen
+from paretoik.task.differences import DIFFERENCES, Differences
 from paretoik.task.limits import LIMIT_TOLERANCE, Constraint, Limits
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask, evaluate_motions, examine_functions
 from paretoik.task.objectives import Objective
 from paretoik.task.obstacles import Obstacle
 from paretoik.task.path import Path
+from paretoik.task.random_starts import rollout_starts
 from paretoik.task.retraction import relative_errors, task_errors
-from paretoik.task.sampling import DIFFERENCES, Differences
 from paretoik.task.self_motion import branch_labels
-from paretoik.task.starts import rollout_starts
 from paretoik.task.task import Task, describe_errors
 from paretoik.task.validation import START_TOLERANCE, motion_task
 from paretoik.trajectory.infeasibility import explain_violation, require_feasible, warn_of_obstructed_path

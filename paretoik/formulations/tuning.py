@@ -36,7 +36,7 @@ from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective, jerk
 from paretoik.task.obstacles import Obstacle
 from paretoik.task.path import Path
-from paretoik.task.starts import order_by_neighbour, reach_error, sample_postures, wrap_difference
+from paretoik.task.random_starts import order_by_neighbour, reach_error, sample_postures, wrap_difference
 from paretoik.task.task import Task, error_unit
 from paretoik.task.validation import motion_task
 from paretoik.trajectory.infeasibility import remedy_text

@@ -15,10 +15,10 @@ from pathlib import Path
 from typing import Any
 
 from paretoik.errors import InvalidInput, InvalidRun, warn_user
+from paretoik.file_paths import missing_file
 from paretoik.front.choice import Choice, Preference, explain_named
 from paretoik.front.points import FrontData, row_of
 from paretoik.front.storage import stored_points
-from paretoik.paths import missing_file
 from paretoik.runs.file_replacement import only_writer, replace_file
 from paretoik.runs.files import CHOICES, RUN, check_digest, read_run, run_bytes, to_json
 from paretoik.tables import field_representation, fit_screen, html_representation

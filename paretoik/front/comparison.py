@@ -14,7 +14,7 @@ from paretoik.arrays import Objectives, Values
 from paretoik.errors import InvalidInput
 from paretoik.front.certificates import concatenate
 from paretoik.front.front import Front
-from paretoik.front.indicators import estimate_hypervolume, non_dominated, ranges_of
+from paretoik.front.hypervolume import estimate_hypervolume, non_dominated, ranges_of
 from paretoik.front.points import PARTS, widths_of
 from paretoik.inputs import likely_spelling, shown
 from paretoik.tables import columns, html_table, html_text

@@ -16,7 +16,7 @@ from paretoik.arrays import Genes, Ids, Mask, Objectives, Values, read_only
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.front.certificates import Certificates
 from paretoik.front.geometry import JUMPS, barriers, missing_hypervolume, supported
-from paretoik.front.indicators import non_dominated, ranges_of
+from paretoik.front.hypervolume import non_dominated, ranges_of
 from paretoik.inputs import (
     check_instance,
     check_mapping,

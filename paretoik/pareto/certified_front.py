@@ -15,7 +15,7 @@ from paretoik.compilation_notices import computing_clock
 from paretoik.errors import ParetoikError
 from paretoik.front.certificates import Certificates
 from paretoik.front.front import Front
-from paretoik.front.indicators import ranges_of
+from paretoik.front.hypervolume import ranges_of
 from paretoik.front.points import confirmation, widths_of
 from paretoik.nlp.minimise import chosen_solver
 from paretoik.nlp.program import Program, Solver

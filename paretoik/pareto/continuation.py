@@ -187,7 +187,7 @@ def predict(program: Program, start: Optimum, goal: Callable[[float], Goal]) -> 
 
 def _compiled_options(kind: type[Any]) -> Any:
     """Return the settings of compiled code, a named tuple: ours by name, and ``qp``."""
-    from paretoik.nlp.parametric_qp.solution import QpOptions
+    from paretoik.nlp.parametric_qp.homotopy import QpOptions
 
     return kind(**{name: getattr(OPTIONS, name) for name in kind._fields if name != "qp"}, qp=QpOptions())
 

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Float
 
 from paretoik.arrays import Points
-from paretoik.front.indicators import ranges_of
+from paretoik.front.hypervolume import ranges_of
 from paretoik.nlp.program import FEASIBLE, InteriorPointOptions, Program, Solutions, Solver
 from paretoik.pareto.certificates import weights_at
 from paretoik.pareto.placement import POINT_TOLERANCE

@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float, Int
 
 from paretoik.arrays import Genes, Point, Points
 from paretoik.errors import EvaluationFailed, SolverFailed, warn_user
-from paretoik.front.indicators import ranges_of
+from paretoik.front.hypervolume import ranges_of
 from paretoik.nlp.minimise import compile_method, minimise
 from paretoik.nlp.program import (
     FEASIBLE,

@@ -14,7 +14,7 @@ from paretoik.arrays import Ids, Point, Points, Values
 from paretoik.compilation_notices import computing_clock
 from paretoik.errors import Infeasible, SolverFailed
 from paretoik.front.front import Front
-from paretoik.front.indicators import non_dominated, ranges_of
+from paretoik.front.hypervolume import non_dominated, ranges_of
 from paretoik.pareto.certified_front import Certifier, certified_front, no_worse
 from paretoik.pareto.differentiable import Differentiable
 from paretoik.pareto.epsilon import epsilon_points

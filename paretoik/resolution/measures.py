@@ -10,7 +10,7 @@ from paretoik.resolution.protocol import ResolvedMotion
 from paretoik.task.limits import position_ranges
 from paretoik.task.motion import Motion
 from paretoik.task.objectives import Objective, objective
-from paretoik.task.starts import wrap_difference
+from paretoik.task.random_starts import wrap_difference
 
 __all__ = ["distance_to", "duration", "evaluations", "limit_margin", "speed_ratio", "tracking_error"]
 

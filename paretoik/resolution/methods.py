@@ -93,7 +93,7 @@ class VelocityMethod(Method):
         self, task: MotionTask, start: Float[np.ndarray, "*batch dof"], *, tolerance: float | None = None
     ) -> ResolvedMotion:
         """Return the motions from ``start``, broadcast against the numbers; ``tolerance`` has no effect."""
-        from paretoik.resolution import kernels  # here: numba is slow to load
+        from paretoik.resolution import step_kernels as kernels  # here: numba is slow to load
 
         criteria = self.criterion_list
         shape, settings, gains, q, traces = self._prepare(task, start)

@@ -234,7 +234,7 @@ def follow_predictively(
     If the arm is farther than ``tolerance`` [m, rad] off the path, nothing is predicted: it first returns to the path.
     Studies compare other solvers, and other splines through the positions ahead.
     """
-    from paretoik.resolution import kernels  # here: numba is slow to load
+    from paretoik.resolution import step_kernels as kernels  # here: numba is slow to load
 
     numbers = (method.horizon, method.prediction_step, method.update_interval, method.terminal, method.feedback)
     shape = broadcast_shape(method, start, [np.shape(each) for each in numbers if each is not None])

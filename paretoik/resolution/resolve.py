@@ -28,8 +28,8 @@ from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import joint_travel
 from paretoik.task.obstacles import Obstacle, clearance, closest_pair
 from paretoik.task.path import Path
+from paretoik.task.random_starts import reach_error, sample_postures
 from paretoik.task.retraction import task_errors
-from paretoik.task.starts import reach_error, sample_postures
 from paretoik.task.task import Task, describe_errors, error_unit
 from paretoik.task.validation import motion_task
 

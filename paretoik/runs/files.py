@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from paretoik.errors import InvalidInput, InvalidRun
-from paretoik.paths import missing_file, shell_command
+from paretoik.file_paths import missing_file, shell_command
 from paretoik.runs.file_replacement import only_writer, replace_file, replace_files
 
 # Arrays and tables in files of unknown origin: nothing in them is executed.

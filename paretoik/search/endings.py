@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from paretoik.arrays import Ids, Objectives, Values
 from paretoik.errors import InvalidInput
-from paretoik.front.indicators import estimate_hypervolume
+from paretoik.front.hypervolume import estimate_hypervolume
 from paretoik.inputs import check_size, finite_number, real_array
 from paretoik.search.archive import Failures
 from paretoik.search.objectives import Floats

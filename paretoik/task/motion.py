@@ -25,11 +25,7 @@ from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arm import Arm, check_arm
 from paretoik.robot.kinematics import joint_scales
 from paretoik.tables import columns, fit_screen, html_representation
-from paretoik.task.curves import CLOSURE_TOLERANCE
-from paretoik.task.joint_curve import JointState, interpolate, project_rates, target_rates
-from paretoik.task.obstacles import Obstacle, clearance
-from paretoik.task.retraction import ON_PATH_TOLERANCE, retract_nearest, task_errors
-from paretoik.task.sampling import (
+from paretoik.task.differences import (
     DIFFERENCES,
     Derivatives,
     Differences,
@@ -42,6 +38,10 @@ from paretoik.task.sampling import (
     simpson_weights,
     with_midpoints,
 )
+from paretoik.task.joint_curve import JointState, interpolate, project_rates, target_rates
+from paretoik.task.obstacles import Obstacle, clearance
+from paretoik.task.path_shapes import CLOSURE_TOLERANCE
+from paretoik.task.retraction import ON_PATH_TOLERANCE, retract_nearest, task_errors
 from paretoik.task.task import Task, path_targets
 
 # Checks of a motion's parts.

@@ -23,8 +23,17 @@ from paretoik.inputs import (
 )
 from paretoik.robot.pose import Pose, check_pose, quaternion_to_matrix, rotation_vector
 from paretoik.tables import html_representation
-from paretoik.task.curves import CLOSURE_TOLERANCE, Circle, Curve, Line, Rates, SmoothCurve, TimedCurve, interpolate
-from paretoik.task.sampling import with_midpoints
+from paretoik.task.differences import with_midpoints
+from paretoik.task.path_shapes import (
+    CLOSURE_TOLERANCE,
+    Circle,
+    Curve,
+    Line,
+    Rates,
+    SmoothCurve,
+    TimedCurve,
+    interpolate,
+)
 
 Points: TypeAlias = Float[np.ndarray, "time axes"]
 Quaternions: TypeAlias = Float[np.ndarray, "time 4"]

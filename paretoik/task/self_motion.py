@@ -14,9 +14,9 @@ from paretoik.robot.kinematics import characteristic_length, jacobian, joint_sca
 from paretoik.stop_flag import check_interruption
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
+from paretoik.task.random_starts import MOTION_OPTIONS as STARTS
+from paretoik.task.random_starts import posture_distance, reach_error, sample_postures, wrap_difference
 from paretoik.task.retraction import relative_errors, retract, row_space_basis
-from paretoik.task.starts import MOTION_OPTIONS as STARTS
-from paretoik.task.starts import posture_distance, reach_error, sample_postures, wrap_difference
 
 # Branches: signs of bent joints as labels of motions.
 

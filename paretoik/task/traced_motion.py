@@ -27,9 +27,9 @@ from paretoik.robot.body import TOOL_FRAME
 from paretoik.robot.components import Component
 from paretoik.robot.dynamics import energy_components, torque_components
 from paretoik.robot.kinematics import frame_components, jacobian_components, link_frames, node_components
+from paretoik.task.differences import Differences
 from paretoik.task.motion import Motion
 from paretoik.task.obstacles import Obstacle, distance_components
-from paretoik.task.sampling import Differences
 from paretoik.task.task import Task, path_jacobian
 
 KINKS = PIECEWISE | {Op.ABSOLUTE}

@@ -23,6 +23,7 @@ from paretoik.inputs import (
 from paretoik.robot.arm import Arm, check_arm
 from paretoik.robot.kinematics import characteristic_length, link_nodes
 from paretoik.robot.pose import matrix_to_quaternion, quaternion_to_matrix
+from paretoik.task.differences import DIFFERENCES, Differences
 from paretoik.task.limits import LIMIT_TOLERANCE, Constraint, Limits
 from paretoik.task.motion import check_link_radius, check_obstacles
 from paretoik.task.motion_task import MotionTask
@@ -30,7 +31,6 @@ from paretoik.task.objectives import Objective, evaluate_function
 from paretoik.task.obstacles import Obstacle, signed_distance
 from paretoik.task.path import Path
 from paretoik.task.retraction import row_scales, task_errors
-from paretoik.task.sampling import DIFFERENCES, Differences
 from paretoik.task.task import Task, row_units
 
 START_TOLERANCE = 1e-6  # of the arm's length, and rad: largest distance of a start that is moved onto the path

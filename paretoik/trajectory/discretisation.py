@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from paretoik.errors import InvalidInput
+from paretoik.task.differences import evaluate_with_midpoints, first_derivative, fit_spline, second_derivative
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.sampling import evaluate_with_midpoints, first_derivative, fit_spline, second_derivative
 
 WINDOW = 6  # samples that position, rates and jerk of a spline between two samples depend on
 

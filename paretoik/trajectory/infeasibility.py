@@ -21,8 +21,8 @@ from paretoik.task.limits import LIMIT_TOLERANCE, Bounds
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask, evaluate_motions
 from paretoik.task.obstacles import clearance, closest_pair, signed_distance
+from paretoik.task.random_starts import sample_postures
 from paretoik.task.retraction import ON_PATH_TOLERANCE, retract_nearest, task_errors
-from paretoik.task.starts import sample_postures
 from paretoik.trajectory.levels import OPTIONS as LEVELS
 from paretoik.trajectory.levels import (
     LevelProgress,

@@ -15,7 +15,7 @@ from jaxtyping import Float
 
 from paretoik.arrays import JointPaths
 from paretoik.errors import EvaluationFailed, Infeasible, SolverFailed
-from paretoik.front.indicators import OPTIONS as INDICATORS
+from paretoik.front.hypervolume import OPTIONS as INDICATORS
 from paretoik.front.points import ADDED_SAMPLES, confirmation
 from paretoik.nlp.minimise import check_solver, chosen_solver
 from paretoik.nlp.program import (

@@ -16,8 +16,8 @@ from paretoik.arrays import JointPaths
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.task.motion_task import MotionTask, evaluate_motions
 from paretoik.task.objectives import Objective, objective
+from paretoik.task.random_starts import rollout_starts, travelling_starts
 from paretoik.task.self_motion import branch_labels
-from paretoik.task.starts import rollout_starts, travelling_starts
 from paretoik.trajectory.grid_oracle import grid_oracle
 from paretoik.trajectory.levels import coarsest_level
 

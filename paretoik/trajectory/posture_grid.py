@@ -16,9 +16,9 @@ from paretoik.task.limits import LIMIT_TOLERANCE, Constraint, relative_violation
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import evaluate_function
+from paretoik.task.random_starts import wrap_difference
 from paretoik.task.retraction import retract
 from paretoik.task.self_motion import Curve, resample_curve, self_motion_frames, unwrap_nodes, unwrapped_ranges
-from paretoik.task.starts import wrap_difference
 from paretoik.trajectory.shortest_paths import LayeredGraph
 
 # Costs and limits of motions on a grid of postures, by the number of consecutive samples that they depend on.

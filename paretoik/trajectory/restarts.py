@@ -13,8 +13,8 @@ from paretoik.errors import Infeasible
 from paretoik.nlp.minimise import minimise
 from paretoik.nlp.program import InteriorPointOptions, Solutions, Solver, concatenate
 from paretoik.task.motion_task import MotionTask
+from paretoik.task.random_starts import perturbed_starts, recombined_starts
 from paretoik.task.self_motion import branch_labels
-from paretoik.task.starts import perturbed_starts, recombined_starts
 from paretoik.trajectory.levels import OPTIONS as LEVELS
 from paretoik.trajectory.levels import Further, coarse, distinct_rows
 from paretoik.trajectory.motion_terms import joint_distance

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import linprog
 
 from paretoik.verification.arm_model import TOLERANCES, ArmModel
-from paretoik.verification.objectives import worst_joint
+from paretoik.verification.limits import worst_joint
 from paretoik.verification.run_contents import Check, RunContents, demand, judge, leave_out
 
 

@@ -10,14 +10,9 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from paretoik.verification.arm_model import OPTIONS, TOLERANCES, ArmModel
+from paretoik.verification.limits import clearance_range, excesses
 from paretoik.verification.measured_motion import MeasuredMotion, clearances, nearest_pair, rebuild
-from paretoik.verification.objectives import (
-    clearance_range,
-    excesses,
-    objective_size,
-    objective_value,
-    stated_value,
-)
+from paretoik.verification.objectives import objective_size, objective_value, stated_value
 from paretoik.verification.path_targets import (
     path_points,
     path_targets,

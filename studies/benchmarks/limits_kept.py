@@ -21,7 +21,7 @@ import numpy as np
 import paretoik as pk
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.starts import sample_postures
+from paretoik.task.random_starts import sample_postures
 from paretoik.task.validation import motion_task
 from problems import panda
 from studies.reporting import Row, report, study_parser

@@ -34,7 +34,7 @@ FAULTS = (
     Fault("robot/dynamics.py", "times(2.0, dot(velocity, cross(", "times(1.0, dot(velocity, cross(", "robot"),
     Fault("robot/dynamics.py", "(0.0, 0.0, dq[i])), 2.0)", "(0.0, 0.0, dq[i])), 1.0)", "robot"),
     Fault("robot/kinematics.py", "arm.placements[1:], arm.tool", "arm.placements[1:]", "robot"),
-    Fault("task/sampling.py", "+= 4 * sixth", "+= 3 * sixth", "task"),
+    Fault("task/differences.py", "+= 4 * sixth", "+= 3 * sixth", "task"),
     Fault("task/limits.py", "lower - values) / limit", "values - lower) / limit", "task"),
     Fault("task/objectives.py", "np.sum(motion.torque**2, axis=-1)", "np.sum(motion.torque**2, axis=-1) / 2", "task"),
     Fault("task/objectives.py", "/ (2 * motion.arm.dof) / motion", "/ motion.arm.dof / motion", "task"),
@@ -49,11 +49,11 @@ FAULTS = (
     Fault("search/maximin.py", "np.minimum(nearest, row, out=nearest)", "np.add(nearest, row, out=nearest)", "search"),
     Fault("search/operators.py", "np.arange(len(pop), 0, -1)", "np.arange(1, len(pop) + 1)", "search"),
     Fault("search/archive.py", "np.abs(points[:, axis] - new", "(points[:, axis] - new", "search"),
-    Fault("front/indicators.py", "<= near).all(axis=1)", "<= near).any(axis=1)", "front"),
+    Fault("front/hypervolume.py", "<= near).all(axis=1)", "<= near).any(axis=1)", "front"),
     Fault("front/preferences/compromise.py", "columns.max(axis=0) +", "columns.min(axis=0) +", "front"),
     Fault("front/geometry.py", "shares[:, 0] - PREFERENCE_OPTIONS.hull", "shares[:, 0]", "front"),
-    Fault("resolution/kernels.py", "1.0 / (1.0 - d) - 1.0 / d", "1.0 / (1.0 - d) - 2.0 / d", "resolution"),
-    Fault("resolution/kernels.py", "s * s * (3.0 - 2.0 * s)", "s * s", "resolution"),
+    Fault("resolution/step_kernels.py", "1.0 / (1.0 - d) - 1.0 / d", "1.0 / (1.0 - d) - 2.0 / d", "resolution"),
+    Fault("resolution/step_kernels.py", "s * s * (3.0 - 2.0 * s)", "s * s", "resolution"),
     Fault(
         "closed_loop/objectives.py", "step.motion.q - step.home) / step.dt", "step.motion.q - step.home)", "closed_loop"
     ),

@@ -10,7 +10,7 @@ from jaxtyping import Float, Int
 
 import paretoik as pk
 from paretoik.runs.distribution import Executor
-from paretoik.task.starts import rollout_starts
+from paretoik.task.random_starts import rollout_starts
 from studies.processes import run_each
 from studies.reporting import Row
 from studies.tringali_2020.simulations import LOW, MASSES, as_printed, beside, paper, with_arm

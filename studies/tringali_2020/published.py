@@ -24,9 +24,9 @@ import paretoik as pk
 from paretoik.nlp.program import Solutions
 from paretoik.runs.distribution import Executor
 from paretoik.task.motion_task import MotionTask
+from paretoik.task.random_starts import rollout_starts
 from paretoik.task.retraction import relative_errors, retract_nearest, row_space_basis
 from paretoik.task.self_motion import branch_labels
-from paretoik.task.starts import rollout_starts
 from paretoik.trajectory.levels import objective_scales, refine_levels
 from paretoik.trajectory.transcription import motion_program
 from problems import tringali_2021

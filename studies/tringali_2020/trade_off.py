@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 import paretoik as pk
-from paretoik.front.indicators import hypervolume, non_dominated
+from paretoik.front.hypervolume import hypervolume, non_dominated
 from paretoik.nlp.minimise import minimise
 from paretoik.pareto.sweep import OPTIONS
 from paretoik.task.motion_task import MotionTask

@@ -12,7 +12,7 @@ import numpy as np
 import paretoik as pk
 from paretoik.resolution.protocol import ResolvedMotion
 from paretoik.runs.distribution import Executor
-from paretoik.task.starts import sample_postures
+from paretoik.task.random_starts import sample_postures
 from paretoik.task.validation import motion_task
 from problems import wan_2018
 from problems.wan_2018 import BAND, BUFFER, DAMPING, FEEDBACK, GAIN_POSITIONS, GAIN_VELOCITIES, REGION, REPULSION

@@ -11,8 +11,8 @@ import numpy as np
 from scipy.optimize import brentq
 
 import paretoik as pk
-from paretoik.resolution.kernels import clamping_weight
 from paretoik.resolution.protocol import ResolvedMotion
+from paretoik.resolution.step_kernels import clamping_weight
 from problems.wan_2018 import BUFFER
 from studies.reporting import Row, tell
 from studies.wan_2018.methods import (

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.task.starts import perturbed_starts, rollout_starts
+from paretoik.task.random_starts import perturbed_starts, rollout_starts
 from paretoik.trajectory.plan_starts import sample_starts
 
 FEASIBLE = 1e-8

@@ -9,7 +9,7 @@ from pymoo.core.problem import Problem
 import paretoik as pk
 from paretoik.api.solve import solve
 from paretoik.errors import EvaluationFailed, Infeasible, InvalidInput
-from paretoik.front.indicators import non_dominated
+from paretoik.front.hypervolume import non_dominated
 from paretoik.runs.files import RECORDING
 from tests.api.problems import QUICK, tracking
 from tests.review.reading import read, rows

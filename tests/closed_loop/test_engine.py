@@ -12,7 +12,7 @@ from paretoik.closed_loop.engine import decode
 from paretoik.closed_loop.objectives import joint_displacement, position_error
 from paretoik.closed_loop.programs import StepStart, allocate
 from paretoik.formulations.closed_loop import ClosedLoop
-from paretoik.front.indicators import hypervolume
+from paretoik.front.hypervolume import hypervolume
 from paretoik.search import sorted_points
 from paretoik.search.maximin import survivors
 from problems import marcos_2012

@@ -9,7 +9,7 @@ import pytest
 
 import paretoik as pk
 from paretoik.formulations.motions import values_between
-from paretoik.front.indicators import hypervolume
+from paretoik.front.hypervolume import hypervolume
 from paretoik.trajectory.motion_terms import joint_distance
 from problems import tringali_2020
 

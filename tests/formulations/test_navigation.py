@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 import paretoik as pk
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.formulations.navigation import natural_weights
-from paretoik.front.indicators import non_dominated
+from paretoik.front.hypervolume import non_dominated
 from paretoik.nlp.minimise import minimise
 from paretoik.nlp.program import violation_of
 from paretoik.pareto.continuation import can_follow

@@ -6,7 +6,7 @@ import numpy as np
 
 from paretoik.front.certificates import Certificates
 from paretoik.front.front import Front
-from paretoik.front.indicators import non_dominated
+from paretoik.front.hypervolume import non_dominated
 
 
 def random_front(seed: int, *, n_obj: int | None = None, points: int | None = None) -> Front:

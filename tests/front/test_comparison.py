@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from paretoik.errors import InvalidInput
 from paretoik.front.comparison import Comparison, comparison_entries
 from paretoik.front.front import Front
-from paretoik.front.indicators import hypervolume, non_dominated
+from paretoik.front.hypervolume import hypervolume, non_dominated
 from paretoik.front.points import StoredJoints, StoredMotions
 
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from paretoik.errors import Infeasible, InvalidInput
 from paretoik.front.front import Front
-from paretoik.front.indicators import non_dominated
+from paretoik.front.hypervolume import non_dominated
 from paretoik.front.points import RESERVED_NAMES
 from paretoik.front.preferences import Weights
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from paretoik.nlp.parametric_qp.solution import QpOptions, solve_from
+from paretoik.nlp.parametric_qp.homotopy import QpOptions, solve_from
 
 
 def solved(H, g, A, c, y, *, band=None, border=0, dense=0):

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from paretoik.front.geometry import tangents_meet
-from paretoik.front.indicators import hypervolume
+from paretoik.front.hypervolume import hypervolume
 from paretoik.pareto.placement import (
     OPTIONS,
     POINT_TOLERANCE,

@@ -14,7 +14,7 @@ import paretoik as pk
 from paretoik.api.refine import refine_front
 from paretoik.api.session import RunRequest, open_session
 from paretoik.errors import Infeasible, SolverFailed
-from paretoik.front.indicators import hypervolume, ranges_of
+from paretoik.front.hypervolume import hypervolume, ranges_of
 from paretoik.pareto.refined_front import Completion
 from paretoik.stop_flag import STOP
 from tests.api.problems import tracking

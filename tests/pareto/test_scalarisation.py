@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from paretoik.errors import SolverFailed
-from paretoik.front.indicators import ranges_of
+from paretoik.front.hypervolume import ranges_of
 from paretoik.nlp.program import InteriorPointOptions
 from paretoik.pareto import scalarisation as cold_search
 from paretoik.pareto.scalarisation import StartSearch, minimise_weighted, objective_sizes, optima_alone

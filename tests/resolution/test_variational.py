@@ -11,7 +11,7 @@ from paretoik.resolution.variational import check_tolerance, equation_of_motion,
 from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arms import tringali_3r
 from paretoik.robot.kinematics import forward_kinematics
-from tests.task.test_starts import task_of
+from tests.task.test_random_starts import task_of
 
 TIMES = np.linspace(0.0, 2.0, 11)
 START = np.array([[1.0, 0.0], [0.0, 3.0], [0.5, -0.5]])

@@ -13,12 +13,12 @@ from paretoik.errors import Infeasible
 from paretoik.robot import dynamics
 from paretoik.robot.arms import tringali_3r
 from paretoik.task.motion_task import MotionTask
+from paretoik.task.random_starts import sample_postures
 from paretoik.task.retraction import retract_nearest, task_errors
 from paretoik.task.self_motion import build_charts
-from paretoik.task.starts import sample_postures
 from studies.tringali_2020.extremals import integrate_extremal
 from tests.formulations.problems import panda
-from tests.task.test_starts import task_of
+from tests.task.test_random_starts import task_of
 
 FROM, TO = [0.4678, 0.0], [0.0983, 0.1526]  # m, the paper's line
 BEST = (-0.387576, 0.516724, 0.195441)  # rad, near where the best optimum starts

@@ -11,8 +11,8 @@ from paretoik.robot.arms import marcos_nr, tringali_3r
 from paretoik.robot.pose import vector_to_quaternion
 from paretoik.task.retraction import retract_nearest
 from tests.formulations.problems import panda
-from tests.task.test_curves import FIRST, SECOND
 from tests.task.test_motion_between_samples import on_circle
+from tests.task.test_path_shapes import FIRST, SECOND
 
 SAMPLES = np.linspace(0.0, 1.0, 21)
 BETWEEN = np.setdiff1d(np.linspace(0.003, 0.997, 72).round(4), SAMPLES)

@@ -7,7 +7,7 @@ import pytest
 
 from paretoik import Motion, Task, circle, line
 from paretoik.errors import Infeasible, InvalidInput
-from tests.task.test_sampling import ARM, even, order_of, wave
+from tests.task.test_differences import ARM, even, order_of, wave
 
 
 def on_circle(samples, cyclic=True, **settings):

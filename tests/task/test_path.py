@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from paretoik.errors import InvalidInput
 from paretoik.robot.pose import Pose, quaternion_to_matrix, rotation_vector, vector_to_quaternion
-from paretoik.task.curves import TIME_LAWS, progress
 from paretoik.task.path import circle, line, poses, waypoints
+from paretoik.task.path_shapes import TIME_LAWS, progress
 from tests.task.paths import CORNERS, EVERY_KIND, TURNED
 
 coordinates = st.floats(-3, 3)

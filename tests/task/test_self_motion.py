@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from paretoik import Motion, Pose
 from paretoik.robot.arms import marcos_nr, tringali_3r
+from paretoik.task.random_starts import wrap_difference
 from paretoik.task.retraction import task_errors
 from paretoik.task.self_motion import (
     bend_signs,
@@ -20,7 +21,6 @@ from paretoik.task.self_motion import (
     unwrap_nodes,
     unwrapped_ranges,
 )
-from paretoik.task.starts import wrap_difference
 from tests.formulations.problems import panda, random_arm
 from tests.task.tasks import ARM, task
 

@@ -10,7 +10,7 @@ from paretoik.autodiff.differentiation import gradient
 from paretoik.autodiff.evaluator import compile_evaluator
 from paretoik.autodiff.tape import as_entry
 from paretoik.errors import EvaluationFailed, InvalidInput
-from paretoik.task.starts import rollout_starts
+from paretoik.task.random_starts import rollout_starts
 from paretoik.task.traced_motion import trace_sample, trace_sample_function
 from problems import panda, tringali_2020
 

@@ -13,7 +13,7 @@ import paretoik as pk
 from paretoik.robot.dynamics import gravity_torques
 from paretoik.robot.kinematics import link_nodes
 from paretoik.task.obstacles import clearance
-from paretoik.task.starts import sample_postures
+from paretoik.task.random_starts import sample_postures
 from paretoik.trajectory.infeasibility import _speed_violation, no_posture_keeps_limits
 from problems import panda, tringali_2020
 from tests.api.problems import PATH

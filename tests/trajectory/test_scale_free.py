@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.task.starts import rollout_starts
+from paretoik.task.random_starts import rollout_starts
 from paretoik.trajectory.transcription import motion_program
 from tests.trajectory.scaled_problems import Units, around, of_a_panda, on_a_rail, past_an_obstacle, straight
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import paretoik as pk
-from paretoik.task.starts import rollout_starts
+from paretoik.task.random_starts import rollout_starts
 from paretoik.trajectory.transcription import motion_program
 from problems import panda, tringali_2020
 

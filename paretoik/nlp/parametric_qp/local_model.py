@@ -27,7 +27,7 @@ from paretoik.nlp.banded.kernel import (
     row_width,
 )
 from paretoik.nlp.linear_algebra import clear, norm
-from paretoik.nlp.parametric_qp.solution import solve_from
+from paretoik.nlp.parametric_qp.homotopy import solve_from
 
 
 class LocalModel(NamedTuple):

@@ -25,6 +25,7 @@ from paretoik.nlp.banded.kernel import (
     retract,
 )
 from paretoik.nlp.linear_algebra import norm
+from paretoik.nlp.parametric_qp.homotopy import QpOptions
 from paretoik.nlp.parametric_qp.local_model import (
     allocate_model,
     lagrangian_hessian,
@@ -35,7 +36,6 @@ from paretoik.nlp.parametric_qp.local_model import (
     to_first_order,
     weigh,
 )
-from paretoik.nlp.parametric_qp.solution import QpOptions
 
 
 class PredictionOptions(NamedTuple):

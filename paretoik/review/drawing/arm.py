@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from paretoik.arrays import Vector3
 from paretoik.review.drawing.axes import labels
-from paretoik.review.drawing.labels import label_area, label_place
+from paretoik.review.drawing.label_places import label_area, label_place
 from paretoik.review.drawing.space import ArmMeshes, Stage, find_meshes
 from paretoik.review.outlines import Polyline, outline
 from paretoik.review.palette import MARKS, SCENES, SCREEN, VIEWS

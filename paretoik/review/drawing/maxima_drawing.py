@@ -13,7 +13,7 @@ import rerun as rr
 from paretoik.review.drawing.arm import ArmDrawing
 from paretoik.review.drawing.axes import screen_text
 from paretoik.review.drawing.charts import Chart, LimitLine, fit_below_tabs
-from paretoik.review.drawing.labels import joined_labels, label_place
+from paretoik.review.drawing.label_places import joined_labels, label_place
 from paretoik.review.drawing.layout import Entry, Layout, Legend, log_text, text_view
 from paretoik.review.drawing.motion import CHOSEN, limit_lines
 from paretoik.review.drawing.space import Stage

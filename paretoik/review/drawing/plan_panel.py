@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from paretoik.arrays import Mask, Values
 from paretoik.review.drawing.axes import TEXT, Canvas, labels, window
-from paretoik.review.drawing.labels import joined_labels, label_area, label_place, line_points
+from paretoik.review.drawing.label_places import joined_labels, label_area, label_place, line_points
 from paretoik.review.palette import DRAWING, MARKS, SCREEN, Colour, screen_label
 from paretoik.review.recording.messages import PlannedLevel, PlannedOptimum, PlannedScene
 

@@ -15,7 +15,7 @@ from jaxtyping import Float
 
 from paretoik.arrays import Ids, Objectives, Values
 from paretoik.review.drawing.axes import TEXT, Canvas, axis_ranges, entity_names, labels, screen_text, window
-from paretoik.review.drawing.labels import joined_labels, label_area, label_lines, label_place, line_points
+from paretoik.review.drawing.label_places import joined_labels, label_area, label_lines, label_place, line_points
 from paretoik.review.outlines import NO_LINES, Lines
 from paretoik.review.palette import DRAWING, MARKS, SCREEN, VIEWS, Colour
 from paretoik.review.recording.messages import RecordedPoint

@@ -12,7 +12,7 @@ import rerun.blueprint as rrb
 
 from paretoik.arrays import Objectives
 from paretoik.front.front import Front
-from paretoik.front.indicators import HypervolumeCurve, HypervolumeOptions
+from paretoik.front.hypervolume import HypervolumeCurve, HypervolumeOptions
 from paretoik.review.drawing.charts import Chart
 from paretoik.review.drawing.layout import Layout, Legend, log_text, text_view
 from paretoik.review.drawing.motion import (

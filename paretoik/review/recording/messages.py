@@ -22,10 +22,10 @@ from paretoik.review.palette import DRAWING, even_rows, is_sliding, joint_units
 from paretoik.robot.arm import Arm
 from paretoik.robot.dynamics import gravity_torques
 from paretoik.robot.kinematics import link_nodes
+from paretoik.task.differences import Differences
 from paretoik.task.limits import JOINT_UNITS, LIMITED, Bounds, Limits
 from paretoik.task.motion import Motion
 from paretoik.task.obstacles import Obstacle, clearance
-from paretoik.task.sampling import Differences
 
 # The workcell: everything drawn around a problem's motions, as plain data for another process.
 

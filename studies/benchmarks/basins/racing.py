@@ -16,7 +16,7 @@ import numpy as np
 import paretoik as pk
 from paretoik.errors import ParetoikError
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.starts import rollout_starts
+from paretoik.task.random_starts import rollout_starts
 from paretoik.trajectory.plan_starts import sample_starts
 from studies.benchmarks.basins.cases import Case, all_cases
 from studies.benchmarks.certified.attacks import led_back, objectives, violation

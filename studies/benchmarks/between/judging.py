@@ -12,9 +12,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from paretoik.task.differences import Derivatives
 from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.sampling import Derivatives
 
 FINER = 50
 STEP = 1 / 40  # of an interval: five of them fit into half of it

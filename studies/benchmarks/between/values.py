@@ -24,8 +24,8 @@ from jaxtyping import Float
 
 import paretoik as pk
 from paretoik.errors import ParetoikError
+from paretoik.task.differences import evaluate_with_midpoints
 from paretoik.task.motion import Motion
-from paretoik.task.sampling import evaluate_with_midpoints
 from studies.benchmarks.between.cases import random_path
 from studies.benchmarks.between.judging import STEP, motion_at
 from studies.reporting import Row, report, study_parser, tell

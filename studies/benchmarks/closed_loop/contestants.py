@@ -20,7 +20,7 @@ from paretoik.autodiff.interpreter import run_first
 from paretoik.closed_loop.control_step import HISTORY, StepState
 from paretoik.closed_loop.engine import decode
 from paretoik.formulations.closed_loop import ClosedLoop
-from paretoik.front.indicators import hypervolume
+from paretoik.front.hypervolume import hypervolume
 from problems import marcos_2012
 from problems.marcos_2012 import Links
 from studies.marcos_2012.exact_loop import OPTIONS, exact_steps

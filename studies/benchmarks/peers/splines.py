@@ -13,9 +13,9 @@ import numpy as np
 from casadi import MX, SX, vertcat
 
 from paretoik.robot.kinematics import joint_scales
+from paretoik.task.differences import evaluate_with_midpoints, fit_spline
 from paretoik.task.joint_curve import target_rates
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.sampling import evaluate_with_midpoints, fit_spline
 from studies.benchmarks.peers.programs import symbols
 from studies.benchmarks.peers.quantities import SLACK, at_sample, check, limited_sides, peaks, pose_function, sides_of
 from studies.benchmarks.peers.solvers import Peer

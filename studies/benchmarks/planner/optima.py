@@ -8,7 +8,7 @@ import numpy as np
 
 from paretoik.nlp.minimise import minimise
 from paretoik.task.motion_task import MotionTask
-from paretoik.task.starts import MOTION_OPTIONS as STARTS
+from paretoik.task.random_starts import MOTION_OPTIONS as STARTS
 from paretoik.trajectory.grid_oracle import grid_oracle
 from paretoik.trajectory.levels import OPTIONS
 from paretoik.trajectory.motion_terms import joint_distance

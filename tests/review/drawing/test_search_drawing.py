@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from paretoik.front.indicators import estimate_hypervolume, hypervolume
+from paretoik.front.hypervolume import estimate_hypervolume, hypervolume
 from paretoik.review.drawing import search_drawing as front_reduction
 from paretoik.review.drawing.search_drawing import FrontReduction
 from paretoik.review.recording.recorder import Generation

@@ -11,7 +11,7 @@ import pytest
 casadi = pytest.importorskip("casadi")
 
 import paretoik as pk  # noqa: E402
-from paretoik.task.starts import rollout_starts  # noqa: E402
+from paretoik.task.random_starts import rollout_starts  # noqa: E402
 from paretoik.trajectory.grid_oracle import grid_oracle  # noqa: E402
 from studies.benchmarks.basins.cases import all_cases  # noqa: E402
 from studies.benchmarks.peers.programs import joint_program, staged_program  # noqa: E402

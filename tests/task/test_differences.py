@@ -13,8 +13,8 @@ from scipy.interpolate import BSpline
 import paretoik as pk
 from paretoik import Motion
 from paretoik.robot.arms import tringali_3r
+from paretoik.task.differences import fit_spline
 from paretoik.task.motion_task import finer_motion
-from paretoik.task.sampling import fit_spline
 from tests.task.tasks import task
 
 ARM = tringali_3r()

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from paretoik.front.indicators import CURVE_OPTIONS as OPTIONS
-from paretoik.front.indicators import (
+from paretoik.front.hypervolume import CURVE_OPTIONS as OPTIONS
+from paretoik.front.hypervolume import (
     HypervolumeCurve,
     estimate_hypervolume,
     hypervolume,

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from paretoik.paths import missing_file, shell_command
+from paretoik.file_paths import missing_file, shell_command
 
 
 @pytest.fixture

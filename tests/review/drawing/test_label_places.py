@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from paretoik.review.drawing.axes import Canvas, text_width
-from paretoik.review.drawing.labels import half_size, joined_labels, label_area, label_place, plate_half
+from paretoik.review.drawing.label_places import half_size, joined_labels, label_area, label_place, plate_half
 from paretoik.review.drawing.scatter import Scatter
 from paretoik.review.palette import MARKS
 from paretoik.review.recording.messages import RecordedPoint

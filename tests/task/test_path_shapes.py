@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from paretoik.robot.pose import quaternion_to_matrix
-from paretoik.task.curves import TIME_LAWS, interpolate, progress, progress_rates
+from paretoik.task.path_shapes import TIME_LAWS, interpolate, progress, progress_rates
 from tests.task.paths import EVERY_KIND
 
 FIRST = np.array([-1.0, 9.0, -45.0, 0.0, 45.0, -9.0, 1.0]) / 60  # differences of sixth order

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from paretoik.resolution.kernels import (
+from paretoik.resolution.step_kernels import (
     buffer_depth,
     clamping_weight,
     criterion_weight,

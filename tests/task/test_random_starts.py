@@ -11,16 +11,16 @@ from hypothesis import strategies as st
 from paretoik import Arm, Pose, Task, arms, circle, joint_travel, line, poses
 from paretoik.errors import Infeasible, OutOfReach
 from paretoik.robot.arms import marcos_nr, tringali_3r
-from paretoik.task.retraction import task_errors
-from paretoik.task.self_motion import build_charts
-from paretoik.task.starts import MOTION_OPTIONS as OPTIONS
-from paretoik.task.starts import (
+from paretoik.task.random_starts import MOTION_OPTIONS as OPTIONS
+from paretoik.task.random_starts import (
     perturbed_starts,
     recombined_starts,
     rollout_starts,
     sample_postures,
     travelling_starts,
 )
+from paretoik.task.retraction import task_errors
+from paretoik.task.self_motion import build_charts
 from tests.formulations.problems import panda, random_arm, within_reach
 from tests.task.tasks import task
 
