@@ -1,4 +1,4 @@
-"""``paretoik list``, ``check-robot`` and ``warmup``: what comes before the first run."""
+"""``paretoik list``, ``check-robot`` and ``warmup``: preparations for the first run."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ def check_robot(
     ] = False,
     as_json: JsonFlag = False,
 ) -> None:
-    """List the faults of a URDF file, and the arm that Arm.from_urdf makes of it.
+    """List the faults of a URDF file and the arm it describes.
 
-    Similar warnings are printed as one, with the first names, and of very many lines only the first are printed; --json
-    has every fault and every warning.
+    The arm is that of Arm.from_urdf. Similar warnings are printed as one line with the first names, and of many lines
+    only the first ones are printed. --json has every fault and every warning.
     """
     from paretoik.robot.urdf import check_robot as check
     from paretoik.robot.urdf import report_text
@@ -88,9 +88,10 @@ def list_problems(
 
 
 def warmup(quiet: QuietFlag = False, as_json: JsonFlag = False) -> None:
-    """Compile the code of every kind of problem, which otherwise happens in the first run of each.
+    """Compile the code of every kind of problem.
 
-    It solves small problems, and takes a few minutes once. One line per compiled function says how long it took.
+    Otherwise each kind is compiled in its first run. The command solves small problems, and takes a few minutes once.
+    It prints one line per compiled function, with its compile time.
     """
     compiled: list[tuple[str, float]] = []
 
@@ -116,7 +117,7 @@ CODED: dict[str, Any] = {"coefficients": 4, "bases": 2}
 
 
 def solved_kinds() -> Iterator[str]:
-    """Solve one small problem of every kind; yield the kind's name after each."""
+    """Solve one small problem of every kind; yield each kind's name."""
     yield from _solved_paths()
     from paretoik.api.directional_maxima import directional_maxima
     from paretoik.api.solve import solve
@@ -141,7 +142,7 @@ def solved_kinds() -> Iterator[str]:
 
 
 def _solved_paths() -> Iterator[str]:
-    """Solve a planar and a spatial problem of following a path; yield as ``solved_kinds`` does."""
+    """Solve a planar and a spatial tracking problem; yield their kinds' names."""
     import numpy as np
 
     from paretoik.api.epsilon_front import epsilon_front
@@ -165,7 +166,7 @@ def _solved_paths() -> Iterator[str]:
     yield "Tracking, planar"
 
     front = epsilon_front(tracking, points=3, starts=2, observe=False)
-    front.navigate(front.ids[0], improve="torque_norm", allow="kinetic_energy")
+    front.navigate(int(front.ids[0]), improve="torque_norm", allow="kinetic_energy")
     yield "epsilon_front, navigate"
 
     for method in (PseudoInverse(), ConstrainedQP()):

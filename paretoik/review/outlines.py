@@ -1,4 +1,4 @@
-"""Obstacles as lines: outlines in the plane of a planar arm, wires in space."""
+"""Obstacles as lines, in the plane or in space, and free places for labels."""
 
 from __future__ import annotations
 
@@ -34,7 +34,10 @@ def places_between(low: Point, high: Point, count: int) -> Places:
 def count_covered(
     middles: Places, half: Point, others: Float[np.ndarray, "marks 2"], *, gap: float = 0.0
 ) -> Int[np.ndarray, " places"]:
-    """Return how many marks a label of half a size, plus a ``gap`` around it, covers at each place."""
+    """Return how many marks a label covers at each place.
+
+    ``half`` is half the label's size, ``gap`` a margin around it.
+    """
     across, along = (
         np.abs(others[:, axis] - middles[:, axis, None]) < half[axis] + gap for axis in (0, 1)
     )  # axis by axis: reducing pairs takes NumPy several times as long
@@ -51,10 +54,11 @@ def freest_place(
     reach: float = 0.0,
     leader: float = 0.0,
 ) -> tuple[Point, bool]:
-    """Return the place that covers the fewest marks, with the fewest crossings of its line to `mark` and ``lines``.
+    """Return the best place of a label, and whether it is free.
 
-    Among these, take the one whose line touches the fewest other marks, within ``reach``, then the nearest to its mark;
-    only lines longer than ``leader`` are drawn. Return also whether it covers, crosses and touches nothing.
+    The best place has the lowest sum of covered marks and of ``lines`` that its line to `mark` crosses. Among equal
+    ones it is the place whose line touches the fewest other marks, within ``reach``, then the nearest to the mark; only
+    lines longer than ``leader`` are drawn. A place is free if it covers, crosses and touches nothing.
     """
     ends = np.clip(mark, middles - half, middles + half)
     distances = np.linalg.norm(ends - mark, axis=1)
@@ -98,7 +102,7 @@ def obstacle_lines(obstacles: Sequence[Obstacle], height: tuple[float, float] | 
 
 
 def outline(obstacle: Obstacle) -> Polyline | None:
-    """Return the closed outline (points, 2) [m] of an obstacle in the plane z = 0; None if it does not reach it."""
+    """Return the closed outline (points, 2) [m] of an obstacle in the plane z = 0; None if they do not meet."""
     match obstacle:
         case Circle():
             return np.asarray(obstacle.center + obstacle.radius * RING[:, :2])

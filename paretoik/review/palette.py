@@ -43,12 +43,12 @@ def even_rows(count: int, largest: int) -> Int[np.ndarray, " rows"]:
 class DrawingOptions:
     """Bounds of what a recording draws."""
 
-    matrix: int = 5  # most objectives for a panel per pair; beyond, only neighbours have one
-    walk: int = 60  # most points on the timeline along the front
-    starts: int = 240  # most starts on the timeline of a plan's starts
-    optima: int = 12  # most optima of a plan that are listed
+    matrix: int = 5  # largest number of objectives with a panel for every pair; with more, only for neighbours
+    walk: int = 60  # largest number of points on the timeline along the front
+    starts: int = 240  # largest number of starts on the timeline of a plan's starts
+    optima: int = 12  # largest number of listed optima of a plan
     near: float = 0.9  # share of a plan's results that its axes contain
-    better: float = 0.1  # reach of a plan's axes beyond the best, relative to the worst: better starts break limits
+    better: float = 0.1  # reach of a plan's axes beyond the best, as a share of that beyond the worst
     frames: float = 6.0  # generations per second on their timelines
     slow_frames: float = 1.0  # objects per second on timelines that show a few, one by one
     motion_frames: int = 100  # fewest postures along a motion
@@ -56,7 +56,7 @@ class DrawingOptions:
     limit_tolerance: float = 1e-6  # excess up to which a limit counts as satisfied, as a share of its range
     least_error: float = 1e-16  # errors are drawn as at least this, because their logarithm is drawn
     rounding: float = 1e-10  # values up to this share of the largest are written as 0
-    mesh_bytes: float = 40e6  # most bytes of drawn meshes, which a recording contains completely
+    mesh_bytes: float = 40e6  # largest size [bytes] of drawn meshes, which a recording contains completely
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,8 +92,8 @@ class MarkSizes:
     overlap: float = 2.0  # length of this line within the label's plate
     line_points: int = 40  # points of a line that labels avoid
     line: float = 2.4  # width of curves
-    dash: float = 7.0  # of limits
-    many_dots: int = 40  # most dots of a curve that are drawn large
+    dash: float = 7.0  # length of the dashes of limits
+    many_dots: int = 40  # largest number of dots of a curve that are drawn large
     solid_arm: float = 2.3  # width of the chosen arm, drawn on top of ``arms``
     arms: tuple[float, ...] = (4.1, 3.5, 2.9)  # widths of the arms of best points, so that coinciding ones stay visible
     spatial_arms: tuple[float, float] = (3.2, 1.6)  # in space, where wide lines hide thin ones
@@ -114,7 +114,7 @@ class SceneOptions:
     shortest: float = 1e-6  # links below this share of the longest join joints in one place and are not drawn
     covered: float = 0.6  # the ground sign turns if its cosine with a link is larger: the link would cover it
     grid: int = 7  # lines of the ground per side, about
-    ground_ticks: int = 4  # most ticks for words on each; beyond, only every second tick has words
+    ground_ticks: int = 4  # largest number of ticks with words on each; with more, only on every second
     eye: tuple[float, float, float] = (0.47, -0.8, 0.44)  # direction from the scene to the eye
     label_margin: tuple[float, float] = (38.0, 26.0)  # margins for labels on each side, across and upwards [pixels]
     field_of_view: float = 55.0  # vertical field of view [degrees], measured in a picture of the viewer

@@ -1,7 +1,7 @@
 """The process that records, started by ``RecordingProcess``.
 
-It reads messages from stdin and answers on stdout, one line of JSON per message. It ends with its parent, however that
-ends: then it completes the file with the data that it has.
+It reads messages from stdin and answers on stdout, one line of JSON per message. If its parent ends for any reason,
+it completes the file with the data that it has, and ends too.
 
 There is one drawing of a run: all kept messages and the end, on common axes. It is repeated during the run
 if that takes a small share of the time, and a last time at the end; each drawing replaces the file.
@@ -79,7 +79,8 @@ DRAWINGS: dict[type, Callable[..., Drawing]] = {  # called with scene, messages,
 class RecordingFile:
     """The file of a recording in progress; errors of Rerun and of the disk are raised.
 
-    Every ``stride``-th message of a series is kept, including the first and the last; ``dropped`` were not.
+    Every ``stride``-th message of a series is kept, including the first and the last; ``dropped``: number of the
+    others.
     """
 
     def __init__(self, opening: Opening, tell: Callable[..., None]) -> None:
@@ -95,12 +96,14 @@ class RecordingFile:
             reduction = FrontReduction(maximised=opening.scene.maximised, points=self._options.points)
             self._reduce = reduction.reduce
         self._live = LiveView(self._application, tell) if opening.live else None
+        if self._run_lives():
+            self._file.unlink(missing_ok=True)
         self._file.open("x").close()  # it must not exist: another run may have begun there
         self._stamp = _stamp(self._file)
         self._is_drawn, self._next = True, 0.0  # all messages so far, time of the next drawing
 
     def record(self, message: Any) -> None:
-        """Keep a message, which may be large, reduced to what is drawn of it."""
+        """Keep a message, reduced to the parts that are drawn."""
         self._messages.append(self._reduce(message))
         self._keep()
         self._is_drawn = False
@@ -135,13 +138,17 @@ class RecordingFile:
                 content = self._content(end)
 
         def check(_: Path) -> None:
-            if _stamp(self._file) != self._stamp:
+            if _stamp(self._file) != self._stamp and not self._run_lives():
                 raise FileExistsError(errno.EEXIST, "another run writes it")
 
         replace_file(self._file, bytes(content), check=check)
         self._stamp, self._is_drawn = _stamp(self._file), True
         if self._live is not None:
             self._live.show(self._file)
+
+    def _run_lives(self) -> bool:
+        """Return whether the run lives; if not, a run that resumes it may write the same file already."""
+        return os.getppid() == self._opening.run
 
     def _content(self, end: Any) -> bytearray:
         """Return the file of the kept messages and the ``end``."""
@@ -178,7 +185,7 @@ class RecordingFile:
 
 
 def _stamp(file: Path) -> tuple[int, int]:
-    """Return what no other file of this name has."""
+    """Return inode and modification time [ns], which identify a version of a file."""
     status = file.lstat()
     return status.st_ino, status.st_mtime_ns
 
@@ -253,7 +260,7 @@ class LiveView:
 
 
 def main() -> None:
-    """Record the parent's messages until it ends the recording or itself."""
+    """Record the parent's messages until the recording or the parent ends."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):  # the run decides, and may still finish the file
         signal.signal(number, signal.SIG_IGN)
     with suppress(OSError):

@@ -35,7 +35,7 @@ from paretoik.task.motion import Motion
 # Motions in a report: curves and arms in small blocks, one per point, for as many as fit.
 
 
-STEPS = 65535  # of a channel's range: values are integers of 16 bits
+STEPS = 65535  # steps of a channel's range: values are integers of 16 bits
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -55,7 +55,7 @@ class ReportMotions:
 
     @property
     def has_arm(self) -> bool:
-        """Whether the arm is known, so that there is more than positions."""
+        """Whether the arm is known; otherwise there are only positions."""
         return isinstance(self.motions, Motion)
 
     @cached_property
@@ -84,7 +84,10 @@ class ReportMotions:
         return low, np.where(high > low, high - low, 1.0) / STEPS
 
     def block(self, row: int) -> str:
-        """Return the channels of a point: steps of 16 bits from sample to sample, low bytes first, gzip, base64."""
+        """Return the channels of a point as text.
+
+        Differences between samples, 16 bits each, all low bytes first, packed by gzip and base64.
+        """
         low, step = self._ranges
         whole = np.round((self.channels[row] - low[:, None]) / step[:, None]).astype(np.uint16)
         changes = np.diff(whole, axis=1, prepend=np.uint16(0))  # modulo 2¹⁶, small where curves are smooth
@@ -250,7 +253,7 @@ class ReportPage:
             reason = "" if certificates is None else str(certificates.reason[row])
             mark = self._marks.get(number, "")
             rows.append({"id": number, "cells": cells, "status": status, "reason": reason, "mark": mark})
-        # JSON that no HTML parser can leave
+        # JSON, with all characters escaped that could end the script in HTML
         data = {**self._data, "blocks": {str(number): block for number, block in blocks.items()}}
         text = json.dumps(data, allow_nan=False, separators=(",", ":"), ensure_ascii=False)
         for character in "<\u2028\u2029":
@@ -273,7 +276,7 @@ class ReportPage:
             has_rates=certificates is not None and len(front.names) > 1,
             style=_page_file("page.css"),
             script=script,
-            hashes=[  # with these a browser only runs these scripts (Content Security Policy, level 2)
+            hashes=[  # a browser runs only scripts with these hashes (Content Security Policy, level 2)
                 "sha256-" + base64.b64encode(hashlib.sha256(each.encode()).digest()).decode()
                 for each in (script, plotly_bundle())
             ],
@@ -345,7 +348,7 @@ class Steps:
 class Report:
     """The content of a page: a front, its run's choices, notes, and steps of a closed loop.
 
-    ``nearest``: the front's only point is infeasible, but comes nearest to being feasible.
+    nearest: whether the front's only point is the least-violating one, not a feasible one
     """
 
     front: Front

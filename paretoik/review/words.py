@@ -14,9 +14,9 @@ from paretoik.task.motion import Motion
 
 
 def describe_limits_between(front: Front, rows: Sequence[int] | None = None) -> str:
-    """Return which limit, at which joint and time, motions violate most between samples, and what helps.
+    """Return text on the worst violation of a limit between samples, with a remedy.
 
-    "" if none does, or the problem cannot say it. ``rows``: points to look at, by default all.
+    "" if no motion violates a limit, or the problem cannot tell. ``rows``: points to look at, by default all.
     """
     motions, task = front.motions, task_of(front.problem)
     if task is None or not isinstance(motions, Motion) or is_loop(front):
@@ -70,7 +70,7 @@ def ending_words(status: str) -> str:
 
 
 def run_text(provenance: Mapping[str, Any]) -> str:
-    """Return the text of a run: its problem, the settings that it used, and how long it took; "" for nothing."""
+    """Return text on a run's problem, settings and duration; "" without entries."""
     counts, status = provenance.get("counts") or {}, provenance.get("status")
     lines = [f"- problem: {provenance['problem']}"] if provenance.get("problem") else []
     lines += [f"- computed by {words}"] if (words := computed_text(provenance.get("computed"))) else []

@@ -110,7 +110,7 @@ def test_other_weights_follow_the_loop_again_from_its_start(finished):
 
 
 def test_a_time_limit_keeps_the_steps_that_were_taken(tmp_path):
-    front = pk.solve(short(), out=tmp_path / "run", time_limit=0.0)
+    front = pk.solve(short(), out=tmp_path / "run", time_limit=1e-9)
     assert front.provenance["status"] == "time limit"
     assert front.motions.q.shape[1] == front.provenance["counts"]["steps"] + 1 == 3
     loaded = pk.load_front(tmp_path / "run", short())

@@ -95,7 +95,7 @@ def test_observer_and_recorder_see_the_same_generations(tmp_path):
         run.show(shown)
         run.show(replace(shown, stage="refinement", generation=None))
         run.finish_front(front(run.provenance))
-    assert [progress.stage for progress in seen] == ["generation", "refinement", "saving"]
+    assert [progress.stage for progress in seen] == ["generation", "refinement", "saving", "recording"]
     assert (tmp_path / RECORDING).stat().st_size > 0
 
 

@@ -166,7 +166,7 @@ class ArmDrawing:
     ) -> list[tuple[str, Any, dict[str, Any], int]]:
         """Log the colours and widths of an arm, for all times.
 
-        Return its parts: each one's entity, archetype and fields, posture after posture, and how many a posture has.
+        Return its parts: entity, archetype, fields (posture after posture), and number per posture.
         """
         entity, stage, cell = f"{self.entity}/{layer}", self.stage, self.workcell
         placed, (rows, nodes, _) = stage.place(links), links.shape
@@ -189,7 +189,7 @@ class ArmDrawing:
             style = {"colors": SCREEN.body, "radii": radius}
             recording.log(f"{entity}/body", stage.line_kind.from_fields(**style, **stage.order(2.0)), static=True)
             parts.append(("body", stage.line_kind, strips, 1))
-        elif solid and cell.link_radius:  # translucent capsules, so that what runs inside a link stays visible
+        elif solid and cell.link_radius:  # translucent capsules, so that lines inside a link stay visible
             style = {"colors": [SCREEN.hull], "radii": [cell.link_radius], "fill_mode": rr.components.FillMode.Solid}
             recording.log(f"{entity}/body", rr.Capsules3D.from_fields(**style), static=True)
             axes = np.diff(links, axis=1)
@@ -300,7 +300,10 @@ def target_mark(drawing: ArmDrawing, place: Float[np.ndarray, " 3"]) -> Any:
 
 
 def is_seen_beside(drawing: ArmDrawing, distance: float) -> bool:
-    """Return whether a thin arm at a ``distance`` [m] from a solid one is visible; in space at an average depth."""
+    """Return whether a thin arm at a ``distance`` [m] from a solid one is visible.
+
+    In space an average depth is assumed.
+    """
     if drawing.planar:
         origin, unit = drawing.stage.place(np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]))
         return bool(distance * np.linalg.norm(unit - origin) > MARKS.solid_arm)

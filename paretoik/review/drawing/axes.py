@@ -18,7 +18,7 @@ from jaxtyping import Float
 from paretoik.arrays import Mask, Values
 from paretoik.review.palette import SCREEN, Colour
 
-# Text as the viewer can show it: it stops at a character that its only font (Inter) does not have.
+# Text that the viewer can show: it stops at a character that its only font (Inter) does not have.
 
 
 SYMBOLS = frozenset("•…–—“”‰€−×·≤≥≈≠→←↑↓∂∞√∫∑●■▲○◆″°⁰ⁱ\n")
@@ -96,7 +96,7 @@ class Canvas:
     origin: Values = field(default_factory=lambda: np.zeros(2))
     ticked: tuple[bool, bool] = (True, True)  # which axes have ticks and a label; a neighbour has the others
     label_drop: float = 0.0  # how far the lower label is moved down, away from a neighbour
-    right_edge: float = np.inf  # of the view: no label reaches beyond it
+    right_edge: float = np.inf  # right edge of the view: no label reaches beyond it
     overhang: float = np.inf  # how far a number of a lower tick may reach beyond the frame
     side_room: float = 0.0  # free space to the right of the frame [pixels]
 
@@ -191,7 +191,7 @@ def tick_text(tick: float) -> str:
 
 
 def tick_words(ticks: Ticks) -> list[str]:
-    """Return the words of ticks; if too close for their digits, the first and the offsets of the others.
+    """Return the words of ticks; offsets from the first if they look equal.
 
     >>> tick_words(np.array([7698.38, 7698.3801]))
     ['7698.38', '+0.0001']
@@ -210,8 +210,9 @@ def window(points: np.ndarray, *, margin: float = 0.06) -> tuple[Values, Values]
 
 
 def axis_ranges(low: Values, high: Values) -> Values:
-    """Return the ranges of axes from `low` to `high`; for a constant, a tenth of it, and for zeros 1.
+    """Return the ranges of axes from `low` to `high`, without zeros.
 
+    The range of a constant value is a tenth of it, or 1 if it is 0.
     Values with subnormal differences count as zeros: nothing can be placed between them.
 
     >>> axis_ranges(np.array([2.0, 5.0, 0.0, 2e-200]), np.array([3.0, 5.0, 0.0, 3e-200])).tolist()

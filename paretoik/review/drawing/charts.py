@@ -1,6 +1,6 @@
 """Curves over a search or a motion, drawn by hand: a series view is empty while another timeline plays.
 
-The curves are visible on every timeline; a cursor moves along them on their own one.
+The curves are visible on every timeline; a cursor moves along them on their own timeline.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ class LimitLine:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Chart:
-    """Named curves (curves, instants) at ``entity``, on axes that contain all of ``shown`` and the nearby limits.
+    """Named curves at ``entity``, on axes that contain all of ``shown`` and the nearby limits.
 
-    ``curves`` are drawn for all times; those of a chart without them are drawn by ``draw``. ``shown``: all points
-    (points, 2) that will ever be drawn, by default the curves; non-finite values are left out. Values that are
-    negligible compared with limits and the ``usual`` ones count as 0: axes then contain all limits, and the usual
-    values if all limits are 0. With ``dots`` instants have no order, and no lines join them. A curve of one point is
-    also a dot.
+    curves: values (curves, instants) that are drawn for all times; without them ``draw`` draws the curves
+    shown: all points (points, 2) that will ever be drawn, by default the curves; non-finite values are left out
+    usual: usual size of values; if all values are negligible compared with it and the limits, axes contain all limits,
+        or the usual values if all limits are 0
+    dots: whether instants have no order, so that no lines join them; a curve of one point is always a dot
     """
 
     entity: str
@@ -62,7 +62,10 @@ class Chart:
     def over(
         across: str, name: str, label: str, instants: Times, curves: Series, colours: Sequence[Colour], **more: Any
     ) -> Chart:
-        """Return the chart ``name`` of curves with a ``label``, over what ``across`` says; ``more``: further fields."""
+        """Return the chart ``name`` of curves with one ``label``.
+
+        ``across`` is the label of the horizontal axis, ``more`` are further fields of the chart.
+        """
         settings: dict[str, Any] = {"title": label, "names": [label] * len(colours), **more}
         return Chart(
             entity=f"charts/{name}",
@@ -113,7 +116,7 @@ class Chart:
 
     def draw(self, recording: rr.RecordingStream, instants: Times, curves: Series, *, static: bool = False) -> None:
         """Draw curves (curves, instants) and their names, at the current time or for all times."""
-        low, high = self.canvas.low, self.canvas.high  # what leaves the picture follows its edge
+        low, high = self.canvas.low, self.canvas.high  # points outside the picture are drawn at its edge
         points = [np.stack([instants, curve], axis=-1) for curve in curves]
         finite = [each[np.isfinite(each).all(axis=-1)] for each in points]
         strips = [self.canvas.place(np.clip(each, low, high)) for each in finite]
@@ -211,7 +214,7 @@ class Chart:
 
 
 def fit_below_tabs(charts: Sequence[Chart]) -> list[Chart]:
-    """Return charts that are tabs below a view; nested tabs are lower by their row of names."""
+    """Return charts, resized to be tabs below a view; nested tabs get less height."""
     nested = nested_tabs([screen_text(chart.title) for chart in charts], VIEWS.panels[0])
     lower = (VIEWS.chart[0], VIEWS.chart[1] - VIEWS.title)
     return [replace(chart, total=lower) if inner else chart for chart, inner in zip(charts, nested, strict=True)]

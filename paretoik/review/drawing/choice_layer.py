@@ -77,7 +77,7 @@ class RecordedRun:
         return self._reader.stream(store=self.store).drop(content=[f"/{root}/**" for root in ROOTS])
 
     def layout(self) -> RecordedLayout | None:
-        """Return the layout; None if there is none."""
+        """Return the layout, or None."""
         return None if self._layout is None else RecordedLayout(self._reader.stream(store=self._layout))
 
     def tab(self) -> RecordedTab | None:
@@ -89,7 +89,7 @@ class RecordedRun:
 
     @cached_property
     def begins(self) -> dict[str, dict[str, Any]]:
-        """The first instant of each timeline, as ``set_time`` takes it."""
+        """The first instant of each timeline, as arguments of ``set_time``."""
         begins: dict[str, Any] = {}
         for chunk in self.data():
             for name in set(chunk.timeline_names) - set(OF_RERUN) if not chunk.is_empty else ():
@@ -117,9 +117,11 @@ class RecordedRun:
 class ChoiceLayer:
     """One choice of a front, or two, with their motions on the timeline ``motion``.
 
-    On all other timelines of the ``recorded`` run, if there is one, the arms stand still. ``names``: names of the
-    choices, by default points with their ids. Axes also contain the motions of points ``around`` them. ``width``: width
-    of the viewer [pixels]. If it ``predicts``, the legend explains how predictions are drawn.
+    recorded: recorded run, if any; on its other timelines the arms stand still
+    names: names of the choices, by default points with their ids
+    around: further points whose motions the axes also contain
+    width: width of the viewer [pixels]
+    predicts: whether the legend explains how predictions are drawn
     """
 
     front: Front
@@ -146,7 +148,7 @@ class ChoiceLayer:
     def log_choices(self, stream: rr.RecordingStream, times: Times = NO_TIMES) -> None:
         """Draw the choices, for all times, and their arms along their motions, also at ``times``.
 
-        A later call for other choices of the layer replaces what an earlier call drew.
+        A later call with other choices replaces the drawing of an earlier call.
         """
         scatter, front = self._scatter, self.front
         for root, choice, point, motions in zip(ROOTS, self.choices, self._points, self._motions, strict=False):
@@ -236,10 +238,10 @@ class ChoiceLayer:
 def show_choice_in_recording(front: Front, *, moved: Choice | None = None, source: Path | None = None) -> None:
     """Make the recording in a front's run folder open on the present choice.
 
-    Without a choice it opens as recorded. A point that was ``moved`` to is shown next to the present choice, or without
-    it if there is none or if the ``source`` is another run's recording. Nothing is done for a closed loop: its motion
-    is already in its recording. A recording that cannot be read or replaced stays unchanged, with a warning: the
-    choice, or point, is kept elsewhere.
+    Without a choice it opens as recorded. ``moved``, the point that a move reached, is shown next to the present
+    choice, or alone if no choice is kept or the ``source`` is another run's recording. Nothing is done for a closed
+    loop: its motion is already in its recording. A recording that cannot be read or replaced stays unchanged, with a
+    warning: the choice, or point, is kept elsewhere.
     """
     if front.folder is None or is_loop(front):
         return
@@ -248,7 +250,7 @@ def show_choice_in_recording(front: Front, *, moved: Choice | None = None, sourc
         with only_writer(front.folder):  # so that the recording shows the last of several choices
             check_no_run(front.folder)
             point = front.choices.chosen
-            if point is not None and point.point not in front:  # of a newer front
+            if point is not None and point.point not in front:  # the point of a newer front
                 return
             shown = {each.id: each for each in (chosen(front), moved) if each is not None}
             choice, compare = (*shown.values(), None, None)[:2]

@@ -42,7 +42,7 @@ class FrontView:
         self._choice = pick_point(front, None, name="view", otherwise=compromise)
         self._selected: Ids = np.zeros(0, dtype=np.int64)
         self._callbacks = list[Callable[[Ids], object]]()
-        self._times = np.zeros(0)  # of all motions shown so far
+        self._times = np.zeros(0)  # times of all motions shown so far
         around = tuple(front_point(front, row) for row in even_rows(len(front), DRAWING.walk).tolist())
         self._layer = ChoiceLayer(
             front=front,
@@ -127,7 +127,7 @@ class FrontView:
         self.sliders.show(self._front, self._choice, kind, words, prediction)
 
     def __repr__(self) -> str:
-        """Return a line about what is shown and selected."""
+        """Return a line with the shown and the selected points."""
         return f"FrontView of {len(self._front)} points: shows {self._choice.id}, selected {self._selected.tolist()}"
 
     def _ipython_display_(self) -> None:
@@ -137,7 +137,7 @@ class FrontView:
         self.viewer.display()
 
     def _log_choice(self) -> None:
-        """Draw the choice at all times at which something was drawn before, to replace all of it."""
+        """Draw the choice at all times of earlier drawings, to replace these."""
         motion = self._choice.motion
         if getattr(motion, "time", None) is not None:
             self._times = np.union1d(self._times, motion_frames(np.asarray(motion.time) - motion.time[0]))

@@ -1,4 +1,4 @@
-"""The place of a mark's label that covers least of what else is drawn, and the line between the two."""
+"""Places of labels that cover as few other marks as possible, and lines from labels to marks."""
 
 from __future__ import annotations
 
@@ -73,10 +73,11 @@ DrawnLabels: TypeAlias = tuple[rr.Points2D, rr.LineStrips2D]  # words, and the l
 def label_place(
     canvas: Canvas, mark: Point, words: str, others: Points, lines: Lines = NO_LINES, *, is_joined: bool = True
 ) -> Point:
-    """Return the middle of a `mark`'s label: the nearest place that covers the fewest of ``others``, all [pixels].
+    """Return the middle of a `mark`'s label [pixels].
 
-    It is within the frame if there is space. If no place next to the mark is free and a line may join the two, it is
-    farther away, in the frame or in a margin; if possible, the line crosses none of ``lines`` and touches no other.
+    It is the nearest place that covers the fewest points of ``others`` [pixels]. The label is within the frame if there
+    is space. If no place next to the mark is free and ``is_joined`` is set, it is farther away, in the frame or in a
+    margin; if possible, its line crosses none of ``lines`` and touches no other mark.
     """
     half = half_size(words)
     if canvas.ticked[1]:
@@ -121,7 +122,10 @@ def label_lines(mark: Point, middle: Point, words: str) -> Lines:
 def joined_labels(
     marks: Points | Sequence[Point], middles: Sequence[Point], words: Sequence[str], colour: Colour
 ) -> DrawnLabels:
-    """Return the labels of ``marks`` around their ``middles``, with a line to each that is far; none remove labels."""
+    """Return the labels of ``marks`` around their ``middles``, with lines to distant labels.
+
+    Without marks the result removes earlier labels.
+    """
     joins, places = list[Points](), [np.zeros((0, 2))]
     for mark, middle, each in zip(marks, middles, words, strict=True):
         half, within = half_size(each), plate_half(each) - MARKS.overlap

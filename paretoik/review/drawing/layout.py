@@ -41,7 +41,7 @@ def fitting_tabs(views: Sequence[rrb.View], width: float) -> rrb.Tabs:
 
 
 def nested_tabs(names: Sequence[str], width: float) -> list[bool]:
-    """Return which views of these names become nested tabs, below two rows of names, in a column of a width."""
+    """Return which views become nested tabs, below two rows of ``names``."""
     nested = {number for _, members in _arrange(names, width)[1] if len(members) > 1 for number in members}
     return [number in nested for number in range(len(names))]
 
@@ -83,7 +83,7 @@ class Legend:
     width: float = VIEWS.width
 
     def above(self, views: rrb.Container, name: str) -> rrb.Container:
-        """Return views below the strip."""
+        """Return views with the legend above them."""
         bounds = rrb.VisualBounds2D(x_range=[0.0, self.width], y_range=[0.0, self.height])
         strip = rrb.Spatial2DView(
             origin=self.entity, name="legend", titlebar=False, visual_bounds=bounds, background=SCREEN.background
@@ -103,7 +103,7 @@ class Legend:
         recording.log(f"{self.entity}/words", labels(words, middles, colours), static=True)
 
     def _places(self) -> list[tuple[int, float]]:
-        """Return the row of each entry, and its beginning."""
+        """Return the row of each entry, and its left end [pixels]."""
         places, row, x = list[tuple[int, float]](), 0, 24.0
         for word, _ in self.entries:
             width = text_width(BULLET + word) + 36.0  # wider than needed, for smaller windows
@@ -122,9 +122,11 @@ LEFT_OUT = "notes/left_out"  # entity of the note about what was left out
 class Layout:
     """The views of a recording: the ``front`` above its ``charts``, the ``arm`` above its ``joints``, then ``texts``.
 
-    ``note``: what was left out, which is the last of the texts.
-    ``timeline`` is the one that plays, from ``start`` or from its beginning; ``frames`` is its speed per second if it
-    counts. ``further`` views are tabs next to all of these.
+    note: text on what was left out, the last of the texts
+    timeline: timeline that plays
+    start, end: range of the timeline that is looped; without ``start`` it plays from its beginning
+    frames: speed of a timeline that counts, per second
+    further: views that are tabs next to all of these
     """
 
     legend: Legend
@@ -160,7 +162,7 @@ class Layout:
         present = [(each, width) for each, width in zip(columns, VIEWS.columns, strict=True) if each is not None]
         views = rrb.Horizontal(*(column for column, _ in present), column_shares=[width for _, width in present])
         looped: dict[str, Any] = {}
-        if self.start is not None:  # a viewer begins at the start of what it loops over
+        if self.start is not None:  # a viewer begins at the start of the range that it loops
             selection = rrb.components.AbsoluteTimeRange(min=self.start, max=max(self.end, self.start + 1))
             looped = {"play_state": "playing", "loop_mode": "selection", "time_selection": selection}
         panel = rrb.TimePanel(timeline=self.timeline, state="collapsed", fps=self.frames, **looped)
@@ -193,7 +195,7 @@ def choice_blueprint(
 
 
 def _blueprint(tabs: Sequence[rrb.Container], panel: rrb.TimePanel) -> rrb.Blueprint:
-    """Return a layout of one container, or of several as tabs, without panels other than that of the time."""
+    """Return a layout of one container, or of several as tabs, with the time panel only."""
     body = tabs[0] if len(tabs) == 1 else rrb.Tabs(*tabs)
     hidden = rrb.BlueprintPanel(state="hidden"), rrb.SelectionPanel(state="hidden")
     return rrb.Blueprint(body, *hidden, panel, auto_views=False)
@@ -205,7 +207,10 @@ def text_view(name: str) -> rrb.View:
 
 
 def log_text(stream: rr.RecordingStream, words: str, entity: str = TEXT_ENTITY, *, static: bool = False) -> None:
-    """Show a text in Markdown, by default that about the point shown, at the current time or for all times."""
+    """Show a text in Markdown, at the current time or for all times.
+
+    By default it is the text about the point shown.
+    """
     stream.log(entity, rr.TextDocument(words, media_type="text/markdown"), static=static)
 
 
@@ -230,9 +235,10 @@ class RecordedLayout(rrb.Blueprint):
 def stream_in_memory(
     application: str, batch: int, identity: str | None = None
 ) -> Iterator[tuple[rr.RecordingStream, bytearray]]:
-    """Yield a stream, and where its content is afterwards: Rerun's file sink may hang on a full disk.
+    """Yield a stream, and a buffer that has its content afterwards.
 
-    ``batch``: bytes that are packed at once, since many small chunks make large files.
+    Rerun's file sink is not used, because it may hang on a full disk. ``batch``: bytes that are packed at once, since
+    many small chunks make large files.
     """
     batcher, content = rr.ChunkBatcherConfig(flush_tick=3600.0, flush_num_bytes=batch), bytearray()
     stream = rr.RecordingStream(

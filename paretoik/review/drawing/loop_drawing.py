@@ -35,8 +35,8 @@ from paretoik.robot.kinematics import link_nodes
 
 # The search of one control step: its generations, and the arm of every individual of the last one.
 #
-# It has two timelines of its own, ``generation`` and ``individual``; the other timelines show its last generation from
-# the end of its step on.
+# The search has its own timelines, ``generation`` and ``individual``; the other timelines show its last generation from
+# the end of the step on.
 
 
 POPULATION, ARMS, PATH = "population", "arms of the front", "path to follow"
@@ -67,7 +67,10 @@ class StepScene:
         return self._legend.above(views, f"search of step {self.step.sample}")
 
     def log(self, recording: rr.RecordingStream, end: Mapping[str, float]) -> None:
-        """Log the search; its last generation is also shown at the ``end`` of the step on other timelines, by name."""
+        """Log the search.
+
+        Other timelines show its last generation from the ``end`` of the step on, a time [s] by name of the timeline.
+        """
         self._legend.log(recording)
         self._scatter.log_axes(recording)
         self._drawing.log_workcell(recording)

@@ -118,7 +118,7 @@ class MaximaDrawing:
         self._layout.log(stream)
 
     def _log_maxima(self, stream: rr.RecordingStream, count: int) -> None:
-        """Draw the first ``count`` maxima; the last of them is the chosen one, named off all rays and corners."""
+        """Draw the first ``count`` maxima; the last one is chosen, and its name avoids rays and corners."""
         tips, stage, words = self._tips[:count], self._stage, f"direction {count}"
         is_reached = np.isfinite(tips).all(axis=1)
         stream.log(f"{ENTITY}/rays", self._rays(count, SCREEN.front, 0.6))
@@ -145,7 +145,7 @@ class MaximaDrawing:
         return self._stage.strips(rays, colour, radius, 0.8)
 
     def _outline(self, count: int, colour: Colour, radius: float, order: float) -> Any:
-        """Return the polygon through the first ``count`` maxima, closed if these are all; none in space."""
+        """Return the polygon through the first ``count`` maxima, closed if these are all maxima; no line in space."""
         tips = self._tips[:count]
         tips = tips[np.isfinite(tips).all(axis=1)]
         if not self._stage.planar or len(tips) < 2:

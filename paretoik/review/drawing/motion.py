@@ -104,8 +104,8 @@ class ReplayOptions:
 
     moving: float = 1.0  # duration of a generation that moves [s]
     standing: float = 0.1  # duration of a generation that does not move [s]
-    generations: int = 60  # most generations that move
-    samples: int = 41  # most samples of each motion
+    generations: int = 60  # largest number of generations that move
+    samples: int = 41  # largest number of samples of each motion
 
 
 OPTIONS = ReplayOptions()
@@ -121,7 +121,10 @@ class ReplayClock:
 
     @staticmethod
     def of(generations: Sequence[Sequence[RecordedPoint]]) -> ReplayClock:
-        """Return the clock of the points of generations; those that move are spread evenly over those with motions."""
+        """Return the clock of generations, given the points of each.
+
+        The generations that move are spread evenly over those in which an arm can move.
+        """
         able = [i for i, points in enumerate(generations) if is_moving(points)]
         moving = frozenset(able[i] for i in even_rows(len(able), OPTIONS.generations))
         lengths = [OPTIONS.moving if i in moving else OPTIONS.standing for i in range(len(generations))]
@@ -165,7 +168,7 @@ class MotionScene:
     def entries(self, arm: str = "arm", *, postures: str = "") -> list[Entry]:
         """Return the names and colours in the drawing; ``arm``: name of the solid arm.
 
-        ``postures``: name of those drawn behind arms that stand still, "" for none.
+        ``postures``: name of the postures drawn behind arms that stand still, "" for none.
         """
         cell = self.workcell
         entries: list[Entry] = [(arm, SCREEN.arm)]
@@ -214,7 +217,7 @@ class MotionScene:
                 continue
             links, layer = self._links(motion.q), f"{drawing.entity}/{self.layer(point)}"
             place = len(links) // 2 if row is None else row
-            if not motion.is_standing and (is_chosen or not self.workcell.paths):  # on a path all share it
+            if not motion.is_standing and (is_chosen or not self.workcell.paths):  # all arms share a prescribed path
                 colour, width = (SCREEN.path, 1.4) if is_chosen else (SCREEN.end(point.axis or 0), 1.0)
                 recording.log(f"{layer}/path", drawing.stage.strips([links[:, -1]], colour, width, 1.0))
             drawing.log_arm(recording, self.layer(point), links[place], point.axis)
@@ -230,9 +233,9 @@ class MotionScene:
                 drawing.meshes.log_posture(recording, motion.q[place])
 
     def log_predicted(self, recording: rr.RecordingStream, motion: RecordedMotion | None) -> None:
-        """Draw postures of a predicted motion, for all times, and its tool path if none is to be followed.
+        """Draw postures of a predicted motion, for all times, and its tool path if no path is prescribed.
 
-        Draw nothing without a motion.
+        Without a motion nothing is drawn.
         """
         links = np.zeros((0, 2, 3)) if motion is None else self._links(motion.q)
         ghosts = list(links[even_rows(len(links), SCREEN.ghosts)]) if len(links) else []

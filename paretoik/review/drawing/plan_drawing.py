@@ -112,9 +112,10 @@ def plan_end_text(scene: PlannedScene, end: PlanEnd, first: int, starts: int) ->
 
 
 def _twin_words(scene: PlannedScene, optima: Sequence[PlannedOptimum], place: int) -> str:
-    """Return how an optimum differs from an earlier one whose value and branch look the same; "" if there is none.
+    """Return text on the difference of an optimum from its twin; "" without a twin.
 
-    This is the largest difference of a joint at a sample, with its sign.
+    The twin is the first earlier optimum with the same printed value and branch. The text has the largest difference of
+    a joint at a sample, with its sign.
     """
     words = [(_value(scene, each.point.objectives[0]), each.branch) for each in optima[: place + 1]]
     twin = words.index(words[place])
@@ -148,11 +149,15 @@ DISTINCT = "distinct optima of the level so far"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlanDrawing:
-    """The levels of a plan and its ``end``, None if it has none yet.
+    """The levels of a plan and its ``end``, None before the end; ``note``: text on what was left out.
 
-    Timelines: ``level``, whose last instants are the optima; ``start``, one start after another with its result;
-    ``optimum``, along the optima if there are several; ``motion``, along which the best moves; ``replay``, on which the
-    best of each level moves, one after another. ``note``: what was left out.
+    It has these timelines:
+
+    - ``level``: the levels, then the final optima
+    - ``start``: one start after another with its result
+    - ``optimum``: one final optimum after another, if there are several
+    - ``motion``: the motion of the best optimum
+    - ``replay``: the motions of the best optimum of each level, one after another
     """
 
     scene: PlannedScene
@@ -212,7 +217,7 @@ class PlanDrawing:
             self._motions.log_whole(stream, self._best)
 
     def _at_the_end(self, stream: rr.RecordingStream) -> None:
-        """Set the time to the end of ``replay``, and to ``motion`` and ``optimum``."""
+        """Set the time to the end of ``replay`` and the beginning of ``motion`` and ``optimum``."""
         stream.set_time("replay", duration=self._clock.end)
         stream.set_time("motion", duration=0.0)
         if self._count > 1:
@@ -253,7 +258,7 @@ class PlanDrawing:
 
     @cached_property
     def _bests(self) -> list[tuple[RecordedPoint, ...]]:
-        """The best optimum of each level as a point; none if it has none."""
+        """The best optimum of each level as a point; empty for a level without optima."""
         return [
             tuple(_point(0, level.optima[0], level.motions.time, q) for q in level.motions.optima[:1])
             for level in self.messages

@@ -25,7 +25,7 @@ BEST = "best"  # name of the best point
 class PlanPanel:
     """One band per level, with its starts in the order of the search, and one band of the final ``optima``.
 
-    A band has width 1, and its marks keep off its borders. Values that are too far away are dashes at the edge.
+    A band has width 1, and no mark touches its borders. Values that are too far away are dashes at the edge.
     """
 
     scene: PlannedScene
@@ -59,14 +59,14 @@ class PlanPanel:
     def log_until(
         self, recording: rr.RecordingStream, count: int, *, ended: bool = False, looked_at: int | None = None
     ) -> None:
-        """Draw the first ``count`` starts with their results and the best of the level; the optima if all ``ended``.
+        """Draw the first ``count`` starts with their results, and the level's best.
 
-        A cursor is at the start ``looked_at``, by its number from 1, and labels avoid it. Values of other levels are
-        not comparable, because these have other samples.
+        If the plan has ``ended``, its optima are drawn too. A cursor is at the start ``looked_at``, by its number from
+        1, and labels avoid it. Values of other levels are not comparable, because these have other samples.
         """
         across, starts, ends = self.across[:count], self.starts[:count], self.ends[:count]
         failed, borders = ~np.isfinite(ends), np.cumsum([0, *(len(level.starts) for level in self.levels)])
-        first = int(borders[borders < count].max(initial=0))  # of the level of the last start
+        first = int(borders[borders < count].max(initial=0))  # first start of the level of the last one
         for layer, rows, colour in (("starts", ~failed, SCREEN.population), ("failed", failed, SCREEN.failed)):
             # dots in the axes; those beyond are dashes that point towards them
             x, values, (low, high) = across[rows], starts[rows], (self.canvas.low[1], self.canvas.high[1])
@@ -94,7 +94,7 @@ class PlanPanel:
             recording.log(f"{ENTITY}/cursor", line)
 
     def log_optimum(self, recording: rr.RecordingStream, place: int) -> None:
-        """Mark a final optimum that is looked at, by its place; the best is already marked and stays the best."""
+        """Mark the final optimum at a place as looked at; the best keeps its mark."""
         where = self._places[min(place, DRAWING.optima - 1), None][: int(place > 0)]
         value = np.array([self.optima[place].point.objectives[0]])[: len(where)]
         self._log_named(recording, "looked_at", where, value, SCREEN.arm, 4.5, f"optimum {place}")
@@ -164,7 +164,10 @@ class PlanPanel:
         return np.asarray((values >= self.canvas.low[1]) & (values <= self.canvas.high[1]))
 
     def _mark(self, across: Values, values: Values) -> Float[np.ndarray, "points 2"]:
-        """Return where points are drawn [pixels]: those beyond the axes at their edge, and none without a value."""
+        """Return the positions of points [pixels].
+
+        Points beyond the axes are at their edge; points without a value are left out.
+        """
         clipped = np.clip(values, self.canvas.low[1], self.canvas.high[1])
         return self.canvas.place(np.stack([across, clipped], axis=1)[np.isfinite(values)])
 
@@ -195,7 +198,10 @@ class PlanPanel:
         words: str,
         lines: Sequence[np.ndarray] = (),
     ) -> None:
-        """Draw a point, or none, with its name off everything drawn, further ``lines`` [pixels] and the best's name."""
+        """Draw a point, or none, with its name.
+
+        The name avoids everything drawn, further ``lines`` [pixels], and the name of the best point.
+        """
         self._log_points(recording, layer, across, values, colour, 6.5, order, words)
         canvas, marks, middles = self.canvas, self._mark(across, values), list[np.ndarray]()
         for mark in marks:

@@ -49,7 +49,7 @@ def broken_limits(cell: Workcell, motion: RecordedMotion) -> list[str]:
 def infeasible_text(
     names: Sequence[str], units: Sequence[str], nearest: LeastViolating, cell: Workcell | None, heading: str
 ) -> str:
-    """Return why a run has no result, and what its least-violating motion breaks; joint limits have their units.
+    """Return text on why a run has no result, and on broken constraints.
 
     ``names`` and ``units`` are those of the objectives.
     """
@@ -224,7 +224,10 @@ def _why_empty(generation: Generation) -> list[str]:
 
 
 def outside_text(outside: int, count: int, what: str) -> list[str]:
-    """Return how many of ``count`` individuals are outside the axes, which show ``what``; nothing if none are."""
+    """Return lines on individuals outside the axes; none if all are inside.
+
+    ``outside`` of ``count`` individuals are outside the axes, which show the neighbourhood of ``what``.
+    """
     verb = "lies" if outside == 1 else "lie"
     words = f"{outside} of {counted(count, 'individual')} {verb} outside the axes, which show what is near {what}."
     return ["", words] if outside else []

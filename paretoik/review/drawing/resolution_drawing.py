@@ -132,7 +132,7 @@ class ResolutionDrawing:
         if (chart := self._criteria_chart) is not None:
             chart.log(stream)
             chart.draw(stream, traces.time, np.stack([_steps(curve) for curve in traces.criteria.T]))
-        chart, rows = self._charts[0], np.flatnonzero(traces.status != "done") + 1  # mark where other steps end
+        chart, rows = self._charts[0], np.flatnonzero(traces.status != "done") + 1  # ends of steps that are not done
         places = np.stack([traces.time[rows], _logarithm(traces.error)[rows]], axis=1)
         radii = rr.Radius.ui_points(3.0)
         marks = rr.Points2D(chart.canvas.place(places), colors=SCREEN.event, radii=radii, draw_order=3.0)

@@ -91,7 +91,7 @@ class Panels:
 
     @property
     def _stagger(self) -> float:
-        """How far every second label below is moved down if neighbours would overlap."""
+        """Distance by which every second lower label is moved down, if labels would overlap."""
         count = len(self.labels) - 1
         if not 1 < count < DRAWING.matrix:
             return 0.0
@@ -203,7 +203,7 @@ class Scatter:
         self.log_marked(recording, generation.points, of=of, avoided=everything, taken=taken)
 
     def log_note(self, recording: rr.RecordingStream, words: str) -> None:
-        """Explain in the middle of every panel why it has no points, at the current time; without words, stop."""
+        """Write a note into every panel at the current time; without words, remove it."""
         for _, entity, canvas in self.canvases:
             middle = canvas.origin + 0.5 * np.array([canvas.width, canvas.height])
             recording.log([*entity, "note"], labels([words], middle[None]) if words else rr.Points2D([]))
@@ -266,7 +266,8 @@ class Scatter:
     ) -> None:
         """Label the point F (1, n_obj) of a layer in the first panel; without words, remove the label.
 
-        It covers least of the points ``avoided`` and of what is ``taken`` [pixels]; its line crosses none of ``lines``.
+        The label covers as few as possible of the points ``avoided`` and ``taken`` [pixels]; its line crosses none of
+        ``lines``.
         """
         for pair, entity, canvas in self.canvases[:1]:
             marks = canvas.place(F[:, list(pair)][canvas.shows(F[:, list(pair)])]) if words else NO_POINTS
@@ -288,7 +289,7 @@ class Scatter:
         """Draw the best points of the objectives in their colours, and the chosen one.
 
         If several coincide, or one coincides with the chosen one, each mark is a ring around the next. Their labels
-        avoid ``avoided`` and ``taken`` [pixels]. ``of`` says whose ids they have.
+        avoid ``avoided`` and ``taken`` [pixels]. ``of``: words after their ids, such as " of level 3".
         """
         ends = [row for row, point in enumerate(points) if point.axis is not None]
         chosen = [row for row, point in enumerate(points) if point.axis is None]
@@ -333,8 +334,8 @@ class Scatter:
     ) -> None:
         """Mark a point that is looked at, next to the chosen one and the best of the objectives.
 
-        Its label is off ``avoided``, ``taken`` and the label of the chosen one among the ``marked`` points; if it is
-        the chosen point, it keeps that label.
+        Its label avoids ``avoided``, ``taken`` and the label of the chosen point among the ``marked`` ones; the chosen
+        point itself keeps its label.
         """
         F, name, lines = point.objectives[None], f"point {point.id}", NO_LINES
         words = name

@@ -27,7 +27,7 @@ def search_entries(
 ) -> list[Entry]:
     """Return the names and colours in a search's drawing; with entries for the point looked at if ``walked``.
 
-    ``postures``: name of those drawn behind arms that stand still, "" for none.
+    ``postures``: name of the postures drawn behind arms that stand still, "" for none.
     """
     loop = scene.timeline == "step"
     behind = {"level": "dominated", "refinement": "before"}.get(scene.timeline, "population")

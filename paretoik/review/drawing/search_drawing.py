@@ -44,11 +44,14 @@ WHY = "notes/why"  # entity of the reason of the choice
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SearchDrawing:
-    """The generations of a search, which are its ``messages``, and its ``end``; ``note``: what was left out.
+    """The generations of a search (``messages``) and its ``end``; ``note``: text on what was left out.
 
-    Four timelines: that of its generations or levels; ``motion``, along which the last motions move, if they do;
-    ``replay``, on which the motions of the generations follow each other; ``point``, which shows the points of the last
-    front one by one, if it has several. All of them show the end; without one, the last generation is the end.
+    It has these timelines, and all of them show the end, or else the last generation:
+
+    - ``generation``, ``level`` or ``refinement``: the generations
+    - ``motion``: the last motions, if an arm moves
+    - ``replay``: the motions of the generations, one after another
+    - ``point``: the points of the last front one by one, if it has several
     """
 
     scene: SearchedFront
@@ -112,7 +115,10 @@ class SearchDrawing:
             stream.set_time("point", sequence=0)
 
     def _log_end(self, stream: rr.RecordingStream) -> None:
-        """Draw the last front with its choice; if nothing is feasible, what is broken; and their motions."""
+        """Draw the last front with its choice and motions.
+
+        If nothing is feasible, the least-violating point is drawn, with the constraints that it breaks.
+        """
         front, choice, nearest, scatter = self.end.front, self.end.choice, self._nearest, self._scatter
         if front is not None:
             names = [f"point {number}" for number in front.ids]

@@ -60,7 +60,8 @@ METRES = ("x [m]", "y [m]", "z [m]")
 class Ground:
     """The box from ``low`` to ``high`` (3,) [m] around a scene, with a grid of ``step`` [m] below it.
 
-    ``seen``: points that its view must show. ``labels``: those of its axes, which may be in another unit than metres.
+    seen: points (points, 3) that its view must show
+    labels: labels of its axes, which may have another unit than metres
     """
 
     low: Vector3
@@ -73,8 +74,8 @@ class Ground:
     def around(points: np.ndarray, *, labels: tuple[str, str, str] = METRES) -> Ground:
         """Return the ground of points (points, 3), its corners at round lengths.
 
-        It is at 0 if all, or nearly all, is above: parts that reach less than half a step below it are visible through
-        it.
+        The ground is at 0 if everything, or nearly everything, is above 0: parts less than half a step below the ground
+        are visible through it.
         """
         low, high = points.min(axis=0), points.max(axis=0)
         width = max(float((high - low).max()), 1e-6)
@@ -136,7 +137,8 @@ class Ground:
 class Stage:
     """A view at ``entity`` that shows all of ``seen`` (points, 3): a plane with axes, or a space above a ground.
 
-    ``labels``: those of its axes. ``margin``: of the plane, as a share of the range.
+    labels: labels of its axes
+    margin: margin of the plane, as a share of the range
     """
 
     entity: str

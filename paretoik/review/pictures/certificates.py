@@ -27,7 +27,7 @@ class CertificateStyle:
     floor: float = 1e-16  # least drawn residual
     critical: float = 1e-6  # largest residual of certified points
     feasible: float = 1e-8  # largest violation of certified points
-    pairs: int = 3  # most pairs of objectives with a panel
+    pairs: int = 3  # largest number of pairs of objectives with a panel
     markers: Mapping[str, Mapping[str, Any]] = field(
         default_factory=lambda: {
             "minimum": {"color": PAPER.accents[1], "marker": "o"},
@@ -44,7 +44,7 @@ def certificates_picture(front: Front, file: Path | str) -> None:
     """Write a PNG of a certified front: exchange rates, residuals and weights of all points.
 
     The line through a point is the front's slope there in two objectives, with the others fixed. If motions exceed a
-    limit between samples, the words say which, when, and what helps. Raises InvalidInput if the front has no
+    limit between samples, a text says which, when, and what helps. Raises InvalidInput if the front has no
     certificates, or the file cannot be written.
     """
     if front.certificates is None:

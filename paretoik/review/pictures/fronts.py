@@ -48,7 +48,10 @@ NAMES = NameSizes()
 
 
 def name_points(axes: Axes, points: Float[np.ndarray, "points 2"], named: Sequence[tuple[int, str, str]]) -> None:
-    """Write names next to ``points``, one after another: their rows, words and colours; axes must have limits."""
+    """Write names next to ``points``; axes must already have limits.
+
+    ``named`` has the row of the point, the words and the colour of each name.
+    """
     low, high = (np.array(limits) for limits in zip(axes.get_xlim(), axes.get_ylim(), strict=True))
     size = np.array(axes.bbox.size) * 72.0 / axes.figure.dpi  # before the layout exists: about the final size
     taken = (points - low) / (high - low) * size
@@ -77,9 +80,10 @@ def name_place(
     taken: Float[np.ndarray, "taken 2"],
     size: Float[np.ndarray, " 2"],
 ) -> Float[np.ndarray, " 2"]:
-    """Return the middle of a name of half a size that covers the fewest points ``taken``, within axes of a size.
+    """Return the middle of a name that covers the fewest points ``taken``.
 
-    It is next to its mark if that is free, otherwise anywhere within the axes. Lengths are in points.
+    ``half`` is half the size of the name, ``size`` that of the axes. The name is next to its mark if a place there is
+    free, otherwise anywhere within the axes. Lengths are in points.
     """
     beside = places_beside(mark, half, NAMES.distances)
     inside = ((beside - half >= 0.0) & (beside + half <= size)).all(axis=1)
@@ -116,13 +120,13 @@ class Highlight:
 
 
 def front_picture(front: Front, file: Path | str, choice: Choice | None = None) -> None:
-    """Write a PNG of `front` and, if it has motions, of the best motion in each of the first objectives.
+    """Write a PNG of `front` and, if it has motions, of the best ones.
 
-    `choice`, by default the compromise (``front.compromise``), is added to these. If one of these motions exceeds a
-    limit between samples, the words say which, when, and what helps; motions without their arm are drawn as joint
-    positions over time. One objective is shown as values, two and three as scatters, more as parallel coordinates; in
-    two, a line joins neighbours on one branch of optima, and jumps are dotted (``Front.jumps``). Raises InvalidInput if
-    writing fails.
+    These are the best motion in each of the first objectives. `choice`, by default the compromise
+    (``front.compromise``), is added to these. If one of these motions exceeds a limit between samples, a text says
+    which, when, and what helps; motions without their arm are drawn as joint positions over time. One objective is
+    shown as values, two and three as scatters, more as parallel coordinates; in two, a line joins neighbours on one
+    branch of optima, and jumps are dotted (``Front.jumps``). Raises InvalidInput if writing fails.
     """
     highlights = _highlights(front, choice)
     many, stored = len(front.names) > 2, front.motions
@@ -146,7 +150,7 @@ def front_picture(front: Front, file: Path | str, choice: Choice | None = None) 
 
 @contextmanager
 def picture(file: Path | str, size: tuple[float, float]) -> Iterator[Figure]:
-    """Yield a figure of a size [inches] and write it as a small PNG of ours; raises InvalidInput if that fails.
+    """Yield a figure of a size [inches] and write it as a small PNG; raises InvalidInput if that fails.
 
     A ``matplotlibrc`` is ignored: one in the current folder, which may be anybody's run, could start LaTeX.
     """
@@ -341,7 +345,7 @@ def _text(words: str) -> str:
     return words.replace("$", r"\$")
 
 
-# A picture of fronts side by side, and of what the runs of one method attain.
+# A picture of fronts, and of the surfaces that the runs of one method attain.
 
 
 MARKERS = "osD^vP*X"
@@ -399,7 +403,7 @@ def _draw_compared_pair(axes: Axes, comparison: Comparison, pair: tuple[int, int
         x, y = front.objectives[:, pair].T
         axes.plot(x, y, linestyle="none", markersize=4, markeredgewidth=0, alpha=0.75, **style)
     if len(first.names) == 2:
-        # what the best, the median and the worst run of a label attain: the border of the dominated region
+        # surfaces that one, half and all runs of a label attain: borders of the dominated region
         window = np.array([np.ptp(each) * 0.06 for each in np.concatenate([f.objectives for f in comparison.fronts]).T])
         ends = np.concatenate([front.minimised for front in comparison.fronts]).max(axis=0) + window
         sign = np.where(first.maximised, -1.0, 1.0)

@@ -34,10 +34,12 @@ from paretoik.task.obstacles import Obstacle, clearance
 class Workcell:
     """An arm and what is around it.
 
-    ``paths``: those that frames of the arm must follow, each (time, 3) [m]. ``places``: other important places (3,)
-    [m], by name. ``directions``: unit vectors (directions, 3) that begin at the first place. ``bounds``: limits by
-    kind, (1 or time, dof, 2); those that vary do so at ``times`` [s]. ``link_radius`` [m]: of every link.
-    ``differences``, ``cyclic`` and ``ends_at_rest`` are those of its motions.
+    paths: paths that frames of the arm must follow, each (time, 3) [m]
+    places: other important places (3,) [m], by name
+    directions: unit vectors (directions, 3) that begin at the first place
+    link_radius: radius of every link [m]
+    bounds, times: limits by kind, (1 or time, dof, 2), and the times [s] of limits that vary
+    differences, cyclic, ends_at_rest: fields of its motions, see ``Motion``
     """
 
     arm: Arm
@@ -126,7 +128,7 @@ class PathEnd:
 
     @property
     def speed(self) -> Float[np.ndarray, " _"]:
-        """Mean speed of the tool between samples [m/s]; 0 if it stays where it is."""
+        """Mean speed of the tool between samples [m/s]; 0 if the tool does not move."""
         way, steps = np.linalg.norm(np.diff(self.tool, axis=0), axis=1), np.diff(self.times)
         return np.divide(way, steps, out=np.zeros_like(way), where=steps > 0)
 
@@ -205,7 +207,7 @@ class RecordedMotion:
 class RecordedPoint:
     """A point that is drawn individually: the chosen one, or the best of an objective with its ``axis``.
 
-    ``motion`` is None if there is none, or if it was not decoded to save time.
+    ``motion``: None if the point has no motion, or if its genes were not decoded, to save time.
     """
 
     id: int
@@ -294,11 +296,12 @@ class PlannedMotions:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlannedLevel:
-    """A finished level with ``samples``, the ``number``-th from 0: the objective of its starts and of its optima.
+    """A finished level of a plan: the objective of its starts and of its optima.
 
-    Values are in the objective's own sign; optima are sorted, the best first. ``ends``: values of the starts' results,
-    NaN if a result is not an optimum. If no motion of the level satisfies all limits, its optima are the
-    least-violating ones, and ``least_violating`` says what the first of them breaks.
+    ``number`` counts levels from 0, ``samples`` is the level's number of samples. Values are in the objective's own
+    sign; optima are sorted, the best first. ``ends``: values of the starts' results, NaN if a result is not an optimum.
+    If no motion of the level satisfies all limits, its optima are the least-violating ones, and ``least_violating``
+    says what the first of them breaks.
     """
 
     number: int

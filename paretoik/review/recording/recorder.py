@@ -1,6 +1,6 @@
 """The messages of a run's recording, and its recorder, whose failure never stops the run.
 
-A verb records in three lines, and none of them loads Rerun::
+A run is recorded in three lines, and none of them loads Rerun::
 
     recorder = Recorder(file, title=title, scene=SearchedFront(names=names, units=units, maximised=maximised))
     recorder.record(generation)  # for every new state to show
@@ -68,16 +68,16 @@ HEADER = 8  # length of a message before its bytes, big-endian
 class RecorderOptions:
     """Waiting times for the child process, and bounds on queue and file."""
 
-    start: float = 60.0  # most time for the child to begin, which loads Rerun [s]
-    silence: float = 120.0  # most time that messages may stay without an answer, longer than any drawing [s]
-    queue: int = 64_000_000  # most bytes that may wait for the child
-    pipe: int = 1_000_000  # bytes of these in the kernel
+    start: float = 60.0  # longest time for the child to begin, which loads Rerun [s]
+    silence: float = 120.0  # longest time of messages without an answer, longer than any drawing [s]
+    queue: int = 64_000_000  # largest number of bytes that may wait for the child
+    pipe: int = 1_000_000  # bytes of the pipe in the kernel
     size: int = 40_000_000  # bytes of the file above which every second message of a series is dropped
-    points: int = 400  # most drawn points of a front
-    share: float = 0.1  # most of the child's time for drawing a run that is not finished
+    points: int = 400  # largest number of drawn points of a front
+    share: float = 0.1  # largest share of the child's time for drawing an unfinished run
     batch: int = 300_000  # bytes of recorded data that are packed at once: many small chunks make large files
     tick: float = 0.25  # time between the child's checks of its parent and the viewer [s]
-    niceness: int = 5  # of the child, so that the run has priority
+    niceness: int = 5  # niceness of the child, so that the run has priority
 
 
 OPTIONS = RecorderOptions()
@@ -92,6 +92,7 @@ class Opening:
     scene: Any
     live: bool
     options: RecorderOptions
+    run: int  # the process that sends the messages
 
 
 class RecordingStoppedError(Exception):
@@ -106,8 +107,8 @@ class RecordingProcess:
         self._queue: deque[tuple[memoryview, bool]] = deque()  # messages, and whether they may be dropped
         self._offset, self._part = 0, b""  # sent bytes of the first message, received part of a line
         self._sent, self._answered, self._dropped, self.finished, self.stopped = 0, 0, 0, False, False
-        self._full = False  # of the pipe at the last write
-        self._log = tempfile.TemporaryFile()  # noqa: SIM115  what the child has to say, should it die
+        self._full = False  # whether the pipe was full at the last write
+        self._log = tempfile.TemporaryFile()  # noqa: SIM115  stderr of the child, read if it dies
         self._child = subprocess.Popen(
             child_command("paretoik.review.recording_child"),
             stdin=subprocess.PIPE,
@@ -218,10 +219,10 @@ class RecordingProcess:
 
 
 class _Pickler(pickle.Pickler):
-    """Pickles also mappings that cannot be changed."""
+    """Pickler that also takes read-only mappings."""
 
     def reducer_override(self, value: Any) -> Any:
-        """Return how to make such a mapping again; NotImplemented for others."""
+        """Return how to rebuild a read-only mapping; NotImplemented for other values."""
         return (read_only, (dict(value),)) if isinstance(value, MappingProxyType) else NotImplemented
 
 
@@ -231,7 +232,7 @@ def read_only(mapping: dict[Any, Any]) -> MappingProxyType[Any, Any]:
 
 
 def pickle_message(message: Any) -> memoryview:
-    """Return the length of a message, and the message."""
+    """Return a pickled message after its length (``HEADER`` bytes)."""
     content = BytesIO(bytes(HEADER))
     content.seek(HEADER)
     _Pickler(content, protocol=5).dump(message)
@@ -255,9 +256,9 @@ class Generation:
     """One generation of a search, in the user's own sign.
 
     A step of a closed loop has no hypervolume, but a ``chosen`` point of its front. The population of an ε-sweep's step
-    is all points so far, and its ids are those of the sweep only. The population of a refined front is the front
-    before. The recording computes a missing hypervolume if there is a ``reference``: only sometimes if that is slow,
-    and approximately for more than four objectives.
+    is all points so far, and its ids are those of the sweep only. The population of a refined front is the front before
+    refinement. The recording computes a missing hypervolume if there is a ``reference``: only sometimes if that is
+    slow, and approximately for more than four objectives.
     """
 
     number: int
@@ -269,7 +270,7 @@ class Generation:
     failed: int = 0  # number of evaluations that gave no number
     size: int | None = None  # of the whole front if ``front`` has only some of its points
     chosen: Values | None = None  # point taken in a step of a closed loop
-    epsilon: Values | None = None  # (n_obj,): bounds of a sweep's step, infinite for what it minimised
+    epsilon: Values | None = None  # (n_obj,): bounds of a sweep's step, infinite for the minimised objective
     origins: Objectives | None = None  # (points, n_obj): the front's points before refinement
     points: tuple[RecordedPoint, ...] = ()  # the best of every objective and the compromise, sometimes with motions
     least_violating: LeastViolating | None = None  # what is broken if there is no front
@@ -282,12 +283,14 @@ class Generation:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SearchedStep:
-    """The search for the step of a closed loop to a ``sample``, from its first generation on.
+    """The search for one step of a closed loop, from its first generation on.
 
-    ``objectives`` (generations, individuals, n_obj) are in the user's own sign; ``q`` (generations, individuals, dof)
-    are joint positions, NaN if a step failed. ``fronts``: non-dominated individuals of each generation, by their first
-    objective. ``chosen`` (generations,): the one that the weights choose, −1 if there is none. ``target`` (3,) [m]: of
-    the tool.
+    sample: sample of the motion that the step leads to
+    objectives: values (generations, individuals, n_obj) in the user's own sign
+    q: joint positions (generations, individuals, dof), NaN if a step failed
+    fronts: non-dominated individuals of each generation, sorted by their first objective
+    chosen: individuals (generations,) that the weights choose, −1 in generations without one
+    target: target of the tool (3,) [m]
     """
 
     sample: int
@@ -305,8 +308,8 @@ class SearchedFront:
 
     ``timeline`` says what generations are: generations, levels of an ε-sweep, a front before and after refinement, or
     steps of a closed loop. Steps have no hypervolume, and each is drawn as shares of its own front's ranges, because
-    objectives can change by orders of magnitude between steps. ``workcell``: where its motions are drawn, None if a
-    problem has none.
+    objectives can change by orders of magnitude between steps. ``workcell``: surroundings of its motions, None if
+    the problem has no arm.
     """
 
     names: tuple[str, ...]
@@ -336,8 +339,10 @@ Scene: TypeAlias = SearchedFront | PlannedScene | ResolvedScene | MaximaScene | 
 class SearchEnd:
     """The end of a search: its ``front``, the ``choice`` and its motion.
 
-    Without a front, the generations are the steps of a closed loop, one for each sample of the motion, and some of them
-    may be ``searched``; or nothing feasible was found, and ``least_violating`` is the point that violates least.
+    There is no front in two cases:
+
+    - Closed loop: the generations are its steps, one for each sample of the motion; ``searched`` has recorded searches.
+    - Nothing feasible was found: ``least_violating`` is the point that violates least.
     """
 
     front: Front | None
@@ -352,7 +357,7 @@ class SearchEnd:
 
 
 class Recorder:
-    """Lets a child process write ``file`` during a run, and once more at its end.
+    """Records a run: a child process writes ``file`` during it and at its end.
 
     The run waits for nothing before ``finish``. The recorded data survive the death of the run, including SIGKILL: the
     child then finishes the file. A recording is a view of the run and not its archive: an error, such as a missing
@@ -373,7 +378,8 @@ class Recorder:
         self._file = Path(file)
         self._process: RecordingProcess | None = None
         self._failed = False
-        opening = Opening(file=str(self._file.absolute()), title=title, scene=scene, live=live, options=options)
+        place = str(self._file.absolute())
+        opening = Opening(file=place, title=title, scene=scene, live=live, options=options, run=os.getpid())
 
         def start() -> None:
             self._process = RecordingProcess(options, notify)

@@ -19,8 +19,8 @@ from pathlib import Path
 def private_environment() -> Iterator[dict[str, str]]:
     """Yield the environment for Rerun's programs, with a temporary folder for the data that they store.
 
-    They send usage statistics unless a complete configuration disables it (RERUN_ANALYTICS belongs to another version).
-    If the user's home has no such files, they write a configuration and window settings there.
+    Rerun's programs send usage statistics unless a complete configuration disables it (RERUN_ANALYTICS belongs to
+    another version). If the user's home has no such files, they write a configuration and window settings there.
     """
     with tempfile.TemporaryDirectory(prefix="paretoik-viewer-") as name:
         folder = Path(name)

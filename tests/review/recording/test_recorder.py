@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,7 +26,9 @@ def strict():
 def recording_file(file: Path, front) -> RecordingFile:
     cell = None if front.motions is None else Workcell(arm=front.motions.arm)
     scene = SearchedFront(names=front.names, units=front.units, maximised=front.maximised, workcell=cell)
-    opening = Opening(file=str(file), title="a: test", scene=scene, live=False, options=RecorderOptions())
+    opening = Opening(
+        file=str(file), title="a: test", scene=scene, live=False, options=RecorderOptions(), run=os.getppid()
+    )
     return RecordingFile(opening, lambda **_: None)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from pathlib import Path
 
@@ -41,10 +42,11 @@ def front(points: int = 70) -> Front:
     return Front(ids=np.arange(points), objectives=F, names=NAMES, units=[""] * N_OBJ, maximised=[False] * N_OBJ)
 
 
-def started(file: Path, *, live: bool = False, **options) -> RecordingFile:
+def started(file: Path, *, live: bool = False, run: int | None = None, **options) -> RecordingFile:
     scene = SearchedFront(names=NAMES, units=("",) * N_OBJ, maximised=(False,) * N_OBJ)
     settings = RecorderOptions(share=1000.0, **options)  # it draws every time
-    opening = Opening(file=str(file), title="long", scene=scene, live=live, options=settings)
+    alive = os.getppid() if run is None else run
+    opening = Opening(file=str(file), title="long", scene=scene, live=live, options=settings, run=alive)
     return RecordingFile(opening, lambda **_: None)
 
 
@@ -108,9 +110,9 @@ def test_fronts_on_the_way_are_drawn_in_part_and_the_last_one_whole(tmp_path):
     assert "25 points" in str(note.to_pydict())
 
 
-def test_a_file_that_another_run_has_replaced_is_left_alone(tmp_path):
+def test_the_recording_of_a_killed_run_leaves_the_file_of_another_run_alone(tmp_path):
     file = tmp_path / "review.rrd"
-    recording = started(file)
+    recording = started(file, run=0)
     recording.record(generation(1))
     file.unlink()
     file.write_text("another run's")
@@ -118,6 +120,14 @@ def test_a_file_that_another_run_has_replaced_is_left_alone(tmp_path):
         recording.complete(SearchEnd(front=front()))
     assert file.read_text() == "another run's"
     assert [left.name for left in tmp_path.iterdir()] == ["review.rrd"]
+    with pytest.raises(FileExistsError):
+        started(file, run=0)
+    resumed = started(file)  # the run that lives writes its file, also if that of the killed run writes meanwhile
+    file.unlink()
+    file.write_text("the killed run's")
+    resumed.record(generation(1))
+    resumed.complete(SearchEnd(front=front()))
+    assert fronts(file)
 
 
 def test_viewers_get_their_time_to_read_the_end_once(tmp_path, monkeypatch):
