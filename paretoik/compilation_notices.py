@@ -1,6 +1,6 @@
-"""Notices of code that will be compiled and how long that takes; observers do not need numba.
+"""Notices of compilations and how long they take. Observers need no numba.
 
-The clock of time limits stops meanwhile: code is compiled once, and a limit is meant for any run.
+The clock of time limits stops during compilation: code is compiled once, but a limit holds for any run.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ SILENT = 1.0  # s: shorter compilations, estimated or measured, are not announce
 
 @dataclass(frozen=True, kw_only=True)
 class CompilationNotice:
-    """Something that is being compiled, and an estimate [s] of how long that takes, or None."""
+    """A compilation: its purpose, and its estimated time [s], None if unknown."""
 
     what: str
     seconds: float | None = None
@@ -30,7 +30,7 @@ Observer = Callable[[CompilationNotice], object]
 
 
 def print_line(text: object) -> None:
-    """Print a line to stderr, if it accepts text: a full or closed one ends no computation."""
+    """Print a line to stderr; a failed write is ignored."""
     if sys.stderr is not None:
         with suppress(OSError, ValueError):
             print(text, file=sys.stderr, flush=True)
@@ -54,12 +54,12 @@ def announce(notice: CompilationNotice) -> None:
 _OBSERVERS: list[Observer] = [print_line]
 
 
-Listener = Callable[[str, float], object]  # takes the name of a compiled function, and how long that took [s]
+Listener = Callable[[str, float], object]  # takes the name of a compiled function, and its compile time [s]
 
 
 @contextmanager
 def list_compiled(listener: Listener) -> Iterator[None]:
-    """Tell ``listener`` of every function that the body compiles, as soon as it is compiled."""
+    """Call ``listener`` after each function that the body compiles."""
     _LISTENERS.append(listener)
     try:
         yield
@@ -82,7 +82,7 @@ def begin_compilation() -> None:
 
 
 def end_compilation(what: str = "") -> None:
-    """Start the clock again if a compilation is under way, and tell that ``what`` is compiled."""
+    """Restart the clock after a compilation; report ``what`` was compiled."""
     seconds, since = _TIME[0]
     if since is None:
         return
@@ -92,6 +92,6 @@ def end_compilation(what: str = "") -> None:
 
 
 def computing_clock() -> float:
-    """Return a monotonic time [s] without the compilations of this process."""
+    """Return a monotonic time [s] that excludes compilations of this process."""
     seconds, since = _TIME[0]
     return (time.monotonic() if since is None else since) - seconds

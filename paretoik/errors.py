@@ -1,4 +1,4 @@
-"""The errors that a caller can cause, one tree.
+"""The errors that a caller can cause, as one tree.
 
 ::
 
@@ -36,14 +36,14 @@ def __dir__() -> list[str]:
     return __all__
 
 
-# Warnings to users, each at the line of their code that led to it.
+# Warnings to users: each is attributed to the line of their code that caused it.
 
 
-BETWEEN = ("paretoik", "contextlib", "functools")  # modules whose frames are never a user's
+BETWEEN = ("paretoik", "contextlib", "functools")  # modules whose frames are never a user's code
 
 
 def warn_user(text: str) -> None:
-    """Warn with a RuntimeWarning at the innermost line outside of this package."""
+    """Issue a RuntimeWarning at the innermost line outside this package."""
     level, frame = 2, sys._getframe(1)
     while frame.f_back is not None and str(frame.f_globals.get("__name__")).partition(".")[0] in BETWEEN:
         level, frame = level + 1, frame.f_back
@@ -54,14 +54,17 @@ def warn_user(text: str) -> None:
 
 
 class ParetoikError(Exception):
-    """Base of every error that paretoik raises on purpose; ``partial`` is the result of a verb so far, if any."""
+    """Base of every error that paretoik raises on purpose.
+
+    ``partial``: result of the verb so far, if any
+    """
 
     partial: object = None
 
     exit_code = 1
 
     def __init__(self, message: str = "") -> None:
-        line = " ".join(message.split())  # a foreign error's text may have several lines, and bytes of a file
+        line = " ".join(message.split())  # error texts of libraries may have several lines and unprintable bytes
         super().__init__("".join(letter if letter.isprintable() else "?" for letter in line))
 
 
@@ -72,7 +75,11 @@ class InvalidInput(ParetoikError, ValueError):  # noqa: N818  the name says what
 
 
 class InvalidRobot(InvalidInput):
-    """A robot description with faults, all of them listed in ``faults``, the first ``listed`` in the message."""
+    """A robot description with faults.
+
+    faults: all faults
+    listed: most faults in the message
+    """
 
     def __init__(self, source: str, faults: Sequence[str], *, listed: int = 100) -> None:
         self.source = source
@@ -84,7 +91,10 @@ class InvalidRobot(InvalidInput):
 
 
 class OutOfReach(InvalidInput):
-    """A path that leaves what the arm can reach, with the first such sample in ``sample``."""
+    """A path that leaves the reach of the arm.
+
+    sample: index of the first sample out of reach
+    """
 
     def __init__(self, message: str, *, sample: int) -> None:
         self.sample = sample
@@ -92,14 +102,15 @@ class OutOfReach(InvalidInput):
 
 
 class InvalidRun(InvalidInput):
-    """A run folder that is damaged, of another version, or not a run at all."""
+    """A run folder that is damaged, of another version, or none."""
 
 
 class Infeasible(ParetoikError):  # noqa: N818
     """No motion satisfies every limit.
 
-    ``motion`` is the least-violating one (None if not even the path could be followed), ``limit`` names the limit
-    that binds and ``violation`` says by how much, as a share of that limit's range.
+    motion: least-violating motion, None if not even the path could be followed
+    limit: name of the limit that binds
+    violation: violation of that limit, as a share of its range
     """
 
     exit_code = 3
@@ -120,6 +131,9 @@ class EvaluationFailed(ParetoikError):  # noqa: N818
 
 
 class SolverFailed(ParetoikError):  # noqa: N818
-    """A solver ended without a solution, although one may exist; the message has its name and how it ended."""
+    """A solver ended without a solution, although one may exist.
+
+    The message has the solver's name and its status.
+    """
 
     exit_code = 4

@@ -1,4 +1,4 @@
-"""Paths and commands in messages: the part of a path that is missing, and a command that can be pasted into a shell."""
+"""Paths and commands in messages: a missing part, a shell command."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from paretoik.inputs import likely_spelling
 
 
 def shell_command(*words: str | PurePath) -> str:
-    """Return a command in a line, quoted for POSIX shells; a path is never taken for an option.
+    """Return a command in one line, quoted for POSIX shells.
 
-    Characters that would steer a terminal are written as escapes, so that such a command names no file.
+    A path is never read as an option. Control characters are written as escapes, so such a command names no file.
 
     >>> print(shell_command("paretoik", "show", PurePath("-x y")))
     paretoik show './-x y'
@@ -26,16 +26,17 @@ def shell_command(*words: str | PurePath) -> str:
 
 
 def missing_file(path: Path) -> str:
-    """Return in words why there is no plain file at a path: its first missing part, or what is there instead.
+    """Return the reason why there is no plain file at a path.
 
-    A relative path is searched in the current folder, whose name is shown. A question suggests a similar name in the
-    same folder, similar in more than its ending: a file for a file, a folder for a folder.
+    It is the first missing part of the path, or the kind of thing that is there instead. A relative path is relative to
+    the current folder, whose name is shown. If a similar name exists in the same folder, the reason ends with a
+    question that suggests it. Names are compared without their endings: a file with files, a folder with folders.
     """
     try:
         os.lstat(path)
     except (FileNotFoundError, NotADirectoryError):
         return _missing_part(path)
-    except (OSError, ValueError) as fault:  # too long, not readable, or with characters that no path has
+    except (OSError, ValueError) as fault:  # the path is too long, not readable, or has invalid characters
         return f"a path that cannot be followed, {getattr(fault, 'strerror', None) or fault}"
     kind = "a folder" if path.is_dir() else "something else"
     if path.is_symlink():

@@ -1,4 +1,6 @@
-"""Functions of packages above, for those below, which cannot import them; ``paretoik`` itself hands them down.
+"""Functions of higher packages for lower ones; ``paretoik`` sets them.
+
+Lower packages cannot import higher ones.
 
 keep_path: saves a tool path in a run folder
 open_view, show_choice: show a front in a notebook, and its present choice in the recording of its run

@@ -1,7 +1,7 @@
-"""Checks of user input: numbers, sizes, arrays, text, names, paths, flags, functions; errors have names and one line.
+"""Checks of user input. Each error is one line with a name.
 
-Every constructor and verb reads its input by these functions. ``shown`` is a refused value as a message shows it,
-whatever its own text is.
+Constructors and verbs read numbers, sizes, arrays, text, names, paths, flags and functions by these checks. ``shown``
+returns a refused value as a message shows it, for any class.
 """
 
 from __future__ import annotations
@@ -27,30 +27,31 @@ from paretoik.arrays import Objectives
 from paretoik.compilation_notices import computing_clock
 from paretoik.errors import EvaluationFailed, InvalidInput, ParetoikError, warn_user
 
-# Functions of users, which may raise anything: the error becomes one line with their name.
+# Calls of users' functions: they may raise any error, which becomes one line with the function's name.
 
 
-ROUNDING = 1e-6  # share by which values may differ when they are computed again, in another batch
+ROUNDING = 1e-6  # relative difference tolerated between two computations of a value, as in another batch
 
 
 @dataclass(frozen=True, kw_only=True)
 class CallLimitOptions:
     """How calls of users' functions are ended."""
 
-    grace: float = 1.0  # s: each call may last at least this long, also past the time limit of its verb
-    loading: float = 10.0  # s: the same for building a problem, as libraries are imported then
+    grace: float = 1.0  # s: least time for each call, even after the time limit of the verb
+    loading: float = 10.0  # s: least time for building a problem, which imports libraries
     allowed: int = 3  # calls that may time out while a problem is built
     longest: float = 3600.0  # s: longest wait of a timer
-    interval: float = 0.1  # s: time between two attempts to end a call whose code catches the first
+    interval: float = 0.1  # s: time between two attempts to end a call, if its code catches the first one
 
 
 CALLS = CallLimitOptions()
 
 
 def function_name(function: Callable[..., Any], nameless: str = "lambda") -> str:
-    """Return a function's name; of a partial one that of the whole, of another callable that of its class.
+    """Return a function's name.
 
-    A lambda is called ``nameless``.
+    For a partial function this is the wrapped function's name, for another callable its class's name, and for a lambda
+    ``nameless``.
     """
     while isinstance(function, partial):
         function = function.func
@@ -60,9 +61,10 @@ def function_name(function: Callable[..., Any], nameless: str = "lambda") -> str
 
 @contextmanager
 def user_function(name: str, failure: type[ParetoikError] = EvaluationFailed) -> Iterator[None]:
-    """Call a user's function in the body: raise its errors as ``failure``, with ``name`` and their cause.
+    """Raise errors of the body, a user's function, as ``failure``.
 
-    Our own errors and Ctrl-C pass; sys.exit and all other errors of a user's code do not.
+    The message has ``name`` and the cause. Errors of paretoik and Ctrl-C pass unchanged; sys.exit and all other errors
+    become a ``failure``.
     """
     try:
         yield
@@ -76,9 +78,9 @@ def user_function(name: str, failure: type[ParetoikError] = EvaluationFailed) ->
 class CallLimit:
     """A limit on each call of a user's function.
 
-    left: seconds left to a call that has lasted this long [s], and whether the call loads a problem
-    failure: error of a call of this name that is ended
-    ends_verb: whether the failure ends the verb under way, not only the call
+    left: function of the seconds that a call has lasted, and whether it loads a problem; returns the seconds left
+    failure: function of the call's name; returns the error that ends the call
+    ends_verb: whether the error ends the running verb, not only the call
     """
 
     left: Callable[[float, bool], float]
@@ -87,7 +89,7 @@ class CallLimit:
 
 
 class _Late(BaseException):
-    """Ends a call, even one that catches every Exception."""
+    """Ends a call, even if its code catches every Exception."""
 
     def __init__(self, limit: CallLimit) -> None:
         self.limit = limit
@@ -107,7 +109,10 @@ def limited_calls(limit: CallLimit) -> Iterator[None]:
 
 
 def end_late_verb(name: str, lasted: float) -> None:
-    """Raise the failure that ends the verb under way if a call elsewhere, as in a worker, has lasted too long [s]."""
+    """Raise the verb's failure if a call elsewhere lasted too long [s].
+
+    For instance a call in a worker.
+    """
     for limit in _LIMITS:
         if limit.ends_verb and limit.left(lasted, False) <= 0:
             raise limit.failure(name)
@@ -115,10 +120,11 @@ def end_late_verb(name: str, lasted: float) -> None:
 
 @contextmanager
 def limited_call(name: str, *, loads: bool = False) -> Iterator[None]:
-    """End the body, which calls a user's function, or ``loads`` a problem, as soon as a limit is reached.
+    """End the body as soon as a limit is reached.
 
-    Only Python code in the main thread can be ended, and calls that wait, such as ``time.sleep``; compiled code that
-    does not return is ended only in a worker. Raises the limit's failure.
+    The body calls a user's function or, if ``loads``, loads a problem. Only Python code in the main thread can be
+    ended, and waiting calls such as ``time.sleep``. Compiled code that does not return is ended only in a worker.
+    Raises the limit's failure.
     """
     if not _LIMITS or threading.current_thread() is not threading.main_thread():
         yield
@@ -127,7 +133,7 @@ def limited_call(name: str, *, loads: bool = False) -> Iterator[None]:
 
     def end_if_late(number: int, frame: FrameType | None) -> None:
         if frame is None or frame.f_globals.get("__name__") in (__name__, "contextlib"):
-            return  # the call begins or ends at this moment
+            return  # the call begins or ends just now
         for limit in _LIMITS:
             if limit.left(computing_clock() - began, loads) <= 0:
                 raise _Late(limit)
@@ -146,7 +152,10 @@ def limited_call(name: str, *, loads: bool = False) -> Iterator[None]:
 
 
 def attribute_of(value: object, name: str, default: object = None) -> Any:
-    """Return an attribute of a user's object, the default if it has none or raises."""
+    """Return an attribute of a user's object, or the default.
+
+    The default is returned if the object has no such attribute or raises.
+    """
     try:
         return getattr(value, name, default)
     except BaseException:  # a user's object may raise anything
@@ -154,7 +163,7 @@ def attribute_of(value: object, name: str, default: object = None) -> Any:
 
 
 def cause_of(error: BaseException, where: str = "") -> str:
-    """Return an error in one line: its type, ``where``, and its text if it has one."""
+    """Return an error in one line: type, ``where``, and text."""
     kind = f"{type(error).__name__}{where}"
     try:
         text = " ".join(str(error).split())
@@ -164,9 +173,9 @@ def cause_of(error: BaseException, where: str = "") -> str:
 
 
 def warn_of_odd_objectives(names: Sequence[str], values: Objectives, again: Objectives) -> None:
-    """Warn of objectives that are constant, that differ for the same arguments, or that are duplicates.
+    """Warn of objectives that are constant, random, or duplicates.
 
-    ``values`` are in the user's own sign, ``again`` are those of the first arguments, computed once more.
+    ``values`` are in the user's own sign. ``again`` are values for the first arguments, computed a second time.
     """
     for place, (name, column, repeated) in enumerate(zip(names, values.T, again.T, strict=True)):
         first = column[: len(repeated)]
@@ -195,20 +204,21 @@ def warn_of_odd_objectives(names: Sequence[str], values: Objectives, again: Obje
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike as ArrayLike
 else:
-    ArrayLike = object  # arguments are checked by value here, and refused with our own errors
+    ArrayLike = object  # values are checked here and refused with our own errors
 
 
 @dataclass(frozen=True, kw_only=True)
 class InputOptions:
-    """Sizes of user input, and of what messages show of it.
+    """Bounds of user input, and sizes in messages.
 
-    largest_count, largest_seed: larger counts do not fit any memory; NumPy itself draws seeds of this size
-    largest_quantity: of quantities in SI units; positive ones are at least its inverse, so that squares and quotients
-        remain finite
-    shown, items: most characters of a text and most items of a list in a message
-    longest_name: most bytes of a name that file systems accept
-    turned: larger angles [rad], more than two turns, are probably degrees: no joint of a robot on sale turns further
-    largest_angle: numbers cannot tell larger angles [rad] apart to 1e-9 rad
+    largest_count: largest count; more does not fit into memory
+    largest_seed: largest seed; NumPy itself draws seeds of this size
+    largest_quantity: largest quantity in SI units, so that squares are finite; its inverse is the least positive one
+    shown: most characters of a text in a message
+    items: most items of a list in a message
+    longest_name: most bytes of a file name
+    turned: angle [rad] of two turns; larger ones are probably degrees, since no joint of a robot on sale turns further
+    largest_angle: largest angle [rad] that floats resolve to 1e-9 rad
     """
 
     largest_count: int = 2**31 - 1
@@ -228,28 +238,34 @@ _REPR.maxlist = _REPR.maxtuple = _REPR.maxdict = _REPR.maxset = OPTIONS.items
 
 
 def shown(value: object) -> str:
-    """Return a value as an error shows it: its representation, short and on one line, for any class."""
+    """Return a value's representation in one short line, for any class."""
     try:
         text = _REPR.repr(value)
-    except BaseException:  # an integer of more digits than Python writes, or an object whose text raises an error
+    except BaseException:  # an integer with too many digits, or an object whose text raises an error
         text = f"a {type(value).__name__}"
     return " ".join(text.split())
 
 
 def listed(names: Iterable[str]) -> str:
-    """Return names in a row, as many as fit into a message."""
+    """Return names separated by commas, the first ones if there are many."""
     every = list(names)
     more = len(every) - OPTIONS.items
     return ", ".join(every[: OPTIONS.items]) + (f" and {more} more" if more > 0 else "")
 
 
 def real_array(name: str, value: object) -> np.ndarray:
-    """Return ``value`` as a new float array; raises InvalidInput, by ``name``, unless it has real numbers."""
+    """Return ``value`` as a new float array.
+
+    Raises InvalidInput, with ``name``, unless it has real numbers.
+    """
     return _array(name, value, "iuf", "real numbers").astype(float)
 
 
 def integer_array(name: str, value: object) -> np.ndarray:
-    """Return ``value`` as a new array of integers; raises InvalidInput, by ``name``, unless it has integers."""
+    """Return ``value`` as a new array of integers.
+
+    Raises InvalidInput, with ``name``, unless it has integers.
+    """
     return _array(name, value, "iu", "integers").astype(np.int64)
 
 
@@ -258,9 +274,9 @@ def _array(name: str, value: object, kinds: str, wish: str) -> np.ndarray:
         array = np.asarray(value)
     except ValueError:
         raise InvalidInput(f"{name}: must be an array of numbers, got rows of different lengths") from None
-    except Exception as error:  # a foreign array may raise anything
+    except Exception as error:  # another library's array may raise any error
         raise InvalidInput(f"{name}: must be an array of numbers, got {cause_of(error)}") from None
-    if array.dtype.kind not in kinds and array.size + (array.dtype.kind != "f") > 0:  # an empty list is one of floats
+    if array.dtype.kind not in kinds and array.size + (array.dtype.kind != "f") > 0:  # an empty list has floats
         kind = "text" if array.dtype.kind in "US" else array.dtype
         raise InvalidInput(f"{name}: must contain {wish}, got {kind}")
     if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
@@ -269,7 +285,10 @@ def _array(name: str, value: object, kinds: str, wish: str) -> np.ndarray:
 
 
 def finite_array(name: str, value: object, shape: tuple[int, ...] | None = None) -> np.ndarray:
-    """Return ``value`` as a new float array; raises InvalidInput, by ``name``, unless it is finite and of ``shape``."""
+    """Return ``value`` as a new float array.
+
+    Raises InvalidInput, with ``name``, unless it is finite and has this ``shape``.
+    """
     array = real_array(name, value)
     if shape is not None and array.shape != shape:
         raise InvalidInput(f"{name}: must have shape {shape}, got shape {array.shape}")
@@ -282,7 +301,10 @@ def finite_array(name: str, value: object, shape: tuple[int, ...] | None = None)
 
 
 def real_number(name: str, value: object) -> float:
-    """Return ``value`` as a float; raises InvalidInput, by ``name``, unless it is one number or infinite, not NaN."""
+    """Return ``value`` as a float.
+
+    Raises InvalidInput, with ``name``, unless it is one number; infinite is valid, NaN is not.
+    """
     array = real_array(name, value)
     if array.shape != () or np.isnan(array):
         fact = f"shape {array.shape}" if array.shape else "nan"
@@ -291,12 +313,18 @@ def real_number(name: str, value: object) -> float:
 
 
 def finite_number(name: str, value: object) -> float:
-    """Return ``value`` as a float; raises InvalidInput, by ``name``, unless it is one finite number."""
+    """Return ``value`` as a float.
+
+    Raises InvalidInput, with ``name``, unless it is one finite number.
+    """
     return float(finite_array(name, value, shape=()))
 
 
 def positive_number(name: str, value: object, unit: str) -> float:
-    """Return ``value`` as a float; raises InvalidInput, by ``name``, unless it is positive."""
+    """Return ``value`` as a float.
+
+    Raises InvalidInput, with ``name``, unless it is positive.
+    """
     number = finite_number(name, value)
     if number <= 0:
         raise InvalidInput(f"{name}: must be positive, got {number:g} {unit}")
@@ -305,9 +333,9 @@ def positive_number(name: str, value: object, unit: str) -> float:
 
 
 def check_magnitude(name: str, values: ArrayLike, unit: str, *, positive: bool = False) -> None:
-    """Raise InvalidInput, by ``name``, for quantities whose squares overflow; infinite ones pass.
+    """Raise InvalidInput, with ``name``, for quantities whose squares overflow.
 
-    If they are ``positive``, their inverse must not be too large either.
+    Infinite quantities are valid. If ``positive``, quantities whose inverse is too large are refused too.
     """
     sizes = np.abs(np.asarray(values, dtype=float))
     largest = float(np.max(sizes[np.isfinite(sizes)], initial=0.0))
@@ -321,23 +349,32 @@ def check_magnitude(name: str, values: ArrayLike, unit: str, *, positive: bool =
 
 
 def check_size(name: str, size: object, minimum: int) -> None:
-    """Raise InvalidInput unless ``size`` is an integer of at least ``minimum`` that fits some memory."""
+    """Raise InvalidInput unless ``size`` is an integer from ``minimum`` on.
+
+    Sizes that fit no memory are refused too.
+    """
     _check_integer(name, size, minimum, OPTIONS.largest_count)
 
 
 def check_count(name: str, count: object) -> None:
-    """Raise InvalidInput unless ``count`` is an integer of at least 1, or None for an open count."""
+    """Raise InvalidInput unless ``count`` is a positive integer or None.
+
+    None means an open count.
+    """
     if count is not None:
         check_size(name, count, 1)
 
 
 def check_seed(name: str, seed: object) -> None:
-    """Raise InvalidInput unless ``seed`` is an integer of at least 0 and at most 128 bits."""
+    """Raise InvalidInput unless ``seed`` is an integer ≥ 0 within 128 bits."""
     _check_integer(name, seed, 0, OPTIONS.largest_seed)
 
 
 def is_integer(value: object) -> TypeGuard[SupportsInt]:
-    """Return whether a value is an integer of Python or NumPy, and not a truth value."""
+    """Return whether a value is an integer (not a truth value).
+
+    Integers of Python and NumPy count.
+    """
     return isinstance(value, Integral) and not isinstance(value, bool)
 
 
@@ -349,13 +386,19 @@ def _check_integer(name: str, value: object, minimum: int, maximum: int) -> None
 
 
 def likely_spelling(name: object, names: Iterable[str]) -> str:
-    """Return a question for the one of ``names`` whose spelling is close to ``name``; "" without one."""
+    """Return a question that suggests a name of similar spelling, or "".
+
+    ``names``: names to suggest
+    """
     near = get_close_matches(name, list(names), n=1) if isinstance(name, str) else []
     return f"; did you mean {near[0]!r}?" if near else ""
 
 
 def degrees_hint(angles: ArrayLike) -> str:
-    """Return a hint to use radians if the largest of ``angles`` [rad] is more than two turns; else ""."""
+    """Return a hint to use radians, or "".
+
+    The hint is given if the largest of ``angles`` [rad] is more than two turns.
+    """
     sizes = np.abs(np.asarray(angles, dtype=float))
     largest = float(np.max(sizes[np.isfinite(sizes)], initial=0.0))
     if largest <= OPTIONS.turned:
@@ -364,7 +407,10 @@ def degrees_hint(angles: ArrayLike) -> str:
 
 
 def check_angles(name: str, angles: ArrayLike) -> None:
-    """Warn, by ``name``, of angles [rad] that are probably degrees; raise InvalidInput for too large ones."""
+    """Warn of angles [rad] that are probably degrees.
+
+    Raises InvalidInput for angles that are too large. Both messages have ``name``.
+    """
     largest = float(np.abs(np.asarray(angles, dtype=float)).max(initial=0.0))
     if largest > OPTIONS.largest_angle:
         raise InvalidInput(f"{name} must be angles of at most {OPTIONS.largest_angle:g} rad, got {largest:g}")
@@ -373,13 +419,16 @@ def check_angles(name: str, angles: ArrayLike) -> None:
 
 
 def file_path(name: str, value: object) -> Path:
-    """Return ``value`` as a path; raises InvalidInput, by ``name``, unless a file system can have it."""
+    """Return ``value`` as a path.
+
+    Raises InvalidInput, with ``name``, unless it is valid for a file system.
+    """
     try:
         path = os.fspath(value) if isinstance(value, str | PathLike) else None
         parts = os.fsencode(path).split(os.fsencode(os.sep)) if isinstance(path, str) else []
         if isinstance(path, str) and path and "\0" not in path and max(map(len, parts)) <= OPTIONS.longest_name:
             return Path(path)
-    except Exception:  # text that has no bytes, or a foreign path
+    except Exception:  # text that cannot be encoded as bytes, or another library's path
         pass
     raise InvalidInput(f"{name} must be a path, got {shown(value)}")
 
@@ -397,13 +446,13 @@ def check_function(name: str, value: object) -> None:
 
 
 def check_text(name: str, value: object) -> None:
-    """Raise InvalidInput unless ``value`` is text on one line, as tables and files need it."""
+    """Raise InvalidInput unless ``value`` is text on one line."""
     if not isinstance(value, str) or not value.isprintable():
         raise InvalidInput(f"{name} must be printable text, got {shown(value)}")
 
 
 def check_choice(name: str, value: object, choices: Iterable[object]) -> None:
-    """Raise InvalidInput unless ``value`` is one of the ``choices``, and of its type."""
+    """Raise InvalidInput unless ``value`` equals one of ``choices``, in type too."""
     offered = tuple(choices)
     if not any(type(value) is type(each) and value == each for each in offered):
         words = ", ".join(map(str, offered))
@@ -414,23 +463,27 @@ def check_choice(name: str, value: object, choices: Iterable[object]) -> None:
 def check_instance(
     name: str, value: object, kind: type | UnionType | tuple[type, ...], wish: str, *, example: str = ""
 ) -> None:
-    """Raise InvalidInput unless ``value`` is of a ``kind``; ``wish`` is its name, with an ``example``."""
+    """Raise InvalidInput unless ``value`` is an instance of ``kind``.
+
+    ``wish`` describes the kind in the message; ``example`` is one of its values.
+    """
     if not isinstance(value, kind):
         such_as = f", such as {example}" if example else ""
         raise InvalidInput(f"{name} must be {wish}{such_as}, got {shown(value)}")
 
 
 def read_list(name: str, value: object, kind: type | UnionType | tuple[type, ...], wish: str) -> tuple[Any, ...]:
-    """Return the items, of a ``kind``, of a list or the like; raises InvalidInput, by ``name``, for others.
+    """Return the items of a list or similar, as a tuple.
 
-    Generators are refused: they give their items only once.
+    Raises InvalidInput, with ``name``, unless all items are of the ``kind``. Generators are refused: they give their
+    items only once.
     """
     refusal = InvalidInput(f"{name} must be {wish}, got {shown(value)}")
     if isinstance(value, str | bytes | Mapping | Iterator):
         raise refusal
     try:
         items: tuple[Any, ...] = tuple(value)  # type: ignore[arg-type]
-    except Exception:  # in spite of its type, it is no list
+    except Exception:  # the object has the type of a list, but cannot be iterated
         raise refusal from None
     for place, item in enumerate(items):
         if not isinstance(item, kind):
@@ -439,7 +492,10 @@ def read_list(name: str, value: object, kind: type | UnionType | tuple[type, ...
 
 
 def check_mapping(name: str, value: object, wish: str, *, example: str = "") -> None:
-    """Raise InvalidInput unless ``value`` is a mapping with text as keys; ``wish`` names its content."""
+    """Raise InvalidInput unless ``value`` is a mapping with text keys.
+
+    ``wish`` describes its content in the message.
+    """
     such_as = f", such as {example}" if example else ""
     if not isinstance(value, Mapping):
         raise InvalidInput(f"{name} must be {wish}{such_as}, got {shown(value)}")

@@ -18,14 +18,16 @@ from paretoik.inputs import attribute_of, cause_of, is_integer, likely_spelling,
 
 
 def load_problem(reference: str) -> Any:
-    """Return the pymoo problem, or closed loop, of ``file.py:name`` or ``package.module:name``.
+    """Return the problem of ``file.py:name`` or ``package.module:name``.
 
-    For a file the folders with an ``__init__.py`` above it are its package. The folder that has the package, or the
-    current one for a module, goes *last* on sys.path, so that no file in it replaces a module of Python or of a
-    library. A name that is not a problem is called without arguments if it is a function that the file defines, or a
-    function or class that says that it makes a problem; errors of paretoik then pass through. Nothing else is called.
+    A problem is a pymoo problem or a closed loop. The package of a file is made of the folders above it that have an
+    ``__init__.py``. The folder with this package, or the current folder for a module, is *last* on sys.path, so that
+    none of its files replaces a module of Python or of a library.
 
-    Raises InvalidInput if the file, the module or the name is missing, loading fails, or the name is no problem's.
+    A name that is not a problem is called without arguments if it is a function that the file defines, a function
+    annotated to return a problem, or a problem class. Errors of paretoik pass unchanged. Nothing else is called.
+
+    Raises InvalidInput if the file, the module or the name is missing, if loading fails, or if the name is no problem.
     """
     place, _, name = reference.rpartition(":")
     if not place or not name:
@@ -73,7 +75,8 @@ def load_problem(reference: str) -> Any:
 def load_value(what: str, reference: str) -> Any:
     """Return the value of ``file.py:name`` or ``package.module:name``; nothing is called.
 
-    Raises InvalidInput, with ``what`` as its name, if the file, the module or the name is missing, or loading fails.
+    Raises InvalidInput, which begins with ``what``, if the file, the module or the name is missing, or if loading
+    fails.
     """
     place, _, name = reference.rpartition(":")
     module = _import_module(place, what)
@@ -86,7 +89,9 @@ def load_value(what: str, reference: str) -> Any:
 
 
 def problems_in(place: str) -> dict[str, str]:
-    """Return the problems that a module or file offers, each with the first line of its documentation.
+    """Return the problems of a module or file.
+
+    Each has the first line of its documentation.
 
     A problem is a pymoo problem, or a function without required arguments that is annotated to return one. Raises
     InvalidInput if the module cannot be loaded.
@@ -96,7 +101,9 @@ def problems_in(place: str) -> dict[str, str]:
 
 
 def unannotated_in(place: str) -> list[str]:
-    """Return names of functions that may make problems: without required arguments and without annotation.
+    """Return names of functions that may make problems.
+
+    They have no required arguments and no annotation.
 
     Raises InvalidInput if the module or file cannot be loaded.
     """
@@ -139,7 +146,10 @@ def _import_module(place: str, what: str = "problem") -> ModuleType:
 
 
 def _import_package(root: Path, name: str) -> None:
-    """Import the module or package of a name from a folder, even if others on sys.path have that name."""
+    """Import a module or package from a folder by its name.
+
+    Others on sys.path with that name are ignored.
+    """
     folder, file = root / name, root / f"{name}.py"
     source, places = (folder / "__init__.py", [str(folder)]) if (folder / "__init__.py").is_file() else (file, None)
     if name in sys.stdlib_module_names:
@@ -183,7 +193,10 @@ def _unannotated(module: ModuleType) -> list[str]:
 
 
 def _is_factory(value: object, module: ModuleType) -> bool:
-    """Return whether a call may give a problem: of a problem class, the file's own function, or an annotated one."""
+    """Return whether a call may return a problem.
+
+    True for a problem class, a function that the module defines, and a function annotated to return a problem.
+    """
     if inspect.isclass(value):
         return hasattr(value, "evaluate")
     function = _function_of(value)
@@ -191,12 +204,12 @@ def _is_factory(value: object, module: ModuleType) -> bool:
 
 
 def _function_of(value: object) -> Callable[..., Any] | None:
-    """Return the function that a value is or says that it wraps; None for other values."""
+    """Return the function that a value is or wraps, None for others."""
     if not callable(value):
         return None
     try:
         function = inspect.unwrap(value)
-    except BaseException:  # a user's object may answer anything, without end
+    except BaseException:  # a user's object may raise any error, or wrap others without end
         return None
     return function if inspect.isfunction(function) else None
 
@@ -204,13 +217,13 @@ def _function_of(value: object) -> Callable[..., Any] | None:
 def _returns_problem(value: Callable[..., Any]) -> bool:
     try:
         returned = inspect.signature(value, eval_str=True).return_annotation
-    except Exception:  # an annotation that only a type checker understands
+    except Exception:  # only a type checker can evaluate this annotation
         return False
     return inspect.isclass(returned) and hasattr(returned, "evaluate")
 
 
 def _is_own_factory(value: object, module: ModuleType) -> TypeGuard[Callable[..., Any]]:
-    """Return whether a value is a function of the module that can be called without arguments."""
+    """Return whether a value is a module's function without required arguments."""
     function = _function_of(value)
     return function is not None and function.__module__ == module.__name__ and not _required_arguments(value)
 
@@ -230,7 +243,10 @@ def _is_problem(value: object) -> bool:
 
 
 def _summary(error: BaseException, file: str | None) -> str:
-    """Return an error in one line, with the last line of ``file`` in its traceback."""
+    """Return an error in one line.
+
+    It includes the last line of ``file`` in the error's traceback.
+    """
     lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == file]
     where = f" in line {lines[-1]}" if lines else ""
     return cause_of(error, where)

@@ -1,4 +1,4 @@
-"""The progress of a verb: the record that every verb shows its observer, and how stderr shows it."""
+"""The progress of a verb: its record, and its display on stderr."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from paretoik.stop_flag import STOP
 class RunProgress:
     """The progress of a verb in its current stage.
 
-        stage: name of what is counted, or of a stage without counts (see below)
+        stage: name of the counted items, or of a stage without counts (see below)
         done: number of items done
         total: most items to do, 0 for a stage without counts
         seconds: time since the stage began [s], without compilation
@@ -31,11 +31,17 @@ class RunProgress:
         then: name of the next stage if ``remaining`` does not count it, "" in the last stage
         following: names of the next stages if ``remaining`` counts them, "" in the last stage
 
-    Counted are each "generation" of a search, "step" of a closed loop, "sample" that the levels of a plan have reached,
-    "optimum" (start or sample of an objective's own plan), "point" of an ε-front, and in "refinement", "tightening" (of
-    limits between samples), "certification" and "verification" the points of a front. A search with ``refine`` counts
-    "optimum" and "point" after its points are refined. Stages without counts are "beginning", "compilation", "saving"
-    and "recording".
+    Stages that count:
+
+    - "generation": generations of a search
+    - "step": steps of a closed loop
+    - "sample": samples that the levels of a plan have reached
+    - "optimum": starts or samples of an objective's own plan
+    - "point": points of an ε-front
+    - "refinement", "tightening" (of limits between samples), "certification", "verification": points of a front
+
+    A search with ``refine`` counts "optimum" and "point" after the refinement of its points. Stages without counts are
+    "beginning", "compilation", "saving" and "recording".
     """
 
     stage: str
@@ -53,16 +59,23 @@ Observer: TypeAlias = Callable[[RunProgress], object]
 
 
 def is_due(observe: Observer | None) -> bool:
-    """Return whether there is an observer and it would report something now; one that is not due costs nothing."""
+    """Return whether an observer exists and would report something now.
+
+    If not, the caller need not compute anything for it.
+    """
     return observe is not None and bool(attribute_of(observe, "is_due", True))
 
 
-# Estimates of how long a verb will still take, once enough of its present stage is done.
+# Estimates of a verb's remaining time, made once enough of its stage is done.
 
 
 @dataclass(frozen=True, kw_only=True)
 class TimeLeftOptions:
-    """The ``share`` of a stage, and its ``seconds``, that are over before an estimate."""
+    """Least progress of a stage before its time is estimated.
+
+    share: share of the stage that is done
+    seconds: time since the stage began [s]
+    """
 
     share: float = 0.1
     seconds: float = 0.5
@@ -72,9 +85,12 @@ OPTIONS = TimeLeftOptions()
 
 
 def time_left(done: float, left: float, seconds: float, later: float = 0.0) -> float | None:
-    """Return the seconds left: of the stage, whose work ``done`` took ``seconds``, plus ``later``.
+    """Return the remaining time [s], None if too little is done.
 
-    None if too little is done for an estimate.
+    done: work done in the stage
+    left: work left in the stage
+    seconds: time that the work done took
+    later: time of the following stages [s]
     """
     if done <= 0 or done < OPTIONS.share * (done + left) or seconds < OPTIONS.seconds:
         return None
@@ -90,10 +106,11 @@ def count_observer(
     then: str = "",
     following: str = "",
 ) -> Callable[..., object] | None:
-    """Return a function (done, total, summary="") that shows counts to an observer; None without one.
+    """Return a function (done, total, summary="") that shows counts to an observer.
 
-    If all items of the stage take about the same time (``uniform``), the observer also learns how long the verb will
-    take: this stage, and the stages ``following``, which take ``later()`` seconds for each of ``total``.
+    None without an observer. If all items of the stage take about the same time (``uniform``), the observer also gets
+    an estimate of the remaining time: of this stage, and of the stages ``following``, which take ``later()`` seconds
+    for each of ``total``.
     """
     if observe is None:
         return None
@@ -123,12 +140,12 @@ def count_observer(
 
 @contextmanager
 def open_observer(observe: Observer | bool | None, *, time_limit: float | None = None) -> Iterator[Observer | None]:
-    """Yield the observer of a verb, which also learns what is compiled.
+    """Yield the observer of a verb; it is also told of compilations.
 
-    By default this is a bar if stderr is a terminal, else one line per minute, from the first minute on. With True this
-    is that bar, or else lines at once; with False nothing. An observer that raises asks the verb to stop, as a
-    signal does, so that what was found is kept; at the end of the body InvalidInput names the observer. Raises
-    InvalidInput for an observer that cannot be called.
+    By default this is a bar if stderr is a terminal, else one line per minute after the first minute. True: the same
+    bar, or else lines at once. False: no observer. If an observer raises, the verb is asked to stop, as by a signal, so
+    that its result is kept; at the end of the body InvalidInput names the observer. Raises InvalidInput for an observer
+    that cannot be called.
     """
     shown: Observer | None
     with ExitStack() as stack:
@@ -141,7 +158,7 @@ def open_observer(observe: Observer | bool | None, *, time_limit: float | None =
             shown = stack.enter_context(_bar(time_limit))
         else:
             shown = _LinePrinter(time_limit, patient=observe is None)
-        if not isinstance(shown, _LinePrinter):  # others see compilation in place of lines on stderr
+        if not isinstance(shown, _LinePrinter):  # other observers show compilations, so stderr gets no lines about them
             stack.enter_context(observe_compilation(partial(_show_compilation, shown)))
         yield shown
 
@@ -152,7 +169,10 @@ def _show_compilation(observe: Observer | None, notice: CompilationNotice) -> No
 
 
 class NamedObserver:
-    """A user's observer; ``fault`` is the named error that it raised, which ends it and is raised at the end."""
+    """A user's observer; ``fault`` is the error that it raised.
+
+    It is not called again after a fault. The fault is raised at the end, with the observer's name.
+    """
 
     def __init__(self, observe: Observer) -> None:
         self._observe = observe
@@ -185,8 +205,8 @@ class NamedObserver:
 
 @contextmanager
 def _bar(time_limit: float | None) -> Iterator[Observer]:
-    """Yield an observer that draws a bar on stderr while the body runs."""
-    from rich import progress as rich  # here: it takes a while, and only terminals need it
+    """Yield an observer that draws a bar on stderr."""
+    from rich import progress as rich  # here: it loads slowly, and only terminals need it
     from rich.console import Console
 
     columns = rich.BarColumn(), rich.TextColumn("{task.description}")
@@ -201,9 +221,9 @@ def _bar(time_limit: float | None) -> Iterator[Observer]:
 
 
 class _LinePrinter:
-    """Prints progress on stderr: of counted stages at most one line every few seconds.
+    """Prints progress on stderr, at most every few seconds for counted stages.
 
-    A patient printer prints one line a minute, the first after a minute, and nothing of uncounted stages.
+    If ``patient``, it prints one line a minute, the first after a minute, and no stages without counts.
     """
 
     def __init__(self, time_limit: float | None, *, patient: bool) -> None:
@@ -212,7 +232,7 @@ class _LinePrinter:
 
     @property
     def is_due(self) -> bool:
-        """Whether a counted stage would be printed now; always True if not patient."""
+        """Whether a counted stage is printed now; always True if not patient."""
         return not self.patient or time.monotonic() >= self.due
 
     def __call__(self, progress: RunProgress) -> None:
@@ -223,7 +243,7 @@ class _LinePrinter:
 
 
 def progress_text(progress: RunProgress, time_limit: float | None = None) -> str:
-    """Return progress as one line: counts, the state so far, and the time left.
+    """Return progress as one line: counts, state, and remaining time.
 
     For a search or loop the time left is an upper bound from the part that is done. Otherwise it is the estimate of the
     verb, or the time so far without an estimate. When a stage is done, the time left is that of the following stages.

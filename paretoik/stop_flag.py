@@ -1,4 +1,6 @@
-"""Tells whether a signal asked the verb under way to stop; long computations check it, compiled code included.
+"""The flag by which a signal asks the running verb to stop.
+
+Long computations check it, in compiled code too.
 
 ``runs.interruption`` sets it while a verb runs. Solvers then end with the present iteration and raise
 ``Interrupted``; a verb that has results by then returns them.
@@ -10,16 +12,17 @@ from typing import Any
 
 import numpy as np
 
-# Number of the signal, 0 without one; an array, so that compiled code sees it change.
+# Number of the signal, 0 if none came; an array, so that compiled code sees changes.
 STOP = np.zeros(1, dtype=np.int64)
-watched = False  # whether a signal sets it at once, even while compiled code runs in the main thread
+watched = False  # whether signals set the flag at once, even while compiled code runs in the main thread
 
 
 class Interrupted(KeyboardInterrupt):
     """A signal came.
 
-    ``partial`` is the result of a solver so far, if any, ``reason`` names the limits that are not satisfied yet, and
-    ``motion`` is the least-violating motion.
+    partial: result of a solver so far, if any
+    reason: names of the limits that are not satisfied yet
+    motion: least-violating motion
     """
 
     def __init__(self, partial: Any = None, reason: str = "") -> None:

@@ -1,4 +1,4 @@
-"""Text for a screen: aligned columns, items by their fields, and HTML for a notebook."""
+"""Text for a screen: aligned columns, fields, and HTML for notebooks."""
 
 from __future__ import annotations
 
@@ -16,9 +16,12 @@ Rows = Sequence[Sequence[str]]
 
 @dataclass(frozen=True, kw_only=True)
 class ScreenOptions:
-    """How much is shown of an item: ``lines`` of ``width`` characters.
+    """Sizes of an item's text.
 
-    A field shows at most ``value`` characters, an array at most ``numbers`` numbers, a longer array its range.
+    lines: most lines
+    width: most characters of a line
+    value: most characters of a field
+    numbers: most numbers of an array; a longer array is shown by its range
     """
 
     lines: int = 25
@@ -39,7 +42,9 @@ def columns(rows: Rows) -> str:
 
 
 def html_table(rows: Rows, *, caption: str = "") -> str:
-    """Return rows of cells as an HTML table, the first its head; every cell is text.
+    """Return rows of cells as an HTML table.
+
+    The first row is the head of the table. Cells are text, not HTML.
 
     >>> html_table([["a", "b"], ["1 < 2", ""]])
     '<table><thead><tr><th>a</th><th>b</th></tr></thead><tbody><tr><td>1 &lt; 2</td><td></td></tr></tbody></table>'
@@ -54,7 +59,10 @@ def html_table(rows: Rows, *, caption: str = "") -> str:
 
 
 def html_text(text: str) -> str:
-    """Return text as HTML that keeps its lines and columns, long ones wrapped."""
+    """Return text as HTML that keeps lines and columns.
+
+    Long lines are wrapped.
+    """
     return f'<pre style="white-space: pre-wrap">{escape(text)}</pre>'
 
 
@@ -64,7 +72,9 @@ def html_representation(item: object) -> str:
 
 
 def fit_screen(text: str) -> str:
-    """Return text with long lines wrapped between words, and no more lines than a screen has.
+    """Return text that fits a screen.
+
+    Long lines are wrapped between words, and lines that do not fit are only counted.
 
     >>> print(fit_screen("limits  " + ", ".join(f"joint{i}" for i in range(20))))
     limits  joint0, joint1, joint2, joint3, joint4, joint5, joint6, joint7, joint8, joint9, joint10, joint11, joint12,
@@ -77,12 +87,17 @@ def fit_screen(text: str) -> str:
 
 
 def wrap_text(text: str, width: int) -> str:
-    """Return text with lines longer than ``width`` wrapped between words, below their second column."""
+    """Return text with lines longer than ``width`` wrapped between words.
+
+    Further parts of a line begin below its second column.
+    """
     return "\n".join(part for line in text.splitlines() for part in _wrap(line, width))
 
 
 def field_representation(item: object) -> str:
-    """Return a dataclass, or a named tuple, in one screen: fields without their defaults, long arrays by their shapes.
+    """Return a dataclass or named tuple as text that fits a screen.
+
+    Fields with their default are left out, and long arrays are shown by their shapes.
 
     >>> from paretoik.capability import MotorCurve
     >>> MotorCurve(stall=[1.0, 2.0], fastest=[3.0, 4.0])
@@ -97,21 +112,27 @@ def field_representation(item: object) -> str:
 
 
 def _fields(item: Any) -> dict[str, Any]:
-    """Return the fields of a dataclass that differ from their defaults, or all of a named tuple."""
+    """Return a dataclass's fields without defaults, or a named tuple's fields."""
     if not is_dataclass(item):
         return dict(item._asdict())
     return {each.name: value for each in fields(item) if not _is_default(each, value := getattr(item, each.name))}
 
 
 def _is_default(field: Field[Any], value: object) -> bool:
-    """Return whether a field has the default of its class; for a default made per object, whether it is empty."""
+    """Return whether a field has its default.
+
+    If the class makes the default for each object, an empty value counts as the default.
+    """
     if field.default is not MISSING:
         return value is field.default or (isinstance(value, int | float | str) and value == field.default)
     return field.default_factory is not MISSING and not (isinstance(value, np.ndarray) or value)
 
 
 def _brief(value: object) -> str:
-    """Return a value in a line: a short array by its numbers, a long one by its shape and range."""
+    """Return a value in one line.
+
+    A short array is shown by its numbers, a long one by its shape and range.
+    """
     if isinstance(value, np.ndarray):
         return _brief_array(value)
     if isinstance(value, float):
@@ -119,7 +140,7 @@ def _brief(value: object) -> str:
     text = repr(value)
     if "\n" not in text and len(text) <= SCREEN.value and "array(" not in text:
         return text
-    if is_dataclass(value) and "array(" in text:  # a class without its own text
+    if is_dataclass(value) and "array(" in text:  # a class without its own representation
         return type(value).__name__
     if isinstance(value, Sequence | Mapping) and not isinstance(value, str):
         return f"{len(value)} of {type(value).__name__}"
@@ -137,7 +158,10 @@ def _brief_array(array: np.ndarray) -> str:
 
 
 def _wrap(line: str, width: int) -> list[str]:
-    """Return a line in parts of at most ``width``; parts after the first begin below its second column."""
+    """Return a line in parts of at most ``width`` characters.
+
+    Further parts begin below the line's second column.
+    """
     if len(line) <= width:
         return [line]
     label = re.match(r"\s*\S+\s{2,}|\s*", line)

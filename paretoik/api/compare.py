@@ -50,7 +50,7 @@ def compare(*fronts: Front | Path | str, labels: Sequence[str] | None = None) ->
 
 
 def _with_computed_words(front: Front) -> Front:
-    """Return a front whose entry "computed" is in words, for tables of differences."""
+    """Return a front with its entry "computed" in words, for comparison tables."""
     if "computed" not in front.provenance:
         return front
     words = computed_text(front.provenance["computed"])
@@ -58,7 +58,10 @@ def _with_computed_words(front: Front) -> Front:
 
 
 def _labels(fronts: Sequence[Front | Path | str]) -> tuple[str, ...]:
-    """Return a label for each front: its number, or the shortest unique end of its folder's path."""
+    """Return a label for each front.
+
+    A front is labelled by its number, a folder by the shortest unique end of its path.
+    """
     paths = [None if isinstance(front, Front) else Path(front).absolute() for front in fronts]
     labels = [f"front {place}" if path is None else "" for place, path in enumerate(paths, 1)]
     taken = set(labels)

@@ -1,4 +1,4 @@
-"""Find the highest speed or force of a tool in every direction from a position."""
+"""Find the highest speed or force of a tool in each direction."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ def directional_maxima(
     """
     query = directional_query(arm, actuation, position, directions, quantity=quantity, starts=starts, seed=seed)
     check_flag("overwrite", overwrite)
-    if out is None and observe is None:  # as when thousands are computed one after the other
+    if out is None and observe is None:  # no session: thousands of polygons may be computed one after the other
         return performance_polygon(query)
     request = RunRequest(
         verb="directional_maxima",
@@ -114,7 +114,7 @@ def directional_maxima(
     with open_session(request) as session:
         cell = workcell_of(query)
         assert cell is not None
-        alone = replace(cell, directions=np.zeros((0, 3)))  # added one after the other
+        alone = replace(cell, directions=np.zeros((0, 3)))  # directions are added one after the other
         session.start_recording(MaximaScene(workcell=alone, quantity=query.quantity))
         polygon = performance_polygon(query)
         found = int(np.isfinite(polygon.values).sum())

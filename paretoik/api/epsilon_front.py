@@ -1,4 +1,4 @@
-"""Find a certified front by ε-constraints: one objective minimised, the others bounded."""
+"""Find a certified front: minimise one objective, bound the others by ε."""
 
 from __future__ import annotations
 
@@ -168,7 +168,7 @@ class _SweepDisplay:
         self._show_optima = count_observer(session.observe, "optimum")
 
     def show_optima(self, done: int, total: int, summary: str = "") -> None:
-        """Show the search for each objective's own optima; later ones, below an ε, belong to the sweep."""
+        """Show the search for each objective's own optima, before the sweep starts."""
         if self._show_optima is not None and self._started is None:
             self._show_optima(done, total, summary)
 
@@ -213,7 +213,7 @@ class _SweepDisplay:
             self._session.record(generation)
 
     def _marked(self, progress: SweepProgress) -> tuple[RecordedPoint, ...]:
-        """Return the best point of every objective and the compromise, with their motions."""
+        """Return the best point per objective and the compromise, with their motions."""
         front = progress.objectives[progress.front]
         marked = marked_rows(front, progress.front)
         motions = self._certifier.formulation.individuals(

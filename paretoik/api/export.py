@@ -1,4 +1,4 @@
-"""Export one motion to a robot: sample it, check it against the controller's limits, and write it."""
+"""Export one motion to a robot as a checked, sampled trajectory."""
 
 from __future__ import annotations
 
@@ -139,7 +139,10 @@ def _one_motion(motion: Choice | Motion) -> tuple[Motion, dict[str, Any]]:
 
 
 def _notes(metadata: Mapping[str, Any] | None, about: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a user's metadata; raises InvalidInput for a reserved name, or what JSON cannot hold."""
+    """Return a user's metadata.
+
+    Raises InvalidInput for a reserved name, or a value that JSON cannot store.
+    """
     if metadata is not None:
         check_mapping("metadata", metadata, "entries by name")
     notes: dict[str, Any] = to_json(dict(metadata or {}), name="metadata")

@@ -1,4 +1,4 @@
-"""Follow a closed loop step by step, keep its motion as a front of one point, and draw it."""
+"""Follow a closed loop; save its motion as a one-point front."""
 
 from __future__ import annotations
 
@@ -31,7 +31,9 @@ SEARCH_SETTINGS = (
 
 
 class LoopRun:
-    """The run of a closed loop; its front has one point: the motion, with each objective's mean over the steps.
+    """The run of a closed loop, whose front has one point.
+
+    The point is the motion, with the mean of each objective over the steps.
 
     If a signal or the time limit ends the run early, the motion has the steps so far. Raises InvalidInput, naming the
     setting, for a setting of a search.
@@ -60,7 +62,7 @@ class LoopRun:
         }
 
     def run(self, session: Session) -> Front:
-        """Follow the loop; return its motion as a front of one point, saved and drawn."""
+        """Follow the loop; return, save and draw a front of one point."""
         loop = self.problem
         steps = len(loop.task.times) - 1
         session.show(RunProgress(stage="beginning"))  # the search for a start may take a while
@@ -113,7 +115,10 @@ class LoopRun:
 
 
 def _write_steps(run: ClosedLoopRun, ranges: np.ndarray, file: Path) -> None:
-    """Write one row per step: sample, time, and per objective the chosen, best and worst value on the front."""
+    """Write a table of the steps, one row per step.
+
+    Columns: sample, time, and per objective the chosen, best and worst value on the front.
+    """
     import pyarrow as pa
     from pyarrow import parquet
 
@@ -128,7 +133,10 @@ def _write_steps(run: ClosedLoopRun, ranges: np.ndarray, file: Path) -> None:
 
 
 def _searched_step(run: ClosedLoopRun, sample: int, generations: Generations) -> SearchedStep:
-    """Return the search of a step in the user's own sign, with each generation's front and choice."""
+    """Return the search of a step, with each generation's front and choice.
+
+    Objectives are in the user's own sign.
+    """
     loop, fronts, chosen = run.loop, [], []
     for F in generations.F:
         front = nondominated_rows(F)

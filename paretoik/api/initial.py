@@ -48,7 +48,7 @@ def initial_genes(problem: Any, initial: Genes | Motion | Front | None) -> Genes
 
 
 def initial_points(formulation: Differentiable, initial: Genes | Motion | Front | None) -> Points | None:
-    """Return initial solutions as points of a formulation's program, None if there are none.
+    """Return initial solutions as points of a formulation's program, or None.
 
     Raises InvalidInput if they do not belong to the problem.
     """
@@ -66,26 +66,29 @@ def initial_points(formulation: Differentiable, initial: Genes | Motion | Front 
 
 
 def remembered_points(x: Points | None) -> Points | None:
-    """Return initial points; for a resumed run those that it began with."""
+    """Return initial points; for a resumed run the original ones."""
     return remembered(INITIAL, lambda: {} if x is None else {"x": x}).get("x")
 
 
 def remembered_motions(problem: Any, motions: Motion | None) -> Motion | None:
-    """Return initial motions; for a resumed run those that it began with."""
+    """Return initial motions; for a resumed run the original ones."""
     values = remembered(INITIAL, lambda: {"q": problem.motion_points(motions)} if isinstance(motions, Motion) else {})
     return motions if motions is not None or "q" not in values else problem.task.motion(values["q"])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class InitialSolutions:
-    """The initial solutions of a search: ``genes`` (rows, n_var), and motions as exact ``points``, if any."""
+    """The initial solutions of a search.
+
+    ``genes`` (rows, n_var), and ``points``: the exact points of motions, if any.
+    """
 
     genes: Genes | None
     points: Points | None
 
     @classmethod
     def of(cls, problem: Any, initial: Genes | Motion | Front | None) -> InitialSolutions:
-        """Return the initial solutions of a search; for a resumed run those that it began with."""
+        """Return the initial solutions; for a resumed run the original ones."""
         values = recalled(INITIAL)
         if values is not None:
             return cls(genes=values.get("genes"), points=values.get("points"))
@@ -95,6 +98,6 @@ class InitialSolutions:
         return cls(genes=None if genes is None else checked_genes(problem, genes), points=points)
 
     def remember(self) -> None:
-        """Write the solutions into the journal of the run, if it has one."""
+        """Write the solutions into the run's journal, if it has one."""
         arrays = {"genes": self.genes, "points": self.points}
         remembered(INITIAL, lambda: {name: array for name, array in arrays.items() if array is not None})

@@ -48,7 +48,10 @@ def named_problem(problem: Any, *, time_limit: float | None = None, evaluation_t
 
 
 def how_to_name(reference: object) -> str:
-    """Return how to name the problem of a run that has a ``reference``."""
+    """Return a hint how to give the problem of a run.
+
+    ``reference`` is the name of the problem that the run stored.
+    """
     words = problem_words(reference)
     if not words:
         return "the run names none; give it by problem= or --problem FILE.py:NAME"
@@ -56,7 +59,10 @@ def how_to_name(reference: object) -> str:
 
 
 def check_problem_argument(problem: object) -> None:
-    """Raise InvalidInput unless this is a problem (for a polygon the arm), a problem's name, or None."""
+    """Raise InvalidInput unless ``problem`` is a problem, its name, or None.
+
+    For a polygon an arm is valid too.
+    """
     timeline(problem)
     is_problem = not isinstance(problem, type) and (hasattr(problem, "n_obj") or hasattr(problem, "dof"))
     if problem is not None and not isinstance(problem, str) and not is_problem:

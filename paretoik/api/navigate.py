@@ -1,4 +1,4 @@
-"""Move along the front of a run: the run gains the new certified point."""
+"""Move along the front of a run to a new certified point."""
 
 from __future__ import annotations
 
@@ -79,9 +79,9 @@ def navigate(
     with open_verb(False), locked as place:
         moved = front.navigate(point, improve=improve, allow=allow, hold=hold, by=by, to=to)
         choice = moved.navigated
-        assert choice is not None  # a move leads somewhere or raises
+        assert choice is not None  # a move returns a point or raises
         dominates = bool(moved.provenance[NAVIGATIONS][-1]["dominated"])
-        # A stopped run that is resumed would drop the new point.
+        # If a stopped run is resumed, its result replaces the front and drops the new point.
         if out is None and (dominates or (read_run(folder / RUN).get("status") in STOPPED and can_resume(folder))):
             place, count = folder.with_name(f"{folder.name}-point-{choice.id}"), 1
             while place.exists():

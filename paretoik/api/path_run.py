@@ -1,4 +1,4 @@
-"""The run of a tool path: the fastest path, or time-optimal control along one."""
+"""The run of a tool path: a fastest path or time-optimal control."""
 
 from __future__ import annotations
 
@@ -31,7 +31,9 @@ def keep_path(
     overwrite: bool,
     observe: Observer | bool | None,
 ) -> Result:
-    """Return a tool path, kept in the folder ``out``: run.json, tool_path.npz, review.rrd and picture.png.
+    """Return a tool path; save it in the folder ``out``.
+
+    The folder gets run.json, tool_path.npz, review.rrd and picture.png.
 
     `tool_path.npz` has the arrays and numbers of the result by name, ``start``, ``target``, and the box of the model,
     ``lower`` and ``upper``.
@@ -45,7 +47,7 @@ def keep_path(
         out=out,
         overwrite=overwrite,
         observe=observe,
-        catch_signals=False,  # a path is complete or missing
+        catch_signals=False,  # a path is computed completely or not at all
     )
     with open_session(request) as session:
         session.start_recording(PathScene(title=title, start=query.start, target=query.target))

@@ -165,7 +165,7 @@ def plan(
 
 
 def _level_observer(session: Session, task: MotionTask, levels: list[PlannedLevel]) -> Callable[[LevelProgress], None]:
-    """Return a function that shows a session a finished level, and adds it to ``levels`` to be drawn."""
+    """Return a function that shows a level and appends it to ``levels``."""
     show = count_observer(session.observe, "sample")
 
     def show_level(level: LevelProgress) -> None:
@@ -185,7 +185,7 @@ def _planned_level(number: int, level: LevelProgress) -> PlannedLevel:
     starts, ends, optima = (
         np.asarray(objective(task.motion(q)), dtype=float) for q in (level.starts, level.ends, level.optima)
     )
-    nearest = np.full(len(level.ends), -1)  # optimum that each start led to, −1 if it led to none
+    nearest = np.full(len(level.ends), -1)  # index of the optimum that each start led to, −1 for none
     if len(level.optima):
         distance = np.stack([joint_distance(task, level.ends, optimum) for optimum in level.optima], axis=1)
         near = level.converged & (distance.min(axis=1) <= OPTIONS.distinct)

@@ -1,4 +1,4 @@
-"""Refine every point of a front to a certified local optimum, and suggest genes to a search."""
+"""Refine every point of a front to a certified local optimum."""
 
 from __future__ import annotations
 
@@ -143,7 +143,10 @@ def _record(
     front: Front,
     origins: Objectives | None = None,
 ) -> None:
-    """Record the front before refinement (0) or after it (1), which has ``origins`` on the front before."""
+    """Record the front before refinement (0) or after it (1).
+
+    ``origins``: objectives of the refined points on the front before.
+    """
     if session.recorder is None:
         return
     marked = marked_rows(front.minimised, front.ids) if len(front) else ()  # best of every objective, compromise
@@ -161,7 +164,10 @@ def _record(
 
 
 def _refinable(front: Front, problem: Any) -> Any:
-    """Return the problem of a front; raises InvalidInput if it has no gradients or is another one."""
+    """Return the problem of a front.
+
+    Raises InvalidInput if it has no gradients or is not the problem of the front.
+    """
     if not isinstance(front, Front):
         raise InvalidInput(f"front must be a Front, got {shown(front)}")
     problem = front.problem if problem is None else problem
@@ -181,7 +187,10 @@ def _refinable(front: Front, problem: Any) -> Any:
 def refine_front(
     front: Front, problem: Any, *, solver: Solver, observe: Observer | None, completion: Completion | None = None
 ) -> Front:
-    """Return a front refined and certified as by ``refine``, with the points of a ``completion``, if given."""
+    """Return a front refined and certified as by ``refine``.
+
+    ``completion``: adds points to the refined front, if given.
+    """
     certifier = Certifier(formulation=problem, solver=solver, observe=observe)
     formulation, began = certifier.formulation, time.monotonic()
     x, ranges = formulation.front_points(front), ranges_of(front.minimised)
@@ -197,7 +206,7 @@ def refine_front(
 
 
 def resolve_front(refined: RefinedFront, certifier: Certifier, before: Front | None = None) -> RefinedFront:
-    """Return a certified front, on more samples if a value is under-resolved (``on_more_samples``).
+    """Return a certified front, on more samples if a value is under-resolved.
 
     All points are refined and certified again on these samples; points that were better on the front ``before`` start
     from there. The front stays as it is if one of its points leaves the path between samples.
@@ -225,7 +234,7 @@ def resolve_front(refined: RefinedFront, certifier: Certifier, before: Front | N
         return None if finer.ended else finer
 
     def largest_error(coarse: RefinedFront) -> float:
-        """Return the largest error of under-resolved values, as a share of their objective's range."""
+        """Return the largest error of under-resolved values, relative to the objective's range."""
         certificates = coarse.front.certificates
         assert certificates is not None
         errors = certificates.discretisation_error[certificates.status == "under-resolved"]
@@ -235,10 +244,10 @@ def resolve_front(refined: RefinedFront, certifier: Certifier, before: Front | N
 
 
 def _curves_at_samples(front: Front, before: Front | None, problem: Any) -> Points:
-    """Return the curves of a front as points of a problem on more samples.
+    """Return a front's curves as points of a problem on more samples.
 
-    Curves that are worse there than on the front ``before`` are replaced by those of that front. Raises Infeasible if a
-    curve of the front leaves the path.
+    If a curve is worse on these samples than the curve with the same id on the front ``before``, the latter replaces
+    it. Raises Infeasible if a curve of the front leaves the path.
     """
     motions: Any = front.motions
     x: Points = motions.at(problem.task.times)

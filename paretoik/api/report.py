@@ -1,4 +1,4 @@
-"""Write the report of a run or of a front: one HTML page that needs nothing else."""
+"""Write the report of a run or front as one self-contained page."""
 
 from __future__ import annotations
 
@@ -111,9 +111,10 @@ def report(
 
 
 class InfeasibleRun(NamedTuple):
-    """The reason of a run that found nothing feasible, violated constraints, and the front of the nearest point.
+    """The result of a run that found nothing feasible.
 
-    The front is empty if no motion is known.
+    It has the reason, the violated constraints, and a front with the least-violating point. The front is empty if no
+    motion is known.
     """
 
     reason: str
@@ -122,9 +123,12 @@ class InfeasibleRun(NamedTuple):
 
 
 def read_infeasible(folder: Path) -> InfeasibleRun | None:
-    """Return a run that found nothing feasible, None for others; raises InvalidRun if it is damaged."""
+    """Return a run that found nothing feasible, None for other runs.
+
+    Raises InvalidRun if the run is damaged.
+    """
     run = read_run(folder / RUN) if is_run(folder / RUN) else {}
-    # A signal may have ended it before that was certain.
+    # A signal may have ended the run before its infeasibility was certain.
     if run.get("status") != "Infeasible" and (ENTRY not in run or "files" in run):
         return None
     check_digest(folder / RUN, run)
@@ -151,11 +155,11 @@ def read_infeasible(folder: Path) -> InfeasibleRun | None:
         raise InvalidRun(f"{folder / RUN} must say what the least-violating motion violates, got {fault}") from fault
 
 
-# The parts of a page.
+# Parts of a page.
 
 
 def _notes(front: Front) -> list[str]:
-    """Return the sentences of a run's summary about its front."""
+    """Return the summary sentences about a front."""
     notes = [status_text(front)] if "counts" in front.provenance else []
     if front.certificates is not None:
         notes.append(certificate_text(front.certificates))
@@ -172,7 +176,10 @@ def _notes(front: Front) -> list[str]:
 
 
 def _steps(front: Front, folder: Path | None) -> Steps | None:
-    """Return what a closed loop chose at every step, from its run folder; None for other runs."""
+    """Return the choices of a closed loop at every step.
+
+    None for other runs.
+    """
     if folder is None or not is_loop(front) or not (folder / STEPS).is_file():
         return None
     from pyarrow import ArrowException

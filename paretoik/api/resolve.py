@@ -136,7 +136,7 @@ def resolve(
         seed=seed,
     )
     check_flag("overwrite", overwrite)
-    if out is None and observe is None:  # as when thousands are resolved one after the other
+    if out is None and observe is None:  # no session: thousands of motions may be resolved one after the other
         return resolve_motion(resolution)
     settings = {"method": _method_settings(method), "unreachable": unreachable, "tolerance": float(tolerance)}
     request = RunRequest(
@@ -147,14 +147,17 @@ def resolve(
         out=out,
         overwrite=overwrite,
         observe=observe,
-        catch_signals=False,  # a motion is complete or missing
+        catch_signals=False,  # a motion is computed completely or not at all
     )
     with open_session(request) as session:
         return _resolve_recorded(resolution, session)
 
 
 def _resolve_recorded(resolution: Resolution, session: Session) -> ResolvedMotion:
-    """Return the motion, saved and drawn; if the path is lost, record the motion up to there."""
+    """Return the motion, saved and drawn.
+
+    If the path is lost, the motion up to the loss is recorded.
+    """
     task, cell = resolution.task, workcell_of(resolution)
     criteria = [each.objective.name for each in resolution.criteria]
     assert cell is not None
@@ -179,7 +182,7 @@ def _resolve_recorded(resolution: Resolution, session: Session) -> ResolvedMotio
 
     try:
         motion = first = resolve_motion(resolution)
-    except Infeasible as lost:  # it is recorded up to there
+    except Infeasible as lost:  # the motion is recorded up to the loss
         if isinstance(lost.motion, ResolvedMotion) and session.recorder is not None:
             session.finish_recording(end(lost.motion, {"status": "the path is lost", "reason": str(lost)}))
         raise
@@ -200,7 +203,10 @@ def _resolve_recorded(resolution: Resolution, session: Session) -> ResolvedMotio
 
 
 def _method_settings(method: Method) -> dict[str, Any]:
-    """Return the name and numbers of a method; for criteria their objective and gain."""
+    """Return a method's name and numbers.
+
+    A criterion is described by its objective and gain.
+    """
 
     def plain(value: Any) -> Any:
         return value if value is None or isinstance(value, bool | str) else np.asarray(value).tolist()
@@ -218,9 +224,10 @@ def _method_settings(method: Method) -> dict[str, Any]:
 
 
 def _save(motion: ResolvedMotion, provenance: dict[str, Any], folder: FilePath) -> None:
-    """Write a motion, or a batch of them, into a folder, all of its files at once or none.
+    """Write a motion, or a batch of motions, into a folder.
 
-    In `traces.npz` every array of ``motion.traces`` has one row per motion, as in `motions.npz`.
+    All files are written at once, or none. In `traces.npz` every array of ``motion.traces`` has one row per motion, as
+    in `motions.npz`.
     """
     shape = motion.q.shape[:-2]
     count = int(np.prod(shape))

@@ -1,4 +1,4 @@
-"""Results in run folders: the optima of a plan, and the least-violating motion of a run that found nothing feasible.
+"""Store plans and least-violating motions in run folders.
 
 A plan has `run.json`, `optima.parquet` and `motions.npz`, in the format of fronts (``front.storage``).
 `optima.parquet` has one row per optimum, best first: id, the objective by its name, violation_between, criticality,
@@ -51,12 +51,12 @@ ENTRY = "least_violating"
 
 
 def limit_words(task: MotionTask, motion: Motion) -> tuple[str, ...]:
-    """Return which limits a motion violates and by how much, the worst first."""
+    """Return a motion's violated limits and by how much, worst first."""
     return broken_words(task.limit_names, ["of its range"] * len(task.limit_names), task.violations(motion))
 
 
 def nearest_motion(problem: Any, failure: Infeasible) -> LeastViolating:
-    """Return what a recording shows of the motion of an error."""
+    """Return the motion of an error, as a recording shows it."""
     task, motion = task_of(problem), failure.motion
     if task is None or not isinstance(motion, Motion):
         return LeastViolating(broken=(), reason=str(failure))
@@ -68,7 +68,7 @@ def nearest_motion(problem: Any, failure: Infeasible) -> LeastViolating:
 def infeasible_entries(
     scene: PlannedScene | SearchedFront, nearest: LeastViolating, motion: object
 ) -> tuple[dict[str, Any], dict[str, bytes]]:
-    """Return the entries and the files of a run that found nothing feasible, by name."""
+    """Return entries and files, by name, of a run without feasible solutions."""
     if isinstance(scene, PlannedScene):
         objectives = [{"name": scene.name, "unit": scene.unit, "maximised": bool(scene.maximised)}]
     else:
@@ -94,7 +94,10 @@ def motion_bytes(arm: Arm, time: np.ndarray, q: np.ndarray) -> bytes:
 
 
 def read_stored_motions(file: Path, digest: object, ids: np.ndarray) -> StoredMotions:
-    """Return the motions of a file; raises InvalidRun unless it has this digest and motions with these ids."""
+    """Return the motions of a file.
+
+    Raises InvalidRun unless the file has this digest and the motions have these ids.
+    """
     arrays = read_motions(file, read_verified(file, digest), ids)
     if "q" not in arrays:
         raise InvalidRun(f"{file} must contain motions, got none")
@@ -110,7 +113,7 @@ NUMBERS, TEXTS = ("violation_between", "criticality", "discretisation_error"), (
 
 
 def save_plan(plan: Plan, folder: Path, *, name: str, unit: str, maximised: bool) -> None:
-    """Write a plan of an objective into a folder, all of its files at once or none."""
+    """Write a plan into a folder: all of its files or none."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -139,12 +142,12 @@ def _optima_schema(name: str) -> Any:
 
 
 def holds_plan(folder: Path) -> bool:
-    """Return whether a folder contains the run of a plan, complete or not."""
+    """Return whether a folder contains a run of ``plan``, complete or not."""
     return is_run(folder / RUN) and read_run(folder / RUN).get("holds") == HOLDS
 
 
 def read_plan(folder: Path) -> tuple[dict[str, Any], dict[str, list[Any]], StoredMotions]:
-    """Return the entries of a plan's `run.json`, the columns of its optima, and their motions.
+    """Return a plan's `run.json` entries, its columns of optima, and its motions.
 
     Raises InvalidRun if a file is missing, damaged, a link, of another version or of another run, or if the run
     contains no plan.
@@ -168,14 +171,14 @@ def read_plan(folder: Path) -> tuple[dict[str, Any], dict[str, list[Any]], Store
 
 
 def _read_optima(file: Path, digest: object, name: str) -> dict[str, list[Any]]:
-    """Return the columns of the optima, the objective's as "objective"."""
+    """Return the columns of the optima; the objective's column is named "objective"."""
     import pyarrow as pa
 
     content, kinds = read_verified(file, digest), _optima_schema(name)
     try:
         table = read_table(content)
         for key in ("criticality", "discretisation_error"):
-            if key not in table.column_names:  # earlier runs have none
+            if key not in table.column_names:  # earlier runs lack this column
                 table = table.append_column(key, pa.array(np.full(len(table), np.nan)))
         columns = {kind.name: table.column(kind.name).cast(kind.type).to_pylist() for kind in kinds}
     except Exception as fault:  # any error of the parser is a fault of the file

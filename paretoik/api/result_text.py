@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 def status_text(front: Front) -> str:
-    """Return the result of a verb, its time, and what ended it early, if anything."""
+    """Return a verb's result, time, and the cause of an early end."""
     provenance = front.provenance
     counts, status = provenance["counts"], provenance["status"]
     duration = f"{counts['seconds']:.1f} s"
@@ -54,7 +54,7 @@ def status_text(front: Front) -> str:
 
 
 def plan_text(plan: Plan, name: str, unit: str, out: Path) -> str:
-    """Return the optima of a plan, the place of their picture, and the next commands."""
+    """Return a plan's optima, the path of their picture, and next commands."""
     counts, status = plan.provenance["counts"], plan.provenance["status"]
     count = len(plan.optima)
     lines = [
@@ -73,7 +73,7 @@ def plan_text(plan: Plan, name: str, unit: str, out: Path) -> str:
     ]
     for rank, each in enumerate(plan.optima):
         kept = "kept" if each.violation_between <= 0 else f"violated by {each.violation_between:.1e} of a range"
-        if math.isnan(each.violation_between):  # of a stopped plan
+        if math.isnan(each.violation_between):  # a stopped plan has no value
             kept = "unknown"
         rows.append(
             (
@@ -87,7 +87,7 @@ def plan_text(plan: Plan, name: str, unit: str, out: Path) -> str:
         )
     lines.append(columns(rows))
     lines += filter(None, [confirmation_text(plan.provenance)])
-    if (out / DRAWING).exists():  # not after a signal
+    if (out / DRAWING).exists():  # a stopped run has no picture
         lines.append(f"pictured in {out / DRAWING}")
     if (command := resume_command(out, status)) is not None:
         lines.append(f"go on:   {command}")
@@ -97,7 +97,10 @@ def plan_text(plan: Plan, name: str, unit: str, out: Path) -> str:
 
 
 def resume_command(folder: Path, status: object = "interrupted") -> str | None:
-    """Return the command that resumes a run with a ``status``; None if the run cannot be resumed."""
+    """Return the command that resumes a run, None if that is impossible.
+
+    ``status``: status of the run.
+    """
     if status not in STOPPED or not can_resume(folder):
         return None
     return shell_command("paretoik", "resume", folder, *problem_words(read_run(folder / RUN).get("problem")))
@@ -120,7 +123,7 @@ def optima_entries(plan: Plan) -> list[dict[str, Any]]:
 
 
 def _stopped(status: str, usual: str) -> str:
-    """Return in brackets what ended a verb early, "" if it ended by itself."""
+    """Return in brackets the cause of an early end, "" for ``usual``."""
     return "" if status == usual else f" (stopped by {status})"
 
 
@@ -131,7 +134,10 @@ LINE = 100  # characters per line of running text
 
 
 def result_text(front: Front, out: Path) -> str:
-    """Return a summary of a front or closed loop, and the commands that choose from it and replay it."""
+    """Return a summary of a result, and the commands to continue with.
+
+    The commands resume the run, choose a point and replay it.
+    """
     lines = _loop_lines(front) if is_loop(front) else _front_lines(front)
     if (command := resume_command(out, front.provenance["status"])) is not None:
         lines.append(f"go on:   {command}")
@@ -193,7 +199,7 @@ def choice_text(front: Front, choice: Choice) -> str:
 
 
 def choice_entry(front: Front, choice: Choice) -> dict[str, Any]:
-    """Return a chosen point as data: its entry, the reason, and all facts of the reason."""
+    """Return a chosen point as data: its entry, reason and facts."""
     return {
         **entries(front)[choice.index],
         "reason": choice.reason,
@@ -210,7 +216,10 @@ def choice_entry(front: Front, choice: Choice) -> dict[str, Any]:
 
 
 def gap_text(front: Front) -> str:
-    """Return the jumps of a front of two objectives, and the hypervolume that points could add; "" if unknown."""
+    """Return the jumps of a front of two objectives, "" if unknown.
+
+    The text also has the hypervolume that more points could add.
+    """
     lines = []
     if front.jumps:
         pairs = ", ".join(f"{one} and {other}" for one, other in front.jumps)

@@ -1,4 +1,4 @@
-"""Resume a run that was stopped or killed, or continue a finished search by more generations."""
+"""Resume a stopped or killed run, or continue a finished search."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from paretoik.search.genes import check_algorithm
 from paretoik.trajectory.plan import Plan
 
 VERBS: dict[str, Callable[..., Front | Plan]] = {each.__name__: each for each in (solve, plan, epsilon_front, refine)}
-ENDINGS = {"evaluations": None, "target": None, "stagnation": False}  # endings of solve, lifted
+ENDINGS = {"evaluations": None, "target": None, "stagnation": False}  # values that disable endings of ``solve``
 OF_LOOP = {"weights", "warm_start"}  # settings of a closed loop's run that belong to the problem
 
 
@@ -140,7 +140,10 @@ def resume(
 
 
 def _read_resumable(folder: Path, generations: int | None) -> dict[str, Any]:
-    """Return the entries of a resumable run; raises InvalidRun for no run, InvalidInput for another one."""
+    """Return the entries of a resumable run.
+
+    Raises InvalidRun if the folder has no run, InvalidInput if the run cannot be resumed.
+    """
     run = read_run(folder / RUN)
     check_digest(folder / RUN, run)
     verb, status, checkpoint = run.get("verb"), run.get("status"), folder / CHECKPOINT
@@ -169,20 +172,20 @@ def _call(
         raise InvalidRun(f"{folder} must have the settings of {run['verb']}, got {settings!r:.200}")
     arguments = {"problem": problem, "reference": run.get("problem"), **settings}
     arguments.pop("time_limit", None)
-    if generations is not None:  # without the ending that it reached
+    if generations is not None:  # disable the ending that the run reached
         ended = {name: ENDINGS[name] for name in ENDINGS if name == run.get("status")}
         counts = run.get("counts")
         if not isinstance(counts, Mapping) or not isinstance(counts.get("generations"), int):
             raise InvalidRun(f"{folder} must contain the number of generations done, got counts {counts!r:.200}")
         arguments |= {**ended, "generations": counts["generations"] + generations}
-    if verb is refine:  # from the front that it began with, in its former folder
+    if verb is refine:  # start from the run's first front, with its former folder
         front = Front.load(folder.joinpath(*SOURCE))
         provenance = dict(front.provenance)
         former = provenance.pop("run", None)
         finer = at_samples_of(problem, getattr(front.motions, "q", None))
         front = replace(front, motions=restore_motions(finer, front), problem=finer, provenance=provenance)
         arguments["front"] = front if former is None else attach(front, Path(former))
-    elif verb is solve and is_loop:  # with the weights of its run
+    elif verb is solve and is_loop:  # use the weights of the run
         weights = arguments["weights"]
         if not np.array_equal(list(weights.values()), problem.weights):
             arguments["problem"] = problem.changed(weights=Weights(weights))

@@ -1,4 +1,4 @@
-"""Search for a front: evolve it, refine it if asked, keep it and draw it."""
+"""Search for a front; refine it on request; save and draw it."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ OPTIONS = MotionOptions()
 
 
 class GenerationMotions:
-    """Finds in each generation of a search the best point of every objective and the compromise."""
+    """Finds the best point per objective and the compromise of a generation."""
 
     def __init__(self, search: Search | Islands) -> None:
         self._search = search
@@ -67,7 +67,7 @@ class GenerationMotions:
         self._moves = True
 
     def points(self, progress: Progress) -> tuple[RecordedPoint, ...]:
-        """Return the points, with motions if these changed and there was time to decode them."""
+        """Return these points, with motions if they changed and time allows."""
         if not len(progress.front):
             return ()
         marked = marked_rows(progress.front, progress.ids)
@@ -106,7 +106,7 @@ NOT_STORED = ("record_steps", "workers", "cluster")  # settings that are not in 
 class FrontSearch:
     """The search for the front of a pymoo problem with ``settings``.
 
-    These are checked before anything is computed or written. Raises InvalidInput, naming the setting.
+    The settings are checked before any computation. Raises InvalidInput, naming the setting.
     """
 
     def __init__(self, problem: Any, settings: SolveSettings) -> None:
@@ -157,7 +157,7 @@ class FrontSearch:
         self.settings = {name: used[name] if name in used else getattr(settings, name) for name in names}
 
     def run(self, session: Session) -> Front:
-        """Return the front of the search, refined unless a signal came, saved and drawn."""
+        """Return the saved and drawn front, refined unless a signal came."""
         session.continues, started = True, computing_clock()
         front = self._evolve(session)
         if self._given.refine and front.provenance["status"] not in INTERRUPTED:
@@ -167,7 +167,10 @@ class FrontSearch:
         return front
 
     def _refined(self, front: Front, session: Session, spent: float) -> Front:
-        """Return the refined and completed front of a search that took ``spent`` seconds."""
+        """Return the refined and completed front.
+
+        ``spent``: seconds that the search took.
+        """
         settings, status = self._given, front.provenance["status"]
         completion = Completion(
             points=len(front) if settings.points is None else settings.points,
@@ -201,7 +204,7 @@ class FrontSearch:
                     observe=partial(self._show, session),
                     improve=self.improver,
                 )
-        except Exception as error:  # a user's function, or observer, may fail late
+        except Exception as error:  # a user's function or observer may fail after many generations
             if len(search.archive.F):
                 session.keep_found(self._front(session, type(error).__name__), error)
             raise
@@ -274,9 +277,10 @@ class FrontSearch:
 
 
 class _SignalOrHopeless:
-    """Ends a search when a signal came, or after its first generation if limits clearly cannot be satisfied.
+    """Ends a search after a signal, or if it is clearly infeasible.
 
-    ``failure`` says which limits; they are looked at unless the search has initial genes.
+    Limits are checked once, after the first generation, if ``looks`` is True and the front is empty. ``failure`` names
+    the limits that cannot be satisfied.
     """
 
     memory = 0
@@ -299,7 +303,10 @@ class _SignalOrHopeless:
 
 
 def infeasible_search(search: Search | Islands) -> tuple[Infeasible, LeastViolating]:
-    """Return the error of a search without a feasible point, and what a recording shows at its end."""
+    """Return the error of an infeasible search and its least-violating point.
+
+    The point is in the form that a recording shows at its end.
+    """
     nearest = search.archive.least_violating
     if nearest is None:
         failure = Infeasible(f"no feasible point in {search.evaluations} evaluations, and none without a failure")
@@ -321,7 +328,10 @@ def infeasible_search(search: Search | Islands) -> tuple[Infeasible, LeastViolat
 
 
 def _anchors(problem: Any, settings: SolveSettings, generations: int) -> int:
-    """Return the generations for each objective alone; by default half of all, shared, if there are branches."""
+    """Return the number of generations for each objective alone.
+
+    Default: the objectives share half of all generations if there are branches, else 0.
+    """
     if settings.anchors is not None:
         return settings.anchors
     branches = settings.algorithm is None and problem.n_obj > 1 and hasattr(problem, "species")

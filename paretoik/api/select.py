@@ -1,4 +1,4 @@
-"""Choose one point of a front by a preference, or undo a choice; a closed loop may be followed again."""
+"""Choose a front's point by a preference, or undo a choice."""
 
 from __future__ import annotations
 
@@ -87,7 +87,9 @@ def select(
 
 
 def undo(run: Path, problem: str | None = None) -> Choices:
-    """Go back to the choice before the present one of a run, and return the choices; its recording follows.
+    """Restore the previous choice of a run; return the choices.
+
+    The recording shows the restored choice.
 
     ``problem`` is as for ``load_front``. If the front of a run cannot be loaded, its recording stays, with a warning.
     Raises InvalidInput if there is no choice to go back from.

@@ -1,4 +1,4 @@
-"""The surroundings of every run: folder, provenance, signals, clock, recorder and observer."""
+"""The environment of a run: folder, provenance, signals, clock, recorder, observer."""
 
 from __future__ import annotations
 
@@ -52,7 +52,10 @@ from paretoik.stop_flag import STOP, Interrupted
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SolveSettings:
-    """The arguments of ``solve`` that say what is computed; None means the problem's or the default size."""
+    """The arguments of ``solve`` that define the computation.
+
+    None means the problem's size or the default size.
+    """
 
     population: int | None = None
     generations: int | None = None
@@ -74,7 +77,7 @@ class SolveSettings:
     cluster: str | None = None
 
     def __post_init__(self) -> None:
-        """Check the settings that mean the same for every way of solving."""
+        """Check the settings that all ways of solving share."""
         check_size("islands", self.islands, 1)
         check_flag("stagnation", self.stagnation)
         check_flag("refine", self.refine)
@@ -105,16 +108,16 @@ DEFAULTS = SearchDefaults()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RunRequest:
-    """A requested run: the ``verb``, its ``problem`` or query, and its own ``settings``; others are those of ``solve``.
+    """A requested run: its ``verb``, ``problem`` (or query) and ``settings``.
 
-    Raises InvalidInput for settings that mean the same for every verb and cannot be used.
+    The other settings are those of ``solve``. Raises InvalidInput if a setting that all verbs share cannot be used.
 
     title: title of the recording, by default the reference or the class of the problem
     reference: name of the problem, ``file.py:name``, if any
     resumable: whether the run writes its computations into its journal
-    source: front that the run begins with, if any
-    isolated: whether one worker computes if none are named
-    catch_signals: whether signals end the computation with a result; else they end the body as without a run
+    source: front that the run starts from, if any
+    isolated: whether one worker computes if neither workers nor a cluster are given
+    catch_signals: whether signals end the computation with a result; else they end the body as usual
     """
 
     verb: str
@@ -150,18 +153,20 @@ SURROUNDINGS = ("reference", "out", "overwrite", "observe", "time_limit", "worke
 
 
 def surroundings(arguments: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the arguments of a verb that its request takes as they are."""
+    """Return the arguments that a verb passes unchanged to its request."""
     return {name: value for name, value in arguments.items() if name in SURROUNDINGS}
 
 
-# The surroundings of a verb: observer, signals, time limit, one BLAS thread.
+# The environment of a verb: observer, signals, time limit, one BLAS thread.
 
 
 @contextmanager
 def open_verb(
     observe: Observer | bool | None, *, time_limit: float | None = None, catch_signals: bool = True
 ) -> Iterator[tuple[Observer | None, Interruption]]:
-    """Yield the observer of a verb and the signal that may end it; compute with one BLAS thread.
+    """Yield a verb's observer and the signal that may end it.
+
+    The body computes with one BLAS thread.
 
     If the body raises Interrupted, a signal came before there was a result: this raises KeyboardInterrupt after Ctrl-C,
     SystemExit(143) after SIGTERM. Without ``catch_signals`` they end the body as without a verb. Raises InvalidInput
@@ -172,7 +177,7 @@ def open_verb(
         try:
             yield observer, interruption
         except Interrupted as stop:
-            came = interruption.signal  # None if the signal came to another thread's verb
+            came = interruption.signal  # None if the signal was caught by a verb in another thread
             end = KeyboardInterrupt() if came is None or came == SIGINT else SystemExit(128 + came)
             for note in getattr(stop, "__notes__", ()):
                 end.add_note(note)
@@ -181,9 +186,10 @@ def open_verb(
 
 @contextmanager
 def computing(seconds: float | None, session: Session | None = None) -> Iterator[None]:
-    """Limit the body to ``seconds`` of computing; then it returns its results so far, as after a signal.
+    """Limit the computing time of the body to ``seconds``.
 
-    Raises InvalidInput for an invalid time, SolverFailed if the body has no result by then.
+    After this time the body is asked to return its results so far, as after a signal. Raises InvalidInput for an
+    invalid time, SolverFailed if the body has no result by then.
     """
     with time_limit(seconds) as limit:
         if session is not None:
@@ -195,7 +201,7 @@ def computing(seconds: float | None, session: Session | None = None) -> Iterator
                 raise
             assert limit.seconds is not None
             given = f"{limit.seconds:g} s"
-            if limit.remaining > 0:  # certificates have the rest
+            if limit.remaining > 0:  # the rest is reserved for certificates
                 given = f"{limit.seconds - limit.remaining:.2g} s, the part of {given} that certificates leave"
             late = f"{limit.late} took longer than that" if limit.late else ""
             reason = late or stop.reason or "a longer one may help"
@@ -205,26 +211,26 @@ def computing(seconds: float | None, session: Session | None = None) -> Iterator
 # The session of a run.
 
 
-SOURCE = (CHECKPOINT, "source")  # folders in the folder of a run, one in the other
+SOURCE = (CHECKPOINT, "source")  # nested folders in the folder of a run
 RESERVE = Path(CHECKPOINT, "reserve")
 
 
 class StoppedRun(PosixPath):
-    """The folder of a run to resume, in place of that of a new run."""
+    """The folder of a stopped run that is resumed."""
 
 
 @dataclass(kw_only=True, eq=False)
 class Session:
-    """A run in progress: its request, folder, recorder and observer, and what may end it.
+    """A run in progress.
 
     entries: entries of its `run.json` that are known from the beginning
-    former: who computed before the run was stopped
+    former: entry "computed" of the run before it was stopped
     scene: scene of its recording, once it is known
     room: disk space that is reserved for the result
-    draft: front of an earlier stage that is in the folder
-    nearest: what violates limits least, from a search that found nothing feasible; else it follows from the error
-    continues: whether the journal of a finished run stays, to be continued
-    result: final result, when it is kept
+    draft: front of an earlier stage that is saved in the folder
+    nearest: least-violating point of a search without feasible points; None: taken from the error
+    continues: whether the journal of a finished run is kept, to continue it
+    result: final result, once it is saved
     """
 
     request: RunRequest
@@ -250,14 +256,14 @@ class Session:
 
     @property
     def signal(self) -> str | None:
-        """Name of the signal that came, "interrupted" if the observer raised, None otherwise."""
+        """Name of the signal, "interrupted" if the observer raised, None otherwise."""
         if self.interruption.signal is None:
             return None if self.observer_fault is None else "interrupted"
         return self.interruption.signal.name
 
     @property
     def stopped_by(self) -> str | None:
-        """Cause that ended the computation early: the name of a signal, or "time limit"."""
+        """Cause of an early end: the signal's name, "time limit", or None."""
         return self.signal or ("time limit" if self.limit.reached else None)
 
     @property
@@ -267,7 +273,7 @@ class Session:
 
     @property
     def provenance(self) -> dict[str, Any]:
-        """Entries of the run, with who has computed until now."""
+        """Entries of the run, with its entry "computed" so far."""
         return {**self.entries, "computed": computed(self.former)}
 
     # Progress and recording.
@@ -278,14 +284,14 @@ class Session:
         return self.recorder is not None or is_due(self.observe)
 
     def start_recording(self, scene: Scene) -> None:
-        """Start the recording of a scene, if the run has a folder."""
+        """Start recording a scene, if the run has a folder."""
         self.scene, request = scene, self.request
         if self.folder is not None:
             title = request.title or request.reference or type(request.problem).__name__
             self.recorder = Recorder(self.folder / RECORDING, title=title, scene=scene, live=request.live)
 
     def record_search(self, objectives: Any, timeline: Timeline) -> None:
-        """Start the recording of objectives (names, units, maximised) along a timeline."""
+        """Start recording objectives (names, units, maximised) along a timeline."""
         scene = SearchedFront(
             names=tuple(objectives.names),
             units=tuple(objectives.units),
@@ -301,7 +307,7 @@ class Session:
             self.recorder.record(message)
 
     def show(self, progress: RunProgress) -> bool:
-        """Show the recorder and the observer how far the run has come; return whether it is to stop."""
+        """Show progress to recorder and observer; return whether the run must stop."""
         if progress.generation is not None:
             self.record(progress.generation)
         if self.observe is not None and is_due(self.observe):
@@ -309,14 +315,14 @@ class Session:
         return self.stopped_by is not None
 
     def finish_recording(self, end: Any) -> None:
-        """Complete the recording with the end of the run, which may take some seconds."""
+        """Complete the recording, which may take some seconds."""
         if self.recorder is not None:
             self.show(RunProgress(stage="recording", summary="completing the recording"))
             self.recorder.finish(end)
 
     @contextmanager
     def reviewing(self) -> Iterator[None]:
-        """Warn if the body, which completes the recording and draws pictures, fails."""
+        """Warn if the body fails: it completes the recording and draws pictures."""
         try:
             yield
         except (Exception, Interrupted) as fault:  # a view may fail in any way, also in a user's function
@@ -332,15 +338,18 @@ class Session:
         self._leave_room()
         replace(front, provenance={**front.provenance, "status": "refining"}).save(self.folder, overwrite=True)
         if self.room is not None:
-            with suppress(OSError):  # the space that is left may have to be enough
+            with suppress(OSError):  # the remaining space may be sufficient
                 self.room.take()
         self.draft = front
 
     def keep_found(self, front: Front, error: Exception) -> None:
-        """Save the front found before an error; the error has it as ``partial`` and notes its folder."""
+        """Save the front found before an error; attach it as ``error.partial``.
+
+        A note of the error names the folder.
+        """
         error.partial = front  # type: ignore[attr-defined]
         place = "the error's .partial"
-        with suppress(OSError, InvalidInput):  # a full disk
+        with suppress(OSError, InvalidInput):  # the disk may be full
             self.save_draft(front)
             place = place if self.folder is None else str(self.folder)
         error.add_note(f"the front found by then, of {len(front)} points, is in {place}")
@@ -354,10 +363,10 @@ class Session:
         end: Callable[[], object],
         draw: Callable[[Path], object],
     ) -> None:
-        """Save the final result in the folder; then complete the recording with ``end()``, and ``draw`` pictures.
+        """Save the final result; complete the recording with ``end()``; ``draw`` pictures.
 
-        The checkpoint of a stopped run and the journal of a search stay. A stop that a signal requested is done by
-        then, but no pictures are drawn after it, nor if there is no ``end``.
+        The checkpoint of a stopped run and the journal of a search are kept. After a signal, or if ``end()`` returns
+        None, no pictures are drawn.
         """
         self.result, STOP[0] = result, 0
         if self.folder is None:
@@ -378,7 +387,10 @@ class Session:
                     draw(self.folder)
 
     def finish_front(self, front: Front, record: Callable[[], object] = bool) -> None:
-        """Save the final front, ``record()`` it, complete the recording with its compromise, and draw it."""
+        """Save and draw the final front, and complete the recording.
+
+        ``record()`` adds the front to the recording, which ends with the compromise.
+        """
 
         def end() -> SearchEnd | None:
             record()
@@ -396,7 +408,7 @@ class Session:
         self.finish(front, save, status=status, end=end, draw=draw)
 
     def raise_observer_fault(self) -> None:
-        """Raise the error of the observer, if any, with the result that was kept."""
+        """Raise the observer's error, if any, with the saved result attached."""
         fault = self.observer_fault
         if fault is None:
             return
@@ -410,7 +422,10 @@ class Session:
         raise fault
 
     def fail(self, error: BaseException) -> None:
-        """Save why the run failed, with the draft of its front or the least-violating motion if there is one."""
+        """Save the reason of a failure.
+
+        The draft of the front or the least-violating motion is saved too, if there is one.
+        """
         if self.result is not None:
             return
         entries, files = self._finish_infeasible(error)
@@ -421,15 +436,15 @@ class Session:
         self._leave_room()
         if self.draft is not None:
             replace(self.draft, provenance={**self.draft.provenance, **failure}).save(self.folder, overwrite=True)
-        elif not has_result(self.folder):  # a resumed run may have a result from before
+        elif not has_result(self.folder):  # a resumed run may have an earlier result
             for name, content in files.items():
                 replace_file(self.folder / name, content)
             write_run(self.folder, {**self.provenance, **failure, **entries})
 
     def _finish_infeasible(self, error: BaseException) -> tuple[dict[str, Any], dict[str, bytes]]:
-        """Complete the recording of a run without a feasible motion; return the entries and files that it keeps.
+        """Complete the recording of an infeasible run; return its entries and files.
 
-        A signal or the time limit may have ended it before this was certain.
+        A signal or the time limit may have ended the run before its infeasibility was certain.
         """
         failure = error.__cause__ if isinstance(error, Interrupted | SolverFailed) and error.__cause__ else error
         if isinstance(failure, Interrupted) and failure.motion is not None:
@@ -465,7 +480,7 @@ class Session:
 
 @contextmanager
 def open_session(request: RunRequest) -> Iterator[Session]:
-    """Open a run: claim its folder, catch signals, and save why it failed if it does.
+    """Open a run: lock its folder, catch signals, save a failure's reason.
 
     Raises InvalidInput if the folder cannot be used, a setting cannot be JSON, or there are no such workers.
     """
@@ -475,7 +490,7 @@ def open_session(request: RunRequest) -> Iterator[Session]:
         observer, interruption = stack.enter_context(opened)
         folder: Path | None = None
         stored: dict[str, Any] = {}
-        if isinstance(request.out, StoppedRun):  # the process that resumes it has its lock
+        if isinstance(request.out, StoppedRun):  # the process that resumes the run holds the lock
             folder, stored = request.out, read_run(request.out / RUN)
         elif request.out is not None:
             folder = stack.enter_context(claim_folder(file_path("out", request.out), overwrite=request.overwrite))
@@ -500,16 +515,16 @@ def open_session(request: RunRequest) -> Iterator[Session]:
                 session.room = ReservedSpace(folder / RESERVE)
             if not has_result(folder):
                 write_run(folder, {**session.provenance, "status": "running"})
-            elif stored:  # if this process is killed, its results are in the journal
+            elif stored:  # if this process is killed, the results are in the journal
                 write_run(folder, {**stored, **{name: session.provenance[name] for name in ("settings", "computed")}})
             if request.source is not None and not stored:
-                _save_source(request.source, folder)  # before there is a journal: a run with one can be resumed
+                _save_source(request.source, folder)  # saved first, since a run with a journal can be resumed
             if request.resumable:
                 stack.enter_context(journalled(folder / CHECKPOINT / JOURNAL))
         try:
             yield session
             session.raise_observer_fault()
-        except (Exception, KeyboardInterrupt) as error:  # Interrupted among them
+        except (Exception, KeyboardInterrupt) as error:  # includes Interrupted
             session.fail(session.observer_fault or error)
             session.raise_observer_fault()
             raise
@@ -519,7 +534,10 @@ def open_session(request: RunRequest) -> Iterator[Session]:
 
 
 def _save_source(front: Front, folder: Path) -> None:
-    """Save the front that a run begins with, and its folder, from which a stopped run is resumed."""
+    """Save the front that a run starts from, and its folder.
+
+    A stopped run is resumed from them.
+    """
     run = {} if front.folder is None else {"run": str(front.folder)}
     files = front_files(replace(front, provenance={**front.provenance, **run}))
     source = folder.joinpath(*SOURCE)

@@ -1,4 +1,4 @@
-"""Find the Pareto front of a problem: search for it, or follow a closed loop."""
+"""Find the Pareto front of a problem, or follow a closed loop."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Derivatives of expressions on the same tape: gradients in reverse mode, second derivatives forward over reverse."""
+"""Derivatives of expressions on the same tape.
+
+Gradients are taken in reverse mode, second derivatives forward over reverse.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,7 @@ from paretoik.errors import InvalidInput
 
 
 def partial_derivatives(tape: Tape, i: int, wrt: Container[int] | None = None) -> list[tuple[int, int]]:
-    """Return (operand, entry of ∂entry i/∂operand) for each operand in ``wrt`` (None: all)."""
+    """Return (operand, entry of ∂entry i/∂operand) for operands in ``wrt`` (None: all)."""
     op, a, b, c = tape.entries[i]
     apply, constant = tape.apply, tape.constant
     if op is Op.INPUT or op in PIECEWISE_CONSTANT:
@@ -52,7 +55,10 @@ def partial_derivatives(tape: Tape, i: int, wrt: Container[int] | None = None) -
 
 
 def unary_derivative(tape: Tape, op: Op, i: int, a: int) -> int:
-    """Return the entry of the derivative of a one-operand function, entry i, at its operand a."""
+    """Return the derivative of a one-operand function at its operand a.
+
+    The function is entry i.
+    """
     apply, constant = tape.apply, tape.constant
     if op is Op.NEGATE:
         return constant(-1.0)
@@ -95,7 +101,7 @@ def dependencies(tape: Tape, outputs: Sequence[int]) -> list[int]:
 def gradient(tape: Tape, output: int, wrt: Sequence[int]) -> list[int]:
     """Return the entries of ∂output/∂input for each input of ``wrt``."""
     adjoint: dict[int, int] = {output: tape.constant(1.0)}
-    masked: set[int] = set()  # entries behind a piece that may be inactive: its derivatives may be inf or NaN
+    masked: set[int] = set()  # entries behind a piece that may be inactive; their derivatives may be inf or NaN
     for i in reversed(dependencies(tape, [output])):
         seed = adjoint.get(i)
         if seed is None:
@@ -111,7 +117,10 @@ def gradient(tape: Tape, output: int, wrt: Sequence[int]) -> list[int]:
 
 
 def tangents(tape: Tape, outputs: Sequence[int], direction: Mapping[int, int]) -> list[int]:
-    """Return the entries of directional derivatives of outputs; ``direction``: tangent of each input."""
+    """Return the entries of directional derivatives of outputs.
+
+    ``direction`` is the tangent of each input.
+    """
     zero = tape.constant(0.0)
     tangent: dict[int, int] = dict(direction)
     for i in dependencies(tape, outputs):
@@ -134,7 +143,10 @@ def tangents(tape: Tape, outputs: Sequence[int], direction: Mapping[int, int]) -
 
 
 def hessian(tape: Tape, output: int, wrt: Sequence[int]) -> dict[tuple[int, int], int]:
-    """Return the entries of ∂²output/∂wrt[i]∂wrt[j] that are not always 0, for i ≥ j."""
+    """Return the nonzero entries of ∂²output/∂wrt[i]∂wrt[j], for i ≥ j.
+
+    Entries that are always 0 are left out.
+    """
     zero = tape.constant(0.0)
     first, one = gradient(tape, output, wrt), tape.constant(1.0)
     second = {}

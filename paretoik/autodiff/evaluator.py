@@ -1,8 +1,8 @@
-"""Evaluators of expressions: instructions on registers, interpreted for many points (samples, motions) at once.
+"""Evaluators of expressions: instructions on registers, for many points at once.
 
-An evaluator is data. One compiled function interprets all evaluators, so a new arm or objective needs no compilation. A
-register is reused when its value is no longer needed. A product that only one sum or difference uses is fused with it,
-which saves a third of the instructions.
+Points are samples or motions. An evaluator is data. One compiled function interprets all evaluators, so a new arm or
+objective needs no compilation. A register is used again when its value is no longer needed. A product that only one sum
+or difference uses is fused with it, which saves a third of the instructions.
 """
 
 from __future__ import annotations
@@ -18,12 +18,15 @@ from paretoik.autodiff.differentiation import dependencies
 from paretoik.autodiff.operations import NO_OPERAND, Fused, Op
 from paretoik.autodiff.tape import Tape
 
-BLOCK_SIZE = 128  # points: fewer need more time to read instructions, more do not fit into the cache
+BLOCK_SIZE = 128  # points: smaller blocks spend more time reading instructions, larger ones exceed the cache
 
 
 @dataclass(frozen=True, eq=False)
 class Evaluator:
-    """Instructions (op, target, operands) on registers; first registers: used ``inputs``, then constants."""
+    """Instructions (op, target, operands) on registers.
+
+    The first registers are the used ``inputs``, then the constants.
+    """
 
     code: Int[np.ndarray, "instructions 5"]
     constants: Float[np.ndarray, " constants"]
@@ -42,7 +45,7 @@ class Evaluator:
 
     @property
     def arrays(self) -> tuple[np.ndarray, ...]:
-        """Code, constants, inputs, outputs and new registers for compiled code."""
+        """Return code, constants, inputs, outputs and new registers for compiled code."""
         size = self.registers * BLOCK_SIZE
         memory = np.empty(size + 7)
         first = -memory.ctypes.data % 64 // 8  # vector instructions are slower across a 64-byte boundary
@@ -87,7 +90,10 @@ def compile_evaluator(tape: Tape, outputs: Sequence[int]) -> Evaluator:
 def _fuse(
     tape: Tape, order: Sequence[int], outputs: Sequence[int]
 ) -> tuple[dict[int, tuple[int, list[int]]], dict[int, tuple[int, int]]]:
-    """Return every entry's instruction (op, operands) in order, and pairs of entries that share one."""
+    """Return every entry's instruction in order, and shared instructions.
+
+    Instructions are (op, operands); the second value has pairs of entries that share one.
+    """
     operands = {
         i: [k for k in tape.entries[i][1:] if k != NO_OPERAND]
         for i in order

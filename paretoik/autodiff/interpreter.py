@@ -1,4 +1,7 @@
-"""The interpreter of evaluators: one compiled loop over instructions, each on a block of points."""
+"""The interpreter of evaluators: one compiled loop over instructions.
+
+Each instruction runs on a block of points.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,7 @@ import numpy as np
 from paretoik.autodiff.operations import Fused, Op
 from paretoik.compilation.numba_cache import c_function, carray, compiled
 
-# Sine and cosine of many numbers at once, without branches, so that a processor vectorises them.
+# Sine and cosine of many numbers at once, without branches, so that the compiler can vectorise them.
 #
 # Reduction by multiples of π/2 in two parts, then the polynomials of fdlibm's kernels (Sun Microsystems 1993). The
 # error is at most one unit in the last place, or 1e-20 if that is more.
@@ -71,7 +74,7 @@ def _sine_cosine(x):
     k = (x * QUARTERS + ROUNDING) - ROUNDING
     near = x - k * QUARTER
     a = near - k * QUARTER_REST
-    tail = (near - a) - k * QUARTER_REST  # a + tail is the reduced angle to twice the digits
+    tail = (near - a) - k * QUARTER_REST  # a + tail is the reduced angle with twice the digits
     z = a * a
     v = z * a
     sine = a - ((z * (0.5 * tail - v * (S2 + z * (S3 + z * (S4 + z * (S5 + z * S6))))) - tail) - v * S1)
@@ -98,7 +101,10 @@ ARC_TANGENT, ARC_SINE, ARC_COSINE = int(Op.ARC_TANGENT), int(Op.ARC_SINE), int(O
 
 @compiled
 def run(arrays, inputs, outputs):
-    """Evaluate at all points: from ``inputs`` (inputs, points) to ``outputs`` (outputs, points)."""
+    """Evaluate at all points.
+
+    It reads ``inputs`` (inputs, points) and writes ``outputs`` (outputs, points).
+    """
     run_first(arrays, inputs, outputs, inputs.shape[1])
 
 
@@ -112,7 +118,7 @@ def run_first(arrays, inputs, outputs, points):
             registers[loaded + j, k] = constants[j]
     for start in range(0, points, width):
         n = min(width, points - start)
-        whole = min((n + 7) & -8, width) if n > 8 else n  # vectors of eight: copies of a point fill the last one
+        whole = min((n + 7) & -8, width) if n > 8 else n  # vectors of eight: copies fill the last one
         for j in range(loaded):
             _copy(inputs[input_rows[j], start:], registers[j], n)
             for k in range(n, whole):
@@ -136,7 +142,10 @@ def run_block(code, registers, n):
 
 @compiled
 def _piecewise_operation(op, to, a, b, c, registers, n):
-    """Execute a choice, maximum, minimum or comparison, each in a loop without branches (vectorised)."""
+    """Execute a choice, maximum, minimum or comparison.
+
+    Each is a loop without branches (vectorised).
+    """
     if op == WHERE:
         for k in range(n):
             registers[to, k] = registers[b, k] if registers[a, k] != 0.0 else registers[c, k]

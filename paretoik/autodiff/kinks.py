@@ -2,9 +2,9 @@
 
     minimise    f(x, max(x, y))    becomes    minimise    f(x, v)  subject to  v ≥ x,  v ≥ y
 
-|x| is the maximum of x and −x. This is valid if f increases with v: at an optimum v is the smallest possible, and the
-program is smooth. If f decreases with v, the kink is concave and is no minimiser; if f is constant in v, there is no
-kink. Both stay as they are.
+|x| is the maximum of x and −x. The reformulation is valid if f increases with v: at an optimum v is then the smallest
+possible, and the program is smooth. If f decreases with v, the kink is concave and is no minimiser. If f is constant in
+v, there is no kink. In these two cases the kink stays as it is.
 """
 
 from __future__ import annotations
@@ -22,11 +22,14 @@ from paretoik.autodiff.operations import NO_OPERAND, Op
 from paretoik.autodiff.tape import Tape
 from paretoik.errors import InvalidInput
 
-# Rewriting of expressions: substitution, and functions as maxima, minima, sums and norms of smoother ones.
+# Rewriting of expressions: substitution; functions as maxima, minima, sums and norms of smoother ones.
 
 
 def substitute(tape: Tape, outputs: Sequence[int], replacements: Mapping[int, int]) -> list[int]:
-    """Return outputs with entries replaced everywhere by others of the same tape."""
+    """Return outputs with some entries replaced by others of the tape.
+
+    They are replaced everywhere.
+    """
     new = dict(replacements)
     for i in dependencies(tape, outputs):
         op, *operands = tape.entries[i]
@@ -39,7 +42,10 @@ def substitute(tape: Tape, outputs: Sequence[int], replacements: Mapping[int, in
 
 
 def copy_entries(source: Tape, outputs: Sequence[int], target: Tape, inputs: Mapping[int, int]) -> list[int]:
-    """Return outputs of one tape as entries of another; ``inputs`` maps the first tape's inputs to entries."""
+    """Return outputs of one tape as entries of another.
+
+    ``inputs`` maps the first tape's inputs to entries of the other.
+    """
     copies = dict(inputs)
     for i in dependencies(source, outputs):
         op, *operands = source.entries[i]
@@ -53,9 +59,10 @@ def copy_entries(source: Tape, outputs: Sequence[int], target: Tape, inputs: Map
 
 
 def smooth_pieces(tape: Tape, i: int, sense: int = 1) -> list[int]:
-    """Return entries whose maximum (``sense`` 1) or minimum (−1) is entry i; only i if it is smooth.
+    """Return entries whose maximum or minimum is entry i.
 
-    Maxima, minima and absolute values are expanded, also within sums and multiples, up to 64 pieces of a sum.
+    It is the maximum for ``sense`` 1, the minimum for −1. If entry i is smooth, only i is returned. Maxima, minima and
+    absolute values are expanded, also within sums and multiples, up to 64 pieces of a sum.
     """
     op, a, b, _ = tape.entries[i]
     pieces = [i]
@@ -77,7 +84,10 @@ def smooth_pieces(tape: Tape, i: int, sense: int = 1) -> list[int]:
 
 
 def summands(tape: Tape, i: int) -> list[int]:
-    """Return entries whose sum is entry i; sums, differences and multiples are expanded."""
+    """Return entries whose sum is entry i.
+
+    Sums, differences and multiples are expanded.
+    """
     op, a, b, _ = tape.entries[i]
     if (multiple := _as_multiple(tape, i)) is not None:
         factor, other = multiple
@@ -92,7 +102,10 @@ def summands(tape: Tape, i: int) -> list[int]:
 
 
 def norm_terms(tape: Tape, i: int) -> tuple[float, list[int]] | None:
-    """Return (factor > 0, entries) if entry i is the norm factor · √Σ entries²; else None."""
+    """Return (factor, entries) of a norm factor · √Σ entries²; else None.
+
+    The factor is positive.
+    """
     op, a, _, _ = tape.entries[i]
     if op is Op.SQUARE_ROOT:
         terms = [tape.entries[k] for k in _flatten(tape, a, Op.ADD)]
@@ -141,7 +154,8 @@ class KinkOptions:
     """Tolerances of kinks.
 
     rounding: derivatives and differences of values below this share of the largest count as 0
-    jump: largest difference between pieces of a choice where its condition changes, relative to its values
+    jump: largest difference between the pieces of a choice at the place where its condition changes, relative to its
+        values
     bisections: number of bisections that find that place
     """
 
@@ -217,9 +231,10 @@ def reformulate_choices(
     probes: Float[np.ndarray, "inputs points"],
     excluded: Collection[int] = (),
 ) -> list[int]:
-    """Return functions with choices (np.where) replaced by the maxima or minima that they equal.
+    """Return functions with choices replaced by equal maxima or minima.
 
-    Raises InvalidInput, naming the function, if the pieces do not meet where the condition changes.
+    Choices are those of np.where. Raises InvalidInput, naming the function, if the pieces do not meet where the
+    condition changes.
     """
     replacements: dict[int, int] = {}
     for name, function in zip(names, functions, strict=True):
@@ -255,9 +270,10 @@ def reformulate_choices(
 def remaining_kinks(
     tape: Tape, reformulation: Reformulation, excluded: Collection[int] = ()
 ) -> list[tuple[int, int, int]]:
-    """Return the remaining kinks of functions: number of the function and the two entries that meet there.
+    """Return the remaining kinks: function's number, two entries that meet.
 
-    Kinks of constraints count for every function with their variables.
+    Kinks that a reformulation replaced are left out. Kinks of constraints count for every function that contains their
+    variables.
     """
     smooth = reformulation
     reached = [set(dependencies(tape, [entry])) for entry in (*smooth.functions, *smooth.constraints)]
@@ -282,7 +298,10 @@ def _is_convex_kink(
     senses: list[int],
     probes: Float[np.ndarray, "inputs points"],
 ) -> bool:
-    """Return whether functions never improve as a node's variable grows, and worsen where its operands meet."""
+    """Return whether a node's kink is convex for functions.
+
+    No function may improve if the node's variable grows, and they must worsen at places at which the operands meet.
+    """
     op, a, b, _ = tape.entries[node]
     operands = [a, b] if b >= 0 else [tape.constant(0.0)]
     values = compile_evaluator(tape, [node, *operands])(_pad(tape, probes))
@@ -301,5 +320,5 @@ def _is_convex_kink(
 
 
 def _pad(tape: Tape, probes: np.ndarray) -> np.ndarray:
-    """Return probes with zeros for the tape's newer inputs."""
+    """Return probes with zeros added for the tape's newer inputs."""
     return np.pad(probes, ((0, len(tape.inputs) - len(probes)), (0, 0)))

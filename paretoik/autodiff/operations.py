@@ -26,7 +26,7 @@ class Op(IntEnum):
     SQUARE_ROOT = auto()
     EXPONENTIAL = auto()
     LOGARITHM = auto()
-    ARC_TANGENT = auto()  # of first / second, all four quadrants
+    ARC_TANGENT = auto()  # arc tangent of first / second, in all four quadrants
     ARC_SINE = auto()
     ARC_COSINE = auto()
     TANH = auto()
@@ -42,12 +42,15 @@ class Op(IntEnum):
 
 
 class Fused(IntEnum):
-    """Additional instructions: a product in a sum or a difference, a sine with its cosine."""
+    """Additional instructions.
+
+    They are a product in a sum or a difference, and a sine with its cosine.
+    """
 
     MULTIPLY_ADD = len(Op)  # first · second + third
     MULTIPLY_SUBTRACT = len(Op) + 1  # first · second − third
     SUBTRACT_PRODUCT = len(Op) + 2  # third − first · second
-    SINE_COSINE = len(Op) + 3  # of the first; the second operand is the register of the cosine
+    SINE_COSINE = len(Op) + 3  # sine and cosine of the first; the second operand is the register of the cosine
 
 
 COMMUTATIVE = frozenset({Op.ADD, Op.MULTIPLY, Op.MAXIMUM, Op.MINIMUM})

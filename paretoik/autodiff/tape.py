@@ -1,4 +1,4 @@
-"""A tape: the operations of NumPy code, in a computable order.
+"""A tape: the operations of NumPy code in a computable order.
 
 Equal expressions are one entry, constants are folded, and products and sums with 0 and 1 are simplified. An
 ``Expression`` is an entry of a tape that behaves like a number: Python's operators and NumPy's functions of numbers
@@ -25,7 +25,7 @@ class Tape:
 
     def __init__(self) -> None:
         self.entries: list[Entry] = []
-        self.values: dict[int, float] = {}  # of constants
+        self.values: dict[int, float] = {}  # values of constants
         self.inputs: list[int] = []
         self._indices: dict[Entry, int] = {}
         self._constants: dict[float, int] = {}
@@ -46,7 +46,7 @@ class Tape:
         return self._constants[value]
 
     def apply(self, op: Op, first: int, second: int = NO_OPERAND, third: int = NO_OPERAND) -> int:
-        """Return the entry of an operation: an existing one, a simpler one, or a new one."""
+        """Return the entry of an operation: existing, simpler, or new."""
         values = self.values
         if first in values and (second == NO_OPERAND or second in values) and (third == NO_OPERAND or third in values):
             return self.constant(compute(op, *(values[i] for i in (first, second, third) if i != NO_OPERAND)))
@@ -104,7 +104,7 @@ class Tape:
                 return second
             if first in self.values:
                 return second if self.values[first] else third
-            # the maximum, minimum or absolute value that a choice by comparison equals; else None
+            # a choice by comparison that equals a maximum, minimum or absolute value; else None
             op, low, high, _ = self.entries[first]
             if op not in (Op.LESS, Op.LESS_EQUAL):
                 return None
@@ -121,7 +121,10 @@ class Tape:
 
 
 def _operator(op: Op, *, reflected: bool = False) -> Callable[[Expression, Any], Any]:
-    """Return the method of an operation with an expression first, or second if ``reflected``."""
+    """Return the method of an operation on an expression.
+
+    The expression is the first operand, or the second if ``reflected``.
+    """
 
     def operate(self: Expression, other: Any) -> Any:
         if isinstance(other, np.ndarray) and other.ndim:
@@ -135,9 +138,9 @@ def _operator(op: Op, *, reflected: bool = False) -> Callable[[Expression, Any],
 
 
 class Expression:
-    """An entry of a tape as a number that NumPy's functions of numbers accept.
+    """An entry of a tape as a number for NumPy's functions.
 
-    Raises InvalidInput if its value is needed, as in ``if``, ``float`` and unsupported functions.
+    Raises InvalidInput if code needs its value, as ``if``, ``float`` and unsupported functions do.
     """
 
     __slots__ = ("index", "tape")
@@ -147,7 +150,10 @@ class Expression:
         self.index = index
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **settings: Any) -> Any:
-        """Apply a NumPy function of numbers on the tape, to arrays of objects element by element."""
+        """Apply a NumPy function of numbers on the tape.
+
+        Arrays of objects are handled element by element.
+        """
         if method != "__call__" or settings:
             raise InvalidInput(f"np.{ufunc.__name__}.{method} must be a plain call where derivatives are taken")
         if any(isinstance(value, np.ndarray) and value.ndim for value in inputs):
@@ -182,7 +188,10 @@ class Expression:
 
 
 def as_entry(tape: Tape, value: Any) -> int:
-    """Return the entry of an expression or number on a tape; raise InvalidInput for anything else."""
+    """Return the entry of an expression or number on a tape.
+
+    Raises InvalidInput for anything else.
+    """
     if isinstance(value, np.ndarray):
         value = value[()]
     if isinstance(value, Expression):
@@ -194,7 +203,10 @@ def as_entry(tape: Tape, value: Any) -> int:
 
 
 def where(condition: Any, first: Any, second: Any) -> Any:
-    """Return ``first`` if the condition is true, else ``second``: np.where of numbers and expressions."""
+    """Return ``first`` if the condition is true, else ``second``.
+
+    This is np.where of numbers and expressions.
+    """
     tapes = [value.tape for value in (condition, first, second) if isinstance(value, Expression)]
     if not tapes:
         return first if condition else second
@@ -240,7 +252,7 @@ COMPOSED: dict[str, Callable[..., Any]] = {
     "logical_and": lambda x, y: np.not_equal(x, 0.0) * np.not_equal(y, 0.0),
     "logical_or": lambda x, y: np.maximum(np.not_equal(x, 0.0), np.not_equal(y, 0.0)),
     "logical_not": lambda x: np.equal(x, 0.0),
-    "bitwise_and": lambda x, y: x * y,  # these three only for booleans, as in NumPy
+    "bitwise_and": lambda x, y: x * y,  # these three operations are only for booleans, as in NumPy
     "bitwise_or": lambda x, y: np.maximum(x, y),
     "invert": lambda x: 1.0 - x,
 }
@@ -249,9 +261,9 @@ BOOLEAN = COMPARISONS | {"logical_and", "logical_or", "logical_not", "bitwise_an
 
 
 def apply_ufunc(tape: Tape, name: str, operands: Sequence[Any]) -> Any:
-    """Apply NumPy's function ``name`` to numbers and expressions on a tape; return the result.
+    """Apply NumPy's function ``name`` to numbers and expressions on a tape.
 
-    Raises InvalidInput, naming the function, if its derivative is not known.
+    Returns the result. Raises InvalidInput, naming the function, if its derivative is not known.
     """
     arguments = [Expression(tape, as_entry(tape, value)) for value in operands]
     if name in COMPOSED:
@@ -270,7 +282,10 @@ def differentiable_ufuncs() -> list[str]:
 
 
 def _power(tape: Tape, base: Expression, exponent: Expression, *, largest_product: int = 8) -> Any:
-    """Return a power, as a product for whole exponents up to ``largest_product``."""
+    """Return a power.
+
+    Whole exponents up to ``largest_product`` give a product.
+    """
     number = tape.values.get(exponent.index, math.nan)
     if number.is_integer() and 0 < abs(number) <= largest_product:
         result = base

@@ -26,12 +26,15 @@ class NotLocal(InvalidInput):
 
 
 class Trace:
-    """A tape and its ``parameters``: inputs with known numbers (samples,) that differ between samples."""
+    """A tape and its ``parameters``.
+
+    Parameters are inputs with known numbers (samples,) that differ between samples.
+    """
 
     def __init__(self, samples: int | None) -> None:
         self.tape = Tape()
         self.samples = samples
-        self.parameters: dict[int, np.ndarray] = {}  # by entry
+        self.parameters: dict[int, np.ndarray] = {}  # numbers of each parameter, by its entry
         self._by_values: dict[bytes, Expression] = {}
 
     def inputs(self, *shape: int) -> TracedArray:
@@ -55,11 +58,11 @@ class TracedArray(NDArrayOperatorsMixin):
 
     entries: array of objects without the hidden time axis
     is_boolean: whether it represents True and False
-    shared: whether NumPy's array is read-only or may share memory, so that it cannot be changed in place here
+    shared: whether the array may share memory or is read-only, so that it cannot be changed in place
     """
 
     def __init__(self, trace: Trace, entries: Any, *, is_boolean: bool = False, shared: bool = False) -> None:
-        self.source = trace  # not .trace, which is NumPy's
+        self.source = trace  # the name is not ``trace``, which is a method of NumPy's arrays
         self.entries = np.asarray(entries, dtype=object)
         self.is_boolean = is_boolean
         self.shared = shared
@@ -104,7 +107,10 @@ class TracedArray(NDArrayOperatorsMixin):
         return rearrange("transpose", lambda numbers: numbers.transpose(*axes), self)
 
     def astype(self, dtype: Any, copy: bool = True) -> TracedArray:
-        """Return the array as real numbers or booleans; raise InvalidInput for other types."""
+        """Return the array as real numbers or booleans.
+
+        Raises InvalidInput for other types.
+        """
         if np.dtype(dtype) == bool:
             booleans: TracedArray = self != 0
             return booleans
@@ -117,8 +123,11 @@ class TracedArray(NDArrayOperatorsMixin):
         return TracedArray(self.source, self.entries, is_boolean=self.is_boolean)
 
     def __getattr__(self, name: str) -> Any:
-        """Return NumPy's function of that name as a method; raise InvalidInput without one."""
-        if name.startswith("__"):  # Python and NumPy probe the abilities of an object
+        """Return NumPy's function of that name as a method.
+
+        Raises InvalidInput if NumPy has no such function.
+        """
+        if name.startswith("__"):  # Python and NumPy look for special methods
             raise AttributeError(name)
         function = getattr(np, name, None) if hasattr(np.ndarray, name) else None
         if not callable(function):
@@ -158,7 +167,10 @@ class TracedArray(NDArrayOperatorsMixin):
         raise InvalidInput("x[...] = y cannot be written where derivatives are taken; use np.where or np.stack")
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **settings: Any) -> Any:
-        """Apply a NumPy function of numbers element by element, or a sum, product, maximum or minimum."""
+        """Apply a NumPy function of numbers element by element.
+
+        A sum, product, maximum or minimum reduces the array.
+        """
         name = ufunc.__name__
         if method == "reduce" and ufunc in REDUCIBLE:
             _check_settings(f"np.{name}.reduce", settings, "axis", "keepdims")
@@ -195,7 +207,10 @@ class TracedArray(NDArrayOperatorsMixin):
         return apply_function(self.source, function, args, settings)
 
     def entry_axes(self, axes: Any) -> tuple[int, ...]:
-        """Return axes (None: all) as axes of ``entries``; raise NotLocal if the hidden one is among them."""
+        """Return axes (None: all) as axes of ``entries``.
+
+        Raises NotLocal if the hidden axis is among them.
+        """
         try:
             normalized = normalize_axis_tuple(range(self.ndim) if axes is None else axes, self.ndim)
         except (TypeError, ValueError) as error:
@@ -208,9 +223,9 @@ class TracedArray(NDArrayOperatorsMixin):
 
 
 def apply_elementwise(trace: Trace, function: Callable[..., Any], *inputs: Any) -> TracedArray:
-    """Return a function of numbers applied to arrays element by element, broadcast as NumPy does.
+    """Return a function of numbers applied element by element.
 
-    Raises InvalidInput if the shapes do not match.
+    The arrays are broadcast as in NumPy. Raises InvalidInput if the shapes do not match.
     """
     axes = {value.entries.ndim for value in inputs if isinstance(value, TracedArray)}
     try:
@@ -231,10 +246,10 @@ def apply_elementwise(trace: Trace, function: Callable[..., Any], *inputs: Any) 
 
 
 def entries_of(trace: Trace, value: Any, axes: int) -> np.ndarray:
-    """Return the entries of an array, traced or plain; plain ones with a time axis become inputs.
+    """Return the entries of an array, traced or plain.
 
-    ``axes`` is the number of axes without time. Raises ValueError if the time axis does not match the samples, and
-    InvalidInput for values that are not real numbers.
+    Plain arrays with a time axis become inputs. ``axes`` is the number of axes without time. Raises ValueError if the
+    time axis does not match the samples, and InvalidInput for values that are not real numbers.
     """
     if isinstance(value, TracedArray):
         return value.entries
@@ -254,9 +269,10 @@ def entries_of(trace: Trace, value: Any, axes: int) -> np.ndarray:
 
 
 def rearrange(name: str, function: Callable[..., Any], *arrays: TracedArray) -> TracedArray:
-    """Return the result of a function that only moves elements, by applying it to their numbers.
+    """Return the result of a function that only moves elements.
 
-    Raises NotLocal if a sample gets elements of another, and InvalidInput, naming ``name``, if NumPy raises.
+    The function is applied to the elements' numbers. Raises NotLocal if a sample gets elements of another, and
+    InvalidInput, naming ``name``, if NumPy raises.
     """
     trace = arrays[0].source
     pool = np.concatenate([array.entries.ravel() for array in arrays])
@@ -297,7 +313,10 @@ REDUCIBLE = frozenset({np.add, np.multiply, np.maximum, np.minimum})
 
 
 def apply_function(trace: Trace, function: Callable[..., Any], args: Any, settings: Any) -> Any:
-    """Return the result of NumPy's function; raise InvalidInput, naming it, if its derivative is not known."""
+    """Return the result of NumPy's function.
+
+    Raises InvalidInput, naming the function, if its derivative is not known.
+    """
     name = _name(function)
     traceable = FUNCTIONS.get(function)
     if traceable is None:
@@ -311,7 +330,7 @@ def apply_function(trace: Trace, function: Callable[..., Any], args: Any, settin
 
 
 def reduce_ufunc(ufunc: np.ufunc, array: TracedArray, *, axis: Any = None, keepdims: bool = False) -> TracedArray:
-    """Return an array reduced along axes from first to last."""
+    """Return an array reduced along axes, the first one first."""
     trace, entries = array.source, array.entries
     if ufunc.identity is None and 0 in entries.shape:
         raise InvalidInput(f"np.{ufunc.__name__} of nothing has no value")
@@ -461,7 +480,10 @@ def _einsum(trace: Trace, subscripts: str, *operands: Any, optimize: Any = False
 
 
 def _align_axes(term: str, operand: Any, order: list[str]) -> Any:
-    """Return an operand of np.einsum with one axis per letter, after the axes of ``...``."""
+    """Return an operand of np.einsum with one axis per letter.
+
+    These axes come after the axes of ``...``.
+    """
     before, dots, after = term.partition("...")
     free = np.ndim(operand) - len(before) - len(after)
     if free < 0 or (free and not dots):
@@ -474,7 +496,10 @@ def _align_axes(term: str, operand: Any, order: list[str]) -> Any:
 
 
 def _determinant(trace: Trace, a: TracedArray) -> TracedArray:
-    """Return the determinant by Laplace's expansion, minors of the last rows first: no division, no pivoting."""
+    """Return the determinant by Laplace's expansion, without division and pivoting.
+
+    Minors of the last rows come first.
+    """
     if a.shape[-1:] != a.shape[-2:-1]:
         raise InvalidInput(f"np.linalg.det must get square matrices, got shape {a.shape}")
     a.entry_axes((-2, -1))

@@ -68,9 +68,9 @@ class MotorCurve:
             raise InvalidInput(f"motor curve: fastest must be finite speeds, got {speeds.tolist()}")
 
     def speeds(self, effort: Joints) -> tuple[Joints, Joints]:
-        """Return the lowest and highest speeds at efforts (*batch, dof); NaN beyond ``stall``.
+        """Return the lowest and highest speeds at efforts (*batch, dof).
 
-        Raises InvalidInput for another shape.
+        Speeds are NaN beyond ``stall``. Raises InvalidInput for another shape.
         """
         try:
             share = np.asarray(effort, dtype=float) / self.stall
@@ -88,10 +88,11 @@ class MotorCurve:
         return np.where(bearable, -low * self.fastest, np.nan), np.where(bearable, high * self.fastest, np.nan)
 
     def slacks(self, effort: Any, travel: Any, duration: Any = 1.0) -> Any:
-        """Return smooth slacks (*batch, dof, rows) of efforts and travels; none negative if they fit.
+        """Return smooth slacks (*batch, dof, rows) of efforts and travels.
 
-        There are four or six per motor. Travel [rad, m] is made in the duration [s]; it is a speed if the duration is
-        1. All arguments may be complex numbers or expressions, for exact derivatives.
+        No slack is negative if efforts and travels are possible. There are four or six per motor. Travel [rad, m] is
+        made in the duration [s]; it is a speed if the duration is 1. All arguments may be complex numbers or
+        expressions, for exact derivatives.
         """
         d, t, u = duration, effort / self.stall, travel / self.fastest
         if self.shape == "diamond":
@@ -105,10 +106,11 @@ class MotorCurve:
 
 
 def angle_range(rod: float, front: np.ndarray, back: np.ndarray, least_angle: float) -> tuple[float, float]:
-    """Return the least and largest θ that sliders within bounds give, without toggles. Raises InvalidInput if none.
+    """Return the least and largest θ that sliders within bounds give.
 
-    cos θ = (c² − s² − s_b²) / (2 s s_b) rises along each slider until its square is that of the other minus c², and
-    falls from there: its minimum is at a corner, and its maximum at a corner or at such a place.
+    Toggles are excluded. Raises InvalidInput if no θ is possible. cos θ = (c² − s² − s_b²) / (2 s s_b) rises with each
+    slider until this slider's square is the other's square minus c², and falls from there. The minimum is at a corner
+    of the bounds, the maximum at a corner or at such a turning point.
     """
     places = [(s, b) for s in front for b in back]
     for fixed, (low, high), turned in ((front, back, False), (back, front, True)):
@@ -129,7 +131,7 @@ def angle_range(rod: float, front: np.ndarray, back: np.ndarray, least_angle: fl
 # Actuations of an arm, and those of the paper.
 
 
-LONGEST = np.sqrt(np.finfo(float).max) / 4  # m: squares of lengths are still finite
+LONGEST = np.sqrt(np.finfo(float).max) / 4  # m: squares of longer lengths may overflow
 LEAST_ROD_ANGLE = float(np.deg2rad(10.0))  # rad: nearer to 0 or π, sliders turn or hold the joint poorly
 
 
@@ -204,7 +206,7 @@ class DistributedActuation:
     bend: sign (1 or −1) of θ: θ = bend (q − zero)
     least_angle: least distance of θ from 0 and π [rad], 10° by default
 
-    0 and π are toggles: the rod is along both links, and sliders turn a joint ever faster, for an ever shorter way. The
+    0 and π are toggles: the rod is along both links. Near them, sliders turn a joint faster, but less far. The
     bound excludes fast postures: with the paper's sliders, at its nine positions, 10° cost 7 % of the speed on average
     and 46 % at most compared with 5°, and 9 % and 91 % compared with no bound (``studies.kim_2021`` prints them).
 
@@ -300,19 +302,22 @@ class DistributedActuation:
 
     @cached_property
     def angle_bounds(self) -> Float[np.ndarray, "dof 2"]:
-        """Least and largest rod's angle θ [rad] that sliders within their bounds can give."""
+        """Least and largest rod angle θ [rad] within the sliders' bounds."""
         joints = zip(self.rod, self.front_bounds, self.back_bounds, self.least_angle, strict=True)
         return np.array([angle_range(*each) for each in joints])
 
     def angles(self, q: Joints) -> Joints:
-        """Return the rods' angles θ (*batch, dof) [rad] at joint positions, not reduced to one turn."""
+        """Return the rods' angles θ (*batch, dof) [rad] at joint positions.
+
+        They are not reduced to one turn.
+        """
         return self.bend * (q - self.zero)
 
     def gears(self, q: Joints, front: Joints) -> tuple[Joints, Joints, Joints]:
-        """Return s_b [m], A and B [rad/m], all (*batch, dof), at joint positions and front sliders [m].
+        """Return s_b [m], A and B [rad/m], all (*batch, dof).
 
-        A and B are per unit of the joint's own angle and include ``bend``. Arguments may be complex numbers, for exact
-        derivatives.
+        They are given at joint positions and front sliders [m]. A and B are per unit of the joint's own angle and
+        include ``bend``. Arguments may be complex numbers, for exact derivatives.
         """
         angle = self.angles(q)
         back, a, b = actuators.gears.py_func(np.sin(angle), np.cos(angle), front, self.rod)
@@ -327,7 +332,10 @@ Actuation: TypeAlias = JointActuation | DistributedActuation
 
 
 def check_actuation(actuation: object, arm: Arm) -> None:
-    """Raise InvalidInput unless ``arm`` is an arm and ``actuation`` drives as many joints as it has."""
+    """Raise InvalidInput unless ``actuation`` fits ``arm``.
+
+    The actuation must drive as many joints as the arm has.
+    """
     check_instance("arm", arm, Arm, "an Arm")
     if not isinstance(actuation, JointActuation | DistributedActuation):
         raise InvalidInput(f"actuation must be a JointActuation or DistributedActuation, got {shown(actuation)}")
@@ -354,7 +362,7 @@ def kim_sliders(base_angle: float = float(np.deg2rad(-120.0)), bend: Literal[-1,
     toggles; this is not in the paper and costs speed (``least_angle`` of ``DistributedActuation``).
 
     base_angle: direction [rad] of the link before the first joint. The paper has none: with the default, most
-        directions at its nine positions are faster than with motors at the joints, as the paper says
+        directions at the paper's nine positions are faster than with motors at the joints, as the paper says
     bend: sign (1 or −1) of the angles of all rods; the paper has none
 
     >>> kim_sliders().front_bounds[0].tolist()

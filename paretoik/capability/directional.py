@@ -1,4 +1,4 @@
-"""Directional maxima: highest speed or greatest push of a tool in every direction.
+"""Directional maxima: highest speed or greatest force in every direction.
 
 Source: Kim, Choi & Jang 2021, section 2, and Kim, Shin & Jang 2021.
 """
@@ -34,7 +34,7 @@ from paretoik.tables import field_representation, html_representation
 # Best postures of an arm: a search all around for planar arms of three joints, ascent for others.
 
 
-TILT_TOLERANCE = 1e-12  # of 1 − cos: with less tilt of the base, an arm is planar
+TILT_TOLERANCE = 1e-12  # 1 − cos of the base's tilt: with less tilt, an arm is planar
 
 
 def best_postures(
@@ -73,7 +73,10 @@ def best_postures(
 
 @lru_cache(maxsize=64)
 def _planar_table(arm: Arm) -> tuple[np.ndarray, ...] | None:
-    """Return the data of an arm for ``planar_maxima``; None unless it is planar with three turning joints."""
+    """Return the data of an arm for ``planar_maxima``.
+
+    Returns None unless the arm is planar with three rotational joints.
+    """
     upright = abs(arm.base.rotation[2, 2] - 1.0) <= TILT_TOLERANCE
     if not (arm.is_planar and arm.dof == 3 and arm.periodic.all() and upright):
         return None
@@ -94,7 +97,9 @@ def _planar_table(arm: Arm) -> tuple[np.ndarray, ...] | None:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PerformancePolygon:
-    """Highest speeds or forces of an arm along each direction from a position, with their postures.
+    """Highest speeds or forces of an arm along each direction.
+
+    They are given at one position, with postures.
 
     position: position (task,) of the tool [m]; task is 2 for planar arms, else 3
     directions: unit vectors (directions, task)
@@ -210,9 +215,9 @@ def performance_polygon(query: DirectionalQuery) -> PerformancePolygon:
 
 
 def unit_directions(directions: object, task: int) -> Float[np.ndarray, "directions task"]:
-    """Return a number of evenly spread unit vectors, or ``directions`` scaled to length 1.
+    """Return evenly spread unit vectors, or ``directions`` scaled to length 1.
 
-    Raises InvalidInput for anything else.
+    If ``directions`` is a number, it is the number of vectors. Raises InvalidInput for anything else.
     """
     if isinstance(directions, int | np.integer) and not isinstance(directions, bool):
         check_size("directions", directions, 1)
@@ -229,7 +234,7 @@ def unit_directions(directions: object, task: int) -> Float[np.ndarray, "directi
             f"directions must be a whole number, or vectors (directions, {task}), at least one, got {fact}"
         )
     size = np.abs(vectors).max(axis=1, keepdims=True)
-    vectors = vectors / np.where(size > 0, size, 1.0)  # scaled first: their squares may overflow or underflow
+    vectors = vectors / np.where(size > 0, size, 1.0)  # scaled first, because squares may overflow or underflow
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
     if not length.all():
         raise InvalidInput(f"directions must be longer than 0, got one of 0 at index {int(np.argmin(length))}")

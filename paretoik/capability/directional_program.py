@@ -1,10 +1,11 @@
-"""The nonlinear program of directional maxima: posture, sliders and speeds together, for arms of any kind.
+"""The nonlinear program of directional maxima, for arms of any kind.
 
-Unknowns are joint positions q, front sliders s if there are any, for each direction d of speeds the motors' speeds u
-and the tool's speed v, for each direction of forces the force f, and on demand the power that speeds take. The tool
-stays at its place and moves along d, or pushes along d at rest with the torques g(q) + Jᵀ f d, and every motor is
-within its curve. All of this is smooth; maxima at their best sliders are not. Source: Kim, Choi & Jang 2021, Eq. 1,
-there for speeds only and one direction at a time; forces are their dual by virtual work.
+The unknowns are the joint positions q, the front sliders s if there are any, and the following. For each direction d of
+speeds, they are the motors' speeds u and the tool's speed v; for each direction of forces, the force f; if required,
+the power of speeds. The tool stays at its place and moves along d, or pushes along d at rest with the torques g(q) + Jᵀ
+f d, and every motor is within its curve. All of these functions are smooth; maxima at their best sliders are not.
+Source: Kim, Choi & Jang 2021, Eq. 1, for speeds only and one direction at a time; forces are dual to speeds by virtual
+work.
 """
 
 from __future__ import annotations
@@ -95,7 +96,10 @@ class DirectionalProgram:
         return z
 
     def posture_lanes(self, samples: int) -> LanesOf:
-        """Return how users' functions of motions that stand still depend on the unknowns."""
+        """Return how users' functions depend on the unknowns.
+
+        The functions are of motions that stand still.
+        """
         joints, rates = np.arange(self.arm.dof)[None], [0.0] * (3 * samples * self.arm.dof)
         lanes = Lanes(where=joints, parameters=np.zeros((1, 0)), inputs=lambda q, _: ([*(q * samples), *rates], 1.0))
         return lambda *_: [lanes]
@@ -106,7 +110,10 @@ class DirectionalProgram:
         directions: Float[np.ndarray, "directions task"],
         sizes: Float[np.ndarray, " directions"],
     ) -> AssembledRows:
-        """Return the program at a position along directions; traced once for all of them."""
+        """Return the program at a position along directions.
+
+        The program is traced once for all directions.
+        """
         return _transcribe(self).at(np.concatenate([position, directions.ravel(), sizes]))
 
 
@@ -165,7 +172,10 @@ def _transcribe(settings: DirectionalProgram) -> TracedRows:
 
 
 def stall_slacks(actuation: Actuation, ratios: list[tuple[Any, ...]], torque: list[Any]) -> list[Any]:
-    """Return the slacks of motors at rest under the joints' torques [N m, N]; none for motors without a stall."""
+    """Return the slacks of motors at rest under torques [N m, N].
+
+    Motors without a stall have none.
+    """
     slacks = list[Any]()
     for m, curve in enumerate(actuation.curves):
         for j in np.flatnonzero(np.isfinite(curve.stall)):
@@ -177,7 +187,10 @@ def stall_slacks(actuation: Actuation, ratios: list[tuple[Any, ...]], torque: li
 def ratios_and_slacks(
     arm: Arm, actuation: Actuation, q: list[Any], front: list[Any]
 ) -> tuple[list[tuple[Any, ...]], list[Any]]:
-    """Return each joint's speed per speed of its motors, and the slacks of position limits and sliders."""
+    """Return the joints' speed ratios, and the slacks of positions and sliders.
+
+    A ratio is a joint's speed per speed of its motor.
+    """
     lower, upper = arm.position_limits.T
     slacks = [q[j] - lower[j] for j in np.flatnonzero(np.isfinite(lower))]
     slacks += [upper[j] - q[j] for j in np.flatnonzero(np.isfinite(upper))]

@@ -23,11 +23,14 @@ from paretoik.inputs import ArrayLike, check_size, finite_array
 from paretoik.nlp.convex_programs import Pieces
 from paretoik.tables import field_representation, html_representation
 
-# A speed model along paths: its roots, checked; the times of a path's pieces; points outside its box.
+# A speed model along paths: checked roots, times of pieces, and points outside the model's box.
 
 
 def check_ends(model: SpeedModel, start: ArrayLike, target: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-    """Return both as arrays (task,). Raises InvalidInput if they are not finite or outside the model's box."""
+    """Return both ends as arrays (task,).
+
+    Raises InvalidInput if an end is not finite or outside the model's box.
+    """
     check_model(model)
     ends = [finite_array(name, end, np.shape(model.lower)) for name, end in (("start", start), ("target", target))]
     check_inside(model, "start", ends[0])
@@ -47,13 +50,19 @@ def check_inside(model: SpeedModel, name: str, point: Float[np.ndarray, " task"]
 def is_outside(
     model: SpeedModel, points: Float[np.ndarray, "*batch task"], *, tolerance: float = 1e-9
 ) -> Bool[np.ndarray, "*batch task"]:
-    """Return which coordinates are beyond the model's box by more than rounding, a share of it."""
+    """Return which coordinates are outside the model's box.
+
+    The tolerance for rounding is a share of the box.
+    """
     slack = tolerance * (model.upper - model.lower)
     return ~((points >= model.lower - slack) & (points <= model.upper + slack))
 
 
 def evaluate_roots(model: SpeedModel, positions: Float[np.ndarray, "*batch task"]) -> tuple[np.ndarray, np.ndarray]:
-    """Return the roots of the model. Raises InvalidInput, naming the position, if they are not finite."""
+    """Return the roots of the model.
+
+    Raises InvalidInput, naming the position, if roots are not finite.
+    """
     roots, slopes = model.roots(positions)
     if not (np.isfinite(roots).all() and np.isfinite(slopes).all()):
         wrong = ~(np.isfinite(roots).all(axis=(-1, -2)) & np.isfinite(slopes).all(axis=(-1, -2, -3)))
@@ -63,7 +72,10 @@ def evaluate_roots(model: SpeedModel, positions: Float[np.ndarray, "*batch task"
 
 
 def linearise_pieces(model: SpeedModel, points: Float[np.ndarray, "points task"], share: float) -> Pieces:
-    """Return the times R Δp of a path's pieces to first order, R at a ``share`` of each."""
+    """Return the times R Δp of a path's pieces to first order.
+
+    R is taken at a ``share`` of each piece.
+    """
     change = points[1:] - points[:-1]
     roots, slopes = evaluate_roots(model, points[:-1] + share * change)
     derivative = np.einsum("lijk,lj->lik", slopes, change)
@@ -79,7 +91,10 @@ def linearise_pieces(model: SpeedModel, points: Float[np.ndarray, "points task"]
 
 @dataclass(frozen=True, kw_only=True)
 class GeodesicOptions:
-    """Settings of the search for the fastest path and of the quadrature of times; no paper has them."""
+    """Settings of the search for the fastest path, and of quadrature.
+
+    No paper has these settings.
+    """
 
     iterations: int = 200
     energy_tolerance: float = 1e-14  # share of the energy: the predicted decrease at which the search ends
@@ -87,9 +102,11 @@ class GeodesicOptions:
     quadrature_nodes: int = 5  # Gauss-Legendre nodes per panel
     fewest_samples: int = 64  # least samples of a path before its time is accepted
     most_samples: int = 2**18
-    start_amplitudes: tuple[float, ...] = (0.2, 0.45)  # shares of the distance: the sines that bow starts sideways
+    start_amplitudes: tuple[float, ...] = (0.2, 0.45)  # shares of the distance: sideways amplitudes of start paths
     difference_step: float = 1e-5  # share of the distance, for second derivatives of R
-    active_multiplier: float = 1e-7  # share of the energy: its increase over the distance if a bound is strongly active
+    active_multiplier: float = (
+        1e-7  # share of the energy per distance: multipliers of strongly active bounds are larger
+    )
     perturbations: int = 20  # number of perturbations of a path on a saddle: 1/2, 1/4, ... of the distance
 
 
@@ -202,7 +219,10 @@ def _integrate_times(model: SpeedModel, points: np.ndarray, tolerance: float) ->
 
 
 def _initial_paths(model: SpeedModel, start: np.ndarray, target: np.ndarray, intervals: int) -> Iterator[np.ndarray]:
-    """Yield the straight line, and lines bowed to either side (four in space), within the box."""
+    """Yield the straight line, and lines bowed to either side.
+
+    There are two sides in the plane, four in space. Lines are within the box.
+    """
     shares = np.linspace(0.0, 1.0, intervals + 1)[:, None]
     straight = (1 - shares) * start + shares * target
     yield straight
@@ -217,11 +237,11 @@ def _initial_paths(model: SpeedModel, start: np.ndarray, target: np.ndarray, int
 
 
 def _minimise_energy(model: SpeedModel, points: np.ndarray) -> np.ndarray | None:
-    """Return the path of least energy near one; None if the search has not converged.
+    """Return the path of least energy near a path.
 
-    Damped Newton steps are projected onto the box: coordinates that are at a bound and would exceed it stay. A path on
-    a saddle is perturbed and the search continues. Source: Bertsekas 1982, Projected Newton methods for optimization
-    problems with simple constraints.
+    Returns None if the search has not converged. Damped Newton steps are projected onto the box: coordinates that are
+    at a bound and would exceed it stay. A path on a saddle is perturbed and the search continues. Source: Bertsekas
+    1982, Projected Newton methods for optimization problems with simple constraints.
     """
     pieces = linearise_pieces(model, points, 0.5)
     energy, damping = float(np.sum(pieces.values**2)), 0.0
@@ -255,9 +275,10 @@ def _minimise_energy(model: SpeedModel, points: np.ndarray) -> np.ndarray | None
 
 
 def _newton_system(model: SpeedModel, points: np.ndarray, pieces: Pieces) -> tuple[np.ndarray, np.ndarray]:
-    """Return gradient (between, task) and lower bands (2 task, between · task) of the Hessian of Σ ‖R Δp‖² / 2.
+    """Return gradient and Hessian bands of Σ ‖R Δp‖² / 2.
 
-    Second derivatives of R are differences of first ones.
+    The gradient is (between, task), the lower bands (2 task, between · task). Second derivatives of R are differences
+    of first ones.
     """
     values, before, after = pieces.values, pieces.before, pieces.after
     change, middle = points[1:] - points[:-1], (points[1:] + points[:-1]) / 2
@@ -291,7 +312,10 @@ def _apply_step(model: SpeedModel, points: np.ndarray, step: np.ndarray) -> np.n
 
 
 def _fix_coordinates(bands: np.ndarray, fixed: np.ndarray) -> np.ndarray:
-    """Return bands with the rows and columns of ``fixed`` coordinates (between, task) replaced by the identity."""
+    """Return bands with ``fixed`` coordinates replaced by the identity.
+
+    Rows and columns of the coordinates (between, task) are replaced.
+    """
     free, result = ~fixed.ravel(), bands.copy()
     for below in range(len(bands)):
         result[below, : len(free) - below] *= free[: len(free) - below] & free[below:]
@@ -317,9 +341,10 @@ def _damped_step(gradient: np.ndarray, bands: np.ndarray, damping: float) -> tup
 
 
 def _leave_saddle(model: SpeedModel, points: np.ndarray, bands: np.ndarray, energy: float) -> np.ndarray | None:
-    """Return the path of least energy, to either side, along the direction of most negative curvature.
+    """Return the path of least energy on either side of a saddle.
 
-    None at a minimum: the curvature is positive, or so slightly negative that no perturbation has less energy.
+    The sides are along the direction of most negative curvature. None at a minimum: the curvature is positive, or so
+    slightly negative that no perturbation has less energy.
     """
     try:
         cholesky_banded(bands, lower=True)

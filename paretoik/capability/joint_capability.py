@@ -1,4 +1,7 @@
-"""Capability of joints under an actuation, and of the tool: speeds under a torque, torques, forces."""
+"""Capability of joints under an actuation, and of the tool.
+
+It has speeds under a torque, torques, and forces.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,7 @@ from paretoik.nlp.convex_programs import furthest
 from paretoik.robot import dynamics, kinematics
 from paretoik.robot.arm import Arm
 
-# Highest speed of a tool in one posture: along a direction, the nearest facet of the zonotope of its velocities.
+# Highest speed of a tool in one posture: the nearest facet, along a direction, of the zonotope of tool velocities.
 # Sources: Kim, Shin & Jang 2021 (allowable polygons); Ziegler, Lectures on Polytopes, section 7.3.
 
 
@@ -39,11 +42,12 @@ OPTIONS = FacetOptions()
 
 
 def normals(columns: Float[np.ndarray, "*batch task dof"]) -> Float[np.ndarray, "*batch normals task"]:
-    """Return the normals that facets can have, not of length 1, some of them 0.
+    """Return the normals that facets can have.
 
-    The speeds of joints are independent ranges, so that tool velocities J q̇ are a zonotope. The normal of a facet is
-    orthogonal to the columns of J that span it: one in the plane, two in space. The axes, as columns of joints that do
-    not move, close the gaps between parallel columns.
+    Normals do not have length 1; some are 0. The speeds of joints are independent ranges, so that tool velocities J q̇
+    are a zonotope. The normal of a facet is orthogonal to the columns of J that span the facet: one column in the
+    plane, two in space. Axes are added as columns of joints that do not move, so that normals suffice if columns are
+    parallel.
     """
     task = columns.shape[-2]
     axes = np.broadcast_to(np.eye(task), (*columns.shape[:-2], task, task))
@@ -60,9 +64,9 @@ def highest_speeds(
     high: Float[np.ndarray, "*batch dof"],
     directions: Float[np.ndarray, "*#batch directions task"],
 ) -> Float[np.ndarray, "*batch directions"]:
-    """Return the highest speed along each direction [m/s]; NaN if a joint's speeds are NaN.
+    """Return the highest speed along each direction [m/s].
 
-    ``columns`` is the Jacobian of positions, and low ≤ 0 ≤ high.
+    The speed is NaN if a joint's speeds are NaN. ``columns`` is the Jacobian of positions, and low ≤ 0 ≤ high.
     """
     _, bound, nearest = _facets(columns, low, high, directions)
     return _where_known(low, high, np.take_along_axis(bound, nearest[..., None, :], axis=-2)[..., 0, :])
@@ -76,8 +80,8 @@ def greatest_forces(
 ) -> Float[np.ndarray, "*batch directions"]:
     """Return the greatest force along each direction [N] with low ≤ Jᵀ f ≤ high.
 
-    It is inf if no joint has to bear it. Torques relate to forces as tool velocities to joint speeds, by the same
-    Jacobian transposed (virtual work).
+    The force is inf if no joint has to bear it. Torques relate to forces as tool velocities to joint speeds, by the
+    same Jacobian transposed (virtual work).
     """
     shares = directions @ columns
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -86,7 +90,7 @@ def greatest_forces(
 
 
 def _where_known(low: np.ndarray, high: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return values (*batch, directions), NaN in postures in which a joint's range is NaN."""
+    """Return values (*batch, directions), NaN if a joint's range is NaN."""
     return np.where((np.isnan(low) | np.isnan(high)).any(axis=-1)[..., None], np.nan, values)
 
 
@@ -96,9 +100,10 @@ def fastest_joint_speeds(
     high: Float[np.ndarray, "batch dof"],
     directions: Float[np.ndarray, "batch task"],
 ) -> tuple[Float[np.ndarray, " batch"], Float[np.ndarray, "batch dof"]]:
-    """Return ``highest_speeds``, one direction per posture, and joint speeds within their ranges that reach them.
+    """Return ``highest_speeds``, and joint speeds that reach them.
 
-    On a facet, all joints except those whose columns span it are at one of their ends; these follow from the velocity.
+    There is one direction per posture; joint speeds are within their ranges. On a facet, all joints except those whose
+    columns span it are at one of their ends; these follow from the velocity.
     """
     faces, bound, index = _facets(columns, low, high, directions[:, None])
     rows = np.arange(len(faces))
@@ -124,9 +129,10 @@ def fastest_joint_speeds(
 def _facets(
     columns: np.ndarray, low: np.ndarray, high: np.ndarray, directions: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the normals, the largest value that each allows (*batch, normals, directions), and the strictest one.
+    """Return the normals, the value that each allows, and the strictest normal.
 
-    The rounding of a normal that is nearly orthogonal to a direction must not make it the strictest one.
+    Values are (*batch, normals, directions). The rounding of a normal that is nearly orthogonal to a direction must not
+    make it the strictest one.
     """
     faces = normals(columns)
     shares = faces @ columns
@@ -165,9 +171,9 @@ class JointSpeeds:
 
 
 def joint_speeds(actuation: Actuation, q: Joints, torque: Joints) -> JointSpeeds:
-    """Return the speeds of joints under a torque, sliders at their best; all (*batch, dof).
+    """Return the speeds of joints under a torque, with the best sliders.
 
-    Raises InvalidInput if the shapes of the arrays differ.
+    Speeds are (*batch, dof). Raises InvalidInput if the shapes of the arrays differ.
     """
     if np.shape(q) != np.shape(torque) or np.shape(q)[-1:] != (actuation.dof,):
         raise InvalidInput(
@@ -178,9 +184,9 @@ def joint_speeds(actuation: Actuation, q: Joints, torque: Joints) -> JointSpeeds
 
 
 def speeds_at_sliders(actuation: Actuation, q: Joints, torque: Joints, front: Joints) -> tuple[Joints, Joints]:
-    """Return the lowest and highest joint speeds at the given front sliders, all (*batch, dof).
+    """Return the lowest and highest joint speeds at given front sliders.
 
-    NaN if a motor cannot bear the torque. Without sliders, ``front`` has no effect.
+    Speeds are (*batch, dof). NaN if a motor cannot bear the torque. Without sliders, ``front`` has no effect.
     """
     ratios = actuation.ratios(q, front)
     efforts = ratios * torque[..., None, :]
@@ -189,12 +195,12 @@ def speeds_at_sliders(actuation: Actuation, q: Joints, torque: Joints, front: Jo
 
 
 def torques_at_sliders(actuation: Actuation, q: Joints, front: Joints) -> Joints:
-    """Return the torque [N m, N] that each joint can hold at rest at the given front sliders, (*batch, dof).
+    """Return the torques [N m, N] that joints can hold at given sliders.
 
-    Without sliders, ``front`` has no effect.
+    The joints are at rest; torques are (*batch, dof). Without sliders, ``front`` has no effect.
     """
     ratios, stall = actuation.ratios(q, front), np.stack([curve.stall for curve in actuation.curves])
-    with np.errstate(divide="ignore"):  # a motor orthogonal to the joint's motion bears nothing
+    with np.errstate(divide="ignore"):  # a motor orthogonal to the joint's motion bears no load
         return np.asarray((stall / np.abs(ratios)).min(axis=-2))
 
 
@@ -205,9 +211,10 @@ def motor_speeds(
     torque: Float[np.ndarray, "*#batch dof"],
     dq: Joints,
 ) -> tuple[Float[np.ndarray, "*batch motors dof"], Float[np.ndarray, "*#batch motors dof"]]:
-    """Return speeds and efforts of all motors that turn joints at dq under a torque.
+    """Return speeds and efforts of all motors under a torque.
 
-    The sliders of a joint share its speed: each runs in proportion to its highest speed under its load.
+    The motors turn joints at dq. The sliders of a joint share its speed: each runs in proportion to its highest speed
+    under its load.
     """
     ratios = actuation.ratios(q, front)
     efforts = ratios * torque[..., None, :]
@@ -220,25 +227,28 @@ def motor_speeds(
 
 
 def _fastest_motors(actuation: Actuation, ratios: np.ndarray, efforts: np.ndarray, ahead: Any) -> np.ndarray:
-    """Return the motor speeds (*batch, motors, dof) that turn joints fastest, ``ahead`` or back."""
+    """Return the motor speeds (*batch, motors, dof) that turn joints fastest.
+
+    Joints turn ``ahead`` or back.
+    """
     ends = [curve.speeds(efforts[..., m, :]) for m, curve in enumerate(actuation.curves)]
     low, high = (np.stack(speeds, axis=-2) for speeds in zip(*ends, strict=True))
     return np.where((ratios > 0) == ahead, high, low)
 
 
 def torque_capacity(actuation: Actuation, q: Joints) -> tuple[Joints, Joints]:
-    """Return the torque [N m, N] that each joint can hold at rest, and its front sliders; both (*batch, dof).
+    """Return the torques [N m, N] that joints can hold, and their sliders.
 
-    NaN if no slider fits.
+    The joints are at rest, front sliders at their best; both results are (*batch, dof). NaN if no slider fits.
     """
     maxima = _joint_maxima(actuation, q, np.zeros_like(q), actuators.HOLD)
     return maxima[..., 0], maxima[..., 1]
 
 
 def quantities_along(quantity: object, count: int) -> tuple[Quantity, ...]:
-    """Return the quantity along each of ``count`` directions: one for all, or one each.
+    """Return the quantity along each of ``count`` directions.
 
-    Raises InvalidInput for anything else.
+    The argument is one quantity for all directions, or one for each. Raises InvalidInput for anything else.
     """
     each: Any = (quantity,) * count if isinstance(quantity, str) else quantity
     valid = isinstance(each, Sequence) and len(each) == count and all(one in get_args(Quantity) for one in each)
@@ -251,7 +261,10 @@ def quantities_along(quantity: object, count: int) -> tuple[Quantity, ...]:
 
 
 def overload_error(actuation: Actuation, arm: Arm, q: Joints, torque: Joints) -> Infeasible:
-    """Return the error of a posture (dof,) with the joint that cannot hold its torque."""
+    """Return the error of a posture (dof,) that motors cannot hold.
+
+    The error names the joint.
+    """
     capacity, _ = torque_capacity(actuation, q)
     share = np.where(np.isnan(capacity), np.inf, np.abs(torque) / np.where(capacity > 0, capacity, 1e-300))
     worst = int(np.argmax(share))
@@ -276,7 +289,10 @@ def overload_error(actuation: Actuation, arm: Arm, q: Joints, torque: Joints) ->
 def values_at(
     arm: Arm, actuation: Actuation, directions: Float[np.ndarray, "directions task"], quantity: Quantity, q: Joints
 ) -> Float[np.ndarray, "*batch directions"]:
-    """Return the maxima along each direction in postures (*batch, dof); NaN if a joint cannot hold the arm."""
+    """Return the maxima along each direction in postures (*batch, dof).
+
+    They are NaN if a joint cannot hold the arm.
+    """
     columns = kinematics.jacobian(arm, q)[..., : directions.shape[1], :]
     torque = dynamics.gravity_torques(arm, q)
     if quantity == "velocity":

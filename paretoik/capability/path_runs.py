@@ -1,4 +1,7 @@
-"""Tool paths saved in run folders, by a function of a layer above that ``paretoik`` registers."""
+"""Tool paths saved in run folders.
+
+The function that saves them belongs to a higher layer; ``paretoik`` registers it.
+"""
 
 from __future__ import annotations
 

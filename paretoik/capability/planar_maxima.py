@@ -24,7 +24,7 @@ from paretoik.capability.actuator_kernels import (
 )
 from paretoik.compilation.numba_cache import compiled, inlined
 
-# All postures of a planar arm with three joints at a position: curves, places on them, limits and loads, compiled.
+# All postures of a planar arm with three joints at a position: curves, places on curves, limits and loads, compiled.
 # ``arm`` is (lengths, rotations before each joint, angles of the links, base, masses with gravity, limits).
 
 
@@ -63,7 +63,10 @@ def posture_curves(reach, lengths, curves):
 
 @compiled
 def write_posture(curve, place, arm, target, q, columns):
-    """Write the posture at a place on a curve and the columns of its Jacobian; return the limits' slack [rad]."""
+    """Write the posture at a place on a curve, and its Jacobian's columns.
+
+    Returns the limits' slack [rad].
+    """
     lengths, turned, offsets, base, _, limits = arm
     x, y = target[0] - base[0], target[1] - base[1]
     ahead = np.arctan2(y, x)
@@ -104,7 +107,7 @@ def write_loads(q, arm, loads):
     lengths, turned, offsets, base, weights, _ = arm
     link_angle = base[2] + q[0] + turned[0] + q[1] + turned[1] + q[2] + turned[2]
     torque, force_x, force_y = 0.0, 0.0, 0.0
-    for j in range(2, -1, -1):  # from the tip: the weight beyond a link acts at its end
+    for j in range(2, -1, -1):  # from the tip: the weight beyond a link acts at the link's end
         angle = link_angle + offsets[j]
         torque += lengths[j] * (np.sin(angle) * force_x - np.cos(angle) * force_y)
         cosine, sine = np.cos(link_angle), np.sin(link_angle)
@@ -127,19 +130,24 @@ class PlanarSearchOptions(NamedTuple):
     refined: int = 4  # number of places refined per direction and curve
     pieces: int = 4  # number of pieces of a feasible stretch between two places
     overshoot: float = 1e-12  # rad by which rounding may exceed a joint limit
-    bisections: int = 40  # for the places at which limits begin or end to be satisfied
+    bisections: int = 40  # number of bisections for places at which limits begin or end to be satisfied
     sections: int = 40  # golden sections
     parallel: float = 1e-14  # least share of a direction along a normal that bounds it
 
 
 OPTIONS = PlanarSearchOptions()
-NEW, OUTSIDE = -1, -2  # places off the grid: feasible ones, and those without a posture
+NEW, OUTSIDE = -1, -2  # places off the grid: feasible places, and places without a posture
 INFEASIBLE = -1.0  # value of a posture that exceeds limits or is overloaded
 
 
 @compiled
 def _write_ranges(q, loads, table, quantity, ranges, ends):
-    """Write (lowest, highest) speed, or torque left, of every joint; return whether all joints can hold."""
+    """Write every joint's (lowest, highest) speed, or remaining torque.
+
+    Returns whether all joints can hold.
+
+    Returns whether all joints can hold.
+    """
     for j in range(3):
         if quantity == SPEED:
             ranges[j, 1] = joint_maximum(table[j], q[j], loads[j], quantity, ends)[0]
@@ -156,7 +164,10 @@ def _write_ranges(q, loads, table, quantity, ranges, ends):
 
 @compiled
 def highest_speed(columns, ranges, x, y):
-    """Return the highest speed along (x, y): the nearest edge of the polygon of tool velocities."""
+    """Return the highest speed along (x, y).
+
+    The nearest edge of the polygon of tool velocities limits it.
+    """
     best = np.inf
     for i in range(5):  # edges are along a joint's column; an axis replaces parallel columns
         if i < 3:
@@ -224,7 +235,10 @@ def _negative_slack_at(place, arguments):
 
 @compiled
 def _write_values(curve, place, directions, problem, q, work, values):
-    """Write the values of a place along each direction; ``INFEASIBLE`` if the arm cannot be there."""
+    """Write the values of a place along each direction.
+
+    A value is ``INFEASIBLE`` if the arm cannot be there.
+    """
     arm, table, target, quantity = problem
     columns, loads, ranges, ends = work
     values[:] = INFEASIBLE
@@ -255,10 +269,11 @@ def _feasible_end(curve, inside, outside, problem, q, work):
 
 @compiled
 def _write_places(curve, grid_values, problem, q, work, places, grid_index):
-    """Write in order the places of a curve to compare, and their numbers on the grid; return how many.
+    """Write the places of a curve to compare, and their grid numbers.
 
-    These are the feasible places of the grid and, as ``NEW``, the ends of every feasible stretch, between places
-    ``OUTSIDE``. Stretches between two places of the grid are searched for at the local maxima of the slack.
+    The places are in order. They are the feasible places of the grid and, as ``NEW``, the ends of every feasible
+    stretch. Places ``OUTSIDE`` separate the stretches. Between two places of the grid, stretches are searched for at
+    the local maxima of the slack. Returns the number of places.
     """
     step, count = 2.0 * np.pi / OPTIONS.around, 0
     slacks = np.empty(OPTIONS.around)
@@ -300,9 +315,9 @@ def _write_places(curve, grid_values, problem, q, work, places, grid_index):
 
 @compiled(level=3)  # a sixth faster than at level 1
 def write_maxima(problem, directions, values, postures):
-    """Write the greatest value and its posture of every direction, −1 if no posture can be held.
+    """Write the greatest value and its posture for every direction.
 
-    Returns the number of curves of postures.
+    The value is −1 if no posture can be held. Returns the number of curves of postures.
     """
     arm, _, target, _ = problem
     count = directions.shape[0]
@@ -334,7 +349,10 @@ def write_maxima(problem, directions, values, postures):
 
 @compiled
 def _update_maximum(curve, places, place_values, direction, problem, q, work, value, posture):
-    """Write the maximum along one direction on a curve, refined from its best places, if it is above the value."""
+    """Write the maximum along one direction on a curve, if it is larger.
+
+    It is refined from the best places of the curve.
+    """
     count = len(places)
     tops, index, one = np.full(OPTIONS.refined, -1.0), np.zeros(OPTIONS.refined, dtype=np.int64), np.empty(1)
     for i in range(count):

@@ -1,8 +1,8 @@
-"""The nonlinear program of a motion from point to point: splines of joints and sliders, intervals, and work.
+"""The nonlinear program of a motion from point to point.
 
-Unknowns are the coefficients, the time of every interval and the work of every motor in it; the costs are the sums of
-times and of work. Ends are fixed, motors are within their curves from sample to sample and hold the arm, and positions
-are within bounds at the samples: the same few rows are repeated.
+The unknowns are the spline coefficients of joints and sliders, the time of every interval, and the work of every motor
+in every interval. The costs are the sums of times and of work. Ends are fixed. Motors are within their curves from
+sample to sample and hold the arm, and positions are within bounds at the samples. So the same few rows are repeated.
 """
 
 from __future__ import annotations
@@ -59,13 +59,17 @@ class Timing:
 
     @property
     def energy(self) -> Float[np.ndarray, "*batch"]:
-        """Work of all motors, given or taken [J]: braking costs as much as driving, nothing is recovered."""
+        """Work of all motors, given or taken [J].
+
+        Braking costs as much as driving: no energy is recovered.
+        """
         return np.asarray(self.work.sum(axis=(-1, -2, -3)))
 
     def lateness(self, allowed: Float[np.ndarray, "*batch coarse"]) -> Float[np.ndarray, "*batch"]:
-        """Return the largest lack of time of coarser intervals [s] over their mean; each has equally many fine ones.
+        """Return the largest lack of time of coarser intervals [s].
 
-        An interval that no motor can bear does not count.
+        It is relative to the interval's mean; each coarse interval has equally many fine intervals. An interval that no
+        motor can bear does not count.
         """
         shortest = self.intervals.reshape(*allowed.shape, -1).sum(axis=-1)
         late = np.nan_to_num(shortest - allowed, nan=0.0).max(axis=-1) / allowed.mean(axis=-1)
@@ -75,9 +79,10 @@ class Timing:
 def minimum_timing(
     arm: Arm, actuation: Actuation, q: JointPaths, front: JointPaths, *, travel_tolerance: float = 1e-9
 ) -> Timing:
-    """Return the timing of joint positions, and of front sliders if any, at samples (*batch, time, dof).
+    """Return the timing of joint positions at samples (*batch, time, dof).
 
-    A motor that travels no more than the tolerance [rad, m] between samples rests, even under its largest load.
+    Front sliders are given at the same samples, if there are any. A motor that travels no more than the tolerance [rad,
+    m] between samples rests, even under its largest load.
     """
     middle = (q[..., 1:, :] + q[..., :-1, :]) / 2
     middle_front = (front[..., 1:, :] + front[..., :-1, :]) / 2
@@ -213,9 +218,10 @@ class PointToPointProgram:
         return AssembledRows(unknowns=self.count, parts=(*self.program.parts, part))
 
     def lanes(self, term: SmoothTerm, samples: list[int]) -> list[Lanes]:
-        """Return how a user's function depends on the unknowns: at samples, the first by itself, or as a whole.
+        """Return how a user's function depends on the unknowns.
 
-        Rates are backward differences, 0 at the first sample, as those of the motions of the front.
+        There are lanes for samples, with the first sample separate, or one lane for the whole motion. Rates are
+        backward differences, 0 at the first sample, as those of the motions of the front.
         """
         if not term.local:
             intervals = np.arange(self.slices["times"].start, self.slices["times"].stop)
@@ -226,7 +232,10 @@ class PointToPointProgram:
         return [*first, self._sample_lanes(samples[len(first) :], term.orders)]
 
     def _sample_lanes(self, samples: list[int], orders: int) -> Lanes:
-        """Return the lanes of functions of rates up to an order at samples; they include the samples before."""
+        """Return the lanes of functions of rates at samples.
+
+        Rates are up to an order; lanes include the samples before.
+        """
         window = np.maximum(np.array(samples)[:, None] - np.arange(orders + 1), 0)
         weights = self.spline[window]  # (lanes, window, coefficients)
         nonzero = np.any(weights > 0, axis=1)
@@ -235,7 +244,7 @@ class PointToPointProgram:
         near = np.minimum(first, nonzero.shape[1] - reach)[:, None] + np.arange(reach)
         weights = np.take_along_axis(weights, near[:, None], axis=2)
         before = window[:, :1] - 1 - np.arange(max(orders, 1))
-        intervals = before % (len(self.spline) - 1)  # wrapped if it does not exist
+        intervals = before % (len(self.spline) - 1)  # wrapped if there is no interval before
 
         def inputs(z: list[Any], p: list[Any]) -> tuple[list[Any], Any]:
             table = np.array(z[: reach * dof], dtype=object).reshape(reach, dof)
@@ -257,16 +266,20 @@ class PointToPointProgram:
         return [x for order in backward_rates(q, steps) for row in order for x in row] + steps, 1.0
 
     def _where(self, near: np.ndarray) -> np.ndarray:
-        """Return the indices of unknowns with coefficients (batch, reach) of all joints, then of all sliders."""
+        """Return the indices of unknowns with coefficients (batch, reach).
+
+        They are those of all joints, then of all sliders.
+        """
         dof = self.arm.dof
         joints = (near[:, :, None] * dof + np.arange(dof)).reshape(len(near), -1)
         return np.concatenate([joints + self.slices["front"].start * k for k in range(self.motors)], axis=1)
 
 
 def backward_rates(q: list[list[Any]], steps: list[Any]) -> list[list[list[Any]]]:
-    """Return positions at samples, and three derivatives by backward differences, 0 at the first sample.
+    """Return positions and three derivatives at samples.
 
-    ``steps`` are the intervals between the samples. Source: Tringali & Cocuzza 2020, as ``Motion``.
+    Derivatives are backward differences, 0 at the first sample. ``steps`` are the intervals between the samples.
+    Source: Tringali & Cocuzza 2020, as ``Motion``.
     """
     orders = [q]
     for _ in range(3):
@@ -290,7 +303,7 @@ def _end(arm: Arm, task: int) -> TracedRows:
 
 @lru_cache(maxsize=32)
 def _sample(arm: Arm, actuation: Actuation, reach: int) -> TracedRows:
-    """Return the program of the bounds at one sample, and of motors that hold the arm there."""
+    """Return the program of bounds and holding motors at one sample."""
 
     def rows(z: list[Any], weights: list[Any]) -> tuple[list[Any], list[Any]]:
         q, front = _at(arm, actuation, z, weights)

@@ -1,4 +1,7 @@
-"""Postures at a position, within limits and rods, that motors can hold; errors without any."""
+"""Postures at a position that motors can hold, and errors without any.
+
+Postures are within limits and the reach of rods.
+"""
 
 from __future__ import annotations
 
@@ -33,9 +36,9 @@ class AscentOptions:
 
     largest: int = 24  # largest number of starts per direction
     smallest: int = 6  # smallest number of starts per direction
-    repeats: int = 3  # number of starts that must reach the best value before the search of a direction ends
+    repeats: int = 3  # number of starts that must reach the best value to end a direction's search
     value_tolerance: float = 1e-6  # relative difference up to which two values are the same
-    rounds: int = 4  # rounds that try the best posture of one direction in the others
+    rounds: int = 4  # number of rounds that try the best posture of one direction in the others
     batch: int = 2000  # number of postures evaluated together, to limit memory
     distance: float = 0.5  # least distance of starts in some joint [rad, m]
     feasible: float = 1e-8  # largest violation of the program at a feasible end point
@@ -55,9 +58,10 @@ def maximise_from(
     quantity: Quantity,
     starts: Float[np.ndarray, "starts dof"],
 ) -> Float[np.ndarray, "directions dof"]:
-    """Return the best posture of each direction by ascent from ``starts``, for any arm.
+    """Return the best posture of each direction by ascent from ``starts``.
 
-    The best posture of one direction is tried for all others; those that it improves ascend from there again.
+    The best posture of one direction is tried for all other directions. If it improves a direction, the ascent starts
+    again from it.
     """
     program = DirectionalProgram(arm=arm, actuation=actuation, quantities=(quantity,))
     parts = np.array_split(starts, -(-len(starts) // ASCENT_OPTIONS.batch))
@@ -65,7 +69,10 @@ def maximise_from(
     ascended = np.zeros(len(directions))
 
     def climb(k: int, start: np.ndarray, *, near: bool) -> float:
-        """Ascend along direction k, keep the end point, and return its value, 0 without one."""
+        """Ascend along direction k and keep the end point.
+
+        Returns its value, 0 without an end point.
+        """
         nonlocal q, values
         size = float(values[:, k].max())
         end = ascend(program, position, directions[k], size, start, near=near) if 0 < size < np.inf else None
@@ -76,7 +83,7 @@ def maximise_from(
         ascended[k] = max(ascended[k], float(found[0, k]))
         return float(found[0, k])
 
-    for k in range(len(directions)):  # from its best postures, until the best end point repeats or enough were tried
+    for k in range(len(directions)):  # until the best end point repeats or enough starts were tried
         ends = list[float]()
         for start in distant_postures(arm, q[np.argsort(-values[:, k], kind="stable")]):
             ends.append(climb(k, start, near=False))
@@ -99,10 +106,10 @@ def ascend(
     *,
     near: bool = False,
 ) -> Float[np.ndarray, " dof"] | None:
-    """Return the posture of a local maximum along a direction; None if limits are violated.
+    """Return the posture of a local maximum along a direction.
 
-    ``size`` [m/s, N] is about the expected value. ``near`` a maximum, quadratic programs are used: they stay at it,
-    while interior points may leave it.
+    Returns None if limits are violated. ``size`` [m/s, N] is about the expected value. ``near`` a maximum, quadratic
+    programs are used: they stay at it, while interior points may leave it.
     """
     cost = np.zeros((1, program.unknowns))
     cost[0, program.slices["values"]] = -1.0
@@ -137,8 +144,8 @@ class PostureSampleOptions:
 
     enough: int = 64  # number of postures that can be held at which sampling stops
     batches: int = 8  # largest number of batches of samples
-    clear: float = 2.0  # least load of all samples, as a share of capacity, above which none can be held
-    starts: int = 8  # number of the least overloaded samples from which overloads are reduced
+    clear: float = 2.0  # share of capacity: if all samples have a larger load, no posture can be held
+    starts: int = 8  # number of least overloaded samples from which overloads are reduced
     tool_radius: float = 0.1  # m: with the motors' highest speed, the magnitude of a tool's speed
 
 
@@ -148,10 +155,10 @@ OPTIONS = PostureSampleOptions()
 def sample_holdable_postures(
     arm: Arm, actuation: Actuation, position: Float[np.ndarray, " task"], samples: int, rng: np.random.Generator
 ) -> Float[np.ndarray, "postures dof"]:
-    """Return postures that reach a position, within limits, in which motors can hold the arm.
+    """Return postures at a position in which motors can hold the arm.
 
-    If no sample can be held, the overload of the best is reduced. Raises OutOfReach, and Infeasible, naming joint,
-    torque and limit of the least overloaded.
+    All are within limits. If no sample can be held, the overload of the best is reduced. Raises OutOfReach, and
+    Infeasible, naming joint, torque and limit of the least overloaded.
     """
     restricted, q, feasible = restrict_to_rods(arm, actuation), np.empty((0, arm.dof)), np.empty((0, arm.dof))
     for _ in range(OPTIONS.batches):
@@ -181,9 +188,9 @@ def sample_holdable_postures(
 def sample_postures_at(
     arm: Arm, position: Float[np.ndarray, " task"], samples: int, rng: np.random.Generator
 ) -> Float[np.ndarray, "postures dof"]:
-    """Return postures that reach a position, each joint in the turn of its limits; some may exceed limits.
+    """Return postures that reach a position; some may exceed limits.
 
-    Raises OutOfReach.
+    Each joint is in the turn of its limits. Raises OutOfReach.
     """
     task = stationary_task(arm, position)
     q = sample_postures(task, samples, rng)
@@ -204,9 +211,9 @@ def sample_postures_at(
 
 
 def restrict_to_rods(arm: Arm, actuation: Actuation) -> Arm:
-    """Return the arm with joint limits within the reach of rods and sliders, in one turn.
+    """Return the arm with joint limits reduced to the reach of sliders.
 
-    Raises InvalidInput, naming the joint, if limits and reach do not overlap.
+    The limits are in one turn. Raises InvalidInput, naming the joint, if limits and reach do not overlap.
     """
     if not isinstance(actuation, DistributedActuation):
         return arm
@@ -233,7 +240,10 @@ def stationary_task(arm: Arm, position: Float[np.ndarray, " task"]) -> MotionTas
 
 
 def limit_excess(arm: Arm, q: Joints) -> Joints:
-    """Return how far joints (*batch, dof) exceed their limits [rad, m]; negative within limits."""
+    """Return the excess [rad, m] of joints over limits, negative within.
+
+    Joint positions are (*batch, dof).
+    """
     lower, upper = arm.position_limits.T
     return np.asarray(np.maximum(q - upper, lower - q))
 
@@ -241,7 +251,10 @@ def limit_excess(arm: Arm, q: Joints) -> Joints:
 def overload(
     arm: Arm, actuation: Actuation, q: Joints, *, without_slider: float = 1e6
 ) -> Float[np.ndarray, " postures"]:
-    """Return the largest load of any joint as a share of its motor's capacity; a large number if no slider fits."""
+    """Return the largest load of any joint, as a share of capacity.
+
+    The capacity is that of its motor. The load is a large number if no slider fits.
+    """
     torque, (capacity, _) = gravity_torques(arm, q), torque_capacity(actuation, q)
     share = np.abs(torque) / np.where(capacity > 0, capacity, 1e-300)
     share = np.where(np.isnan(capacity), without_slider, share)
@@ -255,7 +268,10 @@ def can_hold(arm: Arm, actuation: Actuation, q: Joints) -> Bool[np.ndarray, " po
 
 
 def postures_error(arm: Arm, actuation: Actuation, q: np.ndarray, position: np.ndarray) -> Infeasible:
-    """Return the error of postures that cannot be held within limits: that of the nearest one."""
+    """Return the error of postures that cannot be held within limits.
+
+    It describes the nearest posture.
+    """
     excess = limit_excess(arm, q)
     inside = q[(excess <= 0).all(axis=1)]
     if len(inside):

@@ -1,4 +1,7 @@
-"""Ellipsoids fitted to directional maxima: one convex program for all positions, or the paper's two stages."""
+"""Ellipsoids fitted to directional maxima.
+
+The fit is one convex program for all positions, or the paper's two stages.
+"""
 
 from __future__ import annotations
 
@@ -72,7 +75,10 @@ def fit_errors(model: SpeedModel, positions: Positions, directions: Directions, 
 
 
 def checked_samples(positions: object, directions: object, speeds: object) -> tuple[Positions, Directions, Speeds]:
-    """Return the arrays as numbers. Raises InvalidInput unless they are speeds at positions along unit vectors."""
+    """Return the arrays as numbers.
+
+    Raises InvalidInput unless they are positions, unit vectors and speeds.
+    """
     places, vectors = _matrix("positions", positions), _matrix("directions", directions)
     task = places.shape[1]
     if task not in (2, 3):
@@ -188,11 +194,12 @@ def fit_ellipsoids(
 
 
 def fit_axes(positions: Positions, directions: Directions, speeds: Speeds) -> AxesEllipses:
-    """Return the paper's model, fitted in its two stages: the ellipse of each position, then polynomials.
+    """Return the paper's model, fitted in two stages.
 
-    Arguments and errors are those of ``fit_ellipsoids``; it also raises InvalidInput if positions are not in the plane.
-    The radii a ≥ b and the angle c of each ellipse are those of least relative errors; c is continued from each
-    position to its nearest neighbours. Source: Kim, Choi & Jang 2021, Eq. 5 and section 3.1.
+    The stages are the ellipse of each position, then polynomials. Arguments and errors are those of ``fit_ellipsoids``;
+    it also raises InvalidInput if positions are not in the plane. The radii a ≥ b and the angle c of each ellipse are
+    those of least relative errors; c is continued from each position to its nearest neighbours. Source: Kim, Choi &
+    Jang 2021, Eq. 5 and section 3.1.
     """
     positions, directions, speeds = checked_samples(positions, directions, speeds)
     if positions.shape[1] != 2:
@@ -203,7 +210,7 @@ def fit_axes(positions: Positions, directions: Directions, speeds: Speeds) -> Ax
     major, minor = 1.0 / np.sqrt(squares.T)
     # Each angle is the nearest, modulo π, to that of a neighbour along a shortest spanning tree.
     angles = np.arctan2(vectors[:, 1, 0], vectors[:, 0, 0])
-    distances = 1.0 + np.linalg.norm(positions[:, None] - positions, axis=-1)  # the same tree; 0 would mean no edge
+    distances = 1.0 + np.linalg.norm(positions[:, None] - positions, axis=-1)  # + 1: the same tree; 0 would be no edge
     order, parents = breadth_first_order(minimum_spanning_tree(distances), 0, directed=False)
     for index in order[1:]:
         angles[index] -= np.pi * np.round((angles[index] - angles[parents[index]]) / np.pi)
@@ -216,9 +223,10 @@ def fit_axes(positions: Positions, directions: Directions, speeds: Speeds) -> Ax
 
 
 def ellipsoids_at(directions: Directions, speeds: Speeds) -> Float[np.ndarray, "samples task task"]:
-    """Return the inverse square P [s²/m²] of the ellipsoid of every position, each fitted to its own speeds only.
+    """Return the inverse square P [s²/m²] of every position's ellipsoid.
 
-    Raises InvalidInput unless the directions determine an ellipsoid; SolverFailed as ``fit_ellipsoids`` does.
+    Each is fitted to its own speeds only. Raises InvalidInput unless the directions determine an ellipsoid;
+    SolverFailed as ``fit_ellipsoids`` does.
     """
     check_determined(directions)
     task, each = directions.shape[1], np.eye(len(speeds))
@@ -230,13 +238,19 @@ def ellipsoids_at(directions: Directions, speeds: Speeds) -> Float[np.ndarray, "
 
 
 def log_volume_radii(speeds: Speeds, task: int) -> Float[np.ndarray, " samples"]:
-    """Return the log radius of the ball with the volume within the speeds along evenly spread directions."""
-    largest = speeds.max(axis=1, keepdims=True)  # scaled out: a power of it may overflow
+    """Return the log radius of a ball of equal volume.
+
+    The volume is that within the speeds along evenly spread directions.
+    """
+    largest = speeds.max(axis=1, keepdims=True)  # divided out, because its powers may overflow
     return np.asarray(np.log(np.mean((speeds / largest) ** task, axis=1)) / task + np.log(largest[:, 0]))
 
 
 def check_needles(slowness: Float[np.ndarray, " samples"], speeds: Speeds) -> None:
-    """Raise SolverFailed if the longest radius, 1 / slowness [m/s], is far longer than the speeds."""
+    """Raise SolverFailed if an ellipsoid is far longer than the speeds.
+
+    The longest radius is 1 / slowness [m/s].
+    """
     ratio = 1.0 / (slowness * speeds.max(axis=1))
     if not ratio.max() <= OPTIONS.needle:
         raise SolverFailed(

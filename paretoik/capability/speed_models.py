@@ -25,10 +25,11 @@ from paretoik.tables import field_representation, html_representation
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Polynomials:
-    """Polynomials of total ``degree`` in x = (p − center) / scale, one column of ``coefficients`` each.
+    """Polynomials of total ``degree`` in x = (p − center) / scale.
 
-    Its rows are the monomials, the products of ``degree`` factors out of 1, x₁, x₂, …, in the order of ``monomials``:
-    1, x₁, x₂, x₁², x₁x₂, x₂² for two coordinates and degree 2.
+    There is one column of ``coefficients`` per polynomial. Rows are the monomials, the products of ``degree``
+    factors out of 1, x₁, x₂, …, in the order of ``monomials``: 1, x₁, x₂, x₁², x₁x₂, x₂² for two coordinates and degree
+    2.
     """
 
     degree: int
@@ -54,10 +55,10 @@ class Polynomials:
     def bernstein(
         self, lower: Float[np.ndarray, " task"], upper: Float[np.ndarray, " task"]
     ) -> Float[np.ndarray, "points terms"]:
-        """Return the matrix from monomial coefficients to those in the tensor Bernstein basis of a box.
+        """Return the matrix from monomial to Bernstein coefficients of a box.
 
-        Over the box a polynomial is a convex combination of its Bernstein coefficients. Source: Farouki 2012, The
-        Bernstein polynomial basis: a centennial retrospective, section 5.
+        The basis is the tensor Bernstein basis. Over the box a polynomial is a convex combination of its Bernstein
+        coefficients. Source: Farouki 2012, The Bernstein polynomial basis: a centennial retrospective, section 5.
         """
         nodes = np.linspace(0.0, 1.0, self.degree + 1)
         order = np.arange(self.degree + 1)
@@ -90,15 +91,19 @@ class Polynomials:
 
 
 def monomials(task: int, degree: int) -> Int[np.ndarray, "terms degree"]:
-    """Return the indices of the factors 1 (0), x₁, x₂, … of each product up to a degree, the lowest degree first."""
+    """Return the indices of each product's factors 1 (0), x₁, x₂, ….
+
+    Products are up to a degree, the lowest degree first.
+    """
     rows = list(combinations_with_replacement(range(1 + task), degree))
     return np.array(rows, dtype=int).reshape(len(rows), degree)
 
 
 def empty_polynomials(positions: Float[np.ndarray, "samples task"], degree: int) -> Polynomials:
-    """Return polynomials without columns, to be fitted at positions; one scale for all coordinates keeps axes equal.
+    """Return polynomials without columns, to be fitted at positions.
 
-    Raises InvalidInput unless the degree is a whole number of at least 0.
+    All coordinates have one scale, so that axes stay equal. Raises InvalidInput unless the degree is a whole number of
+    at least 0.
     """
     check_size("degree", degree, 0)
     center = positions.mean(axis=0)
@@ -127,7 +132,10 @@ def orthogonal_design(
 
 
 def numerical_rank(matrix: np.ndarray, *, tolerance: float = 1e-9) -> int:
-    """Return the rank: singular values up to ``tolerance`` of the largest count as 0."""
+    """Return the numerical rank of a matrix.
+
+    Singular values up to ``tolerance`` of the largest count as 0.
+    """
     sizes = np.linalg.svd(matrix, compute_uv=False)
     return int(np.sum(sizes > tolerance * sizes[0]))
 
@@ -197,9 +205,8 @@ class PolynomialEllipsoids:
 class AxesEllipses:
     """Ellipses by their radii a, b [m/s] and the angle c [rad] of the first, each a polynomial of the position.
 
-    As in the paper, with its weaknesses: c means the same as c + π, so no polynomial follows it if the ellipses turn
-    around a position, and the polynomials a and b may fall below zero.
-    Source: Kim, Choi & Jang 2021, Eq. 5.
+    This is the paper's model, with its weaknesses: c and c + π are the same angle, so no polynomial fits c if ellipses
+    turn around a position, and the polynomials a and b may fall below zero. Source: Kim, Choi & Jang 2021, Eq. 5.
 
     axes: polynomials of a, b and c
     lower, upper: corners (2,) of the box of valid positions [m]
@@ -257,9 +264,10 @@ def speeds_along(
 def spectral_roots(
     values: Float[np.ndarray, "*batch columns"], gradients: Float[np.ndarray, "*batch columns variables"]
 ) -> tuple[Float[np.ndarray, "*batch task task"], Float[np.ndarray, "*batch task task variables"]]:
-    """Return R = Q^(1/2) / s and its derivatives from log s and the upper triangle of Q and theirs.
+    """Return R = Q^(1/2) / s and its derivatives.
 
-    Not finite if Q is not positive definite. Source: Higham, Functions of Matrices, theorem 3.11.
+    They follow from log s and the upper triangle of Q, with derivatives. Not finite if Q is not positive definite.
+    Source: Higham, Functions of Matrices, theorem 3.11.
     """
     place = upper_triangle(values.shape[-1] - 1)
     eigenvalues, vectors = np.linalg.eigh(values[..., 1:][..., place])
@@ -278,9 +286,9 @@ def spectral_roots(
 def planar_roots(
     values: Float[np.ndarray, "*batch 4"], gradients: Float[np.ndarray, "*batch 4 variables"]
 ) -> tuple[Float[np.ndarray, "*batch 2 2"], Float[np.ndarray, "*batch 2 2 variables"]]:
-    """Return what ``spectral_roots`` does, in closed form: Q^(1/2) = (Q + δ I) / t, δ² = det Q, t² = tr Q + 2 δ.
+    """Return the result of ``spectral_roots`` in closed form, in the plane.
 
-    Source: Levinger 1980, The square root of a 2 × 2 matrix.
+    Q^(1/2) = (Q + δ I) / t, δ² = det Q, t² = tr Q + 2 δ. Source: Levinger 1980, The square root of a 2 × 2 matrix.
     """
     entries, change = values[..., 1:], gradients[..., 1:, :]
     a, b, d = entries[..., :1], entries[..., 1:2], entries[..., 2:]
@@ -298,7 +306,10 @@ def planar_roots(
 
 
 def upper_triangle(parts: int) -> Int[np.ndarray, "task task"]:
-    """Return the index of each place of a symmetric matrix among the entries on and above its diagonal."""
+    """Return indices of a symmetric matrix's entries in its upper triangle.
+
+    The upper triangle includes the diagonal.
+    """
     task = int((np.sqrt(8 * parts + 1) - 1) / 2)
     place = np.zeros((task, task), dtype=int)
     place[np.triu_indices(task)] = np.arange(parts)
@@ -306,7 +317,7 @@ def upper_triangle(parts: int) -> Int[np.ndarray, "task task"]:
 
 
 PLANAR_PLACE = upper_triangle(3)
-DIAGONAL = np.array([1.0, 0.0, 1.0])  # of the entries a, b, d of a symmetric matrix of two rows
+DIAGONAL = np.array([1.0, 0.0, 1.0])  # for the entries a, b, d of a symmetric matrix of two rows
 COFACTORS = np.array([1.0, -2.0, 1.0])  # ∂(a d − b²) = d ∂a − 2 b ∂b + a ∂d
 
 

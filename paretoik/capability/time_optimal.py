@@ -72,11 +72,11 @@ class Plan:
 
 
 class Planner:
-    """Plans of the least claimed time for one model, with ``horizon`` pieces; the cone program is built once.
+    """Plans of the least claimed time for one model.
 
-    The unknowns are the points between the pieces and the intervals. The velocity limit ‖R v‖ ≤ 1 is linearised around
-    the last path, again and again, which gives second-order cone programs; each step goes as far as the true time
-    falls.
+    Plans have ``horizon`` pieces; the cone program is built once. The unknowns are the points between the pieces and
+    the intervals. The velocity limit ‖R v‖ ≤ 1 is linearised around the last path, again and again, which gives
+    second-order cone programs; each step goes as far as the true time falls.
 
     Source: Kim, Choi & Jang 2021, Eq. 6; the formulation "printed" is that equation to the letter. There every piece
     has an interval of its own and its limit at its beginning: one long piece from a place at which the tool is quick
@@ -92,11 +92,14 @@ class Planner:
         self._solver = IntervalSolver(horizon, len(model.lower), common=self._common) if horizon > 1 else None
 
     def initial_points(self, start: Float[np.ndarray, " task"], target: Float[np.ndarray, " task"]) -> np.ndarray:
-        """Return initial points (pieces + 1, task): those of the fastest path, in as many pieces."""
+        """Return initial points (pieces + 1, task) of the fastest path."""
         return fastest_path(self.model, start, target, intervals=self.horizon).points
 
     def shift(self, plan: Plan, position: Float[np.ndarray, " task"], period: float) -> np.ndarray:
-        """Return initial points (pieces + 1, task) of the next plan: the rest of the last plan after a period."""
+        """Return initial points (pieces + 1, task) of the next plan.
+
+        They are the rest of the last plan after a period.
+        """
         count = self.horizon
         done = period / max(float(plan.intervals[0]), period)  # share of the first piece
         remaining = done + (1 - done / count) * np.arange(count)
@@ -151,10 +154,10 @@ class Planner:
         return np.full_like(times, times.max()) if self._common else times
 
     def _velocity(self, points: np.ndarray) -> Float[np.ndarray, " task"]:
-        """Return the velocity along the first piece that has a length, at the limit at the plan's beginning.
+        """Return the velocity along the first piece with a length.
 
-        A plan with limits in the middle begins as fast as it may be half a piece later; a command must satisfy the
-        limit now.
+        It is at the limit at the plan's beginning. A plan with limits in the middle begins as fast as it may be half a
+        piece later; a command must satisfy the limit now.
         """
         change = points[1:] - points[:-1]
         far = np.abs(change).max(axis=1) > 1e-6 * np.abs(points - points[0]).max()
@@ -176,8 +179,8 @@ class TimeOptimalRun:
     references: references (n, task) of the tool [m]
     positions: positions (n, task) of the tool [m]
     velocities: commanded velocities (n − 1, task) [m/s], each for one period
-    cuts: number of commands below what the controller asked for
-    to_go: claimed time (plans,) of each plan [s]; there is a plan every period until the target is less than one away
+    cuts: number of commands cut below the controller's request
+    to_go: claimed time (plans,) of each plan [s]; plans end when the target is less than one period away
     seconds: computing time (plans,) of each plan [s]
     iterations: number of cone programs (plans,) of each plan
     arrival: time at which the reference reaches the target [s]
@@ -291,9 +294,9 @@ def time_optimal_control(
 def _reference(
     planner: Planner, start: np.ndarray, target: np.ndarray, period: float, *, time_limit: float = 10.0
 ) -> tuple[np.ndarray, list[Plan], list[float]]:
-    """Return references (periods + 1, task) from start to target, the plans and their computing times [s].
+    """Return references (periods + 1, task), plans and computing times [s].
 
-    A reference fails after ``time_limit`` times the straight line's time.
+    References lead from start to target. A reference fails after ``time_limit`` times the straight line's time.
     """
     model, points = planner.model, [start]
     latest = time_limit * path_time(model, np.stack([start, target])) + period
@@ -318,7 +321,7 @@ def _reference(
 def _track(
     model: SpeedModel, tool: np.ndarray, references: np.ndarray, period: float, gain: float, tolerance: float
 ) -> tuple[np.ndarray, np.ndarray, int]:
-    """Return positions of the tool, the commanded velocities, and how many of them were cut."""
+    """Return tool positions, commanded velocities, and the number of cuts."""
     positions, velocities, cuts = [tool], list[np.ndarray](), 0
     ahead = np.diff(references, axis=0) / period
     while len(velocities) < len(ahead) or np.linalg.norm(references[-1] - tool) > tolerance:

@@ -1,7 +1,8 @@
-"""Users' functions of motions for small dense programs: traced, with epigraph variables for kinks.
+"""Users' functions of motions for small dense programs.
 
-Its few unknowns determine the samples of a motion. A term, a function with its sense, is traced once by positions and
-their rates, at one sample if it uses one at a time. The program says how these depend on the unknowns.
+Functions are traced; kinks have epigraph variables. The few unknowns of a program determine the samples of a motion. A
+term, a function with its sense, is traced once by positions and rates; if it depends on one sample at a time, at one
+sample. The program says how positions and rates depend on the unknowns.
 """
 
 from __future__ import annotations
@@ -38,7 +39,10 @@ ORDERS = ("q", "dq", "ddq", "jerk")  # fields of Motion by which functions are t
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Term:
-    """``factor`` times a user's function: minimised, or at most ``upper`` if that is finite."""
+    """``factor`` times a user's function, minimised or bounded.
+
+    The function is bounded if ``upper`` is finite.
+    """
 
     label: str
     function: Callable[[Any], Any]
@@ -92,13 +96,16 @@ class SmoothTerm:
 
     @property
     def is_sum(self) -> bool:
-        """Whether the term is the sum of its values over samples, each times its interval."""
+        """Whether the term is a sum of values times intervals."""
         return self.local and self.term.form == "integral"
 
     def rows(
         self, inputs: Sequence[Any], parameters: Sequence[Any], variables: Sequence[Any]
     ) -> tuple[list[Any], list[Any]]:
-        """Return the values and the slacks (≥ 0) of epigraph variables, as expressions on another tape."""
+        """Return the values, and the slacks (≥ 0) of epigraph variables.
+
+        They are expressions on another tape.
+        """
         tape, smooth = self.motion.trace.tape, self.reformulation
         scaled = [variable * float(unit) for variable, unit in zip(variables, self.units, strict=True)]
         stand_ins = [*inputs, *parameters, *scaled]
@@ -111,9 +118,10 @@ class SmoothTerm:
         return entries[:count], [tie / size for tie, size in zip(entries[count:], ranges, strict=True)]
 
     def evaluate(self, motions: Motion) -> tuple[np.ndarray, np.ndarray]:
-        """Return values (points, lanes, values) and epigraph variables (points, lanes, variables), in their units.
+        """Return values (points, lanes, values) and epigraph variables.
 
-        There is one lane per sample if the term is local, else one.
+        There is one lane per sample if the term is local, else one. Epigraph variables are (points, lanes, variables),
+        in their units.
         """
         columns = _columns(motions, self.inputs, self.parameters, self.local)
         table = self.evaluator(_pad(columns, self.motion))
@@ -125,10 +133,11 @@ class SmoothTerm:
 def smooth_term(
     term: Term, task: MotionTask, near: Motion, *, own_times: bool, probes: int = 64, seed: int = 0
 ) -> SmoothTerm:
-    """Return a term for motions like those ``near`` (points, time, dof), which give the size of its numbers.
+    """Return a term for motions like those ``near``.
 
-    Motions are those of ``task``, or, with ``own_times``, of its arm only. Kinks are searched for at ``probes`` points
-    around them. Raises InvalidInput, naming the function, if it has no derivative.
+    The motions ``near`` (points, time, dof) give the size of the term's numbers. Motions are those of ``task``, or,
+    with ``own_times``, of its arm only. Kinks are searched for at ``probes`` points around them. Raises InvalidInput,
+    naming the function, if it has no derivative.
     """
     motion, values = _trace(term, task, own_times)
     tape, local = motion.trace.tape, motion.trace.samples is not None
@@ -162,7 +171,10 @@ def smooth_term(
 
 
 def _trace(term: Term, task: MotionTask, own_times: bool) -> tuple[TracedMotion, list[Any]]:
-    """Return the motion that a term was traced on, of one sample if possible, and its values."""
+    """Return the traced motion of a term, and the term's values.
+
+    The motion has one sample if possible.
+    """
     if own_times and term.form in ("integral", "peak"):
         motion = trace_sample(task, own_times=True)
         value = trace_sample_function(motion, term.label, term.function)
@@ -176,7 +188,10 @@ def _trace(term: Term, task: MotionTask, own_times: bool) -> tuple[TracedMotion,
 
 
 def _columns(motions: Motion, inputs: int, parameters: np.ndarray, local: bool) -> Float[np.ndarray, "inputs lanes"]:
-    """Return inputs and parameters of motions (points, time, dof), with lanes sample by sample if it is local."""
+    """Return inputs and parameters of motions (points, time, dof).
+
+    If ``local``, lanes are sample by sample.
+    """
     points, samples = motions.q.shape[:2]
     orders = np.stack([getattr(motions, name) for name in ORDERS], axis=2 if local else 1)
     if local:
@@ -200,7 +215,10 @@ Inputs = Callable[[list[Any], list[Any]], tuple[list[Any], Any]]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Lanes:
-    """Samples of a motion, or all of it: a term's ``inputs`` of the unknowns ``where`` of a program, and parameters."""
+    """Samples of a motion, or the whole motion.
+
+    A term has ``inputs`` that depend on the unknowns ``where`` of a program, and parameters.
+    """
 
     where: Int[np.ndarray, "lanes unknowns"]
     parameters: Float[np.ndarray, "lanes parameters"]
@@ -213,10 +231,11 @@ LanesOf = Callable[[SmoothTerm, list[int]], list[Lanes]]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TermRows:
-    """Terms of motions of ``samples`` samples; their unknowns come after the ``first`` of a program.
+    """Terms of motions of ``samples`` samples.
 
-    ``intervals`` are the indices of unknowns for intervals, in units of ``pace`` [s]; none if times are fixed. Their
-    mean is an unknown too if a term at one sample reads the duration.
+    The unknowns of terms come after the ``first`` unknowns of a program. ``intervals`` are the indices of unknowns for
+    intervals, in units of ``pace`` [s]; none if times are fixed. Their mean is an unknown too if a term at one sample
+    reads the duration.
     """
 
     terms: tuple[SmoothTerm, ...]
@@ -231,12 +250,18 @@ class TermRows:
         return any(term.reads_duration for term in self.terms)
 
     def lanes(self, term: SmoothTerm) -> list[int]:
-        """Return the samples of a term's lanes; the first has no interval to be summed."""
+        """Return the samples of a term's lanes.
+
+        A sum has no lane for the first sample, which has no interval.
+        """
         return list(range(int(term.is_sum), self.samples if term.local else 1))
 
     @cached_property
     def places(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Unknowns of every term: its epigraph variables of the value (tops), and of kinks (lanes, variables)."""
+        """Unknowns of every term: tops, and epigraph variables of kinks.
+
+        Tops are epigraph variables of the value; variables of kinks are (lanes, variables).
+        """
         places, end = list[tuple[np.ndarray, np.ndarray]](), self.first + self.reads_duration
         for term in self.terms:
             lanes = len(self.lanes(term))

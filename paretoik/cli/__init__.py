@@ -1,3 +1,6 @@
-"""The command line, its sub-commands in chapters. Results go to stdout, progress and errors to stderr."""
+"""The command line: one chapter of sub-commands per file.
+
+Results go to stdout, progress and errors to stderr.
+"""
 
 from paretoik.cli.app import main as main

@@ -1,4 +1,4 @@
-"""The command ``paretoik`` with its sub-commands; an error of a user is one line and an exit code."""
+"""The command ``paretoik``; a user's error is one line and a code."""
 
 from __future__ import annotations
 
@@ -19,14 +19,20 @@ from paretoik.cli.results import compare, export, report, show, verify
 from paretoik.cli.runs import front, plan, refine, resume, solve
 from paretoik.errors import InvalidInput, ParetoikError
 
-USAGE_ERRORS: Any = typer.BadParameter.__base__  # base of all errors of the parser, by no public name
+USAGE_ERRORS: Any = typer.BadParameter.__base__  # base of all errors of the parser; it has no public name
 
 
 class Commands(TyperGroup):
-    """The sub-commands; wrong words, and a signal before there is a result, are one line each."""
+    """The sub-commands.
+
+    Wrong arguments are reported in one line, and a signal before there is a result too.
+    """
 
     def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
-        """Return the context of a parsed command line; raises InvalidInput for wrong arguments."""
+        """Return the context of a command line.
+
+        Raises InvalidInput for wrong arguments.
+        """
         with _one_line():
             return super().make_context(info_name, args, parent, **extra)
 
@@ -44,7 +50,7 @@ class Commands(TyperGroup):
 
 @contextmanager
 def _one_line() -> Iterator[None]:
-    """Raise a fault that the parser found in the words of a command line as our own error."""
+    """Turn the parser's errors into InvalidInput."""
     try:
         yield
     except USAGE_ERRORS as error:

@@ -1,4 +1,4 @@
-"""``paretoik select`` and ``paretoik navigate``: choose a motion of a front, or move along it to a new one."""
+"""``paretoik select`` and ``navigate``: choose a motion, or move along the front."""
 
 from __future__ import annotations
 
@@ -110,9 +110,9 @@ def select(
     quiet: QuietFlag = False,
     as_json: JsonFlag = False,
 ) -> None:
-    """Choose one motion of a front, say why, and keep the choice in the run.
+    """Choose one motion of a front, and keep the choice.
 
-    A closed loop is followed again with other weights at every step.
+    The reason of the choice is printed. A closed loop is followed again with other weights at every step.
     """
     given = {**locals(), "from": start}
     wishes = {name: given[name] for name in OPTIONS if given[name] is not None and given[name] is not False}
@@ -143,7 +143,10 @@ def select(
 
 
 def _show_history(run: Path, wishes: Mapping[str, object], *, undo: bool, problem: str | None, as_json: bool) -> None:
-    """Print the choices of a run, after one step back if ``undo``; raises InvalidInput with a preference."""
+    """Print the choices of a run, after one step back if ``undo``.
+
+    Raises InvalidInput if a preference is given too.
+    """
     if wishes:
         raise InvalidInput(f"--history and --undo must come without a preference, got --{next(iter(wishes))} too")
     read_run(run / RUN)
@@ -175,7 +178,7 @@ PREFERENCES: Mapping[str, Callable[[Any, Mapping[str, Any], Path], Preference]] 
     ),
     "classify": lambda text, wishes, run: parse_classes(text, wishes.get("from"), run),
     "point": lambda id, *_: Point(id),
-}  # by option: how its value, the other options and the run become a preference
+}  # by option: function (value, other options, run) that returns the preference
 PREFERENCE_OF_OPTION = {"uncertainty": "robust", "from": "classify"}
 OPTIONS = (*PREFERENCES, "bounds", *PREFERENCE_OF_OPTION)
 
@@ -215,7 +218,9 @@ def parse_numbers(option: str, text: str) -> dict[str, float]:
 
 
 def parse_lexicographic(text: str) -> Lexicographic:
-    """Return names in order, each with a tolerance in its own unit or, with a percent sign, of its range.
+    """Return names in order, with their tolerances.
+
+    A tolerance is in the unit of its objective, or with a percent sign a share of its range.
 
     >>> parse_lexicographic("kinetic_energy=5%,torque_norm=0.1,joint_travel")
     Lexicographic('kinetic_energy', 'torque_norm', 'joint_travel', tolerances={'torque_norm': 0.1}, \
@@ -254,7 +259,10 @@ def parse_bounds(text: str) -> dict[str, tuple[float | None, float | None]]:
 
 
 def parse_classes(text: str, start: int | None, run: Path) -> Classify:
-    """Return every objective in its class, from the point ``start`` or else the run's present choice."""
+    """Return a preference with the class of every objective.
+
+    It starts from the point ``start``, or by default from the run's present choice.
+    """
     lists: dict[str, list[str]] = {"improve": [], "keep": [], "free": []}
     values: dict[str, dict[str, float]] = {"improve": {}, "relax": {}}
     for name, kind in _parts("classify", text, "NAME=CLASS,NAME=CLASS"):
@@ -304,7 +312,9 @@ def navigate(
     problem: RunProblem = None,
     as_json: JsonFlag = False,
 ) -> None:
-    """Move from one point of a front to a new certified one that is better in an objective; the run gains it.
+    """Move along a front to a new certified point.
+
+    The new point is better in one objective and is added to the run.
 
     Nothing is lost: if the new point dominates points of the run, the new front is kept in a folder next to it.
     The recording opens on the new point, next to the present choice of the run if there is one.

@@ -1,4 +1,4 @@
-"""The parts that sub-commands share: arguments, results on stdout, messages on stderr, and exit codes."""
+"""Shared parts of sub-commands: arguments, results, messages and exit codes."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from paretoik.front.front import Front
     from paretoik.trajectory.plan import Plan
 
-# The stdout and stderr of the process: if they refuse a text, no command ends; letters they lack are replaced.
+# Stdout and stderr of the process: a failed write ends no command, and letters that they cannot show are replaced.
 
 
 PLAIN = str.maketrans(  # letters that no decomposition replaces
@@ -40,15 +40,15 @@ STDIN, STDOUT, STDERR = 0, 1, 2  # descriptors of the process
 
 @contextmanager
 def process_output() -> Iterator[None]:
-    """Replace stdout and stderr by streams that never raise, even if these are full, closed, of ASCII letters or gone.
+    """Replace stdout and stderr by streams that never raise.
 
-    Raises InvalidInput after a body that ends well, or with an exit, if stdout did not take all of the output. A reader
-    may leave at any time, though, and a closed stdout has no reader.
+    They may be full, closed, missing or limited to ASCII. If the body ends without error, or by an exit, but stdout did
+    not take the whole output, this raises InvalidInput. It does not raise if the reader left early or stdout is closed.
     """
-    for descriptor in (STDIN, STDOUT, STDERR):  # a closed one would be the next file that is opened
+    for descriptor in (STDIN, STDOUT, STDERR):  # if a descriptor were closed, the next opened file would get its number
         try:
             os.fstat(descriptor)
-        except OSError:  # the lowest free descriptor is opened next
+        except OSError:  # opening uses the lowest free descriptor
             os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)
     codecs.register_error("paretoik.plain", _plain_letters)
     sys.stderr = _lenient(sys.stderr, sys.__stderr__, STDERR)
@@ -78,7 +78,10 @@ class _LenientFile(FileIO):
 
 
 def _lenient(stream: Any, original: Any, descriptor: int) -> Any:
-    """Return a stream that never raises, in place of one of the process; leave other streams as they are."""
+    """Return a stream that never raises, in place of stdout or stderr.
+
+    Other streams, which are not the ``original`` one, are returned unchanged.
+    """
     if stream is None:
         return Path(os.devnull).open("w", encoding="utf-8")  # for the rest of the process
     if stream is not original or not isinstance(stream, TextIOWrapper):
@@ -90,7 +93,10 @@ def _lenient(stream: Any, original: Any, descriptor: int) -> Any:
 
 
 def _check_written(stream: Any) -> None:
-    """Flush a stream; raises InvalidInput if a reader who is still there did not get all of it."""
+    """Flush a stream.
+
+    Raises InvalidInput if a part was not written, unless the reader has left.
+    """
     file = getattr(getattr(stream, "buffer", None), "raw", None)
     if not isinstance(file, _LenientFile):
         return
@@ -118,15 +124,16 @@ EXIT_CODES = {"time limit": 5, "SIGINT": 130, "interrupted": 130, "SIGTERM": 143
 
 
 def exit_code(status: object) -> int:
-    """Return the exit code of a run that kept its result, by its status."""
+    """Return the exit code of a run with a result."""
     return EXIT_CODES.get(str(status), 0)
 
 
 @contextmanager
 def stdout_for_results() -> Iterator[None]:
-    """Send what the body prints on stdout to stderr: a user's functions, and programs that they start, may print.
+    """Send what the body prints on stdout to stderr.
 
-    Programs and libraries write to the stdout of the process, not to that of Python.
+    Users' functions, and the programs that they start, may print. Programs and libraries write to the stdout of the
+    process, not to Python's.
     """
     print(end="", flush=True)
     stdout = os.dup(STDOUT)
@@ -143,10 +150,10 @@ def stdout_for_results() -> Iterator[None]:
 def running(
     out: Path | None = None, *, quiet: bool, time_limit: float | None = None
 ) -> Iterator[Observer | Literal[False]]:
-    """Yield the observer of a verb for the body, which runs it; stdout is for its result only.
+    """Yield the observer of a verb; reserve stdout for the result.
 
-    If a signal ends it before there is a result, or a time limit in which nothing was found, the error gets a note with
-    the command that resumes the run in ``out``.
+    The body runs the verb. If a signal or the time limit ends it without a result, the error gets a note with the
+    command that resumes the run in ``out``.
     """
     with stdout_for_results(), open_observer(not quiet, time_limit=time_limit) as observe:
         try:
@@ -167,7 +174,10 @@ def print_json(value: object) -> None:
 
 
 def finish_front(front: Front, out: Path, *, as_json: bool) -> NoReturn:
-    """Print the front of a run that ended, as text or JSON, and exit with the code of what ended it."""
+    """Print the front of a run, and exit with its exit code.
+
+    The output is text or JSON; the exit code says what ended the run.
+    """
     from paretoik.api.result_text import entries, result_text, resume_command
 
     if as_json:
@@ -180,7 +190,10 @@ def finish_front(front: Front, out: Path, *, as_json: bool) -> NoReturn:
 
 
 def finish_plan(plan: Plan, name: str, unit: str, out: Path, *, as_json: bool) -> NoReturn:
-    """Print the plan of an objective that ended, as text or JSON, and exit with the code of what ended it."""
+    """Print the plan of an objective, and exit with its exit code.
+
+    The output is text or JSON; the exit code says what ended the run.
+    """
     from paretoik.api.result_text import optima_entries, plan_text, resume_command
 
     if as_json:
@@ -192,12 +205,15 @@ def finish_plan(plan: Plan, name: str, unit: str, out: Path, *, as_json: bool) -
 
 
 def print_text(text: object) -> None:
-    """Print a result on stdout without characters that steer a terminal: names may come from a file."""
+    """Print a result on stdout, without control characters.
+
+    Names may come from a file of unknown origin.
+    """
     print("\n".join(map(_plain, str(text).split("\n"))))
 
 
 def print_message(kind: str, style: str, text: str) -> None:
-    """Print a message on stderr, as one line that starts with its kind."""
+    """Print a message on stderr in one line, with its kind."""
     Console(stderr=True).print(Text.assemble((kind, style), " ", _one_line(text)), soft_wrap=True)
 
 
@@ -209,7 +225,10 @@ def print_error(text: str, error: BaseException) -> None:
 
 
 def has_agreed(question: str) -> bool:
-    """Ask on the terminal and return whether the answer is yes; without a terminal return False."""
+    """Ask on the terminal; return whether the answer is yes.
+
+    False without a terminal.
+    """
     if not all(getattr(stream, "isatty", bool)() for stream in (sys.stdin, sys.stderr)):
         return False
     print(f"{_one_line(question)} [y/N] ", end="", file=sys.stderr, flush=True)
@@ -217,7 +236,7 @@ def has_agreed(question: str) -> bool:
 
 
 def _one_line(text: str) -> str:
-    """Return text as one line without characters that steer a terminal."""
+    """Return text as one line without control characters."""
     return _plain(" ".join(filter(None, map(str.strip, text.splitlines()))))
 
 
@@ -256,9 +275,10 @@ Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace a run in t
 
 
 def agreed_problem(run: Path, problem: str | None, *, needed: bool = False) -> str | None:
-    """Return ``--problem``, or what a run names if the user agrees on a terminal to run its code, else None.
+    """Return ``--problem``, the problem that the run names, or None.
 
-    Raises InvalidInput, with the command that names the problem, if it is ``needed`` and nobody agreed.
+    The problem that the run names is returned only if the user agrees, on a terminal, to run its code. Raises
+    InvalidInput, with a command that names the problem, if it is ``needed`` and the user did not agree.
     """
     reference = read_run(run / RUN).get("problem") if problem is None and is_run(run / RUN) else None
     words = problem_words(reference)

@@ -1,4 +1,7 @@
-"""``paretoik show``, ``export``, ``report``, ``compare`` and ``verify``: look at runs, and hand motions on."""
+"""Commands to look at runs and export motions.
+
+These are ``paretoik show``, ``export``, ``report``, ``compare`` and ``verify``.
+"""
 
 from __future__ import annotations
 
@@ -57,7 +60,7 @@ def show(
         raise InvalidInput(f"{recording} must be a recording, got {fact if run.is_dir() else missing_file(recording)}")
     with tempfile.TemporaryDirectory(prefix="paretoik-show-") as folder:
         file = _with_choice(run, recording, Path(folder) / RECORDING, point, compare, problem)
-        viewer = run_viewer(str(file.absolute()))  # it waits; without a screen it ends with an error
+        viewer = run_viewer(str(file.absolute()))  # until the viewer is closed; without a screen it fails
     if viewer.returncode != 0:
         # The last line ends with the cause.
         message = (viewer.stderr.strip().splitlines() or [f"exit status {viewer.returncode}"])[-1].rsplit(": ", 1)[-1]
@@ -71,7 +74,10 @@ def show(
 def _with_choice(
     run: Path, recording: Path, file: Path, point: int | None, compare: int | None, problem: str | None
 ) -> Path:
-    """Return the recording if no point is given or chosen; else write and return one that opens on the point."""
+    """Return a recording that opens on a point.
+
+    If no point is given or chosen, this is the run's own recording; else it is written to ``file``.
+    """
     from paretoik.front.choice_tree import read_choices
 
     if point is None and compare is None and read_choices(run).chosen is None:
@@ -141,9 +147,10 @@ def export(
     overwrite: OverwriteOption = False,
     as_json: JsonFlag = False,
 ) -> None:
-    """Write the motion of a point for a robot: sampled at a controller's rate, and checked against its limits.
+    """Write the motion of a point as a trajectory for a robot.
 
-    Points of a plan are its optima; the default is the best one.
+    It is sampled at the controller's rate and checked against its limits. Points of a plan are its optima; the default
+    is the best one.
     """
     with stdout_for_results():
         from paretoik.api.export import export as export_motion
@@ -176,7 +183,10 @@ def export(
 
 
 def _point(run: Path, point: int | None, problem: str | None) -> tuple[int, Choice, dict[str, Any], str]:
-    """Return a point of a front or the present choice: its id, the choice, metadata, and which default it is."""
+    """Return a point of a front: id, choice, metadata, and default's name.
+
+    The default is the run's present choice.
+    """
     from paretoik.api.load import load_front
     from paretoik.front.choice_tree import pick_point
 
@@ -191,9 +201,9 @@ def _point(run: Path, point: int | None, problem: str | None) -> tuple[int, Choi
 
 
 def _optimum(run: Path, point: int | None, problem: str | None) -> tuple[int, Motion, dict[str, Any], str]:
-    """Return an optimum of a plan: its id, motion, metadata, and the words for the default.
+    """Return an optimum of a plan: id, motion, metadata, default's name.
 
-    ``point`` is the id of the optimum, None for the best. Raises InvalidInput if the plan has no such id.
+    ``point`` is the id of the optimum, None for the best one. Raises InvalidInput if the plan has no such id.
     """
     from paretoik.api.load import load_plan
     from paretoik.runs.files import RUN, read_run
@@ -249,7 +259,10 @@ def report(
     overwrite: Annotated[bool, typer.Option(help="Replace a file that is no report.")] = False,
     as_json: JsonFlag = False,
 ) -> None:
-    """Write one HTML page about a run, which needs no network: the front, motions, certificates, choices, settings."""
+    """Write one self-contained HTML page about a run.
+
+    It shows the front, motions, certificates, choices and settings, and needs no network.
+    """
     with stdout_for_results():
         from paretoik.api.report import report as write_report
 
@@ -272,7 +285,10 @@ def compare(
     ] = False,
     as_json: JsonFlag = False,
 ) -> None:
-    """Compare the fronts of runs: hypervolume, coverage, additive epsilon, and the settings that differ."""
+    """Compare the fronts of runs.
+
+    The tables have hypervolume, coverage, additive epsilon, and the settings that differ.
+    """
     with stdout_for_results():
         from paretoik.api.compare import compare as compare_fronts
         from paretoik.front.comparison import comparison_entries
@@ -304,9 +320,9 @@ def compare(
 
 
 def verify(run: RunFolder, problem: RunProblem = None, quiet: QuietFlag = False, as_json: JsonFlag = False) -> None:
-    """Check files, motions, limits, collisions, objectives and certificates of a run, without its own kernels.
+    """Check a run independently of the code that made it.
 
-    Exit code 7 if a check fails.
+    Checked are files, motions, limits, collisions, objectives and certificates. Exit code 7 if a check fails.
     """
     with running(quiet=quiet) as observe:
         from paretoik.api.verify import verify as verify_folder

@@ -1,6 +1,7 @@
-"""``paretoik solve``, ``plan``, ``front``, ``refine`` and ``resume``: the commands that make a run.
+"""The commands that make a run.
 
-Options that a verb of ``paretoik.api`` has too have its names, and are passed on together.
+These are ``paretoik solve``, ``plan``, ``front``, ``refine`` and ``resume``. An option that is also an argument of the
+verb in ``paretoik.api`` has the same name, and is passed on.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ OF_COMMAND = ("problem", "run", "quiet", "as_json")  # options that are not argu
 
 
 def arguments(options: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the options of a command that its verb takes as they are."""
+    """Return the options that a verb takes unchanged."""
     return {name: value for name, value in options.items() if name not in OF_COMMAND}
 
 
@@ -157,8 +158,8 @@ def refine(
 ) -> None:
     """Refine and certify the front of a run, as a new run.
 
-    No point becomes worse in any objective, except by some 1e-4 of a range if limits between samples require it; no
-    certified point does. Ctrl-C ends it early and keeps the result.
+    No certified point becomes worse in any objective. Other points may become worse by about 1e-4 of a range if limits
+    between samples require it. Ctrl-C ends it early and keeps the result.
     """
     given = arguments(locals())
     with running(out, quiet=quiet, time_limit=time_limit) as observe:
@@ -187,7 +188,7 @@ def resume(
     quiet: QuietFlag = False,
     as_json: JsonFlag = False,
 ) -> None:
-    """Resume a run that was stopped or killed, or continue a finished search by more generations.
+    """Resume a stopped or killed run, or continue a finished search.
 
     The result is that of a run that never stopped.
     """

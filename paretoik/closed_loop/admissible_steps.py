@@ -1,8 +1,8 @@
 """Compiled tests whether steps are admissible.
 
-They are within their bounds, and clear of obstacles at their end or all the way. No point of the arm moves by more than
-Σ reach · |Δq|, its travel. Obstacles farther away than the travel need no test, and the arm is clear between two
-configurations whose distances from obstacles add up to more than it.
+A step is admissible if it is within its bounds and clear of obstacles, at its end or all the way. The travel of a step
+is Σ reach · |Δq|: no point of the arm moves farther. Obstacles farther away than the travel need no test. Between two
+configurations, the arm is clear if the sum of their distances from obstacles exceeds the travel.
 """
 
 from __future__ import annotations
@@ -19,9 +19,10 @@ from paretoik.compilation.numba_cache import compiled
 
 @compiled
 def evaluate_distances(obstacles, nodes, count, distances):
-    """Write the distance of the arm from all obstacles in ``count`` configurations; at most 0 if it meets one.
+    """Write the distances of the arm from obstacles in ``count`` configurations.
 
-    If it is not positive, some point of the arm is at least that deep in an obstacle.
+    A distance is at most 0 if the arm meets an obstacle. If it is not positive, some point of the arm is at least that
+    deep in an obstacle.
 
     ``obstacles`` is the result of ``tabulate``; ``nodes`` (3 · nodes, count) are x, y and z of each node in order.
     """
@@ -71,7 +72,10 @@ def _squared_distance(px, py, pz, ax, ay, az, dx, dy, dz):
 
 @compiled
 def _to_segment(segment, nodes, row, count, distances):
-    """Write the distance from a segment: at an end of one, or at the nearest places of their lines if within both."""
+    """Write the distance from a segment.
+
+    The nearest place is an end of one segment, or the nearest places of both lines are within the segments.
+    """
     sx, sy, sz, radius = segment[FIRST], segment[FIRST + 1], segment[FIRST + 2], segment[RADIUS]
     ex, ey, ez = segment[SECOND] - sx, segment[SECOND + 1] - sy, segment[SECOND + 2] - sz
     x0, y0, z0, x1, y1, z1 = nodes[row], nodes[row + 1], nodes[row + 2], nodes[row + 3], nodes[row + 4], nodes[row + 5]
@@ -111,7 +115,10 @@ def _slope(fraction, start, step, half):
 
 @compiled
 def _narrow(bracket, fraction, start, step, half):
-    """Return the bracket of a segment's nearest place, with the slopes at its ends, narrowed at a fraction."""
+    """Return the bracket of a segment's nearest place, narrowed at a fraction.
+
+    The bracket has the slopes at its ends.
+    """
     low, low_slope, high, high_slope = bracket
     slope = _slope(fraction, start, step, half)
     falls, rises = (slope <= 0.0) & (fraction > low), (slope >= 0.0) & (fraction < high)
@@ -122,7 +129,11 @@ def _narrow(bracket, fraction, start, step, half):
 
 @compiled
 def _to_box(box, nodes, row, count, distances):
-    """Write the distance from a box: the derivative of its square, linear between the box's planes, is zero there."""
+    """Write the distance from a box.
+
+    At the nearest place the derivative of the squared distance is zero; the derivative is linear between the box's
+    planes.
+    """
     half = hx, hy, hz = box[SECOND], box[SECOND + 1], box[SECOND + 2]
     cx, cy, cz = box[FIRST], box[FIRST + 1], box[FIRST + 2]
     xx, xy, xz, yx, yy = box[AXES], box[AXES + 1], box[AXES + 2], box[AXES + 3], box[AXES + 4]
@@ -145,7 +156,7 @@ def _to_box(box, nodes, row, count, distances):
         bracket = _narrow(bracket, _fraction((-hz - az) * dz, dz * dz), start, step, half)
         bracket = _narrow(bracket, _fraction((hz - az) * dz, dz * dz), start, step, half)
         low, low_slope, high, high_slope = bracket
-        steepening = high_slope - low_slope  # 0 if both are within the box: then their middle is deep in it
+        steepening = high_slope - low_slope  # 0 if both ends are within the box: the middle is then inside too
         share = _fraction(-low_slope, steepening)
         nearest = low + (high - low) * (share if steepening > 0.0 else 0.5)
         px, py, pz = ax + nearest * dx, ay + nearest * dy, az + nearest * dz
@@ -160,7 +171,10 @@ def _to_box(box, nodes, row, count, distances):
 
 @compiled
 def clearance_at_start(start, constraints, w):
-    """Return how far the configuration before a step exceeds the required distance; inf without obstacles."""
+    """Return the clearance before a step, beyond the required distance.
+
+    It is inf without obstacles.
+    """
     if constraints.obstacles.shape[0] == 0:
         return np.inf
     for j in range(start.previous.shape[0]):
@@ -172,7 +186,10 @@ def clearance_at_start(start, constraints, w):
 
 @compiled
 def _evaluate_excess(obstacles, required, count, w):
-    """Write how far the arms of the first ``w.nodes`` exceed the required distance from obstacles."""
+    """Write the clearances of configurations, beyond the required distance.
+
+    The configurations are the first ``count`` in ``w.nodes``.
+    """
     evaluate_distances(obstacles, w.nodes, count, w.distances)
     for k in range(count):
         w.distances[k] -= required
@@ -180,7 +197,10 @@ def _evaluate_excess(obstacles, required, count, w):
 
 @compiled
 def shorten(genes, positions, count, start, constraints, w):
-    """Scale down the self-motion of steps so that joints stay within their bounds, and change genes to match."""
+    """Scale down the self-motion of steps that exceed joint bounds.
+
+    The genes are changed to match.
+    """
     if not constraints.bounded:
         return
     scale, shortened = w.scale[:count], np.int64(0)
@@ -215,9 +235,10 @@ def shorten(genes, positions, count, start, constraints, w):
 
 @compiled
 def find_inadmissible(count, start, constraints, clearance, options, w):
-    """Move the pending steps that are not admissible to the front of ``w.pending``; return how many.
+    """Move inadmissible pending steps to the front of ``w.pending``.
 
-    ``clearance`` is the result of ``clearance_at_start``. Balls around the obstacles are tested first.
+    Returns the number of these steps. ``clearance`` is the result of ``clearance_at_start``. Balls around the obstacles
+    are tested first.
     """
     # pending steps beyond their bounds are rejected; those that may meet an obstacle become candidates
     rejected, near, n = 0, 0, start.previous.shape[0]
@@ -239,7 +260,7 @@ def find_inadmissible(count, start, constraints, clearance, options, w):
             near += 1
     if near == 0:
         return rejected
-    # only candidates that the balls around obstacles do not clear are kept, with their distances
+    # candidates that are clear of the balls around obstacles are removed; the others are kept with distances
     run_first(constraints.nodes, w.configurations, w.nodes, near)
     _evaluate_excess(constraints.bounding, constraints.required, near, w)
     close = 0
@@ -271,10 +292,10 @@ def find_inadmissible(count, start, constraints, clearance, options, w):
 
 @compiled
 def _sweep(count, start, clearance, constraints, options, w):
-    """Mark the candidates whose steps are not proven clear all the way: their travel becomes negative.
+    """Mark candidates whose steps are not proven clear all the way.
 
-    Intervals of steps (candidate, begin, width, distance at begin and end) wait on a stack; intervals that the
-    distances at their ends do not prove clear are halved.
+    The travel of a marked candidate is negative. Intervals of steps (candidate, begin, width, distance at begin and
+    end) wait on a stack. An interval is halved if the distances at its ends do not prove it clear.
     """
     intervals = w.intervals
     waiting = count
@@ -293,7 +314,7 @@ def _sweep(count, start, clearance, constraints, options, w):
         run_first(constraints.nodes, w.configurations, w.nodes, batch)
         _evaluate_excess(constraints.obstacles, constraints.required, batch, w)
         for i in range(batch):
-            # the halves of a popped interval that are not proven clear wait. If the distance in its middle is not
+            # halves of an interval that are not proven clear are put on the stack. If the distance in the middle is not
             # positive, or halves would be too short, the travel of the candidate becomes negative
             middle = w.distances[i]
             candidate, begin, width = np.int64(popped[0, i]), popped[1, i], 0.5 * popped[2, i]

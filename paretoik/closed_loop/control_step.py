@@ -1,4 +1,7 @@
-"""One control step: its beginning, its target, and the steps of genes (Marcos et al. 2012, section 4.1)."""
+"""One control step: start, target, and decoding of genes.
+
+Source: Marcos et al. 2012, section 4.1.
+"""
 
 from __future__ import annotations
 
@@ -22,12 +25,12 @@ HISTORY = 3  # configurations before a step: enough for a jerk
 
 
 class EngineOptions(NamedTuple):
-    """Settings of a step's search and of the test whether a step is admissible."""
+    """Settings of a step's search and of the test for admissible steps."""
 
     crossover_probability: float = 0.5  # p_c of Marcos et al. 2012, section 5.1
     mutation_probability: float = 0.5  # p_m, ibid.
     gene_bound: float = 1.0  # genes lie within ±1, ibid.
-    max_redraws: int = 100  # of inadmissible chromosomes (section 5.2 redraws until they are admissible)
+    max_redraws: int = 100  # largest number of redraws of inadmissible chromosomes (no bound in section 5.2)
     bound_tolerance: float = 1e-10  # rad or m: rounding error of a shortened step at its bounds
     shortest_interval: float = 2.0**-8  # share of a step: intervals not proven clear are halved down to this
     interval_batch: int = 64  # number of intervals whose middles are evaluated together
@@ -44,11 +47,11 @@ class StepState:
 
     task: MotionTask
     sample: int
-    history: Float[np.ndarray, "history dof"]  # last joint positions, the present ones last
+    history: Float[np.ndarray, "history dof"]  # last joint positions; the last row is the present one
     home: Float[np.ndarray, " dof"]  # joint positions in which the loop began
     lower: Float[np.ndarray, " dof"]  # rad, m: lower bounds of the joints' moves
     upper: Float[np.ndarray, " dof"]  # rad, m: upper bounds of the joints' moves
-    swept: bool  # whether the whole step must be clear of obstacles; otherwise only its end
+    swept: bool  # whether the whole step must be clear of obstacles, not only its end
     standoff: float  # m: distance from obstacles at the end of a swept step, beyond the required one
 
     @property
@@ -72,14 +75,18 @@ class StepState:
         return bool(np.isfinite([self.lower, self.upper]).any())
 
     def linearise(self) -> tuple[Float[np.ndarray, " rows"], Float[np.ndarray, "rows dof"]]:
-        """Return (Δx, J): the error of the tool before the step, and the Jacobian there (Eqs. 8 and 9)."""
+        """Return (Δx, J): tool error and Jacobian before the step.
+
+        Source: Eqs. 8 and 9.
+        """
         return task_errors(self.task.arm, self.task.tasks, self.previous, self.target)
 
     @cached_property
     def shortest_and_null_space(self) -> tuple[Float[np.ndarray, " dof"], Float[np.ndarray, "dof redundancy"]]:
         """Shortest step that makes Δx, and null space of the Jacobian.
 
-        Raises Infeasible if the arm is singular: no finite step makes every Δx there.
+        Both are at the joint positions before the step. Raises Infeasible if the arm is singular: no finite step makes
+        every Δx there.
         """
         error, jacobian = self.linearise()
         left, sizes, right = np.linalg.svd(jacobian)
@@ -92,10 +99,10 @@ class StepState:
         return shortest, np.ascontiguousarray(right[len(error) :].T)
 
     def decode(self, genes: Genes) -> Float[np.ndarray, "points dof"]:
-        """Return the joint positions after the steps of genes; NaN if the extended Jacobian is singular.
+        """Return the joint positions after the steps of genes.
 
-        Genes are rows (J*, Δx*). With Δq = shortest + N y, the system of Eqs. 7, 12 and 13 reduces to
-        J* N y = Δx* − J* shortest.
+        They are NaN if the extended Jacobian is singular. Genes are rows (J*, Δx*). With Δq = shortest + N y, the
+        system of Eqs. 7, 12 and 13 reduces to J* N y = Δx* − J* shortest.
         """
         shortest, null_space = self.shortest_and_null_space
         n, r = null_space.shape
@@ -107,9 +114,9 @@ class StepState:
         return base + np.linalg.solve(matrix, rhs[..., None])[..., 0] @ null_space.T
 
     def shorten(self, q: Float[np.ndarray, "points dof"]) -> Float[np.ndarray, "points dof"]:
-        """Return steps with their self-motion reduced until every joint is within its bounds.
+        """Return steps with self-motion reduced until joints are within bounds.
 
-        The part of the step that reaches the target is not shortened.
+        The result is joint positions. The part of the step that reaches the target is not shortened.
         """
         shortest, _ = self.shortest_and_null_space
         self_motion = np.nan_to_num(q - self.previous - shortest)
@@ -147,12 +154,15 @@ class StepState:
         return (self.excess_over_bounds(q) <= 0) & (self.clearance_left(q) > 0)
 
     def excess_over_bounds(self, q: Float[np.ndarray, "points dof"]) -> Float[np.ndarray, " points"]:
-        """Return how far [rad, m] steps exceed the bounds of joints' moves; not positive if they do not."""
+        """Return the largest excess [rad, m] over the bounds of joints' moves.
+
+        The excess is not positive if a step is within its bounds.
+        """
         moved = q - self.previous
         return np.maximum(moved - self.upper, self.lower - moved).max(axis=1) - OPTIONS.bound_tolerance
 
     def clearance_left(self, q: Float[np.ndarray, "points dof"]) -> Float[np.ndarray, " points"]:
-        """Return how far [m] steps are clear of obstacles; positive if they are proven clear.
+        """Return the clearance [m] of steps, positive if they are proven clear.
 
         If the whole step must be clear, it is halved until, in each interval, no point of the arm moves farther than
         the sum of the distances from obstacles at both ends. Steps too near for this proof count as not clear.
@@ -188,10 +198,11 @@ def rotation_rows(task: MotionTask) -> Bool[np.ndarray, " rows"]:
 
 
 def reach_by_joint(task: MotionTask) -> Float[np.ndarray, " dof"]:
-    """Return the largest move [m] of any point of the arm if a joint moves by 1 rad or 1 m.
+    """Return the largest move [m] of the arm's points per joint move.
 
-    No point beyond a joint is farther from it than the stretched length of all that follows. A sliding joint moves its
-    load by its own move; its largest extension adds to the length beyond the joints before it.
+    The joint moves by 1 rad or 1 m. No point beyond a joint is farther from it than the stretched length of all that
+    follows. A sliding joint moves its load by its own move; its largest extension adds to the length beyond the joints
+    before it.
     """
     arm = task.arm
     offsets = [float(np.linalg.norm(place.position)) for place in (*arm.placements[1:], arm.tool)]
@@ -202,7 +213,10 @@ def reach_by_joint(task: MotionTask) -> Float[np.ndarray, " dof"]:
 
 
 def excess_clearance(task: MotionTask, q: Float[np.ndarray, "*batch dof"]) -> Float[np.ndarray, "*batch"]:
-    """Return how far [m] configurations exceed the required clearance from obstacles; inf without any."""
+    """Return the clearance [m] of configurations beyond the required one.
+
+    It is inf without obstacles.
+    """
     if not task.obstacles:
         return np.full(q.shape[:-1], np.inf)
     return np.asarray(clearance(task.obstacles, link_nodes(task.arm, q), task.link_radius) - task.min_clearance)

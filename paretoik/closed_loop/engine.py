@@ -1,4 +1,6 @@
-"""The compiled search of a control step: NSGA-II with MaxiMin on the genes of the extended Jacobian.
+"""The compiled search of a control step: NSGA-II with MaxiMin.
+
+It searches the genes of the extended Jacobian.
 
 Every seed and step has its own random stream. Objectives and distances are evaluators, so that arms, objectives and
 obstacles of all kinds run through the same code. Source: Marcos et al. 2012, section 4.1.
@@ -27,11 +29,11 @@ from paretoik.search.sorted_points import first_front, locate, merge_children, r
 
 @compiled
 def decode(genes, count, start, systems, q):
-    """Write the joint positions (dof, batch) of ``count`` chromosomes (genes, batch): Eqs. 7, 12 and 13.
+    """Write the joint positions (dof, batch) of ``count`` chromosomes (genes, batch).
 
-    A step that makes Δx is Δq = particular + N y, with N the null space of the Jacobian. The rows J* Δq = Δx* of the
-    extended Jacobian reduce to J* N y = Δx* − J* particular, a system of the size of the redundancy. ``systems``
-    contains the matrix and the right-hand side of each, entry by entry.
+    Source: Eqs. 7, 12 and 13. A step that makes Δx is Δq = particular + N y, with N the null space of the Jacobian. The
+    rows J* Δq = Δx* of the extended Jacobian reduce to J* N y = Δx* − J* particular, a system of the size of the
+    redundancy. ``systems`` contains the matrix and the right-hand side of each, entry by entry.
     """
     previous, particular, null_space = start.previous, start.particular, start.null_space
     n, r = null_space.shape
@@ -58,7 +60,10 @@ def decode(genes, count, start, systems, q):
 
 @compiled
 def _weighted_sum(genes, row, weights, rows, count, result):
-    """Write the weighted sum of ``rows`` rows of genes; rows are read before the loops, for vector instructions."""
+    """Write the weighted sum of ``rows`` rows of genes.
+
+    Rows are read before the loops, so that loops use vector instructions.
+    """
     i = 0
     if rows >= 3:
         a, b, c = weights[0], weights[1], weights[2]
@@ -119,10 +124,10 @@ def _solve(systems, r, count):
 
 @compiled(what="the search of a control step", seconds=15)
 def search(seed, step, generations, options, start, objectives, constraints, workspace, warm_start, history):
-    """Search one step; return the number of individuals of the last population that have not failed.
+    """Search one step; return the number of individuals without failure.
 
-    The arguments are those of ``programs.py``. A ``warm_start`` begins with the population in the workspace. The
-    ``history`` stores as many generations as it has room for.
+    They are counted in the last population. The arguments are those of ``programs.py``. A ``warm_start`` begins with
+    the population in the workspace. The ``history`` stores as many generations as it has room for.
     """
     options, start, objectives = refer(options), refer(start), refer(objectives)
     constraints, w = refer(constraints), refer(workspace)
@@ -164,10 +169,10 @@ def search(seed, step, generations, options, start, objectives, constraints, wor
 
 @compiled
 def evaluate(start, options, objectives, constraints, clearance, count, w, replaces, single_rank):
-    """Write the objectives of ``count`` children. Inadmissible ones fail, or are drawn again if ``replaces``.
+    """Write the objectives of ``count`` children.
 
-    The test whether the whole step is clear takes long: if the parents are of a ``single_rank``, children that one of
-    them dominates are not tested.
+    Inadmissible children fail, or are drawn again if ``replaces``. The test whether the whole step is clear takes long.
+    If all parents have rank one (``single_rank``), children that a parent dominates are not tested.
     """
     F, parents = w.F, w.order.shape[0]
     _configure(w.children, w.inputs, count, start, constraints, w)
@@ -191,14 +196,20 @@ def evaluate(start, options, objectives, constraints, clearance, count, w, repla
 
 @compiled
 def _configure(genes, q, count, start, constraints, w):
-    """Write the joint positions (dof, batch) of ``count`` chromosomes (genes, batch); bounds may change their genes."""
+    """Write the joint positions (dof, batch) of ``count`` chromosomes (genes, batch).
+
+    If steps exceed bounds, their genes change.
+    """
     decode(genes, count, start, w.linear_systems, q)
     shorten(genes, q, count, start, constraints, w)
 
 
 @compiled
 def _evaluate_objectives(start, objectives, count, w):
-    """Write the objectives of children from their joint positions; a child fails if one is not finite."""
+    """Write the objectives of children from their joint positions.
+
+    A child fails if an objective is not finite.
+    """
     F, inputs, outputs, parents, n = w.F, w.inputs, w.outputs, w.order.shape[0], start.previous.shape[0]
     for j in range(n):
         for order in range(1, objectives.orders):
@@ -228,7 +239,10 @@ def _fail(F, point):
 
 @compiled
 def _redraw_inadmissible(start, options, constraints, clearance, count, w):
-    """Replace the chromosomes of inadmissible steps by random ones until all are admissible (section 5.2)."""
+    """Replace inadmissible chromosomes by random ones (section 5.2).
+
+    This is repeated until all are admissible, at most ``max_redraws`` times.
+    """
     for _ in range(options.max_redraws):
         count = find_inadmissible(count, start, constraints, clearance, options, w)
         if count == 0:
@@ -253,14 +267,17 @@ def _replace_pending(rows, count, pending, replaced):
 
 @compiled
 def survive(w, children, single_rank):
-    """Choose the next population; return whether it is of one rank. ``single_rank``: whether the parents are.
+    """Choose the next population; return whether it has a single rank.
 
-    With two objectives, the survivors are in order of the first.
+    children: number of new individuals
+    single_rank: whether the parents have a single rank
+
+    With two objectives, the survivors are in order of the first objective.
     """
     F, order, s = w.F, w.order, w.selection
     count = order.shape[0]
     if F.shape[0] > 2:
-        # three and more objectives: failed points only if others are too few; fitness is by order of choice
+        # three and more objectives: failed points survive only if others are too few; fitness is the order of choice
         rank_points(F, s.rank, s.spare)
         selected = select_by_distance(
             F, s.rank, count, s.front, s.fitness, s.scaled, s.nearest, s.spare, s.begins, s.objectives
@@ -281,7 +298,7 @@ def survive(w, children, single_rank):
         length, total, tries = 0, 0, single_rank
         while True:
             new = children
-            if not tries:  # otherwise ``evaluate`` has located them
+            if not tries:  # if ``tries``, ``evaluate`` has located the children
                 new = count
                 locate(F, count, new, s.places, s.dominated)
             total = merge_children(F, count, new, tries, s)
@@ -307,7 +324,10 @@ def survive(w, children, single_rank):
 
 @compiled
 def _replace_parents(genes, order, children, front, rows, is_free):
-    """Make the chosen points the parents, in this order; a chosen child takes the row of a parent not chosen."""
+    """Make the chosen points the parents, in this order.
+
+    A chosen child takes the row of a parent that was not chosen.
+    """
     count = order.shape[0]
     for k in range(count + 1):
         is_free[k] = 1

@@ -1,4 +1,7 @@
-"""The steps of a loop: their bounds, the choice by weights, and reasons (Marcos et al. 2012, section 4.1)."""
+"""The steps of a loop: bounds, choice by weights, and failures.
+
+Source: Marcos et al. 2012, section 4.1.
+"""
 
 from __future__ import annotations
 
@@ -23,9 +26,9 @@ from paretoik.task.motion_task import MotionTask
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StepRecord:
-    """A step of a loop: the sample that it leads to, the front of its search, the index of the chosen point.
+    """A step of a loop: sample, front, and index of the chosen point.
 
-    ``generations`` are those of its search, if they were requested.
+    The step leads to the sample. The ``generations`` are those of the search, if they were requested.
     """
 
     sample: int
@@ -40,9 +43,10 @@ class StepRecord:
 
 
 def step_limits(task: MotionTask, longest: float) -> tuple[Float[np.ndarray, "time dof 2"], Bounds]:
-    """Return the bounds of joints' moves in the step to a sample [rad, m], and the limits of their positions.
+    """Return the bounds of joints' moves [rad, m], and the position limits.
 
-    A joint moves by ``longest`` at most, and within its velocity limits; position limits are (1 or time, dof, 2).
+    The bounds are those of the step to a sample. A joint moves by ``longest`` at most, and within its velocity limits;
+    position limits are (1 or time, dof, 2).
     """
     steps, boundless = np.diff(task.times, prepend=0.0)[:, None, None], np.full((1, task.arm.dof, 2), [-np.inf, np.inf])
     steps[0] = steps[1]
@@ -51,7 +55,10 @@ def step_limits(task: MotionTask, longest: float) -> tuple[Float[np.ndarray, "ti
 
 
 def required_standoff(task: MotionTask, longest: float) -> float:
-    """Return the extra distance [m] from obstacles at the end of steps that must be clear all the way; 0 for others."""
+    """Return the extra distance [m] from obstacles at the end of steps.
+
+    It applies to steps that must be clear all the way, and is 0 for others.
+    """
     if not np.isfinite(longest):
         return 0.0
     return OPTIONS.shortest_interval * longest * float(reach_by_joint(task).sum())
@@ -65,7 +72,10 @@ def state_before(
     home: Float[np.ndarray, " dof"],
     longest: float,
 ) -> StepState:
-    """Return what is known before the step to a sample, after these joint positions."""
+    """Return the state before the step to a sample.
+
+    The ``history`` has the last joint positions.
+    """
     moves, positions = step_limits(task, longest)
     room = positions[sample if len(positions) > 1 else 0] - history[-1][:, None]
     return StepState(
@@ -81,7 +91,10 @@ def state_before(
 
 
 def nondominated_rows(F: Objectives) -> Int[np.ndarray, " front"]:
-    """Return the rows without NaN that no other dominates, in order of the first objective."""
+    """Return the nondominated rows without NaN.
+
+    They are in order of the first objective.
+    """
     from moocore import is_nondominated
 
     valid = np.flatnonzero(~np.isnan(F).any(axis=1))
@@ -91,7 +104,10 @@ def nondominated_rows(F: Objectives) -> Int[np.ndarray, " front"]:
 
 
 def choose(F: Objectives, weights: Float[np.ndarray, " n_obj"]) -> int:
-    """Return the point with the least weighted sum of objectives, scaled to the range of the front (Eqs. 19, 20)."""
+    """Return the point with the least weighted sum of objectives.
+
+    Objectives are scaled to the range of the front. Source: Eqs. 19 and 20.
+    """
     ideal, width = F.min(axis=0), np.ptp(F, axis=0)
     z = np.where(width > 0, (F - ideal) / np.where(width > 0, width, 1.0), 0.0)  # Eq. 19
     return int(np.argmin(z @ weights))  # Eq. 20
@@ -112,9 +128,10 @@ def explain_no_step(step: StepState) -> str:
 
 
 def reachable_share(step: StepState, *, farthest: float = 1e3) -> tuple[float, Int[np.ndarray, " joints"]]:
-    """Return the largest share of Δx that joints within their bounds make, by a linear program (Eq. 8).
+    """Return the largest share of Δx that is possible within joint bounds.
 
-    Also return which joints are at their bounds then. Bounds beyond ``farthest`` [rad, m] are reduced to it.
+    The share follows from a linear program (Eq. 8). Also return which joints are at their bounds then. Bounds beyond
+    ``farthest`` [rad, m] are reduced to it.
     """
     error, jacobian = step.linearise()
     if not error.any():

@@ -1,4 +1,4 @@
-"""Objectives of a control step: the paper's two, users' own, and the library's objectives of motions.
+"""Objectives of a control step: the paper's, users', and the library's.
 
 A step objective is a plain NumPy function of a batch of ``Step``; it returns one value a step.
 """
@@ -75,7 +75,9 @@ class StepObjective:
 def step_objective(
     *, unit: str, maximise: bool = False, name: str | None = None
 ) -> Callable[[Function], StepObjective]:
-    """Make an objective from a function of steps. Raises InvalidInput unless name and unit are printable text.
+    """Return a decorator that makes an objective of a function of steps.
+
+    Raises InvalidInput unless name and unit are printable text.
 
     >>> @step_objective(unit="rad")
     ... def wrist_drift(step):

@@ -1,4 +1,7 @@
-"""OLGA: a genetic algorithm for a posture with the tool at a path's beginning (Marcos et al. 2012, section 4.2)."""
+"""OLGA: a genetic algorithm for start postures.
+
+The tool is at the beginning of the path. Source: Marcos et al. 2012, section 4.2.
+"""
 
 from __future__ import annotations
 
@@ -49,9 +52,10 @@ class PostureWorkspace(NamedTuple):
 
 
 def search_start(task: MotionTask, *, seed: int = 0, options: OpenLoopOptions = OPTIONS) -> Float[np.ndarray, " dof"]:
-    """Return joint positions (dof,) with the tool near the first sample of the path, by OLGA.
+    """Return joint positions (dof,) for the start of a path, by OLGA.
 
-    Raises Infeasible if no posture was found that is clear of the obstacles.
+    The tool is near the first sample of the path. Raises Infeasible if no posture was found that is clear of the
+    obstacles.
     """
     from paretoik.closed_loop.open_loop_engine import search_posture  # imported here: numba loads slowly
 
@@ -75,16 +79,20 @@ def search_start(task: MotionTask, *, seed: int = 0, options: OpenLoopOptions = 
 
 
 def posture_bounds(task: MotionTask, options: OpenLoopOptions = OPTIONS) -> Float[np.ndarray, "dof 2"]:
-    """Return the range of each joint: its limits, or two turns without any, as in the paper."""
+    """Return the range of each joint: its limits.
+
+    If a joint has no limits, the range is two turns, as in the paper.
+    """
     arm = task.arm
     widest = np.where(arm.periodic, options.largest_angle, options.largest_extension)[:, None] * [-1.0, 1.0]
     return np.where(np.isfinite(arm.position_limits), arm.position_limits, widest)
 
 
 def trace_posture(task: MotionTask) -> Evaluator:
-    """Return the evaluator, from joint positions, of the violation of the clearance [m] and the task error.
+    """Return the evaluator of clearance violation [m] and task error.
 
-    The error is the distance from the first target [m] (Eqs. 18, 21, 22), plus the angle [rad] if a task asks for one.
+    Its inputs are joint positions. The error is the distance from the first target [m] (Eqs. 18, 21, 22), plus the
+    angle [rad] if a task asks for one.
     """
     motion = trace_sample(task)
     tape, rotations = motion.trace.tape, rotation_rows(task)

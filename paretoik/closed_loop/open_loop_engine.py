@@ -1,4 +1,8 @@
-"""OLGA, compiled: rank weighting, single-point crossover, one gene replaced, one elite (Marcos et al. 2012, 4.2)."""
+"""Compiled OLGA: rank weighting, crossover, mutation, elitism.
+
+The crossover has a single point, the mutation replaces one gene, and there is one elite. Source: Marcos et al. 2012,
+section 4.2.
+"""
 
 from __future__ import annotations
 
@@ -12,9 +16,10 @@ from paretoik.search.sorted_points import merge_sort
 
 @compiled(what="the search for a start posture", seconds=5)
 def search_posture(seed, options, lower, upper, evaluator, w):
-    """Search joint positions with the least task error; return the violation of the clearance of the best.
+    """Search joint positions with the least task error.
 
-    The arguments are those of ``open_loop.py``. The best individual is the first in ``w.order``.
+    Returns the violation of the clearance of the best individual. The arguments are those of ``open_loop.py``. The best
+    individual is the first in ``w.order``.
     """
     dof, count = w.parents.shape
     seed_stream(w.state, seed, 0)
@@ -25,7 +30,7 @@ def search_posture(seed, options, lower, upper, evaluator, w):
     _sort(w.parent_values, w)
     for _ in range(1, options.generations):
         for k in range(0, count, 2):
-            # the children k and k + 1 of two parents; the last child of an odd number has no sibling
+            # children k and k + 1 of two parents; if the number is odd, the last child has no sibling
             dof, count = w.parents.shape
             mother, father = _select(w), _select(w)
             crosses = uniform(w.state) < options.crossover_probability
@@ -45,7 +50,7 @@ def search_posture(seed, options, lower, upper, evaluator, w):
         _sort(w.child_values, w)
         worst = w.order[count - 1]
         for k in range(count):
-            if k == best:  # the elite keeps its column; the child there moves to the worst one's
+            if k == best:  # the elite keeps its column; the child there moves to the worst child's column
                 continue
             child = best if k == worst else k
             for j in range(dof):
@@ -58,7 +63,10 @@ def search_posture(seed, options, lower, upper, evaluator, w):
 
 @compiled
 def _sort(values, w):
-    """Write the individuals best first: by violation, then by error; NaN is worst."""
+    """Write the individuals in order, best first.
+
+    The order is by violation, then by error; NaN is worst.
+    """
     count = w.order.shape[0]
     for k in range(count):
         w.order[k] = k
@@ -69,9 +77,10 @@ def _sort(values, w):
 
 @compiled
 def _select(w):
-    """Return an individual by rank weighting: the k-th best of N with probability 2 (N − k + 1) / (N (N + 1)).
+    """Return an individual by rank weighting.
 
-    The first k of them have a share of k (2N + 1 − k) / (N (N + 1)). Source: Haupt & Haupt 2004, section 2.2.4.
+    The k-th best of N has the probability 2 (N − k + 1) / (N (N + 1)), the first k together k (2N + 1 − k) / (N (N +
+    1)). Source: Haupt & Haupt 2004, section 2.2.4.
     """
     count = w.order.shape[0]
     b = 2.0 * count + 1.0

@@ -1,4 +1,7 @@
-"""Data of the engine: obstacles as rows, evaluators traced from objectives and the arm, and its workspace."""
+"""Data of the engine: obstacle table, evaluators, and workspace.
+
+The evaluators are traced from objectives and the arm.
+"""
 
 from __future__ import annotations
 
@@ -28,9 +31,10 @@ INFINITE_SIZE = 1e30  # m: half the size of an obstacle without end
 
 
 def tabulate(obstacles: Sequence[Obstacle]) -> Float[np.ndarray, "obstacles columns"]:
-    """Return one row per obstacle: kind, radius, two points or a center and half sizes, three axes.
+    """Return one row of numbers per obstacle.
 
-    The last axis of a circle, which is a cylinder in space, is 0.
+    A row has the kind, the radius, two points or a center and half sizes, and three axes. The last axis of a circle,
+    which is a cylinder in space, is 0.
     """
     rows = np.zeros((len(obstacles), COLUMNS))
     for row, each in zip(rows, obstacles, strict=True):
@@ -49,7 +53,10 @@ def tabulate(obstacles: Sequence[Obstacle]) -> Float[np.ndarray, "obstacles colu
 
 
 def bounding_ball(obstacle: Obstacle) -> Obstacle:
-    """Return a ball or circle around an obstacle; the obstacle itself if it has none."""
+    """Return a ball or circle around an obstacle.
+
+    If an obstacle has no such shape, return the obstacle itself.
+    """
     if isinstance(obstacle, Capsule):
         half_length = float(np.linalg.norm(obstacle.end - obstacle.start)) / 2
         return Sphere((obstacle.start + obstacle.end) / 2, obstacle.radius + half_length)
@@ -72,11 +79,12 @@ class StepPrograms:
     """Evaluators of one arm, task and set of objectives, for every step.
 
     ``objectives`` takes positions, velocities, accelerations and jerks (dof rows each), then the home joint positions,
-    the target and constants; a single objective is an output twice. The other fields are those of ``StepConstraints``.
+    the target and constants; if there is only one objective, it is the output twice. The other fields are those of
+    ``StepConstraints``.
     """
 
     objectives: Evaluator
-    orders: int  # number of orders of rates that it reads: 1 for positions only
+    orders: int  # number of orders of derivatives that objectives read: 1 for positions only
     inputs: int
     constants: Float[np.ndarray, " numbers"]
     nodes: Evaluator
@@ -126,12 +134,18 @@ def trace_step(task: MotionTask, objectives: Sequence[StepObjective], dt: float)
 
 
 def traced_errors(motion: TracedMotion, task: MotionTask, target: list[Any]) -> np.ndarray:
-    """Return the task errors (rows,) of a traced sample as expressions; ``target`` is as in ``MotionTask.targets``."""
+    """Return the task errors (rows,) of a traced sample as expressions.
+
+    The ``target`` is as in ``MotionTask.targets``.
+    """
     return np.array(path_errors(task.arm, task.tasks, list(motion.q.entries), target), dtype=object)
 
 
 def trace_nodes(task: MotionTask) -> Evaluator:
-    """Return the evaluator, from joint positions, of x, y and z [m] of the base, joints and tool in order."""
+    """Return the evaluator of the nodes' x, y and z [m].
+
+    The inputs are joint positions; the nodes are base, joints and tool in order.
+    """
     motion = trace_sample(task)
     return compile_evaluator(motion.trace.tape, [as_entry(motion.trace.tape, x) for x in motion.links.entries.ravel()])
 
@@ -150,14 +164,17 @@ class StepStart(NamedTuple):
 
 
 class ObjectiveProgram(NamedTuple):
-    """The evaluator of the objectives, and the number of orders of rates that it reads: 1 for positions only."""
+    """The evaluator of the objectives, and the number of derivative orders.
+
+    The number is 1 if objectives read positions only.
+    """
 
     arrays: Any
     orders: int
 
 
 class StepConstraints(NamedTuple):
-    """The obstacles, the required distance of the arm's links from them, and the bounds of joints' moves."""
+    """Obstacles, required distance of links, and bounds of joints' moves."""
 
     nodes: Any  # evaluator of the positions of the arm's joints
     obstacles: np.ndarray  # rows of ``tabulate``
@@ -172,9 +189,10 @@ class StepConstraints(NamedTuple):
 
 
 class KeptGenerations(NamedTuple):
-    """Generations of a search: genes (generations, individuals, genes), objectives (generations, individuals, n_obj).
+    """Generations of a search: genes and objectives.
 
-    The first generation is the one that a search begins with. Objectives are minimised, inf if a step failed.
+    Genes are (generations, individuals, genes), objectives (generations, individuals, n_obj). The first generation is
+    the one that a search begins with. Objectives are minimised, inf if a step failed.
     """
 
     genes: np.ndarray
@@ -229,7 +247,7 @@ class Workspace(NamedTuple):
 
 
 def allocate(dof: int, redundancy: int, population: int, objectives: int, inputs: int) -> Workspace:
-    """Return the workspace of a population, and of evaluators with this number of inputs."""
+    """Return the workspace of a population and of its evaluators."""
     N, M, r, size, both = population, objectives, redundancy, redundancy * (dof + 1), 2 * population
     evaluated, index = max(N, OPTIONS.interval_batch), np.int64
     selection = SelectionWorkspace(

@@ -33,7 +33,7 @@ class Population:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Generations:
-    """All generations of a search, from the first on: minimised objectives, and joint positions.
+    """All generations of a search: minimised objectives and joint positions.
 
     Both are NaN if a step failed.
     """
@@ -76,7 +76,10 @@ class StepEvolution:
         return self._search(step, recorded=0)[0]
 
     def with_generations(self, step: StepState) -> tuple[Population, Generations]:
-        """Search a step; return the population with all generations before it. Raises as a call does."""
+        """Search a step; return the last population and all generations.
+
+        Raises the errors of a call.
+        """
         population, history = self._search(step, recorded=self.generations + 1)
         F = np.where(np.isfinite(history.F).all(axis=2, keepdims=True), history.F, np.nan)
         alive = np.isfinite(F).all(axis=2)
@@ -85,13 +88,19 @@ class StepEvolution:
         return population, Generations(F=F[:, :, : self.objectives], q=q)
 
     def _search(self, step: StepState, *, recorded: int) -> tuple[Population, KeptGenerations]:
-        """Search a step, or take it from the journal of a stopped run; keep this number of generations."""
+        """Search a step, or read it from a stopped run's journal.
+
+        recorded: number of generations to keep
+        """
         start, constraints = self.start_and_constraints(step)
         w = self.workspace
         before = w.genes[w.order] if self.warm_start and self._has_searched else None
 
         def search_anew() -> dict[str, np.ndarray]:
-            """Return all genes, those that did not fail first, their objectives, and the generations recorded."""
+            """Return genes, objectives, and the recorded generations.
+
+            Individuals that did not fail come first.
+            """
             from paretoik.closed_loop.engine import search  # imported here: numba loads slowly
 
             rows = np.concatenate([step.home, step.target, self.programs.constants])

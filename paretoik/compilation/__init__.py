@@ -1,1 +1,1 @@
-"""Compiled code: the cache of numba's output, tuples of arrays by reference, notices. Home of numba."""
+"""Compiled code: numba's cache, and tuples of arrays by reference."""

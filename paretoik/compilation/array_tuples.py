@@ -1,8 +1,9 @@
-"""Tuples of many arrays passed to compiled functions by reference: by value each is hundreds of arguments.
+"""Tuples of arrays that compiled functions get by reference.
 
-LLVM code for that is slow to write and to optimise, again in every function that takes the tuple. A reference has the
-tuple's attributes, read-only; tuples within tuples are references too. It does not count references to the arrays:
-those of arguments exist until a function returns; for others the maker of the reference keeps the tuple (``keep``).
+By value such a tuple is hundreds of arguments. Their LLVM code takes long to write and to optimise, again in every
+function that takes the tuple. A reference has the tuple's attributes, read-only; tuples within tuples are references
+too. It does not count references to the arrays. Arrays of arguments exist until a function returns; for others, the
+function that makes the reference must keep the tuple (``keep``).
 """
 
 from __future__ import annotations
@@ -52,7 +53,10 @@ def _load(context: Any, builder: Any, reference: Any, pointer: Any, name: str) -
 
 @intrinsic
 def refer(typing_context: Any, target: Any) -> Any:
-    """Return a reference to a named tuple, valid in the function that makes it and in those that it calls."""
+    """Return a reference to a named tuple.
+
+    It is valid in the function that makes it, and in the functions that this one calls.
+    """
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         return cgutils.alloca_once_value(builder, arguments[0])
@@ -62,7 +66,7 @@ def refer(typing_context: Any, target: Any) -> Any:
 
 @intrinsic
 def keep(typing_context: Any, target: Any) -> Any:
-    """Do nothing with a tuple that must exist until this point."""
+    """Do nothing with a tuple, which therefore exists until this line."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         return context.get_dummy_value()

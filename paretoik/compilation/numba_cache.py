@@ -1,11 +1,12 @@
-"""Compiles with numba: once per machine, without stopping other threads, and with a notice if it takes long.
+"""Compiles functions with numba and caches them on disk.
 
-A function under ``@compiled`` has two variants with the same bits: one that Python calls, and one that compiled
-functions call, which has no wrappers and is not specialised by literal arguments. Each is compiled at its first call
-and cached on disk: in the package's folder, else in the user's, else in a temporary one. A function under
-``@c_function`` is linked by its address: its callers do not optimise its code again.
+Compilation happens once per machine, does not stop other threads, and is announced if it takes long. A function with
+``@compiled`` has two variants with the same bits: one for calls from Python, and one for calls from compiled functions,
+which has no wrappers and is not specialised by literal arguments. Each is compiled at its first call and cached in the
+package's folder, else in the user's, else in a temporary one. A function with ``@c_function`` is linked by its address:
+its callers do not optimise its code again.
 
-Several classes below subclass private ones of numba: pyproject.toml has the newest version that they were tested with.
+Several classes below inherit from private classes of numba: pyproject.toml has the newest tested version.
 """
 
 from __future__ import annotations
@@ -37,16 +38,16 @@ from numba.core.sigutils import normalize_signature
 
 from paretoik.compilation_notices import SILENT, CompilationNotice, announce, begin_compilation, end_compilation
 
-# Whole-program compilation with numba: a function and all that it calls are optimised and emitted once, together.
+# Whole-program compilation with numba: a function and all functions that it calls are optimised and emitted once.
 #
-# Numba alone optimises and emits every function with all that it calls, again in every caller: in code of many small
-# functions this takes most of the compile time. Here the libraries of inner functions have LLVM code only; the library
-# of the function that Python calls links them all.
+# Numba itself optimises and emits every function with all functions that it calls, again in every caller: in code of
+# many small functions this takes most of the compile time. Here the libraries of inner functions have LLVM code only;
+# the library of the function that Python calls links them all.
 
 
 class _Library(JITCodeLibrary):
     def _optimize_functions(self, ll_module: Any) -> None:
-        ll_module.data_layout = self._codegen._data_layout  # optimised together with the linked code
+        ll_module.data_layout = self._codegen._data_layout  # optimised later with the linked code
 
 
 class InnerLibrary(_Library):
@@ -62,11 +63,11 @@ class InnerLibrary(_Library):
 
     @property
     def codegen(self) -> Any:
-        """Code generator that sets the function's environment: it keeps it until the code is emitted."""
+        """Code generator that stores the function's environment until emission."""
         return _DeferredCodegen(self)
 
     def finalize(self) -> None:
-        """Finish the function's code without optimising or emitting it."""
+        """Finish the function's code; do not optimise or emit it."""
         self._raise_if_finalized()
         for library in self._linking_libraries:
             self._reload_init.update(library._reload_init)
@@ -78,7 +79,10 @@ class InnerLibrary(_Library):
         return 0
 
     def _get_module_for_linking(self) -> Any:
-        """Return the code with all that it calls, for libraries that this module does not define."""
+        """Return the code linked with all functions that it calls.
+
+        Libraries that this file does not define link this code.
+        """
         self._ensure_finalized()
         if self._shared_module is None:
             module = self.module_alone().clone()
@@ -88,7 +92,7 @@ class InnerLibrary(_Library):
         return self._shared_module
 
     def module_alone(self) -> Any:
-        """Return the code without the functions that it calls, for linking many times."""
+        """Return the code without called functions, to link it many times."""
         if self.own_module is None:
             module = self._final_module.clone()
             for function in module.functions:
@@ -118,13 +122,16 @@ class EntryLibrary(_Library):
                     self._codegen.set_env(name, environment)
 
     def _optimize_final_module(self) -> None:
-        """Run LLVM's passes once; numba runs them twice to remove reference counts, which inner code rarely has."""
+        """Run LLVM's passes once.
+
+        Numba runs them twice to remove reference counts, which are rare in inner code.
+        """
         passes, builder = self._codegen._module_pass_manager(opt=self.level)
         passes.run(self._final_module, builder)
 
 
 class _DeferredCodegen:
-    """A code generator that keeps environments until their variables have addresses."""
+    """A code generator that stores environments until their variables have addresses."""
 
     def __init__(self, library: InnerLibrary) -> None:
         self._library = library
@@ -137,7 +144,9 @@ class _DeferredCodegen:
 
 
 def linked_libraries(libraries: list[Any]) -> list[Any]:
-    """Return libraries and all that inner ones among them call, each once and callers first.
+    """Return libraries and all that they call, callers first.
+
+    Only calls of inner libraries are followed. Each library occurs once.
 
     LLVM links a function with several definitions only if code that was linked before refers to it.
     """
@@ -161,7 +170,7 @@ def _module_alone(library: Any) -> Any:
 
 @contextmanager
 def compilation_unit(codegen: Any, entry: str = "", *, level: int = 1) -> Iterator[None]:
-    """Create inner libraries for all functions compiled in the ``with`` block, except ``entry``.
+    """Create inner libraries for functions compiled in the body, except ``entry``.
 
     LLVM optimises ``entry`` at ``level``, at most 3. Level 1 compiles in two thirds of the time of level 3, and most
     code runs as fast.
@@ -189,8 +198,8 @@ def compilation_unit(codegen: Any, entry: str = "", *, level: int = 1) -> Iterat
 # Compilation of functions at their first call, and its cache.
 
 
-# numba reads settings from a file in the current folder, also the folder of its cache, from which code is loaded: the
-# current folder may be a run of unknown origin. Settings of the environment stay valid.
+# numba reads settings from a file in the current folder, among them the folder of its cache, from which code is loaded:
+# the current folder may be a run of unknown origin. Settings from environment variables remain valid.
 config._config_fname = ""
 config.reload_config()
 
@@ -198,15 +207,15 @@ carray = numba.carray  # an array at a pointer
 OPTIONS = {"nopython": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}  # x / 0 is inf or nan
 WITHOUT_WRAPPERS = {**OPTIONS, "no_cpython_wrapper": True}
 
-# Functions that take functions are inlined into their callers: with a function as argument, nothing could be cached.
+# Functions with functions as arguments are inlined into their callers: otherwise nothing could be cached.
 inlined = numba.njit(inline="always", nogil=True, error_model="numpy")
 
 
 def compiled(function: Any = None, *, what: str = "", seconds: float | None = None, level: int = 1) -> Any:
-    """Return a function that is compiled at its first call for each combination of argument types.
+    """Return a function that is compiled at its first call.
 
-    Before a compilation a notice names its purpose, ``what``, and about how many ``seconds`` it takes; ``level`` is
-    LLVM's, up to 3.
+    Each combination of argument types is compiled separately. Before a compilation a notice names its purpose,
+    ``what``, and its approximate time, ``seconds``. ``level``: optimisation level of LLVM, at most 3
     """
     if function is None:
         return lambda decorated: compiled(decorated, what=what, seconds=seconds, level=level)
@@ -217,9 +226,9 @@ def compiled(function: Any = None, *, what: str = "", seconds: float | None = No
 
 
 def c_function(signature: Any, *, what: str = "", seconds: float | None = None) -> Callable[[Any], Any]:
-    """Compile a function, or load it from the cache; return it as an external function for compiled callers.
+    """Return a function as an external one for compiled callers.
 
-    ``signature`` has numbers and pointers only.
+    It is compiled now, or loaded from the cache. ``signature`` may have only numbers and pointers.
     """
 
     def decorate(function: Any) -> Any:
@@ -236,7 +245,10 @@ def c_function(signature: Any, *, what: str = "", seconds: float | None = None) 
 
 
 class _Flags(Flags):
-    """The flags of a compilation, listed once: numba lists and compares all at every look-up of an operator."""
+    """The flags of a compilation, cached.
+
+    Numba lists and compares all flags at every look-up of an operator.
+    """
 
     def __init__(self, copy_from: Any = None) -> None:
         super().__init__(copy_from)
@@ -259,12 +271,12 @@ class _Inner(_Dispatcher):
     """The variant of a function that compiled functions call."""
 
     def compile(self, sig: Any) -> Any:
-        """Return a key of the code for a signature."""
+        """Return a key to the code of a signature."""
         with compilation_unit(self.targetctx.codegen()):
             return super().compile(sig)
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
-        """Return the template of a call: literal arguments are variables like others."""
+        """Return the template of a call, with literal arguments as variables."""
         variables = {name: types.unliteral(arg) for name, arg in kws.items()}
         return super().get_call_template(tuple(types.unliteral(arg) for arg in args), variables)
 
@@ -291,7 +303,10 @@ class _Entry(_Dispatcher):
 
 @contextmanager
 def _compiling(function: Any) -> Iterator[None]:
-    """Hold the compiler's lock, without garbage collections: they take up to a quarter of the time."""
+    """Hold the compiler's lock, and pause garbage collection.
+
+    Garbage collections take up to a quarter of the compile time.
+    """
     with global_compiler_lock:
         collects = gc.isenabled()
         gc.disable()
@@ -304,14 +319,21 @@ def _compiling(function: Any) -> Iterator[None]:
 
 
 class _Announcer:
-    """Announces a compilation at once if its estimate is long, else once it has taken long; under the lock."""
+    """Announces compilations that take long.
+
+    A compilation is announced at once if its estimate is long, else once it has taken long. The compiler's lock must be
+    held.
+    """
 
     def __init__(self) -> None:
         self.notice: CompilationNotice | None = None
         self.start = 0.0
 
     def miss(self, notice: CompilationNotice | None) -> None:
-        """Note that the cache lacks a function, which is compiled now; an inner function has no ``notice``."""
+        """Note that a function is not cached and is compiled now.
+
+        ``notice``: None for an inner function
+        """
         begin_compilation()
         if notice is not None:
             self.notice, self.start = notice, time.perf_counter()
@@ -325,7 +347,10 @@ _ANNOUNCER = _Announcer()
 
 
 class _TemporaryLocator(UserWideCacheLocator):
-    """A folder of the user among temporary files, if neither the package's nor the user's can be written."""
+    """The user's folder among temporary files.
+
+    It is used if neither the package's folder nor the user's own can be written.
+    """
 
     def __init__(self, py_func: Any, py_file: str) -> None:
         super().__init__(py_func, py_file)
@@ -348,7 +373,7 @@ class _EntryCache(FunctionCache):
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         try:
             overload = super().load_overload(sig, target_context)
-        except (ImportError, AttributeError, EOFError, pickle.UnpicklingError):  # cut off, or of classes that are gone
+        except (ImportError, AttributeError, EOFError, pickle.UnpicklingError):  # cut off, or with a former class
             self.flush()
             overload = None
         if overload is None:
@@ -364,7 +389,9 @@ class _InnerCache(_EntryCache):
 
 
 def _cache(function: Any, notice: CompilationNotice | None = None) -> Any:
-    """Return the cache of a function; without ``notice`` that of its inner variant.
+    """Return the cache of a function.
+
+    Without ``notice`` this is the cache of its inner variant.
 
     It stores nothing (``NullCache``) if no folder can be written.
     """
@@ -378,7 +405,10 @@ def _cache(function: Any, notice: CompilationNotice | None = None) -> Any:
 
 @cache
 def _temporary_folder() -> Path:
-    """Return a folder that only this user can write: code is loaded from it."""
+    """Return a folder that only this user can write.
+
+    Others must not write there, since code is loaded from it.
+    """
     folder = Path(tempfile.gettempdir()) / f"paretoik-{os.getuid() if hasattr(os, 'getuid') else 'cache'}"
     try:
         folder.mkdir(mode=0o700, exist_ok=True)
@@ -392,7 +422,10 @@ def _temporary_folder() -> Path:
 
 
 def _fingerprint(function: Any) -> str:
-    """Return a digest of all code and constants in a function's machine code, from all files."""
+    """Return a digest of the code and constants of a function.
+
+    It covers all files whose code is in the function's machine code.
+    """
     reachable, pending = {function}, [function]
     while pending:
         for value in _globals(pending.pop()):
@@ -411,5 +444,5 @@ def _digest(function: FunctionType) -> str:
 
 
 def _globals(function: FunctionType) -> list[Any]:
-    """Return the globals that a function names."""
+    """Return the globals that a function's code names."""
     return [function.__globals__.get(name) for name in function.__code__.co_names]

@@ -1,1 +1,4 @@
-"""Formulations: each method as a pymoo problem; ``protocol`` lists what verbs ask of them."""
+"""Formulations: each method as a pymoo problem.
+
+``protocol`` lists the parts that verbs ask for.
+"""

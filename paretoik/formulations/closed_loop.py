@@ -1,4 +1,7 @@
-"""The closed loop as a problem: search, choose and step at every sample (Marcos et al. 2012)."""
+"""The closed loop: search, choose and step at every sample.
+
+Source: Marcos et al. 2012.
+"""
 
 from __future__ import annotations
 
@@ -50,13 +53,16 @@ from paretoik.task.validation import motion_task
 
 @objective(unit="m", form="general")
 def mean_position_error(motion: AnyMotion) -> AnyValues:
-    """Return the mean over the steps of the tool's distance from its target. Source: Marcos et al. 2012, Eq. 23."""
+    """Return the mean distance of the tool from its target over steps.
+
+    Source: Marcos et al. 2012, Eq. 23.
+    """
     return motion.position_error[..., 1:].mean(axis=-1)  # Eq. 23
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ClosedLoopRun:
-    """Result of a closed loop: the motion and the choice of every step.
+    """Result of a closed loop: its motion and every step's choice.
 
     Attributes
     ----------
@@ -95,7 +101,7 @@ class ClosedLoopRun:
 
     @cached_property
     def drift(self) -> float:
-        """Distance of the last configuration from the first, divided by the number of joints [rad] (Eq. 25)."""
+        """Distance between last and first configuration, per joint [rad] (Eq. 25)."""
         return float(joint_drift(self.motion))
 
     @property
@@ -104,7 +110,10 @@ class ClosedLoopRun:
         return self.F * self.loop.signs
 
     def front(self, provenance: Mapping[str, Any]) -> Front:
-        """Return the motion as a front of one point: the mean of every objective over the steps."""
+        """Return the motion as a front of one point.
+
+        Its objectives are the means over the steps.
+        """
         loop, motions = self.loop, self.task.motion(self.q[None])
         return Front(
             ids=np.zeros(1, dtype=np.int64),
@@ -125,7 +134,10 @@ class ClosedLoopRun:
 
 
 def explain_choice(front: Front) -> Choice:
-    """Return the one motion of a closed loop's front, and explain how its steps were chosen."""
+    """Return the motion of a closed loop's front as a choice.
+
+    The reason explains how the steps were chosen.
+    """
     weights = ", ".join(f"{name} {weight:.0%}" for name, weight in front.provenance["settings"]["weights"].items())
     means = [front.quantity(axis, value) for axis, value in enumerate(front.objectives[0])]
     error = f"{front.provenance['position_error']:.4g} m"
@@ -144,7 +156,10 @@ def explain_choice(front: Front) -> Choice:
 def normalise_weights(
     weights: Weights | Sequence[float] | np.ndarray | None, names: tuple[str, ...]
 ) -> Float[np.ndarray, " n_obj"]:
-    """Return weights in the order of the names, with sum 1; None: equal ones. Raises InvalidInput for others."""
+    """Return weights in the order of the names, with sum 1.
+
+    None means equal weights. Raises InvalidInput for invalid weights.
+    """
     if isinstance(weights, Weights):
         unknown = [name for name in weights.weights if name not in names]
         if unknown:
@@ -161,7 +176,7 @@ ASKED_BY_PYMOO = ("vars", "vtype", "xl", "xu", "bounds", "has_bounds", "n_ieq_co
 
 
 class ClosedLoop:
-    """Follow ``path`` with ``arm`` step by step: search each step, and choose it by weights.
+    """Follow ``path`` with ``arm`` step by step: search, then choose by weights.
 
     ``solve`` follows the path and returns the motion as a front of one point. Each of its objectives is the mean over
     the steps. ``front.select`` follows the path again with other weights.
@@ -205,7 +220,7 @@ class ClosedLoop:
     """
 
     timeline: Timeline = "step"
-    search_attributes = ("weights", "_given_start", "population", "generations", "seed")  # what ``changed`` can change
+    search_attributes = ("weights", "_given_start", "population", "generations", "seed")  # ``changed`` changes them
     _repr_html_ = html_representation
 
     def __init__(
@@ -290,7 +305,7 @@ class ClosedLoop:
 
     @cached_property
     def start(self) -> Float[np.ndarray, " dof"]:
-        """Joint positions in which the loop begins: those given, or found on first use.
+        """Joint positions at the beginning: given, or found on first use.
 
         Raises Infeasible if no posture was found that is clear of the obstacles.
         """
@@ -307,7 +322,10 @@ class ClosedLoop:
         return self.task.redundancy * (self.task.arm.dof + 1)
 
     def __getattr__(self, name: str) -> Any:
-        """Raise InvalidInput for attributes of pymoo problems: a loop has a search at every step."""
+        """Raise InvalidInput for attributes of pymoo problems.
+
+        A loop has a search at every step.
+        """
         if name in ASKED_BY_PYMOO:
             self.evaluate()
         raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
@@ -321,12 +339,12 @@ class ClosedLoop:
 
     @cached_property
     def programs(self) -> StepPrograms:
-        """Evaluators of the objectives of a step and of the arm's distance from obstacles."""
+        """Evaluators of a step's objectives and of the distance from obstacles."""
         times = self.task.times
         return trace_step(self.task, self.objectives, float(times[1] - times[0]))
 
     def control_step(self, sample: int, history: np.ndarray | None = None) -> ControlStep:
-        """Return the search of the step to a sample, as a pymoo problem.
+        """Return the step to a sample as a pymoo problem.
 
         ``history``: joint positions (rows, dof) before the step, the present ones last; None: at rest in the start.
         Raises InvalidInput and Infeasible as ``ControlStep`` does.
@@ -346,7 +364,10 @@ class ClosedLoop:
         )
 
     def step_state(self, sample: int, history: Float[np.ndarray, "history dof"] | None = None) -> StepState:
-        """Return what is known before the step to a sample; ``history`` is that of ``control_step``."""
+        """Return the state before the step to a sample.
+
+        ``history`` is that of ``control_step``.
+        """
         before = np.tile(self.start, (HISTORY, 1)) if history is None else history
         return state_before(self.task, sample, before, home=self.start, longest=self.longest)
 
@@ -363,13 +384,18 @@ class ClosedLoop:
         )
 
     def prepare(self) -> None:
-        """Search for the start and compile the search, so that the first step takes no longer than the others."""
+        """Search for the start and compile the search before the first step.
+
+        The first step then takes no longer than the others.
+        """
         search = self.step_evolution()
         search.generations = 1
         search(self.step_state(1))
 
     def steps(self, record_steps: Collection[int] = ()) -> Iterator[StepRecord]:
-        """Search, choose and step, one sample after the other; ``record_steps`` is that of ``run``.
+        """Search, choose and step at one sample after the other.
+
+        ``record_steps`` is that of ``run``.
 
         Raises Infeasible, naming the step, if no configuration is admissible or none can be reached. Source: Marcos et
         al. 2012, Fig. 1.
@@ -431,7 +457,9 @@ class ClosedLoop:
         return ClosedLoopRun(loop=self, q=np.array(q), F=np.array(F), ranges=np.array(ranges), fronts=records)
 
     def select(self, front: Front, preference: Preference) -> Choice:
-        """Return the motion with these weights at every step, with the settings recorded in ``front``.
+        """Return the motion with these weights at every step.
+
+        Its settings are those recorded in ``front``.
 
         Raises InvalidInput for any other preference, and as ``run`` does.
         """
@@ -441,7 +469,10 @@ class ClosedLoop:
         return explain_choice(front)
 
     def reweigh(self, front: Front, preference: Preference) -> ClosedLoop | None:
-        """Return the loop of ``front`` with other weights; None if the weights are the same."""
+        """Return the loop of ``front`` with other weights.
+
+        None if the weights are the same.
+        """
         if not isinstance(preference, Weights):
             raise InvalidInput(f"select: preference must be Weights for a closed loop, got {shown(preference)}")
         weights, settings = normalise_weights(preference, self.names), dict(front.provenance.get("settings", {}))

@@ -71,7 +71,10 @@ def check_limits(limits: Limits | None, *, supported: tuple[str, ...], where: st
 
 
 def check_longest_step(longest_step: object) -> float:
-    """Return the largest move of a joint in a step. Raises InvalidInput if it is not a positive number."""
+    """Return the largest move of a joint in a step.
+
+    Raises InvalidInput if it is not a positive number.
+    """
     longest = real_array("longest_step", longest_step)
     if longest.shape != () or not longest > 0:
         raise InvalidInput(f"longest_step must be a positive number, got {shown(longest_step)}")
@@ -79,12 +82,18 @@ def check_longest_step(longest_step: object) -> float:
 
 
 def read_steps(record_steps: object) -> tuple[Any, ...]:
-    """Return the items of a list of steps, unchecked. Raises InvalidInput if it is not a list."""
+    """Return the items of a list of steps, unchecked.
+
+    Raises InvalidInput if it is not a list.
+    """
     return read_list("record_steps", record_steps, object, "a list of steps")
 
 
 def check_steps(record_steps: Sequence[int], last: int) -> frozenset[int]:
-    """Return the steps of a loop to record. Raises InvalidInput if they are not from 1 to the last."""
+    """Return the steps of a loop to record.
+
+    Raises InvalidInput if they are not from 1 to the last.
+    """
     for step in read_steps(record_steps):
         check_size("record_steps", step, 1)
         if step > last:
@@ -95,7 +104,10 @@ def check_steps(record_steps: Sequence[int], last: int) -> frozenset[int]:
 def check_start(
     task: MotionTask, start: Sequence[float] | np.ndarray, *, name: str = "start"
 ) -> Float[np.ndarray, " dof"]:
-    """Return joint positions to begin in. Raises InvalidInput if they exceed a limit or meet an obstacle."""
+    """Return joint positions to begin in.
+
+    Raises InvalidInput if they exceed a limit or collide with an obstacle.
+    """
     q: np.ndarray = finite_array(name, start, shape=(task.arm.dof,))
     lower, upper = task.arm.position_limits.T
     tolerance = OPTIONS.bound_tolerance
@@ -116,7 +128,7 @@ def check_start(
 
 
 class ControlStep(Formulation):
-    """Search the next joint positions of an arm that follows ``path``: a vectorised pymoo problem.
+    """Search the next joint positions on ``path``: a vectorised pymoo problem.
 
     An individual is the matrix (J*, Δx*) that extends Δx = J Δq to a square system (Eqs. 7 to 13), so that every step
     reaches its target to first order. Its genes are within ±1. A step with too much self-motion is shortened until its
@@ -218,18 +230,27 @@ class ControlStep(Formulation):
         self._score((history[-1] + shortest)[None])  # to raise the errors of the objectives now
 
     def positions(self, genes: Genes) -> Float[np.ndarray, "points dof"]:
-        """Return the joint positions after the steps of genes; NaN if the extended Jacobian is singular."""
+        """Return the joint positions after steps.
+
+        NaN if the extended Jacobian is singular.
+        """
         return self.state.shorten(self.state.decode(genes))
 
     @of_genes
     def decode(self, genes: Genes) -> Motion:
-        """Return the motions (points, 4, dof) of genes; they end in the joint positions after the step."""
+        """Return the motions (points, 4, dof) of genes.
+
+        They end in the joint positions after the step.
+        """
         return self.state.motions(self.positions(genes))
 
     def algorithm(
         self, population: int, *, offspring: int | None = None, initial: Genes | None = None
     ) -> GeneticAlgorithm:
-        """Return the paper's NSGA-II: tournaments, crossover by rows, one gene replaced, MaxiMin selection."""
+        """Return the paper's NSGA-II.
+
+        It has tournaments, crossover by rows, mutation of one gene, and MaxiMin selection.
+        """
         return GeneticAlgorithm(
             pop_size=population,
             n_offsprings=offspring,
@@ -244,7 +265,7 @@ class ControlStep(Formulation):
         )
 
     def redraw(self, genes: Genes, rng: np.random.Generator) -> Genes:
-        """Return genes with inadmissible chromosomes replaced by random ones (section 5.2)."""
+        """Replace inadmissible chromosomes by random ones (section 5.2); return the genes."""
         genes = np.array(genes, dtype=float)
         for _ in range(OPTIONS.max_redraws):
             inadmissible = np.flatnonzero(~self.state.is_admissible(self.positions(genes)))
@@ -269,13 +290,13 @@ class ControlStep(Formulation):
 
     def _evaluate(self, X: Genes, out: dict[str, object], *args: object, **kwargs: object) -> None:
         q = self.positions(X)
-        usable = np.isfinite(q).all(axis=1)  # others have singular extended Jacobians
+        usable = np.isfinite(q).all(axis=1)  # the other individuals have singular extended Jacobians
         F, excess = np.full((len(X), self.n_obj), np.inf), np.full((len(X), self.n_ieq_constr), 1.0)
         F[usable] = self._score(steps := q[usable])
         columns = []
-        if self.state.bounded:  # rad, m beyond the bounds
+        if self.state.bounded:  # [rad, m] over the bounds
             columns.append(self.state.excess_over_bounds(steps))
-        if self.task.obstacles:  # m of clearance that lack
+        if self.task.obstacles:  # [m] of missing clearance
             left = self.state.clearance_left(steps)
             columns.append(np.where(left > 0, -left, np.maximum(-left, np.finfo(float).tiny)))
         if columns:
@@ -294,7 +315,10 @@ class AdmissibleChromosomes(Seeded):
 
 
 class ReplaceInadmissible(Repair):  # type: ignore[misc]  # pymoo is not typed
-    """Replace each chromosome with an inadmissible step by a new random one (section 5.2)."""
+    """Replace each chromosome with an inadmissible step (section 5.2).
+
+    The new chromosome is random.
+    """
 
     def do(self, problem: Any, pop: Population, *, random_state: np.random.Generator, **kwargs: object) -> Population:
         """Return the population with these chromosomes replaced."""

@@ -1,4 +1,4 @@
-"""Formulations with a small, dense program: points with genes, driven by motors or sliders."""
+"""Formulations with a small, dense program, for motors or sliders."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ from paretoik.task.validation import motion_task
 def function_task(
     arm: Arm, path: Path, objectives: Sequence[Objective], constraints: Sequence[Constraint]
 ) -> MotionTask:
-    """Return a task of an arm with the user's functions of motions, all checked, without limits.
+    """Return a checked task with the user's functions, without limits.
 
     Motions have as many samples as the path. Raises InvalidInput, naming the function, if one is not usable.
     """
@@ -54,10 +54,10 @@ def function_task(
 
 
 def read_times(task: MotionTask, motions: Motion) -> bool:
-    """Return whether an objective or constraint of motions changes if a part of them takes longer.
+    """Return whether a function of motions changes if a part takes longer.
 
-    Some functions, such as a limit on rates, see nothing at the motions' own pace: other paces are tried too. Raises
-    EvaluationFailed if functions have no values.
+    The functions are the objectives and constraints. A function such as a limit on rates may not change at the motions'
+    own pace: other paces are tried too. Raises EvaluationFailed if functions have no values.
     """
     require_values(task, motions)
     shares = motions.time / motions.duration[:, None]
@@ -73,11 +73,15 @@ def read_times(task: MotionTask, motions: Motion) -> bool:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WholeProgram:
-    """The rows and costs of a formulation, with users' functions of a ``task`` among them.
+    """The rows and costs of a formulation, with users' functions.
 
-    ``base`` and ``base_costs`` are those without users' functions. ``lanes`` says how motions follow from the unknowns;
-    ``near`` are some of these motions. If there are ``intervals``, motions have times of their own: these are unknowns
-    in units of ``pace`` [s].
+    base: rows without users' functions
+    base_costs: costs without users' functions
+    task: task with users' functions
+    near: some of the motions
+    lanes: map from the unknowns to motions
+    intervals: indices of the unknown intervals, in units of ``pace``, if motions have their own times
+    pace: unit of the intervals [s]
     """
 
     base: AssembledRows
@@ -90,7 +94,7 @@ class WholeProgram:
 
     @cached_property
     def own(self) -> TermRows:
-        """Rows of the user's objectives and constraints, and the unknowns that they add."""
+        """Rows of the user's objectives and constraints, and their additional unknowns."""
         task = self.task
         sizes = [float(np.median(np.abs(each(self.near)))) or 1.0 for each in task.objectives]
         terms = [objective_term(each, size) for each, size in zip(task.objectives, sizes, strict=True)]
@@ -123,9 +127,10 @@ OBJECTIVE_TOLERANCE = 1e-6  # share of an objective's size over all points that 
 
 
 class DenseFormulation(Formulation, Differentiable):
-    """A pymoo problem with a ``DenseProgram``: the first gene selects one of ``base_count`` bases.
+    """A pymoo problem with a ``DenseProgram``.
 
-    ``functions`` is a task with the users' own objectives and constraints.
+    The first gene selects one of ``base_count`` bases. ``functions`` is a task with the user's own objectives and
+    constraints.
     """
 
     constraint_units: tuple[str, ...]
@@ -153,7 +158,7 @@ class DenseFormulation(Formulation, Differentiable):
         return DenseProgram(rows=whole.rows, costs=whole.costs / divisors[:, None], objective_names=self.names)
 
     def add_functions(self, task: MotionTask) -> None:
-        """Add users' functions, the objectives and constraints of a task, after those that exist.
+        """Append users' functions: the objectives and constraints of a task.
 
         Raises InvalidInput for a name that is taken.
         """
@@ -169,11 +174,14 @@ class DenseFormulation(Formulation, Differentiable):
         self.constraint_units += ("of its range",) * len(task.limit_names)
 
     def violation_between(self, genes: Genes) -> Float[np.ndarray, " points"]:
-        """Return the violation between samples; 0 if there are no samples."""
+        """Return the violation between samples; 0 without samples."""
         return np.zeros(len(genes))
 
     def front_points(self, front: Front) -> Points:
-        """Return the points of a front's genes. Raises InvalidInput if the front has no genes."""
+        """Return the points of a front's genes.
+
+        Raises InvalidInput if the front has no genes.
+        """
         if front.genes is None:
             raise InvalidInput(f"front must have the genes of {', '.join(self.names)}, got a front without")
         return self.points(np.array(front.genes))
@@ -196,7 +204,7 @@ class DenseFormulation(Formulation, Differentiable):
     def individuals(self, x: Points, genes: Genes | None = None) -> Individuals:
         """Return points as individuals with the values that are certified.
 
-        A point whose genes miss its objectives becomes the point of its genes.
+        If the genes of a point miss its objectives, the point is replaced by that of its genes.
         """
         rows = self.genes(x) if genes is None else genes
         F, G = self.evaluate(rows, return_values_of=["F", "G"])
@@ -212,27 +220,30 @@ class DenseFormulation(Formulation, Differentiable):
         )
 
     def values_between(self, front: Front, shares: Values) -> Float[np.ndarray, "gaps shares n_obj"]:
-        """Return the minimised objectives of points between neighbours of a front; inf if a point is impossible."""
+        """Return minimised objectives between neighbours of a front.
+
+        inf if a point is impossible.
+        """
         x = self.front_points(front)
         between = x[:-1, None] + shares[:, None] * np.diff(x, axis=0)[:, None]
         F, G = self.evaluate(self.genes(between.reshape(-1, x.shape[1])), return_values_of=["F", "G"])
         return possible_values(F, G).reshape(*between.shape[:2], self.n_obj)
 
     def branches(self, x: Points) -> list[str]:
-        """Return for each point the number of its nearest base."""
+        """Return the number of each point's nearest base, as text."""
         return [str(int(place * self.base_count)) for place in self.genes(x)[:, 0]]
 
     def base_indices(self, genes: Genes) -> np.ndarray:
-        """Return the base around which genes (points, n_var) are."""
+        """Return the index of the base of each individual (points, n_var)."""
         return np.minimum((genes[:, 0] * self.base_count).astype(int), self.base_count - 1)
 
     def cold_search(
         self, *, starts: int | None, seed: int, solver: Solver = "auto", observe: Observe | None = None
     ) -> StartSearch:
-        """Return how optima are found without initial points: each start that motors can hold is refined.
+        """Return the search for optima without initial points.
 
-        ``starts`` is the number of starts, 48 if None. They are drawn up to ten times, since in some postures no motor
-        can hold the arm.
+        Each start whose arm the motors can hold is refined. ``starts`` is the number of starts, 48 if None. They are
+        drawn up to ten times, since the motors cannot hold the arm in some postures.
         """
         starts, rng = COLD.starts if starts is None else starts, np.random.default_rng(seed)
         x = self.points(self.sample_starts(starts, rng))
@@ -244,7 +255,7 @@ class DenseFormulation(Formulation, Differentiable):
         return StartSearch(program_of=self.program, starts=x, names=self.names, solver=solver, observe=observe)
 
     def explain(self, genes: Genes) -> list[str]:
-        """Return the most violated limit of each individual with its unit; "" if no limit is violated."""
+        """Return each individual's most violated limit with its unit, or ""."""
         G = self.evaluate(genes, return_values_of=["G"])
         return [
             f"{self.constraint_names[k]} violated by {row[k]:.3g} {self.constraint_units[k]}".rstrip()
@@ -255,7 +266,10 @@ class DenseFormulation(Formulation, Differentiable):
 
 
 def front_sliders(actuation: Actuation, shares: np.ndarray) -> np.ndarray:
-    """Return front sliders [m] at shares (..., dof) of their range; 0 if motors are at the joints."""
+    """Return front sliders [m] at shares (..., dof) of their range.
+
+    0 if motors are at the joints.
+    """
     if not isinstance(actuation, DistributedActuation):
         return np.zeros((*shares.shape[:-1], actuation.dof))
     low, high = actuation.front_bounds.T

@@ -60,19 +60,19 @@ from paretoik.task.retraction import ON_PATH_TOLERANCE, retract, task_errors
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Configuration:
-    """Decoded genes: postures, sliders, and the tool's speed or force in each direction."""
+    """Decoded genes: postures, sliders, and speeds or forces per direction."""
 
     q: Float[np.ndarray, "points dof"]  # rad, m
     front: Float[np.ndarray, "points dof"]  # m: front sliders; 0 without sliders
     values: Float[np.ndarray, "points directions"]  # m/s or N; inf if no joint has to bear a force
     dq: Float[np.ndarray, "points speeds dof"]  # rad/s, m/s: joint velocities for the speeds
-    power: Float[np.ndarray, "points speeds"]  # W: what the speeds take
+    power: Float[np.ndarray, "points speeds"]  # W: power that the joints need for the speeds
     excess: Float[np.ndarray, "points limits"]  # violations in the units of ``constraint_units``
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Maxima:
-    """Highest speeds and forces of postures, and what they follow from."""
+    """Highest speeds and forces of postures, and the quantities behind them."""
 
     values: Float[np.ndarray, "points directions"]  # m/s or N; inf if no joint has to bear a force
     dq: Float[np.ndarray, "points speeds dof"]  # rad/s, m/s: joint velocities for the speeds
@@ -86,9 +86,11 @@ class Maxima:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Configurations:
-    """Configurations of an arm with its tool at rest (the task ``stationary``) along ``directions`` (count, task).
+    """Configurations of an arm whose tool is at rest.
 
-    ``quantities`` are the quantities to maximise, one per direction.
+    stationary: task with the tool at rest
+    directions: directions (count, task) of speeds and forces
+    quantities: quantity to maximise in each direction
     """
 
     arm: Arm
@@ -103,7 +105,7 @@ class Configurations:
         return np.array([quantity == "velocity" for quantity in self.quantities])
 
     def bases(self, q: Float[np.ndarray, "postures dof"]) -> Float[np.ndarray, "bases dof"]:
-        """Return postures at least 0.1 rad or m apart, each next to its neighbours."""
+        """Return postures at least 0.1 rad or m apart, ordered by neighbourhood."""
         bases = list[np.ndarray]()
         for posture in q:
             distances = np.abs(wrap_difference(np.reshape(bases, (-1, len(posture))) - posture, self.arm.periodic))
@@ -112,7 +114,9 @@ class Configurations:
         return order_by_neighbour(self.arm, np.array(bases))
 
     def sizes(self, q: Float[np.ndarray, "postures dof"]) -> Float[np.ndarray, " directions"]:
-        """Return the highest speed [m/s] or force [N] along each direction, over all postures and sliders.
+        """Return the highest speed [m/s] or force [N] along each direction.
+
+        It is the highest over all postures and sliders.
 
         Raises InvalidInput, naming the direction, for a force that no motor bounds in any posture.
         """
@@ -137,14 +141,17 @@ class Configurations:
         return sizes
 
     def frames(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return directions across the self-motion (batch, dof, rows) and along it (batch, dof, redundancy)."""
+        """Return directions across and along the self-motion.
+
+        Shapes: (batch, dof, rows) and (batch, dof, redundancy).
+        """
         jacobian = task_errors(self.arm, self.stationary.tasks, q, self.stationary.targets[0])[1]
         basis = np.linalg.qr(jacobian.swapaxes(-1, -2), mode="complete")[0]
         rows = self.stationary.rows
         return basis[..., :rows], basis[..., rows:]
 
     def maxima(self, q: Joints, front: Joints) -> Maxima:
-        """Return the highest speed and force of each posture (points, dof) along each direction."""
+        """Return postures' (points, dof) highest speed and force along each direction."""
         torque = gravity_torques(self.arm, q)
         low, high = speeds_at_sliders(self.actuation, q, torque, front)
         holds = ~np.isnan(high).any(axis=1)
@@ -175,10 +182,13 @@ class Configurations:
     def at_pace(
         self, q: Joints, front: Joints, pace: np.ndarray, self_motion: np.ndarray, off_path: np.ndarray
     ) -> Configuration:
-        """Return configurations at shares of their highest speeds, ``pace`` (points, speeds), with all excesses.
+        """Return configurations at shares of their highest speeds, with all excesses.
 
-        Joints also move along the self-motion, (points, speeds, redundancy), in mean ranges of their speeds. Forces are
-        the greatest ones: smaller ones would save nothing.
+        pace: shares (points, speeds) of the highest speeds
+        self_motion: speeds along the self-motion (points, speeds, redundancy), in mean ranges of joint speeds
+        off_path: mask of the points that miss the position
+
+        Forces are the greatest ones: smaller ones would save nothing.
         """
         best, actuation = self.maxima(q, front), self.actuation
         span = best.span[:, None, None]
@@ -188,7 +198,7 @@ class Configurations:
         lower, upper = self.arm.position_limits.T
         limit_excess = np.maximum(np.maximum(q - upper, lower - q).max(axis=1), -1.0)
         slider_excess = np.zeros(len(q))
-        if isinstance(actuation, DistributedActuation):  # of back sliders, and of the sines of rods' angles
+        if isinstance(actuation, DistributedActuation):  # excess of back sliders, and of the sines of rods' angles
             back, angle = actuation.gears(q, front)[0], actuation.angles(q)
             low, high = actuation.back_bounds.T
             back_excess = np.maximum(back - high, low - back) / actuation.rod
@@ -207,7 +217,10 @@ class Configurations:
         )
 
     def slider_speeds(self, at: Configuration, torque: np.ndarray) -> np.ndarray:
-        """Return slider speeds (points, directions, 2, dof) that turn the joints, each in proportion to its highest."""
+        """Return slider speeds (points, directions, 2, dof) that turn the joints.
+
+        Each is in proportion to its highest speed.
+        """
         return motor_speeds(self.actuation, at.q[:, None], at.front[:, None], torque[:, None], at.dq)[0]
 
 
@@ -228,7 +241,9 @@ UNITS: dict[Quantity, str] = {"velocity": "m/s", "force": "N"}
 
 
 class DirectionalMaxima(DenseFormulation):
-    """Find postures (and sliders) that are fast or strong along several directions: a vectorised pymoo problem.
+    """Find postures that are fast or strong along directions: a pymoo problem.
+
+    The postures include sliders, if any. The problem is vectorised.
 
     Objectives:
 
@@ -332,7 +347,10 @@ class DirectionalMaxima(DenseFormulation):
         self._check_functions()
 
     def _check_functions(self) -> None:
-        """Raise for functions without values, and InvalidInput for an objective that is the same in all postures."""
+        """Raise for functions without values or with constant objectives.
+
+        InvalidInput names an objective that is the same in all postures.
+        """
         motions = self._motions(self.bases)
         for objective, values in zip(self.functions.objectives, require_values(self.functions, motions).T, strict=True):
             if len(values) > 1 and np.ptp(values) == 0:
@@ -344,7 +362,10 @@ class DirectionalMaxima(DenseFormulation):
 
     @cached_property
     def frames(self) -> tuple[np.ndarray, np.ndarray]:
-        """Directions across the self-motion (bases, dof, rows) and along it (bases, dof, redundancy) at every base."""
+        """Directions across and along the self-motion at every base.
+
+        Shapes: (bases, dof, rows) and (bases, dof, redundancy).
+        """
         return self.configurations.frames(self.bases)
 
     def sample_starts(self, count: int, rng: np.random.Generator) -> Genes:

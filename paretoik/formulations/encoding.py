@@ -1,4 +1,4 @@
-"""Genes of a motion: the number of a base motion, and a spline of self-motion coordinates around it."""
+"""Genes of a motion: base number, and a spline of self-motion coordinates."""
 
 from __future__ import annotations
 
@@ -20,8 +20,10 @@ from paretoik.task.self_motion import Charts, build_charts
 class EncodingOptions:
     """Settings of the splines and of their charts.
 
-    A spline has at least the first number of ``coefficients``, and the second on paths with enough samples. Motions
-    near the bases are sampled with coefficients of about this ``deviation``, a share of the charts' reach.
+    degree: degree of the splines
+    coefficients: least number of coefficients, and the number on paths with enough samples
+    radii: radii that are tried as a chart's reach
+    deviation: approximate size of the coefficients of sampled motions, as a share of the charts' reach
     """
 
     degree: int = 3
@@ -35,11 +37,12 @@ OPTIONS = EncodingOptions()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Encoding:
-    """Genes ↔ motions. The first gene, floored, is the base; the others, in [−1, 1], are spline coefficients.
+    """Genes ↔ motions.
 
+    The first gene, rounded down, is the number of the base. The others, in [−1, 1], are spline coefficients.
     Coordinates are y(t) = radius(t) · Σ_k c_k B_k(t). ``radius`` (bases, time) is the reach of the chart around each
-    base. ``spline`` (time, coefficients) is a C² cubic basis: clamped, or periodic on a cycle. It has no first member
-    if the start is given, and its last two are equal if the motion has to stop.
+    base. ``spline`` (time, coefficients) is a C² cubic basis: clamped, or periodic on a cycle. If the start is given,
+    one member is left out. If the motion has to stop, the last two members are summed: their coefficients are equal.
     """
 
     charts: Charts
@@ -72,7 +75,7 @@ class Encoding:
         return np.clip(np.floor(genes[:, 0]), 0, self.bases - 1).astype(int)
 
     def decode(self, task: MotionTask, genes: Genes) -> tuple[JointPaths, Bool[np.ndarray, "points time"]]:
-        """Return the motions, and which of their samples are on the path."""
+        """Return the motions, and a mask of their samples on the path."""
         which = self.species(genes)
         weights = genes[:, 1:].reshape(len(genes), self.redundancy, self.coefficients)
         y = np.einsum("tk,prk->ptr", self.spline, weights) * self.radius[which][..., None]
@@ -84,7 +87,10 @@ class Encoding:
     def encode(
         self, task: MotionTask, which: Int[np.ndarray, " motions"], q: JointPaths
     ) -> tuple[Genes, Float[np.ndarray, " motions"]]:
-        """Return genes of motions around bases ``which``, and how far [rad, arm's length] the spline misses them."""
+        """Return genes of motions around bases ``which``, and the spline's errors.
+
+        An error is the distance [rad, arm's length] between spline and motion.
+        """
         y = self.charts.coordinates(task, which, q) / self.radius[which][..., None]
         fitted = np.einsum("kt,ptr->prk", np.linalg.pinv(self.spline), y)
         deviation = np.abs(np.einsum("tk,prk->ptr", self.spline, fitted) - y) * self.radius[which][..., None]
@@ -92,9 +98,10 @@ class Encoding:
         return genes, deviation.max(axis=(1, 2))
 
     def encode_nearest(self, task: MotionTask, q: JointPaths) -> tuple[Genes, Float[np.ndarray, " motions"]]:
-        """Return genes within bounds of motions, and how far [rad, arm's length] they miss each motion.
+        """Return genes of motions within bounds, and their errors.
 
-        Each motion is encoded around the base whose decoded genes are nearest to it in every joint at every sample.
+        An error is the distance [rad, arm's length] between a motion and that of its genes. Each motion is encoded
+        around the base whose decoded genes are nearest to it in every joint at every sample.
         """
         genes, deviation = np.zeros((len(q), len(self.bounds[0]))), np.full(len(q), np.inf)
         for base in range(self.bases):
@@ -106,7 +113,10 @@ class Encoding:
         return genes, deviation
 
     def sample(self, count: int, rng: np.random.Generator) -> Genes:
-        """Return genes of ``count`` smooth motions near the bases: first the bases, then each base in rotation."""
+        """Return genes of ``count`` smooth motions near the bases.
+
+        The first ones are the bases, then the bases take turns.
+        """
         which = np.arange(count) % self.bases
         shape = (count, self.redundancy, 1)
         tilt = rng.normal(size=shape) + rng.normal(size=shape) * np.linspace(-1, 1, self.coefficients)
@@ -115,7 +125,7 @@ class Encoding:
 
 
 def choose_coefficients(coefficients: int | None, samples: int) -> int:
-    """Return the number of spline coefficients: the given one, or a default for None.
+    """Return the number of spline coefficients; None means the default.
 
     Raises InvalidInput if it is too small for a spline or too large for the samples.
     """
@@ -130,13 +140,16 @@ def choose_coefficients(coefficients: int | None, samples: int) -> int:
 
 
 def encoding(task: MotionTask, base: Float[np.ndarray, "bases time dof"], coefficients: int) -> Encoding:
-    """Return the encoding around base motions; it measures the reach of each chart."""
+    """Return the encoding around base motions, with the measured charts' reach."""
     charts = build_charts(task, base)
     return Encoding(charts=charts, radius=_reach(task, charts), spline=_spline(task, coefficients))
 
 
 def clamped_spline(t: Float[np.ndarray, " time"], coefficients: int) -> Float[np.ndarray, "time coefficients"]:
-    """Return a clamped cubic B-spline at times from 0 to 1: its ends are its first and last coefficient."""
+    """Return the basis of a clamped cubic B-spline at times in [0, 1].
+
+    The spline begins and ends at its first and last coefficient.
+    """
     inner = np.linspace(0, 1, coefficients - OPTIONS.degree + 1)
     knots = np.concatenate([np.zeros(OPTIONS.degree), inner, np.ones(OPTIONS.degree)])
     basis: np.ndarray = BSpline.design_matrix(t, knots, OPTIONS.degree).toarray()
@@ -160,7 +173,7 @@ def _spline(task: MotionTask, coefficients: int) -> Float[np.ndarray, "time coef
             basis = np.concatenate([basis[:, :-2], basis[:, -2:].sum(axis=1, keepdims=True)], axis=1)
     if not has_start:
         return basis
-    # Without one member, all that remains is zero at the first sample, and as local as before.
+    # Without this member all others are zero at the first sample, and as local as before.
     pivot = int(np.argmax(basis[0]))
     remainder = basis - np.outer(basis[:, pivot], basis[0] / basis[0, pivot])
     remainder[0] = 0.0
@@ -168,7 +181,10 @@ def _spline(task: MotionTask, coefficients: int) -> Float[np.ndarray, "time coef
 
 
 def _reach(task: MotionTask, charts: Charts) -> Float[np.ndarray, "bases time"]:
-    """Return the reach of each chart: the largest radius fully on the path, smoothed in time."""
+    """Return each chart's reach: the largest radius completely on the path.
+
+    It is smoothed in time.
+    """
     from scipy.ndimage import gaussian_filter1d, minimum_filter1d  # imported here: needed at start-up only
 
     bases, times, _, redundancy = charts.null_space.shape

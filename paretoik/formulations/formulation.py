@@ -1,4 +1,4 @@
-"""Common parts of formulations: a first generation for any pymoo algorithm, and a few lines of text."""
+"""Common parts of formulations: first generations for pymoo, and texts."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from paretoik.task.motion import Motion
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.objectives import Objective
 
-# A motion problem in a few lines of text.
+# Text of a motion problem, a few lines.
 
 
 def task_text(task: MotionTask) -> str:
@@ -32,7 +32,7 @@ def task_text(task: MotionTask) -> str:
     if task.cyclic:
         start += ", closed"
     limits, names = list[str](), list(task.limit_names)
-    for kind in task.bounds:  # a limit on all joints by its quantity, on some joints with their names
+    for kind in task.bounds:  # a limit on all joints is named by its quantity, a limit on some joints with their names
         joints = [joint for joint in task.arm.joint_names if f"{kind} of {joint}" in names]
         names = [name for name in names if name not in {f"{kind} of {joint}" for joint in joints}]
         if joints:
@@ -49,7 +49,7 @@ def task_text(task: MotionTask) -> str:
 
 
 def objective_text(name: str, unit: str, maximised: bool) -> str:
-    """Return an objective's name with its unit, and whether it is maximised."""
+    """Return an objective's name and unit, and whether it is maximised."""
     return name + (f" [{unit}]" if unit else "") + (" (maximised)" if maximised else "")
 
 
@@ -64,7 +64,7 @@ Decoded = TypeVar("Decoded")
 
 
 def of_genes(decode: Callable[[Self, Genes], Decoded]) -> Callable[[Self, Genes], Decoded]:
-    """Return a method of genes (points, n_var) that checks them first."""
+    """Wrap a method of genes (points, n_var): genes are checked first."""
 
     @wraps(decode)
     def checked(self: Self, genes: Genes) -> Decoded:
@@ -74,7 +74,10 @@ def of_genes(decode: Callable[[Self, Genes], Decoded]) -> Callable[[Self, Genes]
 
 
 def check_motions(motions: object, task: MotionTask, *, samples: int | None = None) -> None:
-    """Raise InvalidInput unless these are motions of a task's joints, with this number of samples if given."""
+    """Raise InvalidInput unless these are motions of a task's joints.
+
+    If ``samples`` is given, they must have this number of samples.
+    """
     shape = motions.q.shape if isinstance(motions, Motion) else ()
     if len(shape) != 3 or shape[2] != task.arm.dof or (samples is not None and shape[1] != samples):
         raise InvalidInput(f"motions must be motions (points, time, {task.arm.dof}), got {shown(motions)}")
@@ -83,10 +86,10 @@ def check_motions(motions: object, task: MotionTask, *, samples: int | None = No
 class Formulation(Problem):  # type: ignore[misc]  # pymoo is not typed
     """A vectorised pymoo problem that any pymoo algorithm can start with.
 
-    Random genes rarely satisfy tight limits. pymoo takes a sampling only from the algorithm, but it passes the
-    algorithm to ``evaluate`` and copies all that this returns into its individuals. So the first generation of an
-    algorithm that samples at random is replaced by that of ``sampling()``. Algorithms with their own genes or sampling
-    keep these.
+    Random genes rarely satisfy tight limits. pymoo takes a sampling only from the algorithm. But pymoo passes the
+    algorithm to ``evaluate``, and copies everything that this returns into the algorithm's individuals. So if an
+    algorithm samples at random, its first generation is replaced by that of ``sampling()``. Algorithms with their own
+    genes or sampling keep these.
     """
 
     names: tuple[str, ...]
@@ -96,7 +99,10 @@ class Formulation(Problem):  # type: ignore[misc]  # pymoo is not typed
     _repr_html_ = html_representation
 
     def __init__(self, low: Float[np.ndarray, " genes"], high: Float[np.ndarray, " genes"]) -> None:
-        """Make the problem of the objectives and constraints that have names; genes are from ``low`` to ``high``."""
+        """Make a problem with the named objectives and constraints.
+
+        Genes are from ``low`` to ``high``.
+        """
         counts = {"n_obj": len(self.names), "n_ieq_constr": len(self.constraint_names)}
         super().__init__(n_var=len(low), xl=low, xu=high, **counts)
 
@@ -120,14 +126,20 @@ class Formulation(Problem):  # type: ignore[misc]  # pymoo is not typed
         return Seeded(None)
 
     def check_genes(self, name: str, X: object, *dimensions: int) -> Genes:
-        """Return finite genes in rows, or a single one. Raises InvalidInput, with ``name``, for anything else."""
+        """Return finite genes in rows, or a single row.
+
+        Raises InvalidInput, with ``name``, for anything else.
+        """
         genes = finite_array(name, X)
         if genes.ndim not in dimensions or genes.shape[-1] != self.n_var:
             raise InvalidInput(f"{name} must be rows of {self.n_var} genes, got shape {genes.shape}")
         return genes
 
     def evaluate(self, X: Genes, *args: Any, algorithm: Any = None, **kwargs: Any) -> Any:
-        """Evaluate genes as pymoo's problems do; ``algorithm`` is the caller."""
+        """Evaluate genes as pymoo's problems do.
+
+        ``algorithm`` is the caller.
+        """
         X = self.check_genes("X", X, 1, 2)
         sampling = getattr(getattr(algorithm, "initialization", None), "sampling", None)
         if algorithm is None or algorithm.is_initialized or type(sampling) not in RANDOM:

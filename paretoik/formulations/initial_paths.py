@@ -1,4 +1,7 @@
-"""Initial paths from point to point, as splines: straight or bowed lines in different postures."""
+"""Initial paths from point to point, as splines in different postures.
+
+Paths are straight or bowed.
+"""
 
 from __future__ import annotations
 
@@ -30,11 +33,11 @@ from paretoik.task.validation import motion_task
 class InitialPathOptions:
     """Settings of the search for initial paths."""
 
-    rollouts: int = 256  # number of postures sampled at either end, and of motions along a line, of each kind
+    rollouts: int = 256  # number of sampled postures at each end, and of sampled motions of each kind along a line
     bows: tuple[float, ...] = (0.5, 1.0, 2.0)  # sideways, as shares of a straight line that cannot be followed
     fixed_sliders: int = 5  # number of places at which fixed sliders are tried
-    work_unit: float = 1e-6  # J, the smallest unit; without gravity there is no work
-    distance: float = 0.2  # rad or m, the least between the coefficients of two paths
+    work_unit: float = 1e-6  # J: smallest unit; without gravity there is no work
+    distance: float = 0.2  # rad or m: least distance between the coefficients of two paths
 
 
 OPTIONS = InitialPathOptions()
@@ -66,7 +69,10 @@ class InitialPaths:
     def retract_ends(
         self, q: JointPaths, which: Int[np.ndarray, " points"], ends: Sequence[MotionTask]
     ) -> Float[np.ndarray, " points"]:
-        """Move the ends of splines around bases ``which`` to the tool's targets; return how far they still miss."""
+        """Move spline ends to the tool's targets; return the remaining errors.
+
+        ``which``: bases of the splines
+        """
         error = np.zeros(len(q))
         for end, stationary in zip((0, -1), ends, strict=True):
             retracted = retract(self.arm, stationary.tasks, q[:, end], stationary.targets[0], self.across[which, end])
@@ -78,7 +84,10 @@ class InitialPaths:
 def range_excess(
     arm: Arm, actuation: Actuation, q: JointPaths, front: JointPaths
 ) -> tuple[Float[np.ndarray, " points"], Float[np.ndarray, " points"]]:
-    """Return the largest excess of joints [rad, m], and of sliders [of the rod], over their bounds at samples."""
+    """Return the largest excess of joints and sliders over their bounds.
+
+    Joints in [rad, m], sliders as shares of the rod, at samples.
+    """
     lower, upper = arm.position_limits.T
     joints = np.maximum(np.maximum(q - upper, lower - q).max(axis=(1, 2)), -1.0)
     if not isinstance(actuation, DistributedActuation):
@@ -102,10 +111,10 @@ def find_initial_paths(
     bases: int,
     seed: int,
 ) -> InitialPaths:
-    """Return paths from start to target that motors can hold, quick ones first, at most ``bases``.
+    """Return paths from start to target that motors can hold.
 
-    Paths are straight, or bowed sideways if a straight one cannot be followed. Raises OutOfReach and Infeasible if
-    there are none; Infeasible names a joint.
+    The quickest paths come first, at most ``bases``. Paths are straight, or bowed sideways if a straight one cannot be
+    followed. Raises OutOfReach and Infeasible if there are none; Infeasible names a joint.
     """
     restricted, rng = restrict_to_rods(arm, actuation), np.random.default_rng(seed)
     basis = clamped_spline(np.linspace(0.0, 1.0, samples), coefficients)
@@ -118,10 +127,10 @@ def find_initial_paths(
         timing, excess = minimum_timing(arm, actuation, q, front), range_excess(arm, actuation, q, front)
     worst = np.nan_to_num(np.maximum(np.maximum(excess[0], timing.overload), excess[1]), nan=1e3)
     feasible = np.flatnonzero((worst <= 0) & np.isfinite(timing.duration))
-    if not len(feasible):  # a search may still find sliders: keep the least violating
+    if not len(feasible):  # a search may still find feasible sliders: keep the least-violating paths
         feasible = _least_violating(arm, actuation, q, worst)[:bases]
     order = feasible[np.argsort(np.nan_to_num(timing.duration[feasible], nan=np.inf), kind="stable")]
-    rows = [int(order[0])]  # the first few that are not near each other
+    rows = [int(order[0])]  # the first few that are far enough from each other
     for row in order[1:]:
         if len(rows) < bases and np.abs(splines[rows] - splines[row]).max(axis=(1, 2)).min() > OPTIONS.distance:
             rows.append(int(row))
@@ -142,7 +151,10 @@ def find_initial_paths(
 def _follow_lines(
     arm: Arm, actuation: Actuation, start: np.ndarray, target: np.ndarray, samples: int, rng: np.random.Generator
 ) -> tuple[MotionTask, Float[np.ndarray, "found time dof"]]:
-    """Return the first of a straight and several bowed lines that can be followed, and motions along it."""
+    """Return the first line that can be followed, and motions along it.
+
+    The straight line is tried before several bowed ones.
+    """
     lines = [line(start, target, duration=1.0, samples=samples, timing="uniform")]
     sideways = np.linalg.svd((target - start)[None])[2][1:] * np.linalg.norm(target - start)
     for bow in OPTIONS.bows:
@@ -175,10 +187,10 @@ def _with_message(text: str, fault: OutOfReach | Infeasible) -> OutOfReach | Inf
 
 
 def _initial_sliders(actuation: Actuation, arm: Arm, basis: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
-    """Return slider coefficients to try for every path, those of one path next to each other.
+    """Return slider coefficients to try, grouped by path.
 
-    Sliders are where joints are fastest at every sample, in the middle of the feasible range, or all in one place: the
-    fastest ones may need long travel.
+    Candidates are the sliders at which joints are fastest, sliders in the middle of the feasible range, and fixed
+    sliders: the fastest ones may need long travel.
     """
     if not isinstance(actuation, DistributedActuation):
         return np.zeros_like(coefficients)
@@ -200,9 +212,10 @@ def _initial_sliders(actuation: Actuation, arm: Arm, basis: np.ndarray, coeffici
 
 
 def _least_violating(arm: Arm, actuation: Actuation, q: np.ndarray, worst: np.ndarray) -> np.ndarray:
-    """Return the paths whose every sample can be held by itself, the least violating first.
+    """Return the paths that motors can hold at every sample.
 
-    Raises Infeasible, naming joint, torque and limit, if there are none.
+    Samples are checked separately. The least-violating path comes first. Raises Infeasible, naming joint, torque and
+    limit, if there are none.
     """
     holdable = ~np.isnan(joint_speeds(actuation, q, gravity_torques(arm, q)).high).any(axis=(1, 2))
     if not holdable.any():
@@ -214,7 +227,10 @@ def _least_violating(arm: Arm, actuation: Actuation, q: np.ndarray, worst: np.nd
 
 
 def _fit_spline(basis: np.ndarray, samples: np.ndarray) -> np.ndarray:
-    """Return the coefficients nearest to samples (batch, time, dof), with both ends exact."""
+    """Return the coefficients nearest to samples (batch, time, dof).
+
+    Both ends are exact.
+    """
     inner, ends = basis[:, 1:-1], basis[:, [0, -1]]
     outer = samples[:, [0, -1]]
     middle = np.linalg.pinv(inner) @ (samples - ends @ outer)

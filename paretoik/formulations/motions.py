@@ -1,4 +1,7 @@
-"""Motions between motions of one task, and motions of a stored run, checked: anybody may write a file."""
+"""Motions between two motions of a task, and checks of stored motions.
+
+Anybody may write a stored file, so its motions are checked.
+"""
 
 from __future__ import annotations
 
@@ -19,15 +22,15 @@ from paretoik.task.motion_task import MotionTask, evaluate_motions
 from paretoik.task.retraction import Retraction, relative_errors, retract_nearest, row_scales
 from paretoik.task.task import describe_errors
 
-# Motions between motions of one task: joint positions in between, led back onto the path.
+# Motions between motions of one task: interpolated joint positions, moved back onto the path.
 
 
 def values_between(
     task: MotionTask, q: Float[np.ndarray, "motions time dof"], shares: Float[np.ndarray, " shares"]
 ) -> Float[np.ndarray, "gaps shares n_obj"]:
-    """Return the minimised objectives at shares of the way from each motion to the next; inf if impossible.
+    """Return minimised objectives at shares of the way between consecutive motions.
 
-    Joints take the shortest way, without whole turns of periodic ones.
+    inf if a motion is impossible. Joints take the shortest way, without whole turns of periodic ones.
     """
     motions = _motions_between(task, q, shares)
     with np.errstate(all="ignore"):  # off the path any value may occur
@@ -39,7 +42,10 @@ def values_between(
 def points_between(
     task: MotionTask | None, x: Points, shares: Float[np.ndarray, " shares"]
 ) -> list[Float[np.ndarray, " between *point"]]:
-    """Return the points at shares of the way from each point to the next; only motions that are on their path."""
+    """Return the points at shares of the way between consecutive points.
+
+    Only motions on their path are returned.
+    """
     if task is None:
         between = x[:-1, None] + shares.reshape(-1, *[1] * (x.ndim - 1)) * np.diff(x, axis=0)[:, None]
         return list(between)
@@ -50,7 +56,10 @@ def points_between(
 
 
 def _motions_between(task: MotionTask, q: np.ndarray, shares: np.ndarray) -> Retraction:
-    """Return the motions (gaps · shares, time, dof) at shares of the way from each to the next, led onto the path."""
+    """Return motions (gaps · shares, time, dof) between consecutive ones, on the path.
+
+    ``shares``: shares of the way from each motion to the next
+    """
     step = np.diff(q, axis=0)
     turns = np.round(step.mean(axis=1, keepdims=True) / (2 * np.pi))
     step = step - np.where(task.arm.periodic, 2 * np.pi * turns, 0.0)
@@ -61,7 +70,10 @@ def _motions_between(task: MotionTask, q: np.ndarray, shares: np.ndarray) -> Ret
 def possible_values(
     F: Float[np.ndarray, "points n_obj"], violation: Float[np.ndarray, "points limits"]
 ) -> Float[np.ndarray, "points n_obj"]:
-    """Return objectives; inf if they have no value or a limit is exceeded by more than its whole range."""
+    """Return objectives; inf without a value or with large violations.
+
+    A violation is large if a limit is exceeded by more than its whole range.
+    """
     possible = np.isfinite(F).all(axis=1) & ~(violation > 1.0).any(axis=1)
     return np.where(possible[:, None], F, np.inf)
 
@@ -69,14 +81,14 @@ def possible_values(
 # Motions of a stored run, checked against their task.
 
 
-STORED_TOLERANCE = 1e-9  # share of the arm's length, or rad: distance of a stored motion from its path; m for a loop
+STORED_TOLERANCE = 1e-9  # largest distance of a stored motion from its path [arm's length, rad]; for a loop [m]
 
 
 def restore_motions(problem: Any, front: Front) -> Any:
-    """Return the motions of a stored front with their arm, from its joint positions or else from its genes.
+    """Return the motions of a stored front, with their arm.
 
-    Raises InvalidRun as ``motions_of_task`` does, and for a loop that is not as far from its path (Marcos et al. 2012,
-    Eq. 23) as its run says.
+    They come from its joint positions, or else from its genes. Raises InvalidRun as ``motions_of_task`` does, and if a
+    loop's distance from its path (Marcos et al. 2012, Eq. 23) differs from that in its run.
     """
     if front.motions is None:
         return None
@@ -97,10 +109,10 @@ def restore_motions(problem: Any, front: Front) -> Any:
 
 
 def motions_of_task(problem: Any, stored: JointMotions, ids: Sequence[int]) -> Motion | None:
-    """Return stored motions with the arm of a task, joints matched by name; None if their times differ.
+    """Return stored motions with the arm of a task.
 
-    Raises InvalidRun if the joints differ, or if a motion is off the path although the problem follows it exactly:
-    loops and resolvers have errors of their own.
+    Joints are matched by name. None if the times of motions and task differ. Raises InvalidRun if the joints differ, or
+    if a motion is off the path although the problem follows it exactly. Loops and resolvers have errors of their own.
     """
     task: MotionTask = problem.task
     q, names = np.asarray(stored.q), list(stored.arm.joint_names)

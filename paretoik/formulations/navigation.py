@@ -1,4 +1,7 @@
-"""Moves along a front: the point of a move is limited between samples, certified, and added to the front."""
+"""Moves along a front: the new point is certified and added.
+
+It satisfies limits between samples if possible.
+"""
 
 from __future__ import annotations
 
@@ -27,10 +30,10 @@ from paretoik.pareto.navigation import Aim, Destination, FrontPoints, Wish, move
 from paretoik.pareto.placement import POINT_TOLERANCE
 from paretoik.runs.machine import single_blas_thread
 
-# Result of a move along a front: sentences for people, numbers for machines.
+# Result of a move along a front: sentences for people, numbers for programs.
 
 
-MET = 1e-6  # share of a wish that may be missed without a remark, since solvers are inexact
+MET = 1e-6  # share of a requested change that may be missed without a remark, since solvers are inexact
 
 
 def describe_move(
@@ -43,7 +46,10 @@ def describe_move(
     dominated: list[int],
     certificate: Certificates | None,
 ) -> dict[str, Any]:
-    """Return the note of a move, its text under "reason"; ``dominated`` points left the front."""
+    """Return the note of a move, with its text under "reason".
+
+    ``dominated``: ids of the points that left the front
+    """
     row = int(np.flatnonzero(after.ids == id)[0])
     change = after.objectives[row] - front.objectives[request.row]
     predicted = aim.predicted * aim.ranges * np.where(front.maximised, -1.0, 1.0) * destination.share
@@ -83,7 +89,7 @@ def describe_move(
 def _moved(
     front: Front, request: NavigationRequest, change: np.ndarray, predicted: np.ndarray, id: int, is_new: bool
 ) -> str:
-    """Return the change of every objective, and the change that exchange rates predicted."""
+    """Return every objective's change, and the change predicted by exchange rates."""
     parts = list[str]()
     for k in (request.improve, *request.payers):
         text = f"{front.names[k]} {change[k]:+.4g} {front.units[k]}".rstrip()
@@ -100,7 +106,7 @@ def _moved(
 
 
 def _how(front: Front, request: NavigationRequest, destination: Destination) -> str:
-    """Return how the point was reached, and whether the front jumps on the way."""
+    """Return how the point was reached and whether the front jumps."""
     followed, name = destination.followed, front.names[request.improve]
     if destination.arrived and followed is not None:
         steps = f"{followed.steps} step{'s' * (followed.steps != 1)}"
@@ -137,8 +143,9 @@ def _how(front: Front, request: NavigationRequest, destination: Destination) -> 
 class FrontNavigationOptions:
     """Settings of points that satisfy limits between samples.
 
-    ``rounds`` is the number of times that a point is solved again for its tighter limits, or left for a better one. It
-    may exceed limits between samples by a share ``between`` of their ranges. Points within ``tolerance`` are the same.
+    rounds: number of times that a point is solved again, for tighter limits or because a better point exists
+    between: largest violation of limits between samples, as a share of their ranges
+    tolerance: distance below which points are the same
     """
 
     rounds: int = 3
@@ -151,9 +158,10 @@ _STARTS: WeakKeyDictionary[Front, dict[tuple[int, bytes, bytes, bytes], Optimum 
 
 
 def navigate(problem: Any, front: Front, request: NavigationRequest) -> Front:
-    """Return the front with the certified point of a request, or with a note of the better point.
+    """Return the front with the certified point of a request.
 
-    Raises Infeasible if no point is better in the requested objective.
+    If the front already has a better point, it gets a note about that one instead. Raises Infeasible if no point is
+    better in the requested objective.
     """
     formulation: Differentiable = problem
     task = ProblemParts(problem).task
@@ -176,7 +184,7 @@ def navigate(problem: Any, front: Front, request: NavigationRequest) -> Front:
                 f"at the cost of {', '.join(front.names[k] for k in request.payers)}"
             )
         individual, certificate = _certified(formulation, destination, aim)
-        # The better point of the front, if there is one, else the new point instead of those that it dominates.
+        # Return the front's better point if there is one, else the new point in place of the points that it dominates.
         value, values = individual.objectives[0] / aim.ranges, front.minimised / aim.ranges
         better = np.flatnonzero((values <= value + OPTIONS.tolerance).all(axis=1))
         if len(better):
@@ -193,7 +201,7 @@ def navigate(problem: Any, front: Front, request: NavigationRequest) -> Front:
 
 
 def predict(problem: Any, front: Front, request: NavigationRequest) -> Prediction:
-    """Return the predicted result of the move that a request asks for, by derivatives at its start.
+    """Return the predicted result of a move, by derivatives at its start.
 
     Raises InvalidInput if optima cannot be followed, and Infeasible if derivatives give no prediction.
     """
@@ -205,7 +213,7 @@ def predict(problem: Any, front: Front, request: NavigationRequest) -> Predictio
                 "predict must have optima that can be followed, got kinks, or functions that relate samples"
             )
         aim = _aim(front, request, program)
-        # The start as an optimum is cached with the front, since sliders ask again.
+        # The start as an optimum is cached with the front, because sliders ask for it repeatedly.
         row, goal, optima = request.row, aim.at_share(0.0), _STARTS.setdefault(front, {})
         key = (row, goal.weights.tobytes(), goal.rows.tobytes(), goal.upper.tobytes())
         if key not in optima:
@@ -241,9 +249,10 @@ def _aim(front: Front, request: NavigationRequest, program: Program) -> Aim:
 
 
 def natural_weights(front: Front, row: int) -> Float[np.ndarray, " n_obj"]:
-    """Return the weights of the minimised objectives at a point, in natural units, the largest 1.
+    """Return the weights of minimised objectives at a point, in natural units.
 
-    They follow from the exchange rates, which do not depend on ranges; without these, from the weights themselves.
+    The largest weight is 1. The weights follow from the exchange rates, which do not depend on ranges; without exchange
+    rates, from the weights themselves.
     """
     assert front.certificates is not None
     weights = front.certificates.weights[row] / widths_of(front)
@@ -255,9 +264,10 @@ def natural_weights(front: Front, row: int) -> Float[np.ndarray, " n_obj"]:
 
 
 def _certified(formulation: Differentiable, destination: Destination, aim: Aim) -> tuple[Individuals, Certificates]:
-    """Return the point, a batch of one, with its certificate; it satisfies limits between samples if possible.
+    """Return the point, a batch of one, with its certificate.
 
-    The point is solved again with its tighter limits. A saddle is replaced by the better point next to it.
+    The point satisfies limits between samples if possible: it is solved again with tighter limits. If it is a saddle,
+    the better point next to it replaces it.
     """
     x, ranges = destination.x, aim.ranges
     goal = aim.at_share(destination.share)
@@ -279,7 +289,7 @@ def _certified(formulation: Differentiable, destination: Destination, aim: Aim) 
 def _add(
     problem: Any, front: Front, dominated: np.ndarray, id: int, individual: Individuals, certificate: Certificates
 ) -> Front:
-    """Return the front with a point added and the rows ``dominated`` removed."""
+    """Return the front with one more point, without the ``dominated`` rows."""
     stay, certificates = np.setdiff1d(np.arange(len(front)), dominated), front.certificates
     signs = np.where(front.maximised, -1.0, 1.0)
     assert certificates is not None

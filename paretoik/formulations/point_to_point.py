@@ -1,10 +1,10 @@
-"""Motions from point to point without a given path, time against energy, as a pymoo problem.
+"""Motions between points without a given path, time against energy.
 
 An individual is a path in joint space, and of the sliders along the links: a spline whose ends are retracted to the
-start and the target of the tool. Path and posture are one then, and nothing is tracked. The least time of the motion
-and the work of its motors follow in closed form.
+start and the target of the tool. Path and posture are searched together, so no path is tracked. The least time of the
+motion and the work of its motors follow in closed form.
 
-Source: Kim, Choi & Jang 2021, section 3, which minimises time only; weighing it against energy is new.
+Source: Kim, Choi & Jang 2021, section 3, which minimises only time; weighing it against energy is new.
 """
 
 from __future__ import annotations
@@ -46,10 +46,10 @@ from paretoik.task.retraction import ON_PATH_TOLERANCE
 class PointToPointOptions:
     """Settings of genes and of the check between samples."""
 
-    coefficient_range: float = 1.5  # rad or m, of a coefficient from its base
-    slider_overshoot: float = 0.5  # share of a slider's range; coefficients may exceed it if samples do not
-    shortest_interval: float = 1e-6  # s, of an interval in which nothing moves
-    longest_interval: float = 10.0  # in mean intervals of the quickest initial path, if functions use times
+    coefficient_range: float = 1.5  # rad or m: largest distance of a coefficient from its base
+    slider_overshoot: float = 0.5  # share of a slider's range by which coefficients may exceed it if samples do not
+    shortest_interval: float = 1e-6  # s: least interval, used if nothing moves
+    longest_interval: float = 10.0  # if functions use times, in mean intervals of the quickest path
     refinement: int = 8  # number of checks between samples per interval
 
 
@@ -57,7 +57,9 @@ OPTIONS = PointToPointOptions()
 
 
 class PointToPoint(DenseFormulation):
-    """Move the tool from ``start`` to ``target``, quickly and with little work: a vectorised pymoo problem.
+    """Move the tool from ``start`` to ``target`` fast and with little work.
+
+    A vectorised pymoo problem.
 
     Objectives: ``duration`` [s], the least time that motors need, each within its curve under the load of gravity;
     ``energy`` [J], the work of all motors, given or taken; then the user's own. Inertia is not counted (quasi-static).
@@ -162,7 +164,10 @@ class PointToPoint(DenseFormulation):
         )
 
     def profiles(self, genes: Genes) -> tuple[JointPaths, JointPaths, Float[np.ndarray, " points"]]:
-        """Return coefficients (points, coefficients, dof) of joints and front sliders, and how far the ends miss."""
+        """Return coefficients of joints and front sliders, and the ends' errors.
+
+        Shapes: (points, coefficients, dof) for coefficients.
+        """
         paths, which = self.initial_paths, self.base_indices(genes)
         q = paths.q[which] + genes[:, 1 : 1 + paths.size].reshape(len(genes), *paths.q.shape[1:])
         error = paths.retract_ends(q, which, self._ends)
@@ -171,17 +176,23 @@ class PointToPoint(DenseFormulation):
         return q, front_sliders(self.actuation, genes[:, 1 + paths.size : 1 + 2 * paths.size].reshape(q.shape)), error
 
     def timing(self, genes: Genes) -> Timing:
-        """Return the least times and the work of genes (points, n_var)."""
+        """Return the least times and the work of individuals (points, n_var)."""
         return minimum_timing(self.arm, self.actuation, *self._samples(genes)[:2])
 
     def _samples(self, genes: Genes) -> tuple[JointPaths, JointPaths, Float[np.ndarray, " points"]]:
-        """Return positions and front sliders (points, time, dof) at the samples, and how far the ends miss."""
+        """Return positions and front sliders at the samples, and the ends' errors.
+
+        Shapes: (points, time, dof) for positions and sliders.
+        """
         q, front, error = self.profiles(genes)
         spline = self.initial_paths.spline
         return spline @ q, spline @ front, error
 
     def sliders(self, genes: Genes) -> Float[np.ndarray, "points time 2 dof"] | None:
-        """Return front and back sliders at the samples [m]; None without sliders."""
+        """Return front and back sliders at the samples [m], or None.
+
+        None without sliders.
+        """
         if not isinstance(self.actuation, DistributedActuation):
             return None
         q, front, _ = self._samples(genes)
@@ -194,7 +205,10 @@ class PointToPoint(DenseFormulation):
         return self._motions(q, self._intervals(genes, minimum_timing(self.arm, self.actuation, q, front)))
 
     def _intervals(self, genes: Genes, timing: Timing) -> Float[np.ndarray, "points intervals"]:
-        """Return the intervals of genes [s]: the least ones, or longer ones that the genes ask for."""
+        """Return the intervals of individuals [s].
+
+        They are the least ones, or longer ones that the genes ask for.
+        """
         if not self.own_times:
             return timing.intervals
         wishes = genes[:, -timing.intervals.shape[1] :] * (OPTIONS.longest_interval * self.initial_paths.pace)
@@ -228,7 +242,7 @@ class PointToPoint(DenseFormulation):
         return np.asarray(np.clip(np.concatenate(genes, axis=1), self.xl, self.xu))
 
     def violation_between(self, genes: Genes) -> Float[np.ndarray, " points"]:
-        """Return the largest violation (points,) between samples; 0 without any.
+        """Return the largest violation (points,) between samples; 0 without a violation.
 
         It is the largest of three: extra time that motors need for an interval, over the mean interval; the overload of
         motors; the violation of constraints. Intervals are divided into eight and timed again.
@@ -242,7 +256,7 @@ class PointToPoint(DenseFormulation):
         return np.maximum(np.maximum(retimed.lateness(intervals), retimed.overload), excess)
 
     def sample_starts(self, count: int, rng: np.random.Generator) -> Genes:
-        """Return genes of the bases, unchanged and at a small distance."""
+        """Return genes of the bases, unchanged and slightly changed."""
         paths, rows = self.initial_paths, np.zeros((count, self.n_var))
         which = np.arange(count) % len(paths.q)
         rows[:, 0] = (which + 0.5) / len(paths.q)
@@ -252,7 +266,7 @@ class PointToPoint(DenseFormulation):
             shares = paths.shares[which].reshape(count, -1)
             shares = np.clip(shares + distance * rng.normal(size=shares.shape), 0.0, 1.0)
             rows[:, 1 + paths.size : 1 + 2 * paths.size] = shares
-        if self.own_times:  # half of them at their quickest
+        if self.own_times:  # half of them use their least times
             longest, steps = OPTIONS.longest_interval, len(paths.spline) - 1
             rows[::2, -steps:] = longest ** rng.uniform(-1.0, 0.0, (len(rows[::2]), 1))
         return np.clip(rows, self.xl, self.xu)

@@ -1,4 +1,7 @@
-"""The first posture of a motion as a pymoo problem (Marcos et al. 2012, section 4.2)."""
+"""The first posture of a motion as a pymoo problem.
+
+Source: Marcos et al. 2012, section 4.2.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +34,7 @@ from paretoik.trajectory.infeasibility import explain_violation
 
 
 class Posture(Formulation):
-    """Search a first posture on a path, clear of obstacles: a vectorised pymoo problem.
+    """Search a collision-free first posture on a path: a vectorised pymoo problem.
 
     The objective is ``position_error`` [m], the distance of the tool from its target (Eqs. 18, 21, 22). If a task asks
     for orientation, it is ``tool_error``, the distance plus the angle [m + rad]. The user's own objectives come after
@@ -113,18 +116,24 @@ class Posture(Formulation):
         examine_functions(self.task, self.decode(np.random.default_rng(0).uniform(low, high, (16, arm.dof))))
 
     def algorithm(self, population: int, *, offspring: int | None = None, initial: Genes | None = None) -> Any:
-        """Return the paper's genetic algorithm for the error only, MaxiMinNSGA2 for several objectives."""
+        """Return the paper's genetic algorithm, or MaxiMinNSGA2 for several objectives.
+
+        The paper's algorithm minimises only the error.
+        """
         if self.n_obj == 1:
             return elitist_algorithm(population, offspring=offspring, initial=initial)
         return MaxiMinNSGA2(pop_size=population, n_offsprings=offspring, sampling=initial)
 
     @of_genes
     def decode(self, genes: Genes) -> Motion:
-        """Return motions (points, 3, dof) that stand still in the postures of genes."""
+        """Return motions (points, 3, dof) that stand still in postures."""
         return self.task.motion(np.repeat(genes[:, None], len(self.task.times), axis=1))
 
     def encode(self, motions: Motion) -> tuple[Genes, np.ndarray]:
-        """Return the first postures of motions within bounds, and how far [rad, m] they miss each motion."""
+        """Return motions' first postures within bounds, and their errors.
+
+        An error is the distance [rad, m] between a posture and the motion.
+        """
         check_motions(motions, self.task)
         first = np.array(motions.q[:, 0])
         genes = np.clip(first, self.xl, self.xu)

@@ -1,4 +1,6 @@
-"""The protocol between formulations and verbs: parts that a problem may offer, and what verbs require.
+"""The protocol between formulations and verbs.
+
+It has the parts that a problem may offer, and the parts that verbs require.
 
 Any pymoo problem with real genes can be solved. If its ``timeline`` is "step", it is a loop that is followed sample by
 sample (``ClosedLoop``). Each further part makes one more thing possible: ``ProblemParts`` lists what any problem may
@@ -44,18 +46,21 @@ Timeline: TypeAlias = Literal["generation", "step", "level", "refinement"]
 
 @final
 class ProblemParts:
-    """Parts of a problem that verbs ask for: those that it offers, and a default for each other one."""
+    """Parts of a problem that verbs ask for.
+
+    A part that the problem does not offer has its default.
+    """
 
     constraint_names: Sequence[str] | None = None  # in the order of violations; None: constraint 1, constraint 2, ...
-    constraint_units: Sequence[str] | None = None  # units of violations: words that follow a number
-    task: Any = None  # ``MotionTask`` of its motions: stored ones get its arm, the least-violating one its limits
+    constraint_units: Sequence[str] | None = None  # units of violations, written after a number
+    task: Any = None  # ``MotionTask`` of the motions: stored motions get its arm, the least-violating one its limits
     finer_than: Any = None  # the user's problem if refinement added samples to it
-    follows_path: object = False  # True if every motion, also a stored one, follows the task's path exactly
+    follows_path: object = False  # True if every motion, stored ones included, follows the task's path exactly
     with_midpoints: Callable[[], Any] | None = None  # the problem with a sample in the middle of every interval
     explain: Callable[[Genes], Sequence[str]] | None = None  # a reason for each infeasible individual
 
     def __init__(self, problem: Any) -> None:
-        """Take the parts that the problem offers in place of the defaults."""
+        """Take the problem's parts in place of the defaults."""
         names = [name for name in vars(ProblemParts) if not name.startswith("_")]
         vars(self).update({name: getattr(problem, name) for name in names if hasattr(problem, name)})
 
@@ -64,19 +69,25 @@ class ProblemParts:
         return None
 
     def encode(self, motions: Any) -> tuple[Genes, np.ndarray]:
-        """Return genes of motions, and how far they miss each motion. Raises InvalidInput if that is impossible."""
+        """Return genes of motions, and the distances of their motions.
+
+        Raises InvalidInput if that is impossible.
+        """
         raise InvalidInput("initial must be genes, got motions, which this problem cannot encode")
 
     def require_feasible(self) -> None:
         """Raise Infeasible if it is clear that no motion satisfies the limits."""
 
     def reweigh(self, front: Front, preference: Preference) -> Any:
-        """Return the problem to solve again for a preference; None if the front has the answer."""
+        """Return the problem to solve again for a preference.
+
+        None if the front already has the answer.
+        """
         return None
 
 
 def timeline(problem: Any) -> Timeline:
-    """Return what a run of a problem counts: the generations of a search, or the steps of a loop.
+    """Return what a run counts: generations of a search or steps.
 
     A pymoo problem may have its own ``timeline`` that is not text: then it is searched.
     Raises InvalidInput if the problem raises when it is asked for an attribute that it may lack.
@@ -87,20 +98,26 @@ def timeline(problem: Any) -> Timeline:
 
 
 def is_loop(front: Front) -> bool:
-    """Return whether a front is the one motion of a loop that was followed step by step."""
+    """Return whether a front is the one motion of a loop.
+
+    The loop was followed step by step.
+    """
     return front.provenance.get("timeline") == "step"
 
 
 def task_of(problem: Any) -> MotionTask | None:
     """Return the task of a problem's motions; None if it has none."""
-    from paretoik.task.motion_task import MotionTask  # imported here: a problem loads quickly
+    from paretoik.task.motion_task import MotionTask  # imported here so that a problem loads fast
 
     task = ProblemParts(problem).task
     return task if isinstance(task, MotionTask) else None
 
 
 def at_samples_of(problem: Any, q: JointPaths | None) -> Any:
-    """Return a problem with the samples that refinement added to a run's motions (points, time, dof)."""
+    """Return a problem with the samples of a run's motions.
+
+    Refinement may have added samples to the motions (points, time, dof).
+    """
     if q is not None and q.ndim == 3:
         while (finer := ProblemParts(problem).with_midpoints) is not None and len(problem.task.times) < q.shape[1]:
             problem = finer()
@@ -111,25 +128,31 @@ def at_samples_of(problem: Any, q: JointPaths | None) -> Any:
 
 
 def violation_words(problem: Any, violation: np.ndarray) -> tuple[str, ...]:
-    """Return the constraints that an individual's violations (n_constr,) break, and by how much, the worst first."""
+    """Return an individual's violated constraints and how much, worst first.
+
+    ``violation``: violations (n_constr,)
+    """
     return broken_words(*_constraints(problem, violation), violation)
 
 
 def broken_words(names: Sequence[str], units: Sequence[str], violation: np.ndarray) -> tuple[str, ...]:
-    """Return the names of violated constraints with their violations in their units, the worst first."""
+    """Return violated constraints' names and violations with units, worst first."""
     broken = [row for row in np.argsort(-violation, kind="stable") if violation[row] > 0]
     return tuple(f"{names[row]}: violated by {violation[row]:.3g} {units[row]}".rstrip() for row in broken)
 
 
 def _constraints(problem: Any, violation: np.ndarray) -> tuple[Sequence[str], Sequence[str]]:
-    """Return the names of a problem's constraints, and the units of their violations."""
+    """Return the names of a problem's constraints, and their violations' units."""
     parts, count = ProblemParts(problem), len(violation)
     names = [f"constraint {i + 1}" for i in range(count)] if parts.constraint_names is None else parts.constraint_names
     return names, ("",) * count if parts.constraint_units is None else parts.constraint_units
 
 
 def explain_violation(problem: Any, genes: Genes, violation: np.ndarray) -> tuple[str, str]:
-    """Return the limit that an individual (genes (1, n_var)) breaks most, and a sentence."""
+    """Return an individual's most violated limit, and a sentence about it.
+
+    ``genes``: genes of the individual (1, n_var)
+    """
     worst, explain = int(np.argmax(violation)), ProblemParts(problem).explain
     name = _constraints(problem, violation)[0][worst]
     return name, f"{name} is violated by {violation[worst]:.3g}" if explain is None else explain(genes)[0]
@@ -139,7 +162,10 @@ def explain_violation(problem: Any, genes: Genes, violation: np.ndarray) -> tupl
 
 
 def require_program(verb: str, problem: Any) -> Differentiable:
-    """Return a formulation that has gradients. Raises InvalidInput, naming the verb, for others."""
+    """Return a formulation that has gradients.
+
+    Raises InvalidInput, naming the verb, for other problems.
+    """
     timeline(problem)
     if isinstance(problem, type) or not hasattr(problem, "program"):
         raise InvalidInput(
@@ -152,7 +178,10 @@ def require_program(verb: str, problem: Any) -> Differentiable:
 
 
 def require_plan(problem: Any) -> Callable[..., Plan]:
-    """Return how a formulation plans its one objective. Raises InvalidInput for others."""
+    """Return a formulation's function that plans its one objective.
+
+    Raises InvalidInput for other problems.
+    """
     names = require_program("plan", problem).names
     if not hasattr(problem, "plan"):
         raise InvalidInput(

@@ -19,9 +19,10 @@ from paretoik.task.retraction import retract_nearest, task_errors
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ControlTraces(Traces):
-    """``Traces`` with two more numbers per motion: mean cone programs per plan, and velocities cut short.
+    """``Traces`` with two more numbers per motion.
 
-    ``errors`` are those from the reference; ``velocities`` are finite differences.
+    These are the mean number of cone programs per plan, and the number of velocities that were cut short. ``errors``
+    are relative to the reference. ``velocities`` are finite differences.
     """
 
     evaluations: Float[np.ndarray, "*batch"]
@@ -30,7 +31,9 @@ class ControlTraces(Traces):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class TimeOptimalControl(Method):
-    """Time-optimal control from a path's first position to its last, limited by ``model``.
+    """Time-optimal control between a path's first and last positions.
+
+    The tool's speed is limited by ``model``.
 
     The way between the two positions and the times are free. Motions have as many samples as the path, evenly spaced
     until the tool is at the target. A start sets the first position of the tool. The joints follow the tool by the
@@ -90,7 +93,10 @@ class TimeOptimalControl(Method):
         )
 
     def with_values(self, values: Mapping[str, np.ndarray], times: Float[np.ndarray, " time"]) -> TimeOptimalControl:
-        """Return the control with values (motions,) for some of its numbers. Raises InvalidInput for unknown names."""
+        """Return the control with values (motions,) for some numbers.
+
+        Raises InvalidInput for unknown names.
+        """
         changed = dict(values)
         if "correction" in changed:
             changed["gain"] = changed.pop("correction") / changed.get("period", self.period)
@@ -99,7 +105,9 @@ class TimeOptimalControl(Method):
     def follow(
         self, task: MotionTask, start: Float[np.ndarray, "*batch dof"], *, tolerance: float | None = None
     ) -> ResolvedMotion:
-        """Return the motions from ``start``, broadcast against the numbers; ``tolerance`` has no effect.
+        """Return motions from ``start``, broadcast against the numbers.
+
+        ``tolerance`` has no effect.
 
         Raises InvalidInput unless the task is one path of positions in the model's dimension, and for numbers out of
         range.
@@ -133,7 +141,10 @@ class TimeOptimalControl(Method):
 def _joint_motion(
     task: MotionTask, shape: tuple[int, ...], start: np.ndarray, runs: list[TimeOptimalRun | None]
 ) -> ResolvedMotion:
-    """Return the motions of joints that follow the tool in every run, with as many samples as the task."""
+    """Return the motions of joints that follow the tool in every run.
+
+    They have as many samples as the task.
+    """
     count, samples, dof = len(runs), len(task.times), task.arm.dof
     shares = np.linspace(0.0, 1.0, samples)
     time = np.tile(task.times, (count, 1))

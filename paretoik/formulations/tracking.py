@@ -1,7 +1,7 @@
-"""Tracking of a path with a redundant arm, as a pymoo problem over the self-motion manifold.
+"""Tracking of a path as a pymoo problem over the self-motion manifold.
 
-An individual is a base motion, already on the path, and spline coordinates around it (``Encoding``). Every motion of
-the search follows the path; only the limits remain to be searched for. The base motions are weighted-pseudoinverse
+An individual is a base motion on the path, and spline coordinates around it (``Encoding``). Every motion of the search
+follows the path, so that the search only has to satisfy the limits. The base motions are weighted-pseudoinverse
 roll-outs (Tringali & Cocuzza 2020, section 3.1.2), spread over the branches that exist.
 """
 
@@ -51,7 +51,7 @@ from paretoik.trajectory.plan import MotionColdSearch, Plan, find_optima, resolv
 from paretoik.trajectory.tightening import hold_all
 from paretoik.trajectory.transcription import MotionProgram, motion_program
 
-# Base motions of ``Tracking``: the best roll-outs of every branch, others far from them, or a user's.
+# Base motions of ``Tracking``: the best roll-outs of every branch and others far from them, or the user's.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,15 +60,18 @@ class TrackingOptions:
 
     most: int = 256  # number of roll-outs on paths of at most ``samples`` samples; fewer on longer ones
     samples: int = 101
-    least: int = 64  # number of roll-outs at least
-    infeasible_share: float = 0.3  # largest one of parents: optima on limits are found far sooner from both sides
+    least: int = 64  # least number of roll-outs
+    infeasible_share: float = 0.3  # largest share of infeasible parents: optima on limits are found sooner
 
 
 OPTIONS = TrackingOptions()
 
 
 def sample_rollouts(task: MotionTask, rng: np.random.Generator) -> tuple[JointPaths, Objectives, np.ndarray]:
-    """Return roll-outs sorted by violation of limits, then by non-domination; F and causes as ``evaluate_motions``."""
+    """Return roll-outs with their objectives and causes, best first.
+
+    They are sorted by violation of limits, then by non-domination. F and causes are those of ``evaluate_motions``.
+    """
     count = OPTIONS.most * OPTIONS.samples // len(task.times)
     q = rollout_starts(task, min(max(count, OPTIONS.least), OPTIONS.most), rng)
     F, limits, causes = evaluate_motions(task, task.motion(q))
@@ -80,7 +83,11 @@ def sample_rollouts(task: MotionTask, rng: np.random.Generator) -> tuple[JointPa
 
 
 def choose_bases(task: MotionTask, rollouts: JointPaths, count: int) -> Float[np.ndarray, "bases time dof"]:
-    """Return the best roll-out of every branch, then the farthest of the better halves, at most ``count``."""
+    """Return the best roll-outs of all branches, and distant ones.
+
+    The distant ones are chosen, farthest first, from the better half of each branch. There are at most ``count``
+    roll-outs.
+    """
     branch = np.array(branch_labels(task.motion(rollouts)))
     members = [np.flatnonzero(branch == name) for name in dict.fromkeys(branch)]
     chosen = [int(rows[0]) for rows in members][:count]
@@ -93,7 +100,10 @@ def choose_bases(task: MotionTask, rollouts: JointPaths, count: int) -> Float[np
 
 
 def without_added_samples(task: MotionTask, motions: Motion) -> Motion:
-    """Return motions at the samples of a task if they have more samples; others unchanged."""
+    """Return motions at the samples of a task.
+
+    Samples that refinement added are removed; motions without such samples are unchanged.
+    """
     times = motions.time.reshape(-1, motions.time.shape[-1])[0]
     index = np.searchsorted(times, task.times).clip(max=len(times) - 1)
     added = len(times) > len(index) and np.array_equal(times[index], task.times)
@@ -126,7 +136,9 @@ def positions_on_path(task: MotionTask, motions: Motion) -> JointPaths:
 
 
 class Tracking(Formulation, Differentiable):
-    """Follow ``path`` with ``arm``, trading ``objectives`` against each other: a vectorised pymoo problem.
+    """Follow ``path`` with ``arm``, trading ``objectives`` against each other.
+
+    A vectorised pymoo problem.
 
     Parameters
     ----------
@@ -175,7 +187,7 @@ class Tracking(Formulation, Differentiable):
     encoding: Encoding
     finer_than: Tracking | None = None
     computed_attributes = ("_rollouts", "encoding")
-    search_attributes = ("_encoded_with", "_rollout_values")  # what is made from them is in fingerprints, or follows
+    search_attributes = ("_encoded_with", "_rollout_values")  # their effects are in fingerprints by other attributes
     species_gene = 0  # the gene that selects the base motion
     follows_path = True
     navigate = navigate
@@ -226,7 +238,7 @@ class Tracking(Formulation, Differentiable):
         return fit_screen(f"Tracking, {self.n_var} genes\n{task_text(self.task)}\nnext: {next_step}")
 
     def _encode_motions(self) -> None:
-        """Set the encoding of motions as genes, from roll-outs at the task's samples."""
+        """Set the encoding of motions, from roll-outs at the task's samples."""
         coefficients, bases, seed = self._encoded_with
         coefficients = choose_coefficients(coefficients, len(self.task.times))
         self._rollouts, *self._rollout_values = sample_rollouts(self.task, np.random.default_rng(seed))
@@ -235,14 +247,17 @@ class Tracking(Formulation, Differentiable):
         super().__init__(*self.encoding.bounds)
 
     def with_midpoints(self) -> Tracking:
-        """Return the same problem with one more sample in the middle of every interval of its path."""
+        """Return the problem with midpoints added to the samples of its path."""
         finer = copy(self)
         finer.task, finer.finer_than = self.task.with_midpoints(), self.finer_than or self
         finer._encode_motions()
         return finer
 
     def curve_points(self, motions: Motion) -> Float[np.ndarray, "points time dof"]:
-        """Return motions' curves at the problem's samples; NaN if one leaves the path in between."""
+        """Return motions' curves at the problem's samples.
+
+        NaN if a curve leaves the path between its motion's samples.
+        """
         try:
             return motions.at(self.task.times)
         except Infeasible:
@@ -251,7 +266,10 @@ class Tracking(Formulation, Differentiable):
         return np.concatenate([self.curve_points(motions[i : i + 1]) for i in range(len(motions))])
 
     def species(self, genes: Genes) -> Int[np.ndarray, " points"]:
-        """Return each individual's base motion: only genes of the same base may be crossed."""
+        """Return each individual's base motion.
+
+        Only genes of the same base may be crossed.
+        """
         return self.encoding.species(genes)
 
     @of_genes
@@ -260,7 +278,9 @@ class Tracking(Formulation, Differentiable):
         return self.task.motion(self.encoding.decode(self.task, genes)[0])
 
     def encode(self, motions: Motion) -> tuple[Genes, Float[np.ndarray, " points"]]:
-        """Return genes of motions on the path, and how far [rad, arm's length] they miss each.
+        """Return genes of motions on the path, and their errors.
+
+        An error is the distance [rad, arm's length] between a motion and that of its genes.
 
         Genes are within bounds. Each motion is encoded around the base whose decoded genes are nearest to it in every
         joint at every sample. If they miss a motion by much, they do not represent it: use the motion itself.
@@ -271,12 +291,18 @@ class Tracking(Formulation, Differentiable):
         return self.encoding.encode_nearest(self.task, motions.q)
 
     def translated(self, genes: Genes, labels: Int[np.ndarray, " points"]) -> Genes:
-        """Return genes of the same motions around other bases, as near as they come within their bounds."""
+        """Return genes of the same motions around other bases, within bounds.
+
+        They describe the motions as closely as the bounds allow.
+        """
         q, _ = self.encoding.decode(self.task, genes)
         return np.clip(self.encoding.encode(self.task, np.asarray(labels), q)[0], *self.encoding.bounds)
 
     def algorithm(self, population: int, *, offspring: int | None = None, initial: Genes | None = None) -> MaxiMinNSGA2:
-        """Return the algorithm that suits these genes: differential steps, smooth mutation, some infeasible parents."""
+        """Return the algorithm that suits these genes.
+
+        It has differential steps, smooth mutation, and some infeasible parents.
+        """
         return MaxiMinNSGA2(
             pop_size=population,
             n_offsprings=offspring,
@@ -297,7 +323,10 @@ class Tracking(Formulation, Differentiable):
         return self.motion_points(front.motions)  # type: ignore[arg-type]  # a front of motions holds Motion
 
     def motion_points(self, motions: Motion) -> Float[np.ndarray, "points time dof"]:
-        """Return the joint positions of motions. Raises InvalidInput if they are not of this problem."""
+        """Return the joint positions of motions.
+
+        Raises InvalidInput if they are not of this problem.
+        """
         return positions_on_path(self.task, motions)
 
     def points(self, genes: Genes) -> Float[np.ndarray, "points time dof"]:
@@ -305,11 +334,14 @@ class Tracking(Formulation, Differentiable):
         return np.array(self.decode(genes).q)
 
     def genes(self, x: Float[np.ndarray, "points time dof"]) -> Genes:
-        """Return genes of motions on the path, as near as the spline comes to them."""
+        """Return genes of motions on the path, as near as possible."""
         return self.encode(self.task.motion(x))[0]
 
     def individuals(self, x: Float[np.ndarray, "points time dof"], genes: Genes | None = None) -> Individuals:
-        """Return motions as individuals: without genes, which are inexact; unchecked between samples after a signal."""
+        """Return motions as individuals, without genes, which are inexact.
+
+        After a signal, limits between samples are not checked.
+        """
         motions = self.task.motion(x)
         values = np.stack([o(motions) * o.sign for o in self.task.objectives], axis=1)
         return Individuals(
@@ -326,7 +358,10 @@ class Tracking(Formulation, Differentiable):
         )
 
     def exceeded(self, individuals: Individuals) -> list[str]:
-        """Return for each individual the limits that it exceeds between samples in words; unchecked without splines."""
+        """Return in words the limits that individuals exceed between samples.
+
+        Without splines nothing is checked.
+        """
         exceeds = ~(individuals.violation_between <= LIMIT_TOLERANCE) & self.tightens
         return [
             self.task.describe_between(individuals.motions[i : i + 1]) if each else "" for i, each in enumerate(exceeds)
@@ -334,12 +369,18 @@ class Tracking(Formulation, Differentiable):
 
     @property
     def tightens(self) -> bool:
-        """Whether ``hold_between`` tightens limits: motions of finite differences satisfy them at their samples."""
+        """Whether ``hold_between`` tightens limits.
+
+        It does not for finite differences, whose motions satisfy limits at their samples only.
+        """
         return self.task.differences == "spline"
 
     @property
     def added_samples(self) -> dict[str, dict[str, int]]:
-        """Provenance entry with the old and new numbers of samples, if refinement added some."""
+        """Provenance entry about the samples that refinement added, if any.
+
+        It has the old and the new number of samples.
+        """
         given = self.finer_than
         return {} if given is None else {ADDED_SAMPLES: {"path": len(given.task.times), "used": len(self.task.times)}}
 
@@ -351,7 +392,10 @@ class Tracking(Formulation, Differentiable):
         solver: Solver = "auto",
         observe: Observe | None = None,
     ) -> tuple[Float[np.ndarray, "points time dof"], Sequence[MotionProgram]]:
-        """Return motions that satisfy their limits between samples, as far as a few rounds lead, and their programs."""
+        """Return motions that satisfy limits between samples, and their programs.
+
+        Limits are tightened in a few rounds, which may not be sufficient.
+        """
         natural = self.program()
         if not (self.tightens and len(x)):
             return x, [natural] * len(x)
@@ -359,7 +403,10 @@ class Tracking(Formulation, Differentiable):
         return np.stack([each.x for each in motions]), [each.program(natural) for each in motions]
 
     def values_between(self, front: Front, shares: Values) -> Float[np.ndarray, "gaps shares n_obj"]:
-        """Return the minimised objectives of motions between neighbours of a front; inf if a motion is impossible."""
+        """Return minimised objectives of motions between neighbours of a front.
+
+        inf if a motion is impossible.
+        """
         return values_between(self.task, self.front_points(front), shares)
 
     def branches(self, x: Float[np.ndarray, "points time dof"]) -> list[str]:
@@ -367,13 +414,19 @@ class Tracking(Formulation, Differentiable):
         return branch_labels(self.task.motion(x))
 
     def require_feasible(self) -> None:
-        """Raise Infeasible, with the least-violating motion, if limits clearly cannot hold."""
+        """Raise Infeasible if the limits clearly cannot be satisfied.
+
+        The error has the least-violating motion.
+        """
         require_feasible(self.task, self._rollouts)
 
     def cold_search(
         self, *, starts: int | None, seed: int, solver: Solver = "auto", observe: Observe | None = None
     ) -> MotionColdSearch:
-        """Return how optima are found without initial points: each objective planned, starts refined level by level."""
+        """Return the search for optima without initial points.
+
+        It plans each objective, and refines starts level by level.
+        """
         with explained_interruption(self.task, self._rollouts, None):
             examine_functions(self.task, self.task.motion(self._rollouts), *self._rollout_values)
         return MotionColdSearch(
@@ -389,7 +442,10 @@ class Tracking(Formulation, Differentiable):
         solver: Solver = "auto",
         observe: ObserveLevel | None = None,
     ) -> Plan:
-        """Return the distinct local optima of the one objective. Raises as ``find_optima`` does."""
+        """Return the distinct local optima of the one objective.
+
+        Raises as ``find_optima`` does.
+        """
         q = None if initial is None else positions_on_path(self.task, initial)
         with explained_interruption(self.task, self._rollouts, observe) as show:
             examine_functions(self.task, self.task.motion(self._rollouts), *self._rollout_values)
@@ -410,7 +466,10 @@ class Tracking(Formulation, Differentiable):
         return self.encode(self.task.motion(self._rollouts[:count]))[0]
 
     def self_motion_samples(self, count: int, rng: np.random.Generator) -> Genes:
-        """Return genes of ``count`` smooth motions near the bases: first the bases, then each base in rotation."""
+        """Return genes of ``count`` smooth motions near the bases.
+
+        The first ones are the bases, then the bases take turns.
+        """
         return self.encoding.sample(count, rng)
 
     @property

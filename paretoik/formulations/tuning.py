@@ -1,10 +1,10 @@
 """Tuning of a method that resolves motions, as a pymoo problem.
 
-An individual is a set of numbers. It is judged by the motions from several starts, so that numbers which suit only one
-posture are not rated good. All individuals and starts are resolved at once.
+An individual is a set of numbers of the method. It is judged by the motions from several starts, so that numbers that
+suit only one posture are not rated good. The motions of all individuals and starts are computed at once.
 
-Sources of the methods' numbers: Wan et al. 2018; Tringali & Cocuzza 2021, section 2.2; Kim et al. 2021. All of them
-choose these by hand; searching for them, with several objectives, is new.
+Sources of the methods' numbers: Wan et al. 2018; Tringali & Cocuzza 2021, section 2.2; Kim et al. 2021. They all choose
+these numbers by hand; searching for them, with several objectives, is new.
 """
 
 from __future__ import annotations
@@ -157,14 +157,17 @@ class Tuning(Formulation):
         if self.judged_starts > len(self.starts):
             raise InvalidInput(f"judged_starts must be from 1 to {len(self.starts)}, got {shown(judged_starts)}")
         super().__init__(*np.array([each.gene_bounds for each in self.parameters]).T)
-        # Errors of the method and the objectives are raised for the first start, before any search.
+        # The first start raises the errors of the method and the objectives before any search.
         motion = self._follow((self.xl + 0.5 * (self.xu - self.xl))[None], np.zeros((1, 1), dtype=int))
         for each in self.task.objectives:
             each(motion)
         self._violations(motion, 1)
 
     def values(self, genes: Genes) -> dict[str, np.ndarray]:
-        """Return the values (points,) of all fields that genes (points, n_var) set, except ``start``."""
+        """Return the values (points,) of fields that genes set, except ``start``.
+
+        Genes have the shape (points, n_var).
+        """
         columns = zip(self.parameters, genes.T, strict=True)
         decoded = [(each, each.decode(column)) for each, column in columns if each.name != START.name]
         return {field: values for each, values in decoded for field in each.fields}
@@ -174,7 +177,10 @@ class Tuning(Formulation):
         return self.resolver.with_values(self.values(genes), self.task.times)
 
     def start_indices(self, genes: Genes) -> Int[np.ndarray, "points judged"]:
-        """Return the indices of the starts that judge each individual; the first is its own."""
+        """Return indices of the starts that judge each individual.
+
+        The first one is the individual's own start.
+        """
         count, judged = len(self.starts), np.arange(self.judged_starts)
         if not self._searches_start:
             return np.tile(judged * count // self.judged_starts, (len(genes), 1))
@@ -185,7 +191,10 @@ class Tuning(Formulation):
 
     @of_genes
     def decode(self, genes: Genes) -> ResolvedMotion:
-        """Return the motions (points, time, dof) of genes from their own, or first, starts."""
+        """Return the motions (points, time, dof) of individuals, from one start.
+
+        It is the individual's own start, or the first one.
+        """
         return self._follow(genes, self.start_indices(genes)[:, :1])
 
     def explain(self, genes: Genes) -> list[str]:
@@ -211,7 +220,10 @@ class Tuning(Formulation):
         return method.follow(self.task, starts, tolerance=self.tolerance)
 
     def _violations(self, motion: ResolvedMotion, points: int) -> Float[np.ndarray, "points limits"]:
-        """Return each individual's largest violation of each limit from any of its starts, over the range."""
+        """Return each individual's largest violation of each limit, over the range.
+
+        It is the largest over the individual's starts.
+        """
         columns = [each.violation(motion) for each in self.task.constraints]
         if self.tolerance is not None:
             columns.insert(0, np.abs(motion.traces.errors).max(axis=(-2, -1)) / self.tolerance - 1.0)
@@ -229,9 +241,9 @@ class Tuning(Formulation):
 
 
 def sample_starts(task: MotionTask, seed: int) -> Float[np.ndarray, "starts dof"]:
-    """Return postures on the first sample within the limits, each after its nearest neighbour.
+    """Return postures on the first sample within the limits.
 
-    Raises OutOfReach if there are none.
+    Each posture comes after its nearest neighbour. Raises OutOfReach if there are none.
     """
     rng = np.random.default_rng(seed)
     candidates = sample_postures(task, OPTIONS.candidates, rng)
@@ -246,7 +258,10 @@ def sample_starts(task: MotionTask, seed: int) -> Float[np.ndarray, "starts dof"
 def _checked_parameters(
     method: Method, parameters: Sequence[str | Parameter] | None, times: np.ndarray
 ) -> tuple[Parameter, ...]:
-    """Return the parameters to search. Raises InvalidInput for unknown names, fields set twice, and an empty list."""
+    """Return the parameters to search.
+
+    Raises InvalidInput for unknown names, fields set twice, and an empty list.
+    """
     by_name = {each.name: each for each in (*method.parameters(times), START)}
     if isinstance(parameters, str | Parameter) or not isinstance(parameters, Sequence | None):
         raise InvalidInput(f"parameters must be a list of names and Parameters, got {shown(parameters)}")

@@ -17,7 +17,7 @@ from paretoik.tables import fit_screen, html_representation
 
 
 def certificate_text(certificates: Certificates) -> str:
-    """Return the points per status, the worst values, and why points are undetermined."""
+    """Return text on statuses, worst values and reasons for undetermined points."""
     values, counts = np.unique(certificates.status, return_counts=True)
     statuses = ", ".join(f"{count} {status}" for status, count in zip(values, counts, strict=True)) or "no point"
     samples, between = _worst(certificates.violation), _worst(certificates.violation_between)
@@ -39,7 +39,7 @@ def certificate_text(certificates: Certificates) -> str:
 
 
 def _worst(values: Values) -> str:
-    """Return the worst of the values that are not NaN, in words; "" if all are NaN."""
+    """Return the worst value except NaN in words; "" if all are NaN."""
     if len(values) and np.isnan(values).all():
         return ""
     worst = float(np.fmax.reduce(values, initial=0.0))
@@ -58,10 +58,10 @@ class Certificates:
     violation_between: upper bound of the violation at any time
     criticality: criticality χ, the improvement that all objectives can still gain at once, as shares of the front's
         ranges
-    weights: multipliers (points, n_obj) of the objectives over these ranges, their sum 1
-    exchange_rates: [p, i, j] is ∂f_j/∂f_i with the others fixed, in natural units; NaN if f_i or f_j has no weight, the
-        point is not critical or multipliers are not unique
-    exchange_intervals: smallest and largest value of [p, i, j], NaN if unknown
+    weights: multipliers (points, n_obj) of the objectives divided by these ranges; their sum is 1
+    exchange_rates: derivatives [p, i, j] = ∂f_j/∂f_i with the others fixed, in natural units; NaN if f_i or f_j has no
+        weight, the point is not critical or multipliers are not unique
+    exchange_intervals: smallest and largest value of each exchange rate [p, i, j], NaN if unknown
     status: "minimum", "saddle", "undetermined", or "under-resolved": critical for its samples, but a value is off by
         more than 0.1 % on the motion's curve
     reason: why a point is no minimum or its intervals are unknown, else ""
@@ -82,11 +82,11 @@ class Certificates:
     discretisation_error: Float[np.ndarray, "points n_obj"] = field(default_factory=lambda: np.zeros((0, 0)))
 
     def __post_init__(self) -> None:
-        """Check that all arrays have the same number of rows, and every status; fill in reasons."""
+        """Check numbers of rows and statuses; fill in missing reasons and errors."""
         points = len(self.violation)
         if not len(self.reason):
             object.__setattr__(self, "reason", np.full(points, "", dtype=np.str_))
-        if not len(self.discretisation_error):  # of earlier runs
+        if not len(self.discretisation_error):  # missing in earlier runs
             object.__setattr__(self, "discretisation_error", np.full(self.weights.shape, np.nan))
         for part in fields(self):
             if len(getattr(self, part.name)) != points:
@@ -125,7 +125,8 @@ class Certificates:
     def rescale(self, ranges: Values, others: Values) -> Certificates:
         """Return the certificates with the ranges ``others`` (n_obj,) in place of ``ranges``.
 
-        Weights are then over these. The criticality becomes a bound: no gain is a larger share of them.
+        Weights then refer to ``others``. The criticality becomes an upper bound: no gain is a larger share of
+        ``others``.
         """
         factors = others / ranges
         weights = self.weights * factors

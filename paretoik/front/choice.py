@@ -21,13 +21,13 @@ from paretoik.inputs import check_text, finite_number, shown
 from paretoik.tables import field_representation, fit_screen, html_representation
 
 if TYPE_CHECKING:
-    Front = Any  # of a preference: the class on top, ``front.Front``
+    Front = Any  # stands for ``front.Front`` in annotations of preferences
 
 
 def named_numbers(
     kind: str, mapping: Mapping[str, float] | None, keywords: Mapping[str, float], *, signed: bool = True
 ) -> Mapping[str, float]:
-    """Return read-only numbers by objective, ``signed`` or at least 0.
+    """Return read-only numbers by objective, at least 0 unless ``signed``.
 
     Raises InvalidInput for other values and repeated names.
     """
@@ -35,7 +35,7 @@ def named_numbers(
     for name, value in merged.items():
         try:
             is_number = not isinstance(value, bool) and isinstance(value, Real) and np.isfinite(float(value))
-        except OverflowError:  # an integer that no float can hold
+        except OverflowError:  # an integer too large for a float
             is_number = False
         if not is_number or (value < 0 and not signed):
             wish = "a finite number" if signed else "a finite number >= 0"
@@ -52,8 +52,8 @@ def named_text(numbers: Mapping[str, float]) -> str:
 def first_row(front: FrontData, scores: Values, among: Mask | None = None) -> int:
     """Return the row with the least of ``scores`` (points,), in shares of the ranges.
 
-    Scores within rounding of the least are equal. Among these the point with the lowest sum of shares ΣZ comes first,
-    among equal sums (within the same) the better first objective, then the second and so on, then the lowest id.
+    Scores within rounding of the least are equal. The lowest sum of shares ΣZ decides among these; among sums equal
+    within rounding the better first objective, then the second and so on, then the lowest id.
     ``among`` marks the rows to look at, at least one; None means all.
     """
     rows = np.arange(len(front)) if among is None else np.flatnonzero(among)
@@ -89,8 +89,8 @@ class Prediction:
 class Comparison:
     """Another point compared with the chosen one.
 
-    better_in: objectives in which it is the best point or, for a neighbour, the nearest point that gains
-    gains, costs: amounts by which it is better and worse, by objective, in natural units; all positive
+    better_in: objectives in which the other point is the best or, for a neighbour, the nearest better one
+    gains, costs: amounts by which the other point is better and worse, by objective, in natural units; all positive
     """
 
     id: int
@@ -107,8 +107,8 @@ class ExchangeRate:
     """Cost in ``cost`` of one unit of ``gain`` at the chosen point, the other objectives unchanged.
 
     low, high: interval of the rate from the certificate, in units of ``cost`` per unit of ``gain``
-    holds_to, holds_for: last point up to which all rates that gain the objective hold within a tenth, and its gain
-    fails_at: next point, at which they no longer hold
+    holds_to, holds_for: id of the last point up to which all rates for ``gain`` predict costs within 10 %, and its gain
+    fails_at: id of the next point, at which the rates no longer hold or which is on another branch
 
     Ids are None if there is no such point or rates are missing.
     """
@@ -133,10 +133,10 @@ class Choice:
     objectives, motion: its values and its motion
     reason: why it was chosen, made from the other fields
     verdict, preference: sentence of the preference, and the preference itself
-    score, details: number that the preference minimises (None if it has no such number), and its others by name
-    shares: distance of each objective from the best of its stored range, as a share of it
-    ends: best points of the single objectives
-    neighbours: for each objective the nearest point (in shares) that gains in it
+    score, details: number that the preference minimises (None without one), and its other results by name
+    shares: distance of each objective from the best value of its stored range, as a share of this range
+    ends: comparisons with the best points of single objectives
+    neighbours: comparisons with the nearest point (in shares) that is better in each objective
     rates: certified exchange rates
     jumps: pairs of ids, one of them this point's, between which the front jumps to another branch
     """
@@ -186,7 +186,10 @@ class Preference(Protocol):
 
 
 def check_preference(name: str, value: object) -> None:
-    """Raise InvalidInput, by ``name``, unless a value can choose a point; no class, nor array."""
+    """Raise InvalidInput, by ``name``, unless a value has a method ``choose``.
+
+    Classes and arrays are refused too.
+    """
     if not callable(getattr(type(value), "choose", None)) or isinstance(value, type | np.ndarray):
         raise InvalidInput(f"{name}: must be a preference, such as Weights(...), got {shown(value)}")
 
@@ -205,7 +208,7 @@ def explain(
 ) -> Choice:
     """Return the point of a row as a choice with its reason.
 
-    Raises InvalidInput for a verdict that is no line of text, or a score that is not finite.
+    Raises InvalidInput if the verdict is not one line of text, or the score is not finite.
     """
     check_text("verdict", verdict)
     if score is not None:
@@ -231,14 +234,20 @@ def explain(
 
 
 def explain_named(front: FrontData, row: int) -> Choice:
-    """Return the point of a row that was named; its verdict says how a move led to it, if one did."""
+    """Return the point of a row, named by its id, as a choice.
+
+    If a move along the front led to the point, the verdict is the reason of that move.
+    """
     id = int(front.ids[row])
     moves = [move for move in front.provenance.get(NAVIGATIONS, ()) if move["to"] == id]
     return explain(front, row, str(moves[-1]["reason"]) if moves else f"Point {id} was named.")
 
 
 def compare_ends(front: FrontData, row: int) -> tuple[Comparison, ...]:
-    """Return the best points of the objectives in which the point of a row is not the best."""
+    """Return comparisons with the best point of each objective.
+
+    Objectives in which the point of ``row`` is itself the best are left out.
+    """
     shares, best = front.shares, dict[int, list[str]]()
     for axis, name in enumerate(front.names):
         if shares[row, axis] > shares[:, axis].min() + OPTIONS.rounding:
@@ -247,7 +256,7 @@ def compare_ends(front: FrontData, row: int) -> tuple[Comparison, ...]:
 
 
 def compare_neighbours(front: FrontData, row: int) -> tuple[Comparison, ...]:
-    """Return for each objective the nearest point, in shares, that is better in it."""
+    """Return comparisons with the nearest better point, in shares, for each objective."""
     shares, nearest = front.shares, dict[int, list[str]]()
     distance = np.linalg.norm(shares - shares[row], axis=1)
     for axis, name in enumerate(front.names):
@@ -269,7 +278,7 @@ def compare(front: FrontData, row: int, other: int, better_in: Sequence[str] = (
 
 
 def exchange_rates(front: FrontData, row: int) -> tuple[ExchangeRate, ...]:
-    """Return the certified exchange rates of a row, and how far they hold; none without certificates."""
+    """Return certified exchange rates of a row and their reach; none without certificates."""
     if front.certificates is None:
         return ()
     rates = np.sort(np.abs(front.certificates.exchange_intervals[row]), axis=-1)
@@ -277,7 +286,7 @@ def exchange_rates(front: FrontData, row: int) -> tuple[ExchangeRate, ...]:
     on_branch = np.searchsorted(jumps, np.arange(len(front))) == np.searchsorted(jumps, row)
     shares, result = front.shares, list[ExchangeRate]()
     for i, gain in enumerate(front.names):
-        # Points that gain are checked from the nearest (in shares) on, until rates do not hold or the front jumps.
+        # Points that gain are checked in order of distance (in shares), until rates do not hold or the front jumps.
         better = np.flatnonzero(shares[row, i] - shares[:, i] > OPTIONS.rounding)
         distance = np.linalg.norm(shares[better] - shares[row], axis=1)
         rows = better[np.lexsort((front.ids[better], distance))]
@@ -303,9 +312,10 @@ def exchange_rates(front: FrontData, row: int) -> tuple[ExchangeRate, ...]:
 
 
 def _holds(front: FrontData, row: int, axis: int, rates: Float[np.ndarray, "n_obj n_obj 2"]) -> Mask | None:
-    """Mark the points whose costs, seen from ``row``, the rates predict; None if rates are missing.
+    """Mark points whose costs the rates at ``row`` predict; None without rates.
 
-    The cost in objective j is Σ_k r_kj g_k over the gains g_k of all others: the tangent plane of the front.
+    The predicted cost in objective j is Σ_k r_kj g_k, with the gains g_k of all other objectives: the tangent plane of
+    the front. Costs in objective ``axis`` are not checked.
     """
     gains = front.minimised[row] - front.minimised
     holds = np.ones(len(front), dtype=bool)
@@ -333,7 +343,7 @@ def percent(share: float) -> str:
 
 
 def with_unit(front: FrontData, name: str, text: str) -> str:
-    """Return text that ends with a value of an objective, followed by its unit if it has one."""
+    """Return ``text``, which ends with a value, followed by the objective's unit, if any."""
     return f"{text} {front.units[front.names.index(name)]}".rstrip()
 
 
@@ -364,7 +374,7 @@ def amounts_in_words(front: FrontData, amounts: Mapping[str, float], *, better: 
 
 
 def _trade_offs(front: FrontData, choice: Choice) -> Iterator[str]:
-    """Yield sentences on a point's values, on the ends of the front, on neighbours and on jumps."""
+    """Yield sentences on a point's values, ends of the front, neighbours and jumps."""
     # Distances from the best are given with the values if there are too many objectives for a sentence on each.
     several = len(front.names) > OPTIONS.described
     parts = []
@@ -397,7 +407,7 @@ def _trade_offs(front: FrontData, choice: Choice) -> Iterator[str]:
 
 
 def _rates(front: FrontData, choice: Choice) -> Iterator[str]:
-    """Yield a sentence on the exchange rates of every objective that can gain, or why there are none."""
+    """Yield sentences on exchange rates, or one on why there are none."""
     certificates, row = front.certificates, choice.index
     if certificates is not None and not choice.rates:
         cause = str(certificates.reason[row])

@@ -32,18 +32,18 @@ ENTRY_TYPES = {
     "reason": str,
     "time": str,
 }
-LONGEST_TEXT = 300  # characters that are kept of a preference's text: a user's own may have any number
+LONGEST_TEXT = 300  # characters kept of a preference's text: that of a user's preference may be of any length
 
 
 @dataclass(frozen=True, kw_only=True)
 class KeptChoice:
     """One kept choice.
 
-    id, parent: its id, and that of the choice before it (None for a first one)
+    id, parent: ids of the choice and of the one before it (None for a first choice)
     point, objectives: id of the chosen point, and its values by name
     preference, reason: type and parameters of the preference as data, and the reason in words
     time: time in UTC (ISO 8601)
-    former: run and choice after which a closed loop was followed again, else None
+    former: run and choice after which a closed loop followed its path again, else None
     """
 
     id: int
@@ -98,7 +98,7 @@ class Choices:
 
 
 def read_choices(folder: Path) -> Choices:
-    """Return the choices kept in a run folder, none without such a file.
+    """Return the choices kept in a run folder; none if there is no such file.
 
     Raises InvalidRun, in one line, if the file is damaged, a link, or of another version.
     """
@@ -163,7 +163,7 @@ def keep_choice(
 
 
 def go_back(folder: Path, *, front: FrontData | None = None) -> Choices:
-    """Make the parent of the present choice the present one.
+    """Make the parent of the present choice the present choice.
 
     Raises InvalidInput if there is no choice, and if a given ``front`` does not have the parent's point.
     """
@@ -186,7 +186,7 @@ def kept_choices(front: FrontData) -> Choices:
 def chosen(front: FrontData) -> Choice | None:
     """Return the present choice of the front's run folder with its stored reason, or None.
 
-    Raises InvalidInput if the front does not have its point.
+    Raises InvalidInput if the front does not have the choice's point.
     """
     entry = kept_choices(front).chosen
     return None if entry is None else replace(explain_named(front, row_of(front, entry.point)), reason=entry.reason)
@@ -225,7 +225,7 @@ def present_id(front: FrontData, *, name: str) -> int:
 
 
 def preference_data(preference: Preference) -> dict[str, Any]:
-    """Return a preference as data: type, text, and for one of this project its parameters by name."""
+    """Return a preference as data: type, text and, if paretoik's own, its parameters."""
     kind = type(preference)
     data = {"type": kind.__name__, "text": repr(preference)[:LONGEST_TEXT]}
     if not kind.__module__.startswith("paretoik."):

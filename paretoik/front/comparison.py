@@ -21,7 +21,7 @@ from paretoik.tables import columns, html_table, html_text
 
 
 def _joined(name: str, fronts: Sequence[Front], rows: Sequence[Int[np.ndarray, " _"]]) -> Any:
-    """Return a part of all fronts, front by front; None if it is missing or does not agree."""
+    """Return one part of all fronts, concatenated; None if missing or inconsistent."""
     parts = [getattr(front, name) for front in fronts]
     if any(part is None for part in parts):
         return None
@@ -31,7 +31,7 @@ def _joined(name: str, fronts: Sequence[Front], rows: Sequence[Int[np.ndarray, "
         return concatenate([part.rescale(widths_of(front), merged) for front, part in zip(fronts, picked, strict=True)])
     if name != "motions":
         return np.concatenate(picked) if len({each.shape[1:] for each in picked}) == 1 else None
-    # Motions agree if their kinds, joints and samples do, and none has derivatives of its own.
+    # Motions agree if their types, joints and numbers of samples agree, and none has its own derivatives.
     kinds = {(type(each), tuple(each.arm.joint_names), each.q.shape[1:]) for each in picked}
     if len(kinds) > 1 or any(getattr(each, "derivatives", None) is not None for each in picked):
         return None
@@ -43,11 +43,11 @@ def _joined(name: str, fronts: Sequence[Front], rows: Sequence[Int[np.ndarray, "
 
 
 COMPARED = ("problem", "fingerprint", "settings", "versions", "computed", "status")  # counts and seconds always differ
-KEPT = ("problem", "fingerprint", "versions")  # in the merged front: these are the same in all
+KEPT = ("problem", "fingerprint", "versions")  # entries that the merged front takes from the first front
 Pairs = Float[np.ndarray, "fronts fronts"]
 ATTAINABLE = (2, 3)  # numbers of objectives for which surfaces are computed
-# Corner of hypervolumes in every share of the ranges; it is more than 1, so that the ends of fronts count and no
-# front's own worst point sets the scale (Ishibuchi et al. 2018).
+# Reference point of hypervolumes in every share of the ranges; it is more than 1, so that the ends of fronts count and
+# no front's own worst point sets the scale (Ishibuchi et al. 2018).
 REFERENCE = 1.1
 
 
@@ -130,9 +130,10 @@ class Comparison:
 
     @cached_property
     def hypervolume(self) -> Values:
-        """Hypervolume of each front (fronts,) up to 1.1 in every share, divided by the merged front's.
+        """Hypervolume of each front (fronts,), divided by that of the merged front.
 
-        It is exact up to four objectives, an estimate for more; see ``estimate_hypervolume``.
+        The reference point is 1.1 in every share. Values are exact up to four objectives, estimates for more; see
+        ``estimate_hypervolume``.
         """
         reference = np.full(len(self.fronts[0].names), REFERENCE)
         merged = np.concatenate([shares[rows] for shares, rows in zip(self.shares, self.merged_rows, strict=True)])
@@ -154,7 +155,7 @@ class Comparison:
     def epsilon(self) -> Pairs:
         """Additive epsilon [i, j]: least improvement of front i with which it weakly dominates front j.
 
-        It is in shares of the ranges, and at most 0 if front i already does so. Zitzler et al. (2003).
+        It is in shares of the ranges, and at most 0 if front i already weakly dominates front j. Zitzler et al. (2003).
         """
         import moocore
 
@@ -164,9 +165,9 @@ class Comparison:
 
     @cached_property
     def differences(self) -> Mapping[str, tuple[str, ...]]:
-        """Differences in how the fronts were made, by name, with one value per front, "–" if it has none.
+        """Provenance entries that differ, by name, with one value per front.
 
-        Only problems, settings, versions, what computed a run and what ended it are compared.
+        A missing value is "–". Only the entries in ``COMPARED`` count, such as problem, settings, versions and status.
         """
         known = [
             {name: front.provenance[name] for name in COMPARED if name in front.provenance} for front in self.fronts
@@ -180,9 +181,9 @@ class Comparison:
         """Front of the points that no point of any front dominates.
 
         Among equal points only the first front's is kept. Ids count from 0, front by front; ``provenance["merged"]``
-        has the label and the folder of every front (``fronts``), and for every point its id, the place of its front,
-        and its id there (``origins``). Genes, motions, violations and certificates are kept if all fronts with merged
-        points have them in sizes that agree; ``left_out`` names the others.
+        has the label and the folder of every front (``fronts``), and for every point its id, the index of its front,
+        and its id in that front (``origins``). Genes, motions, violations and certificates are kept if all fronts with
+        merged points have them in sizes that agree; ``left_out`` names the others.
 
         Raises InvalidInput if fronts are of different problems or of closed loops.
         """
@@ -228,12 +229,12 @@ class Comparison:
 
     @property
     def origins(self) -> dict[int, tuple[int, int]]:
-        """Source of every id of the merged front: the place of its front, from 0 on, and its id there."""
+        """Index of the source front, from 0, and id there, by merged id."""
         return {number: (place, old) for number, place, old in self.merged.provenance["merged"]["origins"]}
 
     @property
     def groups(self) -> dict[str, list[int]]:
-        """Places of the fronts with each label."""
+        """Indices of the fronts with each label."""
         places: dict[str, list[int]] = {}
         for place, label in enumerate(self.labels):
             places.setdefault(label, []).append(place)
@@ -241,7 +242,7 @@ class Comparison:
 
     @property
     def runs(self) -> dict[str, list[int]]:
-        """Places of the fronts with each label that several have: runs of one method."""
+        """Indices of the fronts with each label that several fronts have."""
         return {label: places for label, places in self.groups.items() if len(places) > 1}
 
     def attainment(self, share: float = 0.5, label: str | None = None) -> Objectives:
@@ -281,7 +282,7 @@ class Comparison:
         return f"Comparison of {len(self.fronts)} fronts, hypervolume {volumes} of the merged front's"
 
     def _repr_html_(self) -> str:
-        """Return the same as HTML without scripts, for a notebook."""
+        """Return normalisation and tables as HTML without scripts, for a notebook."""
         tables = "".join(html_table(rows, caption=title) for title, rows in _tables(self))
         return f"<div>{html_text(_normalisation(self))}{tables}</div>"
 

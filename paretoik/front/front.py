@@ -1,4 +1,4 @@
-"""The Pareto front as named arrays, with its verbs."""
+"""The Pareto front as named arrays, with its methods."""
 
 from __future__ import annotations
 
@@ -87,13 +87,15 @@ def view(
 
 
 def show_choice(front: Front) -> None:
-    """Make the recording of a front's run, if there is one, open on the present choice."""
+    """Set the recording of a front's run, if any, to open on the present choice."""
     if front.folder is not None and (front.folder / RECORDING).exists():
         HANDED_DOWN["show_choice"](front)
 
 
 def select(front: Front, preference: Preference | str | Mapping[str, float] | int, *, keep: bool = True) -> Choice:
-    """Return the point that a preference chooses; a closed loop is followed again with it.
+    """Return the point that a preference chooses.
+
+    A closed loop follows its path again with the preference at every step.
 
     preference: one of ``paretoik`` or your own (``Preference``); "knee" and "compromise" stand for ``Knee()`` and
         ``Compromise()``, numbers by objective for ``Weights``, an integer for the point with that id
@@ -108,17 +110,18 @@ def select(front: Front, preference: Preference | str | Mapping[str, float] | in
     wish = as_preference(preference)
     of_problem: Callable[[Front, Preference], Choice] | None = getattr(front.problem, "select", None)
     choice = ask(wish, front) if of_problem is None else of_problem(front, wish)
-    is_known = np.array_equal(choice.objectives, front.objectives[choice.index])  # no loop that was followed again
+    is_known = np.array_equal(choice.objectives, front.objectives[choice.index])  # False for a new motion of a loop
     if keep and is_known and front.folder is not None and keep_choice(front, choice, wish):
         show_choice(front)
     return choice
 
 
 def undo(front: Front) -> Choice | None:
-    """Go back to the choice before the present one in the run folder; return it, or None after the first.
+    """Go back to the previous choice in the run folder, and return it.
 
-    Nothing is deleted: the next choice becomes another branch of the tree. Raises InvalidInput if there is no choice to
-    go back from, or if this part of the run's front does not have the point of the choice before.
+    None is returned if the first choice was undone. Nothing is deleted: the next choice becomes another branch of the
+    tree. Raises InvalidInput if there is no choice to go back from, or if this front is only a part of the run's and
+    does not have the point of the previous choice.
     """
     if front.folder is None:
         raise InvalidInput("undo: the front must be loaded from a run folder or saved into one, got no folder")
@@ -139,7 +142,7 @@ class Front(FrontData):
     names, units, maximised: one per objective
     genes, motions: array (points, genes) and batch of motions; both may be missing
     violation: largest violation (points,) as a share of its limit's range
-    certificates: those of refined points
+    certificates: certificates of refined points
     ranges: lower and upper values (n_obj, 2) that preferences measure against, by default those of the front itself
     provenance: description of the run (problem, settings, seed, status), stored in ``run.json``
     problem: the problem itself, not stored
@@ -153,7 +156,7 @@ class Front(FrontData):
     """
 
     def __repr__(self) -> str:
-        """Return the number of points, the range of each objective, and what further points could add."""
+        """Return text on points, ranges and the hypervolume that further points could add."""
         points = "1 point" if len(self) == 1 else f"{len(self)} points"
         if len(self) == 0:
             return fit_screen(f"Front of {points}: {', '.join(self.names)}")
@@ -178,9 +181,10 @@ class Front(FrontData):
     def __getitem__(self, ids: Sequence[int] | np.ndarray) -> Front: ...
 
     def __getitem__(self, ids: Any) -> Choice | Front:
-        """Return the point with an id as a choice, or several points, in the front's order, as a front of its ranges.
+        """Return one point by its id as a choice, or several as a front.
 
-        Raises InvalidInput for ids that repeat or that the front does not have.
+        The new front has the order and the ranges of this one. Raises InvalidInput for ids that repeat or that the
+        front does not have.
         """
         if isinstance(ids, Integral):
             return explain_named(self, row_of(self, ids))
@@ -229,7 +233,7 @@ class Front(FrontData):
         score: float | None = None,
         details: Mapping[str, Any] | None = None,
     ) -> Choice:
-        """Return the point of a row as a choice: a verdict on it, followed by its trade-offs.
+        """Return the point of a row as a choice; its reason adds trade-offs to the verdict.
 
         Raises InvalidInput if the front has no such row.
         """
@@ -252,7 +256,8 @@ class Front(FrontData):
     def save(self, folder: Path | str, *, overwrite: bool = False) -> None:
         """Write `run.json`, `front.parquet` and, with genes or motions, `motions.npz` into `folder`.
 
-        Raises InvalidInput if it contains another run, or points that this front has not, unless ``overwrite`` is set.
+        Raises InvalidInput if the folder contains another run, or points that this front does not have, unless
+        ``overwrite`` is set.
         """
         check_flag("overwrite", overwrite)
         storage.save(self, file_path("folder", folder), overwrite=overwrite)

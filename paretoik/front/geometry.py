@@ -1,4 +1,4 @@
-"""Between neighbours of a certified front of two objectives: jumps, and missing hypervolume."""
+"""Geometry of fronts: tangents, points that weights can reach, jumps and missing hypervolume."""
 
 from __future__ import annotations
 
@@ -19,11 +19,12 @@ def tangents_meet(
     *,
     margin: float = 1e-6,
 ) -> Float[np.ndarray, " 2"] | None:
-    """Return the point where the tangents at two neighbours meet, if it is between the two in both objectives.
+    """Return the point at which the tangents of two neighbours meet, or None.
 
-    A tangent is perpendicular to the weights. On a smooth piece of a front, convex or not, tangents meet between
-    neighbours that are close enough; across a jump they contradict each other. Unknown weights are NaN. If tangents
-    meet outside by a share of at most ``margin`` of the distance, the point is moved inside.
+    None means that they do not meet between the two in both objectives, or that weights are unknown. A tangent is
+    perpendicular to the weights. On a smooth piece of a front, convex or not, tangents meet between neighbours that are
+    close enough; across a jump they contradict each other. Unknown weights are NaN. If tangents meet outside by a share
+    of at most ``margin`` of the distance, the point is moved inside.
     """
     width = right - left
     determinant = left_weights[0] * right_weights[1] - left_weights[1] * right_weights[0]
@@ -39,7 +40,8 @@ def tangents_meet(
 def curve_area(values: Float[np.ndarray, "2 2"], meeting: Float[np.ndarray, " 2"] | None) -> float:
     """Return the hypervolume that the front between two neighbours adds to them.
 
-    The front is approximated by the parabola that touches both tangents, which meet at ``meeting``, or by the chord.
+    The front is approximated by the parabola that touches both tangents, which meet at ``meeting``, or by the chord
+    without ``meeting``.
     """
     left, right = values
     width = right - left
@@ -50,14 +52,14 @@ def curve_area(values: Float[np.ndarray, "2 2"], meeting: Float[np.ndarray, " 2"
 
 @dataclass(frozen=True, kw_only=True)
 class PreferenceOptions:
-    """Settings of choosing; shares are of the ranges.
+    """Settings of preferences; shares are of the ranges.
 
-    rounding: scores that differ by no more are equal: units and offsets move them by less
+    rounding: largest difference of scores that count as equal; other units and offsets change scores by less
     augmentation: weight of the sum of all shares relative to the worst one (Miettinen 1999, section 3.4.5)
-    hull: weights reach points that are less than this above straight lines between others
-    prediction: exchange rates hold while their predictions are within this share
+    hull: distance above straight lines between other points up to which weights reach a point
+    prediction: largest relative error of a prediction for which exchange rates hold
     described: largest number of objectives for which every comparison has a sentence
-    neighbours: number of nearest points with which mixtures that might beat a point begin
+    neighbours: number of nearest points from which the search for mixtures that beat a point starts
     """
 
     rounding: float = 1e-9
@@ -75,9 +77,9 @@ PREFERENCE_OPTIONS = PreferenceOptions()
 
 
 def supported(shares: Objectives) -> Mask:
-    """Mark the points, as shares of the ranges, that have the least weighted sum for some weights.
+    """Mark the points with the least weighted sum of ``shares`` for some weights.
 
-    Two objectives: points on the lower convex hull; Andrew 1979, Information Processing Letters 9(5).
+    With two objectives these are on the lower convex hull; Andrew 1979, Information Processing Letters 9(5).
     """
     if shares.shape[1] != 2:
         return unmatched_by_mixtures(shares)
@@ -133,10 +135,10 @@ def unmatched_by_mixtures(shares: Objectives) -> Mask:
 
 @dataclass(frozen=True, kw_only=True)
 class JumpOptions:
-    """Options of finding jumps.
+    """Options for finding jumps.
 
     places: number of evenly spaced places to check between two neighbours
-    height: least height of a barrier, as a share of the front's extent: solvers are not exact to less
+    height: least height of a barrier, as a share of the front's extent; solvers are not more exact
     """
 
     places: int = 7
@@ -147,19 +149,23 @@ JUMPS = JumpOptions()
 
 
 def barriers(values: Objectives, inner: Float[np.ndarray, "pairs places 2"]) -> Int[np.ndarray, " jumps"]:
-    """Return the rows after which a front jumps, from its values and those at places between neighbours.
+    """Return the rows after which a front jumps.
 
-    On one branch the optimum moves continuously from one neighbour to the other, and points in between are, to first
-    order, a trade-off between the two: no worse than the worse of them in either objective. Between two branches, or
-    valleys, they are worse. Tangents do not show a jump: if branches cross, they agree with a front that bulges out,
-    and at an inflection of one branch they contradict each other.
+    ``inner`` are values at places between neighbours. On one branch the optimum moves continuously from one neighbour
+    to the other, and points in between are, to first order, a trade-off between the two: no worse than the worse of
+    them in either objective. Between two branches, or valleys, they are worse. Tangents do not show a jump: if branches
+    cross, tangents are like those of a front that bulges out, and at an inflection of one branch they contradict each
+    other.
     """
     corners = np.maximum(values[:-1], values[1:]) + JUMPS.height * np.ptp(values, axis=0)
     return np.flatnonzero((inner > corners[:, None]).any(axis=(1, 2)))
 
 
 def missing_hypervolume(values: Objectives, normals: Float[np.ndarray, "points 2"]) -> float:
-    """Return the estimated share of the hypervolume that two points or more miss, from the normals of their front."""
+    """Return the estimated share of the hypervolume that the points miss.
+
+    There must be at least two points; ``normals`` are the normals of their front, NaN if unknown.
+    """
     order = np.argsort(values[:, 0], kind="stable")
     values, normals = values[order], normals[order]
     pairs = [[i, j] for i, j in pairwise(range(len(values))) if (values[i] != values[j]).all()]

@@ -22,7 +22,7 @@ class IndicatorOptions:
     exact_up_to: largest number of objectives for which hypervolumes are exact: with 1,000 points these take 0.5 s in
         five objectives and more than 20 s in seven, estimates milliseconds
     directions: number of directions of an estimate, for more objectives
-    rounding: share of an objective's size below which a range counts as none: solvers are not exact to less
+    rounding: share of an objective's size below which a range counts as none; solvers are not more exact
     """
 
     exact_up_to: int = 4
@@ -47,7 +47,7 @@ def hypervolume(F: Objectives, reference: Values | Sequence[float]) -> float:
 
 
 def estimate_hypervolume(F: Objectives, reference: Values, width: Values) -> float:
-    """Return the hypervolume in little time: exact up to four objectives, else to about one percent.
+    """Return the hypervolume: exact up to four objectives, else within about one percent.
 
     ``width`` (n_obj,) is about the distance of the points from the reference: in these units directions are spread
     evenly. For the same reference and width the estimate never falls if points are added or improve. Deterministic;
@@ -68,8 +68,8 @@ def estimate_hypervolume(F: Objectives, reference: Values, width: Values) -> flo
 def ranges_of(values: Objectives, sizes: Values | None = None) -> Values:
     """Return nadir minus ideal of points, without zeros.
 
-    If that is only rounding, the objective's size replaces it, or 1 if the objective is always 0. ``sizes`` are by
-    default those of the values.
+    If a range is only rounding, the objective's size replaces it, or 1 if the objective is always 0. ``sizes`` (n_obj,)
+    are by default the largest absolute values.
     """
     width = np.ptp(values, axis=0)
     sizes = np.abs(values).max(axis=0) if sizes is None else sizes
@@ -80,7 +80,8 @@ def non_dominated(F: Objectives, tolerance: float = 0.0) -> Mask:
     """Mark the rows of `F` that no other row dominates; only the first of equal rows.
 
     With a `tolerance` (a share of each objective's range over the non-dominated rows) a row is also dropped if an
-    earlier marked one is within it in every objective. Raises InvalidInput if it is negative or not finite.
+    earlier marked row is within the tolerance in every objective. Raises InvalidInput if the tolerance is negative or
+    not finite.
     """
     import moocore
 
@@ -116,10 +117,10 @@ class HypervolumeOptions:
     """Limits on the time for hypervolumes.
 
     share: largest share of the whole time
-    free: time [s] below which a hypervolume is always computed
+    free: time [s] of the last hypervolume up to which the next one is always computed
 
-    With thousands of points they cost more than the search: 0.28 s for 18,000 in four objectives, but 0.2 s for the
-    generation.
+    With thousands of points hypervolumes cost more than the search: 0.28 s for 18,000 points in four objectives,
+    compared with 0.2 s for the generation.
     """
 
     share: float = 0.01
@@ -130,12 +131,12 @@ CURVE_OPTIONS = HypervolumeOptions()
 
 
 class HypervolumeCurve:
-    """Hypervolumes of successive fronts, objectives minimised, while there is time."""
+    """Hypervolumes of successive fronts, computed if time allows; objectives are minimised."""
 
     def __init__(self, options: HypervolumeOptions = CURVE_OPTIONS) -> None:
         self._options = options
         self._corner: Values | None = None
-        self._width: Values | None = None  # of the first front with the corner
+        self._width: Values | None = None  # ranges of the first front and the corner
         self._started, self._spent, self._latest = time.monotonic(), 0.0, 0.0
         self._value, self._number = 0.0, 0
 
@@ -149,7 +150,7 @@ class HypervolumeCurve:
     def measure(self, front: Objectives, number: int, corner: Values | None = None) -> float | None:
         """Return the hypervolume of the front of a generation; None if there is no time for it.
 
-        It ends at a ``corner`` (n_obj,), which must always be the same; by default at that of the first front.
+        ``corner`` (n_obj,) is the reference point and must always be the same; by default it is the first front's.
         """
         corner = self.corner(front) if corner is None else corner
         elapsed = time.monotonic() - self._started
@@ -166,6 +167,6 @@ class HypervolumeCurve:
         return self._value
 
     def summary(self, number: int) -> str:
-        """Return the last hypervolume in words, with its generation if that is not the present one."""
+        """Return the last hypervolume in words, with its generation if earlier."""
         then = "" if self._number == number else f" of generation {self._number}"
         return f"hypervolume {self._value:.4g}{then}"

@@ -25,10 +25,11 @@ class NavigationDefaults:
     """Defaults of moves along a front.
 
     critical: criticality up to which a point counts as critical
-    share, remaining: size of a move, as a share of the range, and at most as a share of what remains to the best point
+    share, remaining: size of a move as a share of the range, and its upper bound as a share of the way to the best
+        point
     smallest_gain: share of the range below which a gain counts as none
     points: number of new points around a point
-    largest_gain: largest gain, in ranges: more is a mistake, and numbers that large make solvers fail
+    largest_gain: largest gain as a multiple of the range; a larger one is a mistake and makes solvers fail
     """
 
     critical: float = 1e-6
@@ -76,13 +77,13 @@ def navigate(
         range, or half of what remains to its best value on the front if that is less.
     allow
         Names of the objectives that may get worse; the others do not. By default all that are not on ``hold``. Several
-        get worse alike, in shares of their ranges.
+        get worse equally, in shares of their ranges.
     hold
         Names of the objectives that do not get worse.
 
     The point is followed along its branch by exact second derivatives while limits become active or inactive. If the
     branch ends, optima are searched for again from there and from neighbours, and ``front.navigated.reason`` says so.
-    It also says what share of the wish was met if the front ends before.
+    If the front ends first, the reason also says which share of the wish was met.
 
     Raises
     ------
@@ -110,8 +111,8 @@ def predict(
     """Return the expected result of ``navigate`` with the same arguments: no point of the front.
 
     Derivatives at the point predict its branch, with limits that become active or inactive; nothing is corrected or
-    certified, and there is no id. The objective to improve gains the requested amount, the others have an error of the
-    fourth power of it, and limits are nearly satisfied. Jumps are not predicted.
+    certified, and there is no id. The objective to improve gains the requested amount, the errors of the others grow
+    with the fourth power of this amount, and limits are nearly satisfied. Jumps are not predicted.
 
     Raises
     ------
@@ -154,7 +155,7 @@ def refine_around(front: Front, choice: Choice | int | None = None, *, points: i
 
 
 def navigated(front: FrontData) -> Choice | None:
-    """Return the point that the last move led to, with a reason that says how, or None."""
+    """Return the point that the last move reached, with its reason, or None."""
     moves = front.provenance.get(NAVIGATIONS, ())
     return explain_named(front, row_of(front, moves[-1]["to"])) if moves and moves[-1]["to"] in front else None
 

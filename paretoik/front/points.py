@@ -1,6 +1,6 @@
-"""The data of a front: its parts, checked, sorted and read-only, what follows from them, and subsets."""
+"""Data of a front: checked, sorted, read-only parts, derived values, and subsets."""
 
-# Annotations are not postponed here: a class below a dataclass takes the types of the fields as they stand.
+# Annotations are not postponed here: a subclass of a dataclass takes the types of the fields as they are written.
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -39,7 +39,7 @@ def check_names(names: Sequence[str], units: Sequence[str]) -> None:
         raise InvalidInput(f"front names must name each objective once, got {list(names)}")
     for name in names:
         printable = isinstance(name, str) and name.isprintable() and name.strip() == name
-        if not printable or name[:1] in ("", "=", "+", "-", "@"):  # these make a spreadsheet run the cell
+        if not printable or name[:1] in ("", "=", "+", "-", "@"):  # a spreadsheet runs cells that begin so
             raise InvalidInput(
                 f"front names must be printable, without outer spaces or a leading = + - @, got {shown(name)}"
             )
@@ -73,7 +73,7 @@ class JointMotions(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class StoredJoints:
-    """The joint names of a stored motion, the only part of the arm in its file."""
+    """Joint names of a stored motion, whose file has no other data of the arm."""
 
     joint_names: tuple[str, ...]
 
@@ -96,7 +96,7 @@ class StoredMotions:
         return StoredMotions(arm=self.arm, time=self.time[index], q=self.q[index])
 
 
-# How fronts were made, as names and values.
+# Provenance of fronts: entries by name.
 
 
 NAVIGATIONS, LARGEST_ID = "navigations", "largest_id"  # entries: moves made; largest id of the whole front
@@ -221,15 +221,15 @@ def check_ranges(values: np.ndarray, objectives: Objectives) -> Ranges:
     return read_only(ranges)
 
 
-PARTS = ("genes", "motions", "violation", "certificates")  # what a point of a front may have
+PARTS = ("genes", "motions", "violation", "certificates")  # optional parts of a front
 MotionBuilder = Callable[[np.ndarray, np.ndarray, tuple[str, ...]], JointMotions]
 T = TypeVar("T")
-Front = TypeVar("Front", bound="FrontData")  # the class on top, ``front.Front``, in signatures that users see
+Front = TypeVar("Front", bound="FrontData")  # the subclass ``front.Front`` in signatures that users see
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class FrontData:
-    """The data of a front, and what follows from it; ``front.Front`` adds its verbs, and describes the fields."""
+    """Data of a front and derived values; ``front.Front`` describes fields and adds methods."""
 
     ids: Ids
     objectives: Objectives
@@ -303,7 +303,7 @@ class FrontData:
         """Mark the points that have the least weighted sum of shares for some weights.
 
         The tolerance is a millionth of the ranges. The other points are above the convex hull: a mixture of points is
-        better in every objective, so that for any weights one of these has a smaller sum.
+        better in every objective, so that for any weights one point of the mixture has a smaller sum.
         """
         return supported(self.shares)
 
@@ -311,7 +311,8 @@ class FrontData:
     def violation_between(self) -> Values | None:
         """Worst violation of each motion's limits between its samples.
 
-        It is measured if there are no certificates; None without these and without a problem with motions.
+        It is that of the certificates. Without certificates it is measured, or None if the front has no motions or no
+        problem that can measure.
         """
         if self.certificates is not None:
             return self.certificates.violation_between
@@ -325,8 +326,8 @@ class FrontData:
         A barrier lies between the two: points interpolated there are worse than both in some objective, or impossible.
         Navigation from one to the other cannot be continuous there.
 
-        None if this is not defined or not known: unless there are two objectives (others give points no order),
-        certificates, and a problem that can interpolate (the one that the front came from).
+        None unless there are two objectives (with other numbers points have no order), certificates, and the front's
+        own problem, if it can interpolate.
         """
         between = getattr(self.problem, "values_between", None)
         if len(self.names) != 2 or self.certificates is None or between is None:
@@ -407,7 +408,10 @@ def rows_of(front: FrontData, ids: np.ndarray, name: str) -> Int[np.ndarray, " r
 
 
 def largest_id(front: FrontData) -> int:
-    """Return the largest id that a front, or the whole front of a part, ever had; −1 if none."""
+    """Return the largest id that a front ever had; −1 if none.
+
+    If the front is a part of another, ids of the whole front count too.
+    """
     moves = (int(move["to"]) for move in front.provenance.get(NAVIGATIONS, ()))
     return max([int(front.ids.max(initial=-1)), int(front.provenance.get(LARGEST_ID, -1)), *moves])
 
@@ -433,7 +437,7 @@ def attach(front: Front, folder: Any) -> Front:
 def merge_named(
     kind: str, mapping: Mapping[str, T] | None, keywords: Mapping[str, T], members: str, example: str
 ) -> dict[str, T]:
-    """Return what is given by objective, in a mapping and as keywords; raises InvalidInput for repeated names."""
+    """Return the entries of a mapping and of keywords; raises InvalidInput for repeated names."""
     if mapping is not None:
         check_mapping(kind, mapping, f"{members} by objective", example=example)
     twice = sorted((mapping or {}).keys() & keywords.keys())
@@ -472,7 +476,7 @@ def bounds_by_axis(
 
 
 def inside(front: FrontData, limits: Float[np.ndarray, "n_obj 2"]) -> Mask:
-    """Mark the points within the limits of every objective, or at these."""
+    """Mark the points that are within, or at, the limits of every objective."""
     low, high = limits.T
     return np.asarray(((front.objectives >= low) & (front.objectives <= high)).all(axis=1))
 

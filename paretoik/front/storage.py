@@ -48,9 +48,9 @@ ERROR_COLUMN = "discretisation error of {}"
 def save(front: FrontData, folder: Path, *, overwrite: bool = False) -> None:
     """Write the front's files into `folder`, all of them at once or none.
 
-    An existing run is replaced if this front is of the same problem and has all its points, or with ``overwrite``; the
-    choices kept there stay if all points do. Raises InvalidInput if that is not allowed or fails, or if the provenance
-    has values that JSON cannot hold or names that the format needs.
+    An existing run is replaced only if this front is of the same problem and has all points of the run, or with
+    ``overwrite``. Its choices stay if all its points stay. Raises InvalidInput if that is not allowed or fails, or if
+    the provenance has values that JSON cannot hold or names that the format needs.
     """
     files = front_files(front)
     with only_writer(folder):
@@ -67,7 +67,7 @@ def save(front: FrontData, folder: Path, *, overwrite: bool = False) -> None:
 
 
 def _keeps_run(front: FrontData, folder: Path) -> bool:
-    """Return whether a front keeps all of the run in a folder: the same problem, and all of its points."""
+    """Return whether a front has the problem and all points of a folder's run."""
     try:
         run, points = _read_front_entries(folder / RUN), stored_points(folder)
     except InvalidRun:

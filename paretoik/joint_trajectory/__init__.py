@@ -1,4 +1,4 @@
-"""Motions as a robot's controller takes them: sampled at its rate, checked against its limits, and written to files."""
+"""Motions sampled at a controller's rate, checked against its limits, and written to files."""
 
 import lazy_loader
 

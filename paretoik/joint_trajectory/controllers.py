@@ -34,14 +34,14 @@ class JointTrajectoryOptions:
     """Settings of sampling, checking and slowing down.
 
     rounding: share of a limit by which it may be exceeded
-    rest_velocity, rest_acceleration: a joint is at rest below these shares of its velocity and acceleration limits, or
-        of the motion's largest value without a limit; cubic splines leave this much of a motion without acceleration
-        at its ends
-    slowest: most times that a motion is slowed down; values that still exceed a limit then do so at rest too, such as
-        torques of gravity
+    rest_velocity, rest_acceleration: shares of a joint's velocity and acceleration limits below which it is at rest;
+        without a limit, shares of the motion's largest value. Cubic splines leave about as much at the ends of a motion
+        that should have no acceleration there
+    slowest: largest factor by which a motion is slowed down; if a value still exceeds its limit then, it also does so
+        at rest, such as a gravity torque
     ramps, usual_ramp: ramps [s] that are tried, from short to long, and the one that is advised if none is enough
     rate: largest rate [Hz], at which times in whole nanoseconds still differ
-    periods: most periods, some gigabytes of work
+    periods: largest number of periods; it needs some gigabytes
     whole: share of a period within which a duration is rounded to whole periods
     """
 
@@ -67,7 +67,7 @@ JOINT_LIMITS = ("velocity", "acceleration", "jerk", "torque", "torque_rate")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Braking:
-    """How a velocity limit shrinks towards the ends of a joint's range, so that it can always brake.
+    """Velocity limits that shrink towards the ends of ranges, so that joints can brake.
 
     q̇ ≤ √(2 d (q⁺ − q)) − offset, not below 0, and likewise towards q⁻: with ``double_deceleration`` 2 d (dof,)
     [rad/s²], ``offset`` (dof,) [rad/s] and the ends ``position`` (dof, 2) [rad]. FCI documentation, Position-Based
@@ -98,14 +98,18 @@ class Braking:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Controller:
-    """Properties of a robot's controller: joints by name, one command every 1/``rate`` [Hz], and its limits.
+    """Properties of a robot's controller: its joints, its rate and its limits.
 
-    ``position`` is (lower, upper), symmetric, or an array (dof, 2) [rad, m]. The other limits are symmetric, one number
-    or one per joint: ``velocity`` [rad/s], ``acceleration`` [rad/s²], ``jerk`` [rad/s³], ``torque`` [N m],
-    ``torque_rate`` [N m/s]; None without a limit, or without a published one. Every motion must start and end at rest;
-    with ``rest_acceleration`` its acceleration must be 0 there too. ``source`` is the origin of the figures.
-    ``other_joint_names`` are the names of the same joints in other files of the vendor. ``dataclasses.replace`` makes a
-    controller that differs in one of these.
+    name, source: name of the controller, and origin of the figures
+    joint_names, other_joint_names: names of the joints, and of the same joints in other files of the vendor
+    rate: number of commands per second [Hz]
+    position: limits (lower, upper), symmetric ones, or an array (dof, 2) [rad, m]
+    velocity, acceleration, jerk: symmetric limits [rad/s, rad/s², rad/s³], one number or one per joint
+    torque, torque_rate: symmetric limits [N m, N m/s], one number or one per joint
+    rest_acceleration: whether the acceleration must be 0 at both ends; the velocity always must be
+    braking: velocity limits near the ends of the joints' ranges
+
+    None means no limit, or no published one. ``dataclasses.replace`` makes a controller that differs in some fields.
 
     Raises InvalidInput if a name repeats, or a figure is not positive or not one per joint.
 
@@ -323,11 +327,14 @@ CONTROLLERS = MappingProxyType({each.name: each for family in FAMILIES.values() 
 
 
 def find_controller(controller: str | Controller, arm: Arm) -> Controller:
-    """Return a controller for an arm: itself, one by its name, or the one of a family that has the arm's joints.
+    """Return a controller for an arm: as given, by its name, or by its family.
+
+    From a family the controller with the arm's joints is returned.
 
     Its joints come in the order of the arm's. If joints of a family have the same names, the arm's own name decides.
 
-    Raises InvalidInput for an unknown name, joints that are not the controller's, or a family that leaves a choice.
+    Raises InvalidInput for an unknown name, joints that are not the controller's, or a family with several matching
+    controllers.
     """
     check_arm("arm", arm)
     if not isinstance(controller, Controller):

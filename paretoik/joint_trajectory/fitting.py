@@ -16,7 +16,7 @@ from paretoik.robot import dynamics
 from paretoik.robot.arm import Arm
 from paretoik.task.motion import Motion
 
-# A trajectory against a controller's limits, at every sample: as the controller computes them, and as they are.
+# Comparison of a trajectory with a controller's limits at every sample, by differences and by derivatives.
 #
 # A controller knows only positions: it takes their differences over one period, and the robot rests before the first
 # and after the last. Velocities, accelerations and jerks are compared with their limits both as these differences and
@@ -49,7 +49,7 @@ class LimitedSeries:
 
     @property
     def use(self) -> Float[np.ndarray, "samples dof"]:
-        """How much of its limit each value uses: 1 at the limit, 0 at the center."""
+        """Share of its limit that each value uses: 1 at the limit, 0 at the center."""
         distance = self.values - self.center
         room = np.where(distance < 0, self.center - self.lower, self.upper - self.center)
         return np.where(distance == 0, 0.0, np.abs(distance) / np.maximum(room, np.finfo(float).tiny))
@@ -106,7 +106,7 @@ def limit_uses(trajectory: JointTrajectory, controller: Controller, arm: Arm) ->
 
 
 def unrest(trajectory: JointTrajectory, controller: Controller, arm: Arm) -> str | None:
-    """Return which joint moves at an end against the controller's conditions, in words; None if all rest."""
+    """Return text on a joint that is not at rest at an end, or None."""
     kinds = [("velocity", trajectory.dq, controller.velocity, OPTIONS.rest_velocity)]
     if controller.rest_acceleration:
         kinds.append(("acceleration", trajectory.ddq, controller.acceleration, OPTIONS.rest_acceleration))
@@ -166,7 +166,7 @@ def _symmetric(quantity: str, values: np.ndarray, limit: np.ndarray, shift: int 
     return LimitedSeries(quantity=quantity, values=values, lower=-limit[None], upper=limit[None], shift=shift)
 
 
-# Slowing down: the fewest periods of a controller in which a motion keeps its limits.
+# Slowing down: the fewest periods of a controller in which a motion satisfies its limits.
 #
 # A motion slowed down by k has 1/k of the velocities, 1/k² of the accelerations and 1/k³ of the jerks, exactly on the
 # curve, nearly for differences of samples: so the answer is guessed, then found by bisection among whole periods.
@@ -176,14 +176,15 @@ ORDERS = {"velocity": 1, "acceleration": 2, "jerk": 3, "torque": 2, "torque rate
 
 
 def slowing(use: LimitUse) -> float:
-    """Return about how many times slower the motion must be to use exactly all of a limit."""
+    """Return the approximate slowing factor at which a motion just satisfies a limit."""
     return use.use ** (1 / ORDERS[use.quantity])
 
 
 def slow_down(scaling: TimeScaling, measure: Callable[[TimeScaling], list[LimitUse]]) -> TimeScaling | None:
-    """Return a scaling of the fewest periods, no fewer than ``scaling`` has, that keeps limits; None without one.
+    """Return the scaling of the fewest periods that satisfies limits, or None.
 
-    ``measure`` returns the uses of limits. Positions do not depend on time: they are not considered.
+    It has at least as many periods as ``scaling``. ``measure`` returns the uses of limits. Positions do not depend on
+    time, so their limits are ignored.
     """
     fails, passes, smallest = scaling.periods - 1, scaling.periods, 1.0
     while True:
@@ -211,13 +212,13 @@ def slow_down(scaling: TimeScaling, measure: Callable[[TimeScaling], list[LimitU
 def fit_motion(
     motion: Motion, scaling: TimeScaling, controller: Controller, *, slower: bool = False
 ) -> tuple[JointTrajectory, TimeScaling, list[LimitUse]]:
-    """Return the samples of a motion for a controller, their scaling, and how much of each limit the motion uses.
+    """Return samples of a motion, their scaling, and the uses of limits.
 
     The samples are at the scaling's rate; limits and rest are checked at the controller's own. With ``slower`` the
     scaling may get more periods, as few as the limits need.
 
-    Raises Infeasible if the controller would refuse: not at rest at an end, or a limit exceeded, by joint, time,
-    value and limit, with what helps.
+    Raises Infeasible if the motion is not at rest at an end or exceeds a limit; the message has joint, time, value,
+    limit and a remedy.
     """
     uses, moving = _measure(motion, scaling, controller)
     for use in uses:
@@ -229,7 +230,7 @@ def fit_motion(
             raise _refusal(motion, controller, use, advice)
     if moving is None and not (uses and uses[0].exceeded):
         return sample_motion(motion, scaling), scaling, uses
-    if moving is not None:  # the rest of a motion that a spline leaves at a resting end vanishes if it is slow enough
+    if moving is not None:  # a spline may leave a little motion at an end that should rest; it vanishes if slow enough
         factor = max((slowing(use) for use in uses if use.quantity in ORDERS), default=1.0)
         guess = replace(scaling, periods=math.ceil(scaling.periods * max(factor, 1.0)))
         if _measure(motion, guess, controller)[1] is not None:
@@ -256,7 +257,7 @@ def _unrest(motion: Motion, controller: Controller, moving: str, advice: str) ->
 
 
 def _measure(motion: Motion, scaling: TimeScaling, controller: Controller) -> tuple[list[LimitUse], str | None]:
-    """Return the uses of limits at the controller's own rate, and which joint does not rest at an end."""
+    """Return the uses of limits at the controller's rate, and ``unrest``'s text."""
     trajectory = sample_motion(motion, scaling, controller.rate)
     return limit_uses(trajectory, controller, motion.arm), unrest(trajectory, controller, motion.arm)
 

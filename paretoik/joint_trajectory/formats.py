@@ -40,7 +40,7 @@ def csv_bytes(trajectory: JointTrajectory) -> bytes:
 
 
 def parquet_bytes(trajectory: JointTrajectory) -> bytes:
-    """Return a Parquet table; the metadata of its schema has that of the trajectory as JSON under ``paretoik``."""
+    """Return a Parquet table; its schema has the trajectory's metadata as JSON under ``paretoik``."""
     import pyarrow as pa
     from pyarrow import parquet
 
@@ -77,7 +77,7 @@ def columns(trajectory: JointTrajectory) -> dict[str, np.ndarray]:
 
 
 def comment_lines(trajectory: JointTrajectory) -> str:
-    """Return the metadata as comments, one line each: ``# NAME: JSON``, with ends of lines escaped."""
+    """Return the metadata as comments, one line each: ``# NAME: JSON``, with unprintable characters escaped."""
     text = ""
     for name, value in trajectory.metadata.items():
         entry = f"{name}: {json.dumps(to_json(value), ensure_ascii=False)}"
@@ -98,7 +98,7 @@ def metadata_json(trajectory: JointTrajectory) -> str:
 
 MESSAGE = "trajectory_msgs/msg/JointTrajectory"
 TOPIC = "/joint_trajectory_controller/joint_trajectory"  # with the default name of that controller in ros2_control
-BAG_VERSION: Literal[8] = 8  # of rosbag2: the earlier of the two that rosbags writes, for more releases of ROS 2
+BAG_VERSION: Literal[8] = 8  # rosbag2 format, the earlier of two in rosbags: more releases of ROS 2 read it
 
 
 def yaml_bytes(trajectory: JointTrajectory) -> bytes:
@@ -122,7 +122,10 @@ def yaml_bytes(trajectory: JointTrajectory) -> bytes:
 
 
 def check_bag(folder: Path, *, overwrite: bool) -> None:
-    """Raise InvalidInput if a folder may not become a bag: only a bag is replaced, and only with ``overwrite``."""
+    """Raise InvalidInput if a folder may not become a bag.
+
+    Only an existing bag may be replaced, and only with ``overwrite``.
+    """
     check_target("bag", folder, overwrite=overwrite, folder=True)
     file = folder / "metadata.yaml"
     is_bag = not folder.is_symlink() and file.is_file()
@@ -138,7 +141,7 @@ def write_bag(trajectory: JointTrajectory, folder: Path) -> None:
     """
     check_bag(folder, overwrite=True)
     work = folder.with_name(f".{folder.name}.{os.getpid()}")
-    part, former = work / folder.name, work / "former"  # files of a bag have its own name
+    part, former = work / folder.name, work / "former"  # the files of a bag have the bag's name
     try:
         work.mkdir(parents=True)
         try:

@@ -27,8 +27,8 @@ class TimeScaling:
     """A motion of ``duration`` [s] in a number of ``periods`` of a controller of ``rate`` [Hz].
 
     With a ``ramp`` [s of the motion's own speed] it starts from rest and comes to rest: σ̇ rises from 0 to its full
-    value by 10x³ − 15x⁴ + 6x⁵, the law of least jerk, and falls alike, so that velocity, acceleration and jerk of the
-    scaling are 0 at both ends. Each ramp takes ``ramp`` to cover half of that.
+    value by 10x³ − 15x⁴ + 6x⁵, the minimum-jerk law, and falls in the same way, so that velocity, acceleration and jerk
+    of the scaling are 0 at both ends. Each ramp takes the time ``ramp`` and covers half of it.
     """
 
     duration: float
@@ -38,7 +38,7 @@ class TimeScaling:
 
     @property
     def factor(self) -> float:
-        """How much slower than at its own speed the motion is, without its ramps."""
+        """Factor by which the motion is slower than at its own speed, without its ramps."""
         return self.periods / (self.rate * (self.duration + self.ramp))
 
     def times(self, rate: float | None = None) -> Times:
@@ -49,7 +49,7 @@ class TimeScaling:
     def evaluate(self, rate: float | None = None) -> Float[np.ndarray, "3 time"]:
         """Return σ [s], σ̇ and σ̈ [1/s] at the samples; σ runs from exactly 0 to exactly the duration.
 
-        At another ``rate`` than its own the last sample may be less than a period after the end: it is the end's.
+        At another ``rate`` the last sample may be less than a period after the end; its values are those of the end.
         """
         total = self.duration + self.ramp
         periods = self._periods(self.rate if rate is None else rate)

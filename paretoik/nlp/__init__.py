@@ -1,1 +1,4 @@
-"""Nonlinear programs and their solvers: interior point, SQP, criticality. Only this package uses cvxpy and Clarabel."""
+"""Nonlinear programs and their solvers: interior point, SQP, criticality.
+
+Only this package uses cvxpy and Clarabel.
+"""

@@ -27,7 +27,7 @@ from paretoik.nlp.program import CLARABEL_TOLERANCE
 # E_p are symmetric matrices of unit length; ``symmetric_basis`` returns them.
 
 
-GAP_TOLERANCE = 1e-11  # of the mean squared error: errors themselves are found to about its square root
+GAP_TOLERANCE = 1e-11  # share of the mean squared error: errors are exact to about its square root
 
 
 def symmetric_basis(size: int) -> Float[np.ndarray, "parts size size"]:
@@ -90,7 +90,9 @@ def fit_inverse_squares(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Pieces:
-    """Vectors whose lengths are the times of pieces, to first order in the moves of their ends.
+    """Vectors whose lengths are the pieces' times.
+
+    They are linear in the moves of their ends.
 
     values: vectors of the path as it is [s]
     before, after: derivatives by the first and the last point of a piece [s/m]
@@ -103,23 +105,29 @@ class Pieces:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Moves:
-    """Moves [m] of the points between the ends, and the interval [s] of every piece."""
+    """Moves of the points between the ends, and intervals.
+
+    Moves are in m; each piece has an interval [s].
+    """
 
     moves: Float[np.ndarray, "between task"]
     intervals: Float[np.ndarray, " pieces"]
 
 
 class IntervalSolver:
-    """The program for a number of pieces (at least 2) and of task coordinates; its solver is reused."""
+    """The program for at least 2 pieces; its solver is reused.
+
+    ``task`` is the number of task coordinates.
+    """
 
     def __init__(self, pieces: int, task: int, *, common: bool = True) -> None:
         self._pieces, self._task, self._unknowns = pieces, task, (pieces - 1) * task
         self._settings = clarabel.DefaultSettings()
         self._settings.verbose = False
-        self._settings.presolve_enable = False  # it could drop rows, and data of another size cannot be updated
+        self._settings.presolve_enable = False  # presolve could drop rows; then data could not be updated
         self._settings.tol_gap_abs = self._settings.tol_gap_rel = self._settings.tol_feas = CLARABEL_TOLERANCE
         self._solver: clarabel.DefaultSolver | None = None
-        # places of entries: both sides of the box, the intervals, ``before`` and ``after``
+        # places of entries: both sides of the box, intervals, ``before`` and ``after``
         unknowns = self._unknowns
         index = np.arange(unknowns)
         first = 2 * unknowns + np.arange(pieces) * (task + 1)  # row of each piece's cone
@@ -139,9 +147,9 @@ class IntervalSolver:
     def solve(
         self, pieces: Pieces, lower: Float[np.ndarray, "between task"], upper: Float[np.ndarray, "between task"]
     ) -> Moves:
-        """Return the best moves between ``lower`` ≤ 0 and ``upper`` ≥ 0 [m], both finite.
+        """Return the best moves between ``lower`` and ``upper`` [m].
 
-        Raises SolverFailed if Clarabel finds none.
+        Bounds are finite; ``lower`` ≤ 0 ≤ ``upper``. Raises SolverFailed if Clarabel finds none.
         """
         # in these units values and derivatives are about 1
         time = max(float(np.abs(pieces.values).max()), 1e-300)
@@ -178,7 +186,9 @@ def furthest(
     high: Float[np.ndarray, " columns"],
     direction: Float[np.ndarray, " task"],
 ) -> tuple[float, Float[np.ndarray, " columns"]]:
-    """Return the directional maximum v of sums of columns and the multiples x that reach it.
+    """Return the directional maximum v of sums of columns.
+
+    The second value is x, the multiples that reach it.
 
         maximise    v
         subject to  columns · x = v · direction,  low ≤ x ≤ high,  v ≥ 0

@@ -1,4 +1,6 @@
-"""The convex subproblem of SQP steps and of the criticality, stated in cvxpy and solved by Clarabel.
+"""The convex subproblem of SQP steps and the criticality.
+
+It is stated in cvxpy and solved by Clarabel.
 
 minimise    gᵀd + ½ dᵀHd + penalty · t
 subject to  c + J d + t ≥ 0       elastic inequalities: violated by at most t, at a penalty
@@ -10,8 +12,8 @@ subject to  c + J d + t ≥ 0       elastic inequalities: violated by at most t,
 Sequential quadratic programming solves it as it is. The criticality (``nlp.criticality``) is its special case without
 gᵀd + ½ dᵀHd: the trust region is a ball and t is free.
 
-The statement has Parameters for all numbers and is canonicalised once for each pattern: the structure of a program, not
-which of its numbers are 0. cvxpy's canonical form is linear in the parameters:
+The statement has Parameters for all numbers. It is canonicalised once for each pattern: the structure of a program,
+which does not depend on numbers that happen to be 0. cvxpy's canonical form is linear in the parameters:
 
 minimise    ½ xᵀPx + qᵀx
 subject to  b − Ax ∈ K, a product of zero, nonnegative and second-order cones
@@ -52,7 +54,10 @@ class Pattern(NamedTuple):
 
 
 class Parameters:
-    """The parameters of a statement in order of creation; sparse ones have a Structure."""
+    """The parameters of a statement in order of creation.
+
+    Sparse ones have a Structure.
+    """
 
     def __init__(self) -> None:
         self._parameters = list[tuple[Any, Structure | None, int]]()  # each with its number of values
@@ -66,7 +71,10 @@ class Parameters:
         return parameter
 
     def sparse(self, structure: Structure) -> Any:
-        """Return a new parameter with the entries of a structure; zeros if it has no entries."""
+        """Return a new parameter with the entries of a structure.
+
+        It is zero if the structure has no entries.
+        """
         import cvxpy  # here: importing it takes two seconds
 
         if not structure.indices:
@@ -82,7 +90,10 @@ class Parameters:
         return sum(count for _, _, count in self._parameters)
 
     def assign(self, numbers: Float[np.ndarray, " numbers"]) -> None:
-        """Assign all parameters: dense ones by rows, sparse ones as compressed sparse rows."""
+        """Assign all parameters.
+
+        Dense ones are assigned by rows, sparse ones as compressed sparse rows.
+        """
         first = 0
         for parameter, structure, count in self._parameters:
             values = numbers[first : first + count]
@@ -96,7 +107,10 @@ class Parameters:
 
 
 class Statement(NamedTuple):
-    """A statement in cvxpy: its constraints are the inequalities, if any, the trust region, and the cones."""
+    """A statement in cvxpy.
+
+    Its constraints are the inequalities, if any, the trust region, and the cones.
+    """
 
     problem: Any
     parameters: Parameters
@@ -105,7 +119,10 @@ class Statement(NamedTuple):
 
 
 def state(pattern: Pattern, elastic: int, hessian: sparse.csr_array | None) -> Statement:
-    """Return the statement for a pattern and a constant Hessian: dᵀHd takes no Parameter H."""
+    """Return the statement for a pattern and a constant Hessian.
+
+    H is no Parameter: dᵀHd allows none.
+    """
     import cvxpy  # here: importing it takes two seconds
 
     (rows, columns), unknowns, parameters = pattern.jacobian.shape, pattern.unknowns, Parameters()
@@ -133,7 +150,10 @@ def parameter_values(
     penalty: float,
     scales: np.ndarray,
 ) -> Float[np.ndarray, " numbers"]:
-    """Return the values of all parameters in the statement's order; ``scales`` divide inequalities."""
+    """Return all parameters' values in the statement's order.
+
+    ``scales`` divide inequalities.
+    """
     linear = gradient[: 0 if hessian is None else len(gradient)]
     numbers = [[radius, penalty], linear, constraints.values / scales]
     numbers.append(constraints.jacobian.data / scales[constraints.entries.row])
@@ -144,9 +164,11 @@ def parameter_values(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Step:
-    """A step d, its violation t, and the multipliers of inequalities and of vectors in cones.
+    """A step d, its violation t, and its multipliers.
 
-    In the criticality t may be negative: −t is what all elastic inequalities gain.
+    The multipliers are those of inequalities and of vectors in cones.
+
+    In the criticality t may be negative: −t is the gain of all elastic inequalities.
     """
 
     step: Float[np.ndarray, " columns"]
@@ -206,7 +228,10 @@ def is_positive_definite(matrix: Float[np.ndarray, "size size"]) -> bool:
 
 
 class ConvexSubproblem:
-    """The canonicalised subproblem of one pattern; with a ``ball`` it is that of the criticality."""
+    """The canonicalised subproblem of one pattern.
+
+    With a ``ball`` it is the subproblem of the criticality.
+    """
 
     def __init__(self, pattern: Pattern, elastic: int, *, ball: bool = False) -> None:
         import cvxpy  # here: importing it takes two seconds
@@ -242,15 +267,16 @@ class ConvexSubproblem:
         near: Int[np.ndarray, " near"] | None = None,
         tolerance: float = CLARABEL_TOLERANCE,
     ) -> Step:
-        """Return the solution for these numbers, for the form with a ball without a Hessian.
+        """Return the solution for these numbers.
 
-        Only inequalities ``near`` count, by default those within reach. Raises SolverFailed if Clarabel finds none.
+        With a ball there is no Hessian. Only inequalities ``near`` count, by default those within reach. Raises
+        SolverFailed if Clarabel finds none.
         """
         scales = constraints.row_norms.copy()
-        scales[: self._elastic] = 1.0  # their units determine what a violation costs
+        scales[: self._elastic] = 1.0  # not scaled: their units determine the cost of a violation
         numbers = parameter_values(gradient, hessian, constraints, radius, penalty, scales)
         near = constraints.within_reach(radius, order=1) if near is None else near
-        mask = np.ones(self._all_rows, dtype=bool)  # rows of A that are used
+        mask = np.ones(self._all_rows, dtype=bool)  # which rows of A are used
         mask[: self._rows] = False
         mask[near] = True
         vector = np.append(1.0, numbers)[self._order]
@@ -289,7 +315,10 @@ class ConvexSubproblem:
         )
 
     def _quadratic(self, hessian: sparse.csr_array | None) -> sparse.csc_matrix:
-        """Return P: the upper triangle of the Hessian, if any, in the rows and columns of d."""
+        """Return P: the Hessian's upper triangle in d's rows and columns.
+
+        Without a Hessian P has no entries.
+        """
         shape = (self._variables, self._variables)
         if hessian is None:
             return sparse.csc_matrix(shape)

@@ -1,4 +1,4 @@
-"""The criticality χ of a point: how much all objectives can gain at once, to first order.
+"""The criticality χ of a point: the common first-order gain of objectives.
 
 maximise    χ
 subject to  −∇fᵢ·d − χ ≥ 0 for every objective
@@ -36,18 +36,18 @@ from paretoik.stop_flag import check_interruption
 
 @dataclass(frozen=True, kw_only=True)
 class CriticalityOptions:
-    """How the criticality and its multipliers are computed; no field has a unit."""
+    """Settings of the criticality and its multipliers; no field has a unit."""
 
-    near_share: float = 0.01  # of the radius: inequalities beyond the reach of such steps are left out at first
-    gain_tolerance: float = 1e-10  # of the steepest gradient's length: a smaller gain counts as 0
+    near_share: float = 0.01  # share of the radius: inequalities beyond the reach of such steps are left out at first
+    gain_tolerance: float = 1e-10  # largest gain that counts as 0, as a share of the steepest gradient's length
     active: float = 1e-7  # slack up to which an inequality is active
-    bound: float = 1e-8  # of the steepest gradient's length times the radius: a smaller bound replaces χ
-    singular: float = 1e-7  # largest singular value that counts as 0, of gradients of length one
-    solver_tolerances: tuple[float, ...] = (1e-11, 1e-9)  # of Clarabel's gaps and infeasibilities, tried in order
-    pivot: float = 1e-9  # of an elimination: smaller entries, of rows of length one, count as 0
-    negligible: float = 1e-12  # length of a row that counts as 0
-    balance: float = 1e-9  # by which a multiplier may be negative
-    simplex_tolerance: float = 1e-9  # of HiGHS's infeasibilities
+    bound: float = 1e-8  # largest bound that replaces χ, as a share of the steepest gradient's length times the radius
+    singular: float = 1e-7  # largest singular value that counts as 0, for gradients of length one
+    solver_tolerances: tuple[float, ...] = (1e-11, 1e-9)  # Clarabel's tolerances, tried in order
+    pivot: float = 1e-9  # largest entry that counts as 0 in an elimination, for rows of length one
+    negligible: float = 1e-12  # largest length of a row that counts as 0
+    balance: float = 1e-9  # largest amount by which a multiplier may be negative
+    simplex_tolerance: float = 1e-9  # tolerance of HiGHS's infeasibilities
 
 
 OPTIONS = CriticalityOptions()
@@ -57,7 +57,9 @@ OPTIONS = CriticalityOptions()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Elimination:
-    """Rows after elimination: each eliminated column has an entry only in its pivot row.
+    """Rows after elimination.
+
+    Each eliminated column has an entry only in its pivot row.
 
     pivots, columns: pivot row and column of every elimination
     remaining, free: which rows are no pivots, and which columns stay
@@ -76,9 +78,10 @@ class Elimination:
 
 
 def eliminate(rows: Float[np.ndarray, "rows columns"], unknowns: int, pivot_rows: int | None = None) -> Elimination:
-    """Eliminate the columns from ``unknowns`` on (Gauss–Jordan), with pivots among the first ``pivot_rows``, or all.
+    """Eliminate the columns from ``unknowns`` on (Gauss–Jordan).
 
-    Pivots are the largest entries; a column without a pivot stays.
+    Pivots are among the first ``pivot_rows`` rows, or all. Pivots are the largest entries; a column without a pivot
+    stays.
     """
     table, (count, size) = rows.copy(), rows.shape
     remaining, free = np.ones(count, dtype=bool), np.ones(size, dtype=bool)
@@ -119,9 +122,10 @@ def share_ranges(
     active: Float[np.ndarray, "rows columns"],
     unknowns: int | None = None,
 ) -> Float[np.ndarray, "n_obj n_obj 2"] | None:
-    """Return the ranges of λᵢ / (λᵢ + λⱼ) over all multipliers of a critical point; None if λ is unique.
+    """Return the ranges of λᵢ / (λᵢ + λⱼ) over all multipliers.
 
-    Columns from ``unknowns`` on, if any, are auxiliary. Raises SolverFailed if HiGHS ends without a solution.
+    They are those of a critical point; None if λ is unique. Columns from ``unknowns`` on, if any, are auxiliary. Raises
+    SolverFailed if HiGHS ends without a solution.
     """
     scaled = gradients / max(float(np.linalg.norm(gradients, axis=1).max()), 1e-300)
     rows = unit_rows(active, OPTIONS.negligible)
@@ -141,9 +145,10 @@ def share_ranges(
 def _are_unique(
     gradients: Float[np.ndarray, "n_obj columns"], rows: Float[np.ndarray, "rows columns"], unknowns: int
 ) -> bool:
-    """Return whether gradients have one linear dependence across rows, after eliminating auxiliary columns.
+    """Return whether gradients have only one linear dependence across rows.
 
-    Adding multiples of rows to gradients and to other rows does not change the parts across all rows.
+    Auxiliary columns are eliminated first. Adding multiples of rows to gradients and to other rows does not change the
+    parts across all rows.
     """
     reduced = eliminate(np.concatenate([rows, gradients]), unknowns, len(rows)).reduced
     across, others = reduced[-len(gradients) :], reduced[: -len(gradients)]
@@ -162,7 +167,10 @@ def unit_rows(rows: Float[np.ndarray, "rows columns"], shortest: float) -> Float
 def factorise_rows(
     rows: Float[np.ndarray, "rows columns"], dependent: float, mode: str = "economic"
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
-    """Return Q, R, an order and the rank: rows[order]ᵀ = Q R, the first columns of Q span the rows."""
+    """Return Q, R, an order and the rank of rows.
+
+    rows[order]ᵀ = Q R; the first columns of Q span the rows.
+    """
     basis, triangle, order = qr(rows.T, pivoting=True, mode=mode)
     sizes = np.abs(np.diagonal(triangle))
     return basis, triangle, order, int(np.count_nonzero(sizes > dependent * sizes.max(initial=0.0)))
@@ -171,7 +179,10 @@ def factorise_rows(
 def _by_parameters(
     target: Float[np.ndarray, "rank y"], triangle: Float[np.ndarray, "rank rows"], order: np.ndarray
 ) -> tuple[Float[np.ndarray, "rows y"], Float[np.ndarray, "rows z"]]:
-    """Return M and N: triangle · μ[order] = target · y has the solutions μ = M y + N z."""
+    """Return M and N of all solutions.
+
+    μ = M y + N z solve triangle · μ[order] = target · y.
+    """
     rank, count = triangle.shape
     particular, kernel = np.zeros((count, target.shape[1])), np.zeros((count, count - rank))
     if rank:
@@ -217,7 +228,10 @@ def _extreme_shares(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Criticality:
-    """The value χ, its step, weights λ of the objectives (Σλ = 1) and multipliers μ."""
+    """The value χ and its step and multipliers.
+
+    The weights λ of the objectives satisfy Σλ = 1; μ are the other multipliers.
+    """
 
     value: float
     step: Float[np.ndarray, " columns"]
@@ -231,9 +245,9 @@ def criticality(
 ) -> Criticality:
     """Return the criticality for these gradients of the objectives.
 
-    At first only the nearest inequalities count: fewer inequalities can only raise χ, so χ = 0 with them is χ = 0 with
-    all. Unique multipliers of the active inequalities replace Clarabel's: an interior point stops short of them. Raises
-    SolverFailed if Clarabel ends without a solution.
+    At first only the nearest inequalities count. Without the others χ can only be larger, so if it is 0, it is 0 with
+    all. Unique multipliers of the active inequalities replace Clarabel's, because an interior point stops short of
+    them. Raises SolverFailed if Clarabel ends without a solution.
     """
     check_interruption()
     scale = _scale(gradients)
@@ -248,7 +262,10 @@ def criticality(
 def quick_criticality(
     gradients: Float[np.ndarray, "objectives columns"], constraints: Constraints, radius: float
 ) -> Criticality:
-    """Return the bound from active inequalities, else the criticality. Raises as that does."""
+    """Return the bound from active inequalities, else the criticality.
+
+    Raises the errors of ``criticality``.
+    """
     check_interruption()
     return active_set_criticality(gradients, constraints, radius) or criticality(gradients, constraints, radius)
 
@@ -256,12 +273,15 @@ def quick_criticality(
 def active_set_criticality(
     gradients: Float[np.ndarray, "objectives columns"], constraints: Constraints, radius: float
 ) -> Criticality | None:
-    """Return a bound of the criticality with the unique multipliers of the active inequalities that give it.
+    """Return a bound of the criticality from active inequalities.
+
+    It contains their unique multipliers.
 
         minimise    ‖Σ λᵢ ∇fᵢ − Aᵀμ‖² + (Σλ + Σμ − 1)²
         subject to  λ ≥ 0,  μ ≥ 0
 
-    None if the bound is not almost 0, other multipliers are as good, or there are auxiliary columns.
+    Returns None if the bound is not almost 0, if other multipliers are as good, or if there are auxiliary
+    columns.
     """
     if constraints.cones or gradients.shape[1] > constraints.unknowns:
         return None
@@ -292,7 +312,10 @@ def active_set_criticality(
 def _solve_near(
     gradients: np.ndarray, constraints: Constraints, radius: float, near: Int[np.ndarray, " near"]
 ) -> Criticality:
-    """Return the criticality with only the inequalities ``near``, at the first tolerance that Clarabel reaches."""
+    """Return the criticality with only the inequalities ``near``.
+
+    The first tolerance that Clarabel reaches is used.
+    """
     (count, columns), scale = gradients.shape, _scale(gradients)
     statement = Constraints(
         unknowns=constraints.unknowns,

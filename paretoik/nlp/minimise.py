@@ -1,4 +1,7 @@
-"""Local minima of a program from a batch of points, by a suitable or a chosen solver."""
+"""Local minima of a program from a batch of points.
+
+The solver is a suitable one or a chosen one.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +41,7 @@ from paretoik.runs.distribution import Lost, distribute_remembered, threads, wor
 from paretoik.runs.journal import Values, remembered
 from paretoik.stop_flag import STOP, Interrupted, check_interruption
 
-END = ("x", "status", "iterations", "F", "multipliers", "stationarity", "violation")  # a search's result, in order
+END = ("x", "status", "iterations", "F", "multipliers", "stationarity", "violation")  # a result's values, in order
 Item: TypeAlias = tuple[Point, np.ndarray, np.ndarray, np.ndarray, InteriorPointOptions]
 """A search's start, weights, rows, upper bounds and options."""
 
@@ -89,12 +92,18 @@ def minimise(
 
 
 def chosen_solver(program: Program, solver: Solver) -> Solver:
-    """Return the program's solver: "auto" is "interior-point" if it has a kernel, else "sqp"."""
+    """Return the program's solver.
+
+    "auto" is "interior-point" if it has a kernel, else "sqp".
+    """
     return "sqp" if solver == "sqp" or program.unsupported else "interior-point"
 
 
 def check_solver(program: Program, solver: str) -> None:
-    """Raise InvalidInput unless ``solver`` can solve the program, naming the unsupported functions."""
+    """Raise InvalidInput if ``solver`` cannot solve the program.
+
+    The error names the unsupported functions.
+    """
     check_solver_name(solver)
     if solver == "interior-point" and program.kernel is None:
         names = ", ".join(program.unsupported)
@@ -111,7 +120,10 @@ def _solve(
     options: Sequence[InteriorPointOptions],
     observe: Callable[[int], object] | None = None,
 ) -> Solutions:
-    """Return the solutions from all points, by the SQP if there is no kernel."""
+    """Return the solutions from all points.
+
+    They are those of the SQP if there is no kernel.
+    """
     count = len(x)
     if kernel is not None and program.kinked:
         options = [
@@ -155,7 +167,7 @@ def _solve(
         kernels = [kernel, *(program.kernel for _ in range(1, min(count, threads())))]  # one per thread
         _join([_pool().submit(work, each) for each in kernels])
         _COMPILED.add(type(kernel))
-    for i in range(count if kernel is not None and program.kinked else 0):  # the solver minimised smoothed functions
+    for i in range(count if kernel is not None and program.kinked else 0):  # the solver smoothed these functions
         if int(ends[i]["status"]) not in (NOT_FINITE, INTERRUPTED, LOST):
             F, equalities, inequalities = program.evaluate(ends[i]["x"])
             violation = violation_of(program, F, equalities, inequalities, rows, upper[i])
@@ -164,7 +176,10 @@ def _solve(
 
 
 def _search(program: Program, kernel: Any, item: Item) -> Values:
-    """Return the result of a search from one start as plain arrays by name, without unknown multipliers."""
+    """Return the result of one search as plain arrays by name.
+
+    Unknown multipliers are left out.
+    """
     start, weights, rows, upper, options = item
     if kernel is None:
         settings = sqp.SqpOptions(radius=options.radius, iterations=options.iterations, tolerance=options.tolerance)
@@ -227,7 +242,10 @@ def compile_method(
     *,
     solver: Solver,
 ) -> None:
-    """Compile the method for a program if necessary; workers then load it from the disk."""
+    """Compile the method for a program if necessary.
+
+    Workers then load it from the disk.
+    """
     kernel = None if solver == "sqp" else program.kernel
     if kernel is not None:
         size = len(program.upper)
@@ -255,9 +273,9 @@ def _hears_signals() -> bool:
 
 
 def _join(futures: list[Future[None]], *, interval: float = 0.25) -> None:
-    """Wait for all; after a signal wait only ``interval`` [s] longer, as code may still compile.
+    """Wait for all; after a signal wait only ``interval`` [s] longer.
 
-    Raises Interrupted if some have not ended by then.
+    Code may still compile. Raises Interrupted if some have not finished by then.
     """
     pending = set(futures)
     while pending:
@@ -271,7 +289,10 @@ def _join(futures: list[Future[None]], *, interval: float = 0.25) -> None:
 
 @cache
 def _pool() -> ThreadPoolExecutor:
-    """Return threads, one per core, for the life of the process: compiled code releases Python's lock."""
+    """Return threads, one per core, for the life of the process.
+
+    Compiled code releases Python's lock.
+    """
     return ThreadPoolExecutor(threads())
 
 
@@ -300,7 +321,10 @@ def minimise_violation(
 
 
 def _finished(solutions: Solutions) -> Solutions:
-    """Return solutions; raise Interrupted, with them, if a signal ended some of the searches."""
+    """Return solutions; raise Interrupted if a signal ended some searches.
+
+    Interrupted has the solutions.
+    """
     if (solutions.status == INTERRUPTED).any():
         raise Interrupted(solutions)
     return solutions

@@ -29,12 +29,15 @@ from paretoik.runs.journal import is_journalled, key_of
 # Constraints of convex subproblems, in sparse matrices whose structure never depends on numbers.
 
 
-CLARABEL_TOLERANCE = 1e-10  # of gaps and infeasibilities: steps and moves are exact to about its square root
+CLARABEL_TOLERANCE = 1e-10  # tolerance of gaps and infeasibilities: steps and moves are exact to about its square root
 FEASIBLE = 1e-8  # largest violation of a feasible point, as a share of a limit's range
 
 
 class Structure(NamedTuple):
-    """The shape of a sparse matrix and the places of its entries, in compressed sparse rows."""
+    """The shape of a sparse matrix and the places of its entries.
+
+    They are in compressed sparse rows.
+    """
 
     shape: tuple[int, int]
     indptr: bytes
@@ -64,7 +67,10 @@ def structural_product(left: sparse.csr_array, right: sparse.csr_array) -> spars
 
 @lru_cache(maxsize=16)
 def _product_plan(left: Structure, right: Structure) -> tuple[np.ndarray, ...]:
-    """Return the factors of each product, the entry that it adds to, and the result's structure."""
+    """Return the plan of a structural product.
+
+    It is the factors of each product, the entry that it adds to, and the result's structure.
+    """
     row, inner = left.places
     starts = np.frombuffer(right.indptr, dtype=np.int32)
     counts = np.diff(starts)[inner]
@@ -78,7 +84,10 @@ def _product_plan(left: Structure, right: Structure) -> tuple[np.ndarray, ...]:
 
 
 def dense_rows(matrix: Float[np.ndarray, "rows columns"]) -> sparse.csr_array:
-    """Return a dense matrix as a sparse one with all entries: its shape determines its pattern."""
+    """Return a dense matrix as a sparse one with all entries.
+
+    Its shape determines its pattern.
+    """
     rows, columns = matrix.shape
     return sparse.csr_array(
         (matrix.ravel(), np.tile(np.arange(columns), rows), columns * np.arange(rows + 1)), shape=matrix.shape
@@ -86,7 +95,10 @@ def dense_rows(matrix: Float[np.ndarray, "rows columns"]) -> sparse.csr_array:
 
 
 def stack_rows(parts: Sequence[sparse.csr_array]) -> sparse.csr_array:
-    """Return matrices stacked by rows, as SciPy's vstack; small ones in a tenth of its time."""
+    """Return matrices stacked by rows, as SciPy's vstack does.
+
+    Small ones take a tenth of its time.
+    """
     starts = np.cumsum([0, *(part.indptr[-1] for part in parts)])
     pointers = [part.indptr[1:] + start for part, start in zip(parts, starts[:-1], strict=True)]
     return sparse.csr_array(
@@ -101,7 +113,10 @@ def stack_rows(parts: Sequence[sparse.csr_array]) -> sparse.csr_array:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Cone:
-    """The cone d[column] + ‖values‖ ≥ ‖values + rows d‖: the column is the change of the length."""
+    """The cone d[column] + ‖values‖ ≥ ‖values + rows d‖.
+
+    The column is the change of the length.
+    """
 
     column: int
     values: Float[np.ndarray, " parts"]
@@ -110,7 +125,10 @@ class Cone:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Constraints:
-    """Constraints values + jacobian d ≥ 0 and cones; ‖d‖ counts the first ``unknowns`` entries."""
+    """Constraints values + jacobian d ≥ 0, and cones.
+
+    ‖d‖ is the length of the first ``unknowns`` entries.
+    """
 
     unknowns: int
     values: Float[np.ndarray, " inequalities"]
@@ -129,9 +147,10 @@ class Constraints:
         return np.maximum(np.sqrt(square), 1e-300)
 
     def within_reach(self, radius: float, *, order: int) -> Int[np.ndarray, " rows"]:
-        """Return the inequalities that a step within a ball can reach; ``order``: dual norm of the ball's.
+        """Return the inequalities that a step within a ball can reach.
 
-        Inequalities with an auxiliary column, which no ball bounds, always count.
+        ``order`` is the dual of the ball's norm. Inequalities with an auxiliary column, which no ball bounds,
+        always count.
         """
         bounded, count = self.entries.col < self.unknowns, len(self.values)
         row, value = self.entries.row[bounded], np.abs(self.entries.data[bounded])
@@ -141,7 +160,10 @@ class Constraints:
         return reachable
 
     def cone_multipliers(self, dual: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Return the multipliers of every cone's vector from the dual variables of all cone rows."""
+        """Return the multipliers of every cone's vector.
+
+        ``dual`` are the dual variables of all cone rows.
+        """
         multipliers, first = [], 0
         for cone in self.cones:
             multipliers.append(-dual[first + 1 : first + 1 + len(cone.values)])
@@ -161,34 +183,34 @@ class InteriorPointOptions(NamedTuple):
     barrier: float = 0.1  # μ of the first subproblem
     last_barrier: float = 1e-13  # μ of the last
     penalty: float = 1.0  # first penalty of one unit of violation, times the kernel's usual one
-    tolerance: float = 1e-8  # of stationarity, and of violations
-    iterations: int = 150  # largest number
+    tolerance: float = 1e-8  # tolerance of stationarity and of violations
+    iterations: int = 150  # largest number of iterations
     kink_iterations: int = 3  # factor of the number if functions have kinks
-    regularisation: float = 1e-9  # of the largest entry: first multiple of I for a matrix that is not definite
+    regularisation: float = 1e-9  # first multiple of I for an indefinite matrix, as a share of its largest entry
     kink_regularisation: float = 1e-13  # the same for functions with kinks: their entries are large
-    radius: float = 0.3  # [rad or arm lengths] of the first step of sequential quadratic programming
+    radius: float = 0.3  # [rad or arm lengths]: radius of the first step of sequential quadratic programming
     barrier_factor: float = 0.2  # μ₊ = min(factor · μ, μ^power): Wächter & Biegler 2006, Eq. 7
     barrier_power: float = 1.5
     barrier_tolerance: float = 10.0  # times μ: largest error of a solved subproblem; ibid., Eq. 5
     penalty_factor: float = 10.0  # factor by which the penalty grows
     penalty_barrier: float = 3e-3  # largest μ at which violations make the penalty grow
     soft_violation: float = 100.0  # times μ / penalty: largest violation that the barrier explains
-    helpless_growth: float = 100.0  # of the penalty without halving the violation: constraints cannot all be satisfied
+    helpless_growth: float = 100.0  # growth of the penalty without halving the violation: constraints are infeasible
     armijo: float = 1e-4  # Nocedal & Wright, Eq. 3.4
-    halvings: int = 40  # of a step, largest number
+    halvings: int = 40  # largest number of halvings of a step
     boundary_fraction: float = 0.995  # of the way to where a slack or multiplier is 0; Nocedal & Wright, Eq. 19.9
     multiplier_range: float = 1e8  # largest factor between a multiplier and μ / slack; Wächter & Biegler, Eq. 16
     flat_decrease: float = 1e-15  # predicted decrease over merit below which nothing can be gained
     flat_barrier: float = 1e-6  # times μ: predicted decrease below which a subproblem cannot gain
     kink_flat_barrier: float = 1e-2  # the same for functions with kinks: each kink ends a step along a flat valley
-    merit_rounding: float = 1e-14  # of the merit function, relative
-    stalled_decrease: float = 1e-12  # of the merit function, relative: a smaller decrease counts as none
+    merit_rounding: float = 1e-14  # relative rounding error of the merit function
+    stalled_decrease: float = 1e-12  # largest relative decrease of the merit function that counts as none
     stalled_steps: int = 5  # number of stalled steps after which a subproblem counts as solved
     least_slack: float = 1e-2  # first value of unknown slacks, or √μ if that is less
-    residual_tolerance: float = 1e-10  # of the sum of residuals
+    residual_tolerance: float = 1e-10  # largest sum of residuals that counts as 0
     filter_margin: float = 1e-5  # γ of the filter; ibid., Eq. 18
-    filter_infeasible: float = 1e-4  # of the first residual: up to it only the merit may decide; ibid., Eq. 21
-    restorations: int = 12  # largest number without halving the residuals: clear the filter, or recentre slacks
+    filter_infeasible: float = 1e-4  # share of the first residual up to which only the merit may decide; ibid., Eq. 21
+    restorations: int = 12  # largest number without halving residuals: the filter is cleared, or slacks recentred
 
 
 # Results of solvers: a batch of points.
@@ -265,7 +287,10 @@ def check_solver_name(solver: object) -> None:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Goal:
-    """Minimise ``weights`` · F subject to ``rows`` · F ≤ ``upper``; a bound of inf does not count."""
+    """Minimise ``weights`` · F with ``rows`` · F ≤ ``upper``.
+
+    A bound of inf does not count.
+    """
 
     weights: Float[np.ndarray, " objectives"]
     rows: Float[np.ndarray, "bounds objectives"]
@@ -274,9 +299,10 @@ class Goal:
 
 @runtime_checkable
 class Linearisation(Protocol):
-    """A program to first order at a point; its columns are a step along the equalities, then auxiliary variables.
+    """A program to first order at a point.
 
-    Every step of a solver satisfies the inequalities that tie auxiliary columns exactly.
+    Its columns are a step along the equalities, then auxiliary variables. Every step of a solver satisfies the
+    inequalities that tie auxiliary columns exactly.
     """
 
     @property
@@ -329,20 +355,22 @@ class Linearisation(Protocol):
         multipliers: Float[np.ndarray, " inequalities"],
         cone_multipliers: tuple[np.ndarray, ...],
     ) -> sparse.csr_array:
-        """Return the Hessian (columns, columns) of the Lagrangian weights · F + ν · h − multipliers · c − cones.
+        """Return the Hessian (columns, columns) of the Lagrangian.
 
-        The multipliers ν of the equalities cancel the gradient across the tangent space.
+        The Lagrangian is weights · F + ν · h − multipliers · c − cones. The multipliers ν of the equalities cancel the
+        gradient across the tangent space.
         """
 
     def retract(self, step: Float[np.ndarray, " columns"]) -> Point | None:
-        """Return the point on the equalities that a step leads to; None for no such point."""
+        """Return the point on the equalities after a step; else None."""
 
     def corrected_inequalities(
         self, step: Float[np.ndarray, " columns"], x: Point
     ) -> Float[np.ndarray, " inequalities"]:
-        """Return c at the point x that a step led to, with the step's auxiliary columns.
+        """Return c at the point x that a step led to.
 
-        The difference from the part linear in the step is the curvature, for a second-order correction.
+        Auxiliary columns are those of the step. The difference from the part linear in the step is the curvature, for a
+        second-order correction.
         """
 
 
@@ -364,11 +392,17 @@ class Program(Protocol):
 
     @property
     def kernel(self) -> Any:
-        """The program for compiled solvers; None if they do not support a part of F or c."""
+        """The program for compiled solvers.
+
+        None if they do not support a part of F or c.
+        """
 
     @property
     def kinked(self) -> tuple[str, ...]:
-        """Names of functions with kinks: compiled solvers smooth them, so F must be evaluated again."""
+        """Names of functions with kinks.
+
+        Compiled solvers smooth them, so F must be evaluated again.
+        """
 
     @property
     def unsupported(self) -> tuple[str, ...]:
@@ -379,7 +413,10 @@ class Program(Protocol):
         """Stationarity that rounding cannot distinguish from 0."""
 
     def project(self, x: Points) -> Points:
-        """Return starts with their fixed parts corrected: a given start, a last step at rest."""
+        """Return starts with their fixed parts corrected.
+
+        Fixed parts are a given start and a last step at rest.
+        """
 
     def pin(self, x: Points) -> Points:
         """Return points with their given parts restored to the bit."""
@@ -393,16 +430,23 @@ class Program(Protocol):
         """Return the program to first order at a point."""
 
     def kinks_at(self, x: Point) -> tuple[str, ...]:
-        """Return the names of functions with a kink at a point that no auxiliary column represents."""
+        """Return the names of functions with a kink at a point.
+
+        Kinks that an auxiliary variable represents do not count.
+        """
 
     def distance(self, x: Point, others: Points) -> np.ndarray:
-        """Return RMS distances from others, in rad or similar; optima nearer than 0.01 are one."""
+        """Return RMS distances from others, in rad or similar.
+
+        Optima nearer than 0.01 are one.
+        """
 
 
 def bounded(at: Linearisation, goal: Goal) -> tuple[Constraints, int]:
-    """Return the inequalities to first order, with the goal's bounds, and the number of elastic ones.
+    """Return inequalities to first order, and the number of elastic ones.
 
-    The elastic inequalities come first, then the goal's bounds (also elastic), then those that tie auxiliary columns.
+    They include the goal's bounds. The elastic inequalities come first, then the goal's bounds (also elastic), then
+    those that tie auxiliary columns.
     """
     finite = np.isfinite(goal.upper)
     rows, elastic = goal.rows[finite], at.elastic
@@ -421,7 +465,10 @@ def bounded(at: Linearisation, goal: Goal) -> tuple[Constraints, int]:
 
 
 def violation_at(program: Program, at: Linearisation) -> float:
-    """Return the worst violation of equalities, limits and bounds at a point, as a share of their ranges."""
+    """Return the worst violation of all constraints at a point.
+
+    These are equalities, limits and bounds; it is a share of their ranges.
+    """
     return violation_of(program, at.objectives, at.equalities, at.inequalities[: at.elastic])
 
 
@@ -433,9 +480,9 @@ def violation_of(
     rows: Float[np.ndarray, "bounds n_obj"] | None = None,
     upper: Float[np.ndarray, " bounds"] | None = None,
 ) -> float:
-    """Return the worst violation for these F, h and elastic c; NaN if one is NaN.
+    """Return the worst violation of these F, h and elastic c.
 
-    The bounds are rows · F ≤ ``upper``; without rows, the program's own bounds of F.
+    It is NaN if one is NaN. The bounds are rows · F ≤ ``upper``; without rows, the program's own bounds of F.
     """
     if rows is None or upper is None:
         rows, upper = np.eye(len(objectives)), program.upper
@@ -448,7 +495,9 @@ def violation_of(
 
 
 def program_key(kind: str, program: Program, x: Point, *inputs: object) -> bytes | None:
-    """Return the key of a result for a program, a point and inputs; None if there is no journal.
+    """Return the journal's key of a result.
+
+    It is for a program, a point and inputs; None if there is no journal.
 
     Names and values at the point identify the program: other limits have other inequalities there.
     """

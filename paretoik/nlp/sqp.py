@@ -40,30 +40,31 @@ from paretoik.stop_flag import STOP
 
 @dataclass(frozen=True, kw_only=True)
 class SqpOptions:
-    """Settings of a search. The length of a step is its largest entry along the equalities [rad, arm lengths].
+    """Settings of a search.
 
-    The size of the objective is Σ |weights · F| at the start, or the length of its gradient if that is more.
+    The length of a step is its largest entry along the equalities [rad, arm lengths]. The size of the objective is Σ
+    |weights · F| at the start, or the length of its gradient if that is more.
     """
 
     iterations: int = 150
-    radius: float = 0.3  # of the first trust region
+    radius: float = 0.3  # radius of the first trust region
     largest_radius: float = 0.4  # too short to reach another branch unnoticed
     smallest_radius: float = 1e-10  # shortest step that is tried
-    tolerance: float = 1e-8  # of violations, as shares of ranges
+    tolerance: float = 1e-8  # largest violation, as a share of a range
     penalty: float = 10.0  # first penalty of a violation of a whole range, in sizes of the objective
     largest_penalty: float = 1e7  # if limits are still violated at it, the search ends
     penalty_factor: float = 10.0
     recovery: float = 1e-2  # above this violation, a step that does not lower it by a tenth raises the penalty
-    acceptance: float = 1e-4  # of the predicted reduction: least gain of a step
+    acceptance: float = 1e-4  # least gain of a step, as a share of the predicted reduction
     agreement: float = 0.75  # of the predicted reduction: such a gain needs no correction and enlarges the trust region
     excess: float = 1.3  # times the predicted reduction: such a gain shows that the Hessian is too stiff
-    corrections: int = 1  # second-order corrections of one step
-    flattening: float = 1e-8  # of the Hessian's largest entry: least eigenvalue, if the Hessian is indefinite
-    step_tolerance: float = 1e-8  # of a step's optimality gap and infeasibility
+    corrections: int = 1  # number of second-order corrections of one step
+    flattening: float = 1e-8  # least eigenvalue of a flattened Hessian, as a share of its largest entry
+    step_tolerance: float = 1e-8  # tolerance of a step's optimality gap and infeasibility
     last_tolerance: float = 1e-12  # the same for the last steps
     smallest_share: float = 1e-6  # of a flattened Hessian
-    reduction_tolerance: float = 1e-15  # of the merit function: a smaller predicted reduction is rounding
-    criticality_tolerance: float = 5e-7  # in sizes of the objective: first-order gain that rounding hides
+    reduction_tolerance: float = 1e-15  # predicted reduction that is rounding, as a share of the merit function
+    criticality_tolerance: float = 5e-7  # first-order gain that rounding hides, in sizes of the objective
 
 
 OPTIONS = SqpOptions()
@@ -117,9 +118,11 @@ class _Iterate:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Attempt:
-    """A tried step: its trial point, predicted and actual gain in merit, and length before any correction.
+    """A tried step.
 
-    settled: whether nothing was tried because the predicted gain was rounding
+    It has its trial point, its predicted and actual gain in merit, and its length before any correction.
+
+    settled: whether nothing was tried because the predicted gain was only rounding
     """
 
     step: Step
@@ -131,7 +134,9 @@ class _Attempt:
 
 
 def minimise(program: Program, x: Point, goal: Goal, options: SqpOptions = OPTIONS) -> Solution:
-    """Return the local minimum of a goal that a point on or near the equalities leads to.
+    """Return the local minimum of a goal that a point leads to.
+
+    The point is on or near the equalities.
 
         minimise    weights · F(x)
         subject to  h(x) = 0,  c(x) ≥ 0,  rows · F(x) ≤ upper
@@ -147,9 +152,10 @@ def minimise(program: Program, x: Point, goal: Goal, options: SqpOptions = OPTIO
 
 
 class _Search:
-    """The state of a search: iterate, trust region, penalty and the multipliers of the last step.
+    """The state of a search.
 
-    The goal and its bounds are divided by the goal's size, so the cost of a violation does not depend on units of F.
+    It has the iterate, trust region, penalty, and multipliers of the last step. The goal and its bounds are divided by
+    the goal's size, so the cost of a violation does not depend on units of F.
     """
 
     def __init__(self, program: Program, x: Point, goal: Goal, options: SqpOptions) -> None:
@@ -246,7 +252,10 @@ class _Search:
         return np.concatenate([parts[0], parts[2]]), parts[1]
 
     def _accepted_step(self) -> _Attempt | None:
-        """Return the first attempt, in shrinking trust regions, that gains enough or is settled; else None."""
+        """Return the first attempt that is accepted; else None.
+
+        Trust regions shrink until an attempt gains enough or is settled.
+        """
         while self.radius > self.options.smallest_radius:
             step = self._solve(self.constraints)
             if step is None:
@@ -259,7 +268,10 @@ class _Search:
         return None
 
     def _attempt(self, step: Step) -> _Attempt:
-        """Try a step, and its correction if it gains too little; try nothing if no gain is predicted."""
+        """Try a step, and its correction if it gains too little.
+
+        Nothing is tried if no gain is predicted.
+        """
         options, d = self.options, step.step
         before, curvature = self.iterate.merit(self.penalty), self.hessian @ d
         linear = float(self.gradient @ d) + 0.5 * float(d @ curvature)
@@ -307,7 +319,10 @@ class _Search:
             return None
 
     def _end(self, *, settled: bool) -> None:
-        """End the search, or raise the penalty of violations; ``settled``: no reduction is predicted."""
+        """End the search, or raise the penalty of violations.
+
+        ``settled`` is whether no reduction is predicted.
+        """
         options = self.options
         if settled and self.tolerance > options.last_tolerance:
             self.tolerance = options.last_tolerance

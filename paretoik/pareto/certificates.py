@@ -1,4 +1,4 @@
-"""Certificates of front points: violation of limits, criticality, and exchange rates of objectives.
+"""Certificates of front points: violation, criticality, and exchange rates of objectives.
 
 A certificate follows only from the point, never from a solver's report. Objectives are divided by ``ranges``, the nadir
 less the ideal of the run; the length of a direction is its RMS. See ``nlp.criticality``. If a computation fails, only
@@ -57,9 +57,9 @@ class CertificateOptions:
     weight: float = 1e-6  # least weight that counts, as a share of all objectives' weights
     active: float = 1e-7  # largest slack of an active limit, as a share of its range
     unique: float = 1e-3  # largest relative width of an interval that one exchange rate represents
-    # of the second-order test:
-    curvature: float = 1e-7  # least second derivative along a direction of length one that counts
-    multiplier: float = 1e-6  # least multiplier that counts, as a share of all
+    # options of the second-order test:
+    curvature: float = 1e-7  # least negative second derivative that counts, along a direction of length one
+    multiplier: float = 1e-6  # least multiplier that counts, as a share of all multipliers
     tie_share: float = 1e-3  # the same for a tie, among the ties of its slack or epigraph variable
     least_multiplier: float = 1e-9  # least multiplier that counts at all
     descent_steps: tuple[float, ...] = (1e-2, 1e-3, 1e-4)  # lengths tried along a direction of negative curvature
@@ -68,8 +68,8 @@ class CertificateOptions:
         InteriorPointOptions(barrier=1e-4, radius=0.02),
     )
     met: float = 1e-4  # RMS length of a step: a limit or kink within it ends a direction
-    slope: float = 1e-9  # most negative rate of a weakly active limit or an objective without weight, along a direction
-    dependent: float = 1e-9  # of rows of length one: smaller lengths count as 0
+    slope: float = 1e-9  # largest fall of a weakly active limit, or rise of a weightless objective, that counts as 0
+    dependent: float = 1e-9  # largest length that counts as 0, for rows scaled to length one
     names: int = 3  # largest number of limits and kinks that a reason names
 
 
@@ -112,8 +112,8 @@ def curvature_at(
     counts = result.weights >= OPTIONS.multiplier
     strong = result.multipliers > least_multipliers(constraints, result.multipliers)
     weak = ~strong & (constraints.values <= OPTIONS.active)
-    # the Hessian (columns, columns) of the Lagrangian with lengths of cones, and the rows that fix those. On the
-    # critical cone a cone's column changes with its length
+    # the Hessian (columns, columns) of the Lagrangian, with the second derivatives of the lengths in ``at.cones``, and
+    # the rows that tie each length to its column: on the critical cone both change equally
     count, finite = len(ranges), np.isfinite(program.upper)
     elastic, bounds, ties = np.split(result.multipliers, [at.elastic, at.elastic + np.count_nonzero(finite)])
     weights = np.zeros(len(program.upper))
@@ -130,7 +130,7 @@ def curvature_at(
         else:
             slope = (cone.values / size)[None] @ slopes
             cone_rows.append(top - slope)
-            second = (slopes.T @ slopes - slope.T @ slope) / size  # of the length
+            second = (slopes.T @ slopes - slope.T @ slope) / size  # second derivatives of the length
         hessian += np.linalg.norm(multiplier) * second
     fixed = np.concatenate([gradients[counts], constraints.jacobian[strong].toarray(), *cone_rows])
     edges = np.concatenate([constraints.jacobian[weak].toarray(), -gradients[~counts]])  # no direction may lower these
@@ -156,7 +156,10 @@ def curvature_at(
 def least_multipliers(
     constraints: Constraints, multipliers: Float[np.ndarray, " inequalities"]
 ) -> Float[np.ndarray, " inequalities"]:
-    """Return the least size at which each multiplier counts; ties share the weight of their column."""
+    """Return the least size at which each multiplier counts.
+
+    Ties share the weight of their column.
+    """
     auxiliary = abs(sparse.csc_array(constraints.jacobian)[:, constraints.unknowns :])
     if not auxiliary.shape[1]:
         return np.full(len(multipliers), OPTIONS.multiplier)
@@ -168,10 +171,13 @@ def least_multipliers(
 def edge_names(
     program: Program, at: Linearisation, weak: Bool[np.ndarray, " inequalities"], weightless: Bool[np.ndarray, " n_obj"]
 ) -> str:
-    """Return the names of weakly active limits, kinks and objectives without weight, without repeats."""
+    """Return the names of weakly active limits, kinks and weightless objectives.
+
+    Each name appears once.
+    """
     bounds = int(np.count_nonzero(np.isfinite(program.upper)))
     rows = np.flatnonzero(weak)
-    limits = [name for i in rows[rows < at.elastic] for name in program.inequality_names[i : i + 1]]  # a few have none
+    limits = [name for i in rows[rows < at.elastic] for name in program.inequality_names[i : i + 1]]  # some lack one
     totals = np.flatnonzero(np.isfinite(program.upper))
     limits += [program.objective_names[totals[i - at.elastic]] for i in rows if 0 <= i - at.elastic < bounds]
     kinks = [f"a kink of {name}" for name in program.kinked] if (rows >= at.elastic + bounds).any() else []
@@ -182,7 +188,10 @@ def edge_names(
 
 
 def _least_curved(fixed: np.ndarray, hessian: np.ndarray, at: Linearisation) -> tuple[np.ndarray, float]:
-    """Return the direction of least curvature in the null space of ``fixed``, and that curvature; ∞ if positive."""
+    """Return the direction of least curvature, and this curvature.
+
+    The direction is in the null space of ``fixed``. The curvature is infinite if no direction has negative curvature.
+    """
     tangent, unit = null_space(fixed, at.unknowns), at.unit
     projected = tangent.T @ hessian @ tangent
     if is_positive_definite(projected + OPTIONS.curvature / unit**2 * np.eye(len(projected))):
@@ -195,10 +204,11 @@ def _least_curved(fixed: np.ndarray, hessian: np.ndarray, at: Linearisation) -> 
 def null_space(
     rows: Float[np.ndarray, "rows columns"], unknowns: int | None = None
 ) -> Float[np.ndarray, "columns free"]:
-    """Return a basis of the null space of rows, orthonormal in the first ``unknowns`` columns (default all).
+    """Return a basis of the null space of rows.
 
-    Auxiliary columns, which follow those, are eliminated first: their rows are sparse. Rows count by direction, not
-    length.
+    It is orthonormal in the first ``unknowns`` columns (default all).
+
+    The other columns are auxiliary and are eliminated first: their rows are sparse. The length of a row has no effect.
     """
     count = rows.shape[1]
     unit = rows / np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), 1e-300)
@@ -215,12 +225,12 @@ def null_space(
 def _better_point(
     program: Program, at: Linearisation, directions: list[np.ndarray], ranges: np.ndarray
 ) -> Point | None:
-    """Return a feasible point that is better in every objective, if steps along the directions lead to one.
+    """Return a feasible point better in every objective; else None.
 
         minimise    Σ F̂(x)                     F̂: objectives divided by their ranges
         subject to  F̂(x) ≤ F̂(this point)
 
-    This program is solved from the first step of each direction if no step itself is better.
+    If no step along a direction is better, this program is solved from the first step of each direction.
     """
     values, starts = at.objectives[: len(ranges)], list[Point]()
     for direction in directions:
@@ -254,13 +264,14 @@ def exchange_rates(
     ranges: Float[np.ndarray, " n_obj"],
     signs: Float[np.ndarray, " n_obj"],
 ) -> Float[np.ndarray, "points n_obj n_obj"]:
-    """Return ∂f_j/∂f_i = −λ_i/λ_j with the others fixed, in natural units and the objectives' own signs.
+    """Return the exchange rates ∂f_j/∂f_i = −λ_i/λ_j, other objectives fixed.
 
-    The diagonal is 1. An entry is NaN if a weight is 0, or the ends of λ_i/λ_j are unknown or differ.
+    They are in natural units, with the objectives' own signs. The diagonal is 1. An entry is NaN if a weight is 0, or
+    if the bounds of λ_i/λ_j are unknown or differ.
     """
     reliable, natural = np.where(weights >= OPTIONS.weight, weights, np.nan), ranges * signs
     rates = -reliable[:, :, None] / reliable[:, None, :] * natural[None, None, :] / natural[None, :, None]
-    with np.errstate(invalid="ignore"):  # an end may be infinite
+    with np.errstate(invalid="ignore"):  # a bound may be infinite
         unique = ratios[..., 1] - ratios[..., 0] <= OPTIONS.unique * ratios[..., 0]
     rates[~unique] = np.nan
     i = np.arange(len(ranges))
@@ -273,7 +284,7 @@ def exchange_intervals(
     ranges: Float[np.ndarray, " n_obj"],
     signs: Float[np.ndarray, " n_obj"],
 ) -> Float[np.ndarray, "points n_obj n_obj 2"]:
-    """Return the ends of ∂f_j/∂f_i, lower one first, from the ends of λ_i/λ_j."""
+    """Return the lower and upper bounds of ∂f_j/∂f_i from those of λ_i/λ_j."""
     natural = ranges * signs
     rates = -ratios * (natural[None, :] / natural[:, None])[..., None]
     i = np.arange(len(ranges))
@@ -284,9 +295,10 @@ def exchange_intervals(
 def weight_ratios(
     gradients: Float[np.ndarray, "n_obj columns"], constraints: Constraints, weights: Float[np.ndarray, " n_obj"]
 ) -> Float[np.ndarray, "n_obj n_obj 2"]:
-    """Return the range of λ_i/λ_j over a critical point's multipliers; NaN if a weight is 0.
+    """Return the range of λ_i/λ_j over all multipliers of a critical point.
 
-    With cones the multipliers are assumed unique. Raises SolverFailed if their range cannot be computed.
+    It is NaN if a weight is 0. With cones the multipliers are assumed to be unique. Raises SolverFailed if the range
+    cannot be computed.
     """
     reliable = np.where(weights >= OPTIONS.weight, weights, np.nan)
     ratios = reliable[:, None] / reliable[None, :]
@@ -309,9 +321,9 @@ def weight_ratios(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Discretisation:
-    """Errors of objectives ``names`` compared with the values on a motion's curve.
+    """Discretisation errors: objectives ``names`` compared with their values on the motion's curve.
 
-    judged: whether a status depends on the errors; the papers' finite differences define no curve
+    judged: whether a large error makes a minimum "under-resolved"; False for finite differences, which define no curve
     """
 
     names: Sequence[str]
@@ -331,17 +343,17 @@ def certify(
     discretisation: Discretisation | None = None,
     observe: Observe | None = None,
 ) -> tuple[Certificates, list[Point | None]]:
-    """Return the certificates of points, and for every saddle a feasible point that is better in all objectives.
+    """Return the certificates of points, and better points next to saddles.
 
-    For other points the second list has None. The first objectives of a program are those of the front. After a signal
-    the remaining points are undetermined.
+    The second list has, for every saddle, a feasible point that is better in all objectives, else None. The first
+    objectives of a program are those of the front. After a signal the remaining points are undetermined.
 
     program: one program for all points, or one per point
     signs: −1 for maximised objectives, else 1
     violation_between: violation of limits between samples, which the program does not evaluate
-    exceeded: words that name the limit exceeded between samples, "" for none; such a point is no minimum
-    discretisation: errors of values; a minimum with a too large error is "under-resolved"
-    observe: called with the numbers of certified points and of all points
+    exceeded: name of the limit exceeded between samples, "" for none; a point that exceeds one is no minimum
+    discretisation: errors of the objectives; a minimum with too large an error is "under-resolved"
+    observe: function called with the number of certified points and of all points
     """
     count, n_obj = len(x), len(ranges)
     programs = program if isinstance(program, Sequence) else [program] * count
@@ -391,21 +403,28 @@ def certify(
 
 
 def confirmed_criticality(program: Program, x: Point) -> float:
-    """Return the criticality of a point with one objective, by its convex program; NaN if unknown."""
+    """Return the criticality of a point with one objective; NaN if unknown.
+
+    It is the optimum of the convex program.
+    """
     with suppress(Interrupted, SolverFailed, EvaluationFailed, np.linalg.LinAlgError):
         return criticality(*_first_order(program, program.linearise(x), np.ones(1))).value
     return np.nan
 
 
 def criticality_at(program: Program, at: Linearisation, ranges: Float[np.ndarray, " n_obj"]) -> float:
-    """Return the criticality of a point, or a bound of almost 0; ``ranges`` divide objectives."""
+    """Return the criticality of a point, or an upper bound near 0.
+
+    ``ranges`` divide the objectives.
+    """
     return quick_criticality(*_first_order(program, at, ranges)).value
 
 
 def criticality_bound(program: Program, at: Linearisation, ranges: Float[np.ndarray, " n_obj"]) -> float:
-    """Return an upper bound of the criticality without a conic program; see ``active_set_criticality``.
+    """Return an upper bound of the criticality without a conic program.
 
-    It is infinite if there is no bound of almost 0; with auxiliary columns it is the criticality itself.
+    See ``active_set_criticality``. The bound is infinite if it is not near 0. With auxiliary columns the criticality
+    itself is returned.
     """
     gradients, constraints, unit = _first_order(program, at, ranges)
     if gradients.shape[1] > at.unknowns:
@@ -415,7 +434,7 @@ def criticality_bound(program: Program, at: Linearisation, ranges: Float[np.ndar
 
 
 def weights_at(program: Program, x: Points, n_obj: int) -> Float[np.ndarray, "points n_obj"]:
-    """Return the weights of the program's objectives at critical points; NaN at others."""
+    """Return the objectives' weights at critical points; NaN at other points."""
     weights = np.full((len(x), n_obj), np.nan)
     for row, one in zip(weights, x, strict=True):
         check_interruption()
@@ -427,7 +446,10 @@ def weights_at(program: Program, x: Points, n_obj: int) -> Float[np.ndarray, "po
 
 
 def _certify_point(common: Program | None, point: tuple[Program | None, Point, Float[np.ndarray, " n_obj"]]) -> Values:
-    """Return a point's certificate for its program, or the ``common`` one, as plain arrays."""
+    """Return a point's certificate as plain arrays.
+
+    The program is the point's own, else ``common``.
+    """
     program, x, ranges = point[0] or common, *point[1:]
     assert program is not None
     n_obj = len(ranges)
@@ -455,7 +477,10 @@ def _certify_point(common: Program | None, point: tuple[Program | None, Point, F
 
 
 def _unknown(program: Program, x: Point, n_obj: int, reason: str) -> Values:
-    """Return the certificate of a point with only its violation, if even that is known."""
+    """Return the certificate of an undetermined point.
+
+    Only its violation is known, or NaN.
+    """
     try:
         violation = violation_of(program, *program.evaluate(x))
     except EvaluationFailed:
@@ -467,7 +492,10 @@ def _unknown(program: Program, x: Point, n_obj: int, reason: str) -> Values:
 def _certificate(
     violation: float, weights: np.ndarray, ratios: np.ndarray, criticality: float, curvature: Curvature
 ) -> Values:
-    """Return a certificate by name: weights λ, ends of λ_i/λ_j, criticality χ (residual)."""
+    """Return a certificate as arrays by name.
+
+    It has weights λ, bounds of λ_i/λ_j, and the criticality χ (residual).
+    """
     better = {} if curvature.better is None else {"better": curvature.better}
     words = np.array([curvature.status, curvature.reason], dtype=np.str_)
     numbers = {"violation": violation, "weights": weights, "ratios": ratios, "residual": criticality}
@@ -477,7 +505,10 @@ def _certificate(
 def _first_order(
     program: Program, at: Linearisation, ranges: Float[np.ndarray, " n_obj"]
 ) -> tuple[Float[np.ndarray, "n_obj columns"], Constraints, float]:
-    """Return gradients over ranges, all inequalities with the program's own bounds on F, and the unit of steps."""
+    """Return gradients divided by ranges, all inequalities, and the unit of steps.
+
+    The inequalities include the program's own bounds on F.
+    """
     size = len(program.upper)
     constraints = bounded(at, Goal(weights=np.zeros(size), rows=np.eye(size), upper=program.upper))[0]
     return at.gradients[: len(ranges)] / ranges[:, None], constraints, at.unit

@@ -1,4 +1,4 @@
-"""Certify the points of a front: keep limits between samples, and replace saddles."""
+"""Certify a front's points, tighten limits between samples, and replace saddles."""
 
 from __future__ import annotations
 
@@ -42,9 +42,9 @@ class CertificateTime:
     """Settings of the time for certificates and for tightening limits.
 
     share: share of a time limit that is reserved for each later stage
-    longest: most seconds reserved per point for each later stage
-    trials: largest share of the elapsed time for trials of later stages
-    spread: step between tried points as a share of the front, the golden ratio: any number of steps spreads evenly
+    longest: largest number of seconds reserved per point for each later stage
+    trials: largest share of the elapsed time that trials of later stages take
+    spread: step between tried points, as a share of the front; the golden ratio spreads any number of steps evenly
     """
 
     share: float = 0.2
@@ -66,17 +66,17 @@ PHASES: dict[SweepPhase, str] = {
 
 @dataclass(kw_only=True, eq=False)
 class Certifier:
-    """How points of a formulation are refined and certified, and who observes it.
+    """How a formulation's points are refined and certified, and who observes it.
 
-    On some points it measures how long the stages after refinement take.
+    It tries some points, to measure how long the stages after refinement take.
 
-    looks: seconds of each check whether a point exceeds limits between samples
+    looks: seconds of each check for limits exceeded between samples
     tightenings: seconds of each tightening of a point that exceeds limits
-    certificates: seconds of each certification
-    exceeding: number of checked points that exceed limits
-    seen: points that were checked
+    certificates: seconds of each certification of a point
+    exceeding: number of checked points that exceed limits between samples
+    seen: keys of the points that were checked
     spent: seconds of all measurements
-    after_cold: elapsed seconds and solved levels of a sweep when its last cold start was done
+    after_cold: elapsed seconds and number of solved levels after the last cold start of a sweep
     """
 
     formulation: Differentiable
@@ -96,7 +96,10 @@ class Certifier:
         return ("tightening", "certification") if self.formulation.tightens else ("certification",)
 
     def reserve_later(self, points: int) -> AbstractContextManager[None]:
-        """Return a context that reserves part of the current time limit for the later stages."""
+        """Return a context that reserves time for the later stages.
+
+        It reserves part of the current time limit.
+        """
         stages = len(self.later_stages)
         return reserve_time(stages * TIME_OPTIONS.share, stages * points * TIME_OPTIONS.longest)
 
@@ -111,9 +114,10 @@ class Certifier:
         return _mean(self.certificates) / max(workers(), 1)
 
     def try_point(self, x: Point, ranges: Float[np.ndarray, " n_obj"], seconds: float) -> None:
-        """Measure both stages on a point, if trials have taken little of ``seconds`` so far.
+        """Measure both later stages on a point, if trials were short.
 
-        The clock decides which points are tried, so the journal of a run does not record them.
+        Trials may take a small share of ``seconds``, the elapsed time. The clock decides which points are tried, so the
+        journal of a run does not record them.
         """
         key, allowed = x.tobytes(), TIME_OPTIONS.trials * seconds
         if key in self.seen or seconds < TIME_LEFT.seconds or sum(self.looks) > allowed:
@@ -142,7 +146,10 @@ class Certifier:
         self.spent += computing_clock() - clock[0]
 
     def point_progress(self, progress: SweepProgress, seconds: float, summary: str = "") -> RunProgress:
-        """Return the progress of a sweep that has taken ``seconds`` so far, its time left only for an observer."""
+        """Return the progress of a sweep after ``seconds``.
+
+        The time left is computed only if an observer is due.
+        """
         remaining = None
         if is_due(self.observe) and progress.ahead is not None:
             row = int(len(progress.front) * (TIME_OPTIONS.spread * len(self.looks) % 1))
@@ -164,7 +171,7 @@ class Certifier:
         )
 
     def certify(self, x: Points, ranges: Float[np.ndarray, " n_obj"], genes: Genes | None = None) -> CertifiedPoints:
-        """Return points certified, after their limits are tightened if they exceed them between samples."""
+        """Return certified points; limits exceeded between samples are tightened first."""
         formulation, observe = self.formulation, self.observe
         shown = count_observer(
             observe, "tightening", later=self.per_certificate, uniform=True, following="certification"
@@ -208,7 +215,10 @@ def certify_individuals(
     ranges: Float[np.ndarray, " n_obj"],
     observe: Observe | None = None,
 ) -> tuple[Certificates, list[Point | None]]:
-    """Return the certificates of individuals, and for each saddle the better point next to it, as ``certify`` does."""
+    """Return individuals' certificates, and a better point for each saddle.
+
+    See ``certify``.
+    """
     return certify(
         programs,
         individuals.x,
@@ -223,7 +233,10 @@ def certify_individuals(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CertifiedPoints:
-    """Points with their certificates; ``better`` has a point better in every objective for each saddle."""
+    """Points with their certificates, and better points next to saddles.
+
+    For each saddle ``better`` has a point that is better in every objective, else None.
+    """
 
     individuals: Individuals
     certificates: Certificates
@@ -236,7 +249,10 @@ class CertifiedPoints:
         others: CertifiedPoints,
         other_rows: Int[np.ndarray, " rows"],
     ) -> CertifiedPoints:
-        """Return points with some rows replaced by rows of others; forget better points of the rows that stay."""
+        """Return points with ``rows`` replaced by ``other_rows`` of others.
+
+        In the other rows ``better`` becomes None.
+        """
         order = np.arange(len(self.better))
         order[rows] = len(order) + other_rows
         before, after = self.individuals, others.individuals
@@ -264,9 +280,9 @@ def certified_front(
 ) -> Front:
     """Return the front of the nondominated points among these, with certificates.
 
-    A point that is worse than on the front ``before`` is replaced by its former version. If a point exceeds limits
-    between samples and the problem supports it, these limits are tightened; the point is certified for the limits that
-    it is optimal for. A saddle is replaced by the refined better point next to it. Minima of the front ``before`` stay,
+    A point that is worse than its former version on the front ``before`` is replaced by it. If a point exceeds
+    limits between samples and the formulation can tighten them, they are tightened, and the certificate is for the
+    tightened limits. A saddle is replaced by the refined better point next to it. Minima of the front ``before`` stay,
     with their certificates, if no better point is found.
     """
     formulation = certifier.formulation
@@ -280,7 +296,7 @@ def certified_front(
         points = _keep_minima(formulation, points, before, rows, ranges)
     individuals, ids = points.individuals, ids[rows]
     rows = front_rows(individuals.objectives / ranges)
-    final = ranges_of(individuals.objectives[rows]) if len(rows) else ranges  # ranges of the final front
+    final = ranges_of(individuals.objectives[rows]) if len(rows) else ranges  # objective ranges of the final front
     confirmed = int((points.certificates.criticality[rows] <= CERTIFICATES.critical).sum())
     certificates = points.certificates[rows].rescale(ranges, final)
     method = chosen_solver(formulation.program(ranges), certifier.solver)
@@ -307,7 +323,10 @@ def certified_front(
 def _leave_saddles(
     certifier: Certifier, points: CertifiedPoints, ranges: Float[np.ndarray, " n_obj"]
 ) -> CertifiedPoints:
-    """Return points in which saddles are replaced by refined better points that are nowhere worse."""
+    """Return points with saddles replaced by refined better points.
+
+    The new points are worse in no objective.
+    """
     formulation = certifier.formulation
     for _ in range(OPTIONS.rounds):
         saddles = np.array([i for i, better in enumerate(points.better) if better is not None], dtype=int)
@@ -318,7 +337,7 @@ def _leave_saddles(
         refined = certifier.certify(x, ranges)
         rise = refined.individuals.objectives - points.individuals.objectives[saddles]
         allowed = np.maximum(points.certificates.violation_between[saddles], OPTIONS.between)
-        holds = refined.certificates.violation_between <= allowed  # NaN after a signal: unknown
+        holds = refined.certificates.violation_between <= allowed  # NaN after a signal, if the violation is unknown
         accepted = np.flatnonzero(holds & (rise <= OPTIONS.tolerance * ranges).all(axis=1))
         points = points.replace_rows(formulation, saddles[accepted], refined, accepted)
     return points
@@ -331,10 +350,11 @@ def _keep_minima(
     rows: Int[np.ndarray, " points"],
     ranges: Float[np.ndarray, " n_obj"],
 ) -> CertifiedPoints:
-    """Return points in which minima of the front ``before`` stay unless the new point is better.
+    """Return points with former minima restored, unless new points are better.
 
-    A point is better if it is better in some objective and worse in none: limits that are tightened again, for another
-    motion, may make a point worse. ``rows`` are the rows of the points on the front ``before``.
+    The former minima are those of the front ``before``. A point is better if it is better in some objective and worse
+    in none. A point may be worse than before because its limits were tightened again, for another motion. ``rows`` are
+    the rows of the points on the front ``before``.
     """
     if before.certificates is None:
         return points
@@ -362,8 +382,11 @@ def no_worse(
     before: Front,
     ranges: Float[np.ndarray, " n_obj"],
 ) -> Individuals:
-    """Return individuals; those that became worse by more than a tolerance are restored, if they were feasible."""
-    worse = ~(individuals.objectives <= before.minimised + OPTIONS.tolerance * ranges).all(axis=1)  # also if NaN
+    """Return individuals, with those that became worse replaced by former ones.
+
+    A point is replaced if it is worse by more than a tolerance and its former version was feasible.
+    """
+    worse = ~(individuals.objectives <= before.minimised + OPTIONS.tolerance * ranges).all(axis=1)  # true for NaN too
     if before.violation is not None:
         worse &= before.violation <= REFINEMENT.violation
     if not worse.any():

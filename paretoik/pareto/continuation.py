@@ -1,10 +1,10 @@
-"""Continuation of an optimum while its goal's upper bounds move, by quadratic programs.
+"""Follow an optimum while upper bounds move, by quadratic programs.
 
     minimise    weights · F(x)
     subject to  h(x) = 0,  c(x) ≥ 0,  rows · F(x) ≤ upper(s),  s from 0 to 1
 
-At an optimum with its multipliers, quadratic models of all objectives, each with its own Hessian, predict the optimum
-for the next bounds, with changes of the active set; the error is of the order of the step's cube. Each correction, with
+The optimum for the next bounds is predicted from quadratic models of all objectives, each with its own Hessian, and
+from the multipliers; the active set may change. The error is of the order of the step's cube. Each correction, with
 the Hessian of the Lagrangian, squares the error. Source: Guddat, Guerra Vazquez & Jongen 1990, Parametric Optimization,
 chapter 2; Diehl, Bock & Schlöder 2005 for predictor steps of Newton's method.
 """
@@ -28,18 +28,18 @@ from paretoik.stop_flag import check_interruption
 class ContinuationOptions:
     """Tolerances and steps; objectives are divided by their ranges.
 
-    residual: largest gradient of the Lagrangian at an optimum, for a step of RMS length one, over Σ multipliers of F
+    residual: largest gradient of the Lagrangian at an optimum, per step of RMS length one, over Σ multipliers of F
     violation: largest violation of a constraint at an optimum
-    corrections: largest number of corrections; more halve the step
+    corrections: largest number of corrections; if more are needed, the step is halved
     contraction: largest ratio of a correction to the one before; a larger ratio halves the step
-    few: number of corrections up to which the step doubles
-    attempts: largest number of attempts, successful ones included; after that a solver from a fresh start is faster
+    few: largest number of corrections after which the step doubles
+    attempts: largest number of attempts, also failed ones; after that, solving from a fresh start is faster
     predictions: largest number of Newton steps of a prediction
-    predicted: share of the whole step; a shorter Newton step is the last
-    updates: updates of values without correction: one for curved bounds of objectives, one more for curved limits
-    missed: share of the step by which a predicted point may exceed a bound or a limit; else the step is too long
-    active: slacks up to which limits count as active for the first multipliers, tried in order
-    balance: gradient of the Lagrangian, as a share of the objectives', that ends these trials
+    predicted: length of a Newton step, as a share of the whole step, below which it is the last
+    updates: number of model updates: one for curved bounds of objectives, one more for curved limits
+    missed: largest excess of a predicted point over a bound or limit, as a share of the step; else the step is halved
+    active: slacks, tried in order, up to which a limit counts as active for the first multipliers
+    balance: gradient of the Lagrangian, as a share of the goal's gradient, at which these trials stop
     """
 
     residual: float = 1e-8
@@ -61,7 +61,10 @@ OPTIONS = ContinuationOptions()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Optimum:
-    """An optimum or a guess of one; multipliers of limits, then of the goal's and the program's bounds."""
+    """An optimum, or a guess of it, with its multipliers.
+
+    The multipliers are those of limits, then of the goal's bounds, then of the program's own bounds.
+    """
 
     x: Point
     multipliers: Float[np.ndarray, " constraints"]
@@ -69,9 +72,9 @@ class Optimum:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Continuation:
-    """The last optimum that was followed, and the number of steps and of their corrections.
+    """The last optimum that was followed, with numbers of steps and corrections.
 
-    share: share of the way; below 1 the branch ends or bends back there
+    share: share of the way that was followed; below 1 the branch ends or bends back there
     """
 
     optimum: Optimum
@@ -81,18 +84,21 @@ class Continuation:
 
 
 def can_follow(program: Program) -> bool:
-    """Return whether optima can be followed: with a compiled kernel and without kinks (multipliers jump)."""
+    """Return whether optima can be followed.
+
+    The program needs a compiled kernel and no kinks: multipliers jump at kinks.
+    """
     return not program.kinked and program.kernel is not None
 
 
 def guess_optimum(program: Program, x: Point, goal: Goal) -> Optimum | None:
-    """Return a point with the multipliers y that best balance the goal's gradient; else None.
+    """Return a point with the multipliers that best balance the goal's gradient.
 
         minimise    ‖Aᵀy − gradient‖²,  rows of A: gradients of active limits and bounds
         subject to  y ≥ 0
 
-    Limits that are tightened elsewhere are not active here, although their multipliers are positive. None if the point
-    is singular or the least squares fail.
+    Returns None if the point is singular or the least squares fail. Limits tightened elsewhere are not active
+    here, although they have positive multipliers.
     """
     from paretoik.nlp.parametric_qp.local_model import first_order  # here: numba
 
@@ -121,9 +127,9 @@ def guess_optimum(program: Program, x: Point, goal: Goal) -> Optimum | None:
 
 
 def follow(program: Program, start: Optimum, goal: Callable[[float], Goal]) -> Continuation:
-    """Return how far the optimum of ``goal(share)`` is followed from share 0, to 1 at most.
+    """Follow the optimum of ``goal(share)`` from share 0 towards 1.
 
-    It stops as soon as the remaining attempts cannot reach 1.
+    Returns the last optimum and how far it was followed. It stops as soon as the remaining attempts cannot reach 1.
     """
     optimum, share, step, steps, corrections = start, 0.0, 1.0, 0, 0
     kernel = program.kernel
@@ -143,9 +149,10 @@ def follow(program: Program, start: Optimum, goal: Callable[[float], Goal]) -> C
 
 
 def correct(program: Program, start: Optimum, goal: Goal, kernel: Any = None) -> tuple[Optimum, int] | None:
-    """Return the optimum of a goal near a guess, and the number of corrections; None if they do not reach it.
+    """Return the optimum of a goal near a guess, and the corrections.
 
-    ``kernel`` is the program's, if it is there already.
+    The second value is the number of corrections. None if too many corrections are needed. ``kernel`` is the program's
+    kernel, if the caller has it already.
     """
     from paretoik.nlp.parametric_qp.correction import CorrectionOptions
     from paretoik.nlp.parametric_qp.correction import correct as search
@@ -159,10 +166,13 @@ def correct(program: Program, start: Optimum, goal: Goal, kernel: Any = None) ->
 
 
 def predict(program: Program, start: Optimum, goal: Callable[[float], Goal]) -> Point | None:
-    """Return the predicted optimum of ``goal(1)`` from that of ``goal(0)``; None if there is no prediction.
+    """Return the predicted optimum of ``goal(1)`` from that of ``goal(0)``.
 
-    It is not corrected: the point satisfies h(x) = 0 exactly and limits and bounds nearly; errors of objectives are of
-    the fourth power of the step. If the models at the start do not reach far enough, new models are made on the way.
+    None if no prediction succeeds.
+
+    The prediction is not corrected: h(x) = 0 is satisfied exactly, limits and bounds nearly; errors of objectives are
+    of the fourth power of the step. If the step is too long for the models at the start, it is halved and new models
+    are made on the way.
     """
     from paretoik.nlp.parametric_qp.prediction import PredictionOptions
     from paretoik.nlp.parametric_qp.prediction import predict as search
@@ -176,7 +186,7 @@ def predict(program: Program, start: Optimum, goal: Callable[[float], Goal]) -> 
         wish = goal(target)
         bounds = _bounds(program, wish)
         x, multipliers, exists = search(program.kernel, optimum.x, optimum.multipliers, wish.weights, *bounds, options)
-        if not exists:  # a bound is exceeded by too large a share of the step
+        if not exists:  # an excess over a bound or limit is too large a share of the step
             step = (target - share) / 2
             continue
         optimum, share = Optimum(x=program.pin(x[None])[0], multipliers=multipliers), target
@@ -186,7 +196,10 @@ def predict(program: Program, start: Optimum, goal: Callable[[float], Goal]) -> 
 
 
 def _compiled_options(kind: type[Any]) -> Any:
-    """Return the settings of compiled code, a named tuple: ours by name, and ``qp``."""
+    """Return the settings of compiled code, a named tuple.
+
+    Values of ``OPTIONS`` are copied by name; ``qp`` gets its defaults.
+    """
     from paretoik.nlp.parametric_qp.homotopy import QpOptions
 
     return kind(**{name: getattr(OPTIONS, name) for name in kind._fields if name != "qp"}, qp=QpOptions())
@@ -195,7 +208,10 @@ def _compiled_options(kind: type[Any]) -> Any:
 def _bounds(
     program: Program, goal: Goal
 ) -> tuple[Float[np.ndarray, "bounds objectives"], Float[np.ndarray, " bounds"]]:
-    """Return the finite rows of the goal, then those of the program's own bounds, and their upper bounds."""
+    """Return the finite bounds: their rows and upper bounds.
+
+    The goal's bounds come first, then the program's own.
+    """
     finite, bounded = np.isfinite(goal.upper), np.isfinite(program.upper)
     rows = np.concatenate([goal.rows[finite], np.eye(len(program.upper))[bounded]])
     return rows, np.concatenate([goal.upper[finite], program.upper[bounded]])

@@ -1,4 +1,4 @@
-"""The protocol between certified fronts and formulations: what gradients need of a problem."""
+"""The protocol between certified fronts and formulations with gradients."""
 
 from __future__ import annotations
 
@@ -22,15 +22,18 @@ class Individuals:
 
     x: Points
     objectives: Objectives  # minimised
-    genes: Genes | None  # None if the formulation has none for points
-    motions: Any  # a ``Motion``; None if the formulation has none for points
-    violation_between: Float[ndarray, " points"]  # of limits at places that the program does not check
-    discretisation: Discretisation | None = None  # distance of objectives from those of a curve; None: exact
+    genes: Genes | None  # None if the formulation has no genes for points
+    motions: Any  # a ``Motion``; None if the formulation has no motions for points
+    violation_between: Float[ndarray, " points"]  # violation of limits at places that the program does not check
+    discretisation: Discretisation | None = None  # errors relative to the motion's curve; None if exact
 
 
 @runtime_checkable
 class Differentiable(Protocol):
-    """The part of a formulation that gradients need: its nonlinear program, and the meaning of its points."""
+    """The part of a formulation that gradients need.
+
+    It has a nonlinear program and translates the program's points.
+    """
 
     names: tuple[str, ...]
     units: tuple[str, ...]
@@ -43,17 +46,26 @@ class Differentiable(Protocol):
 
     @property
     def added_samples(self) -> Mapping[str, Any]:
-        """Provenance entry with the old and new numbers of samples, if refinement added some."""
+        """Old and new numbers of samples, as a provenance entry.
+
+        It is empty if refinement added none.
+        """
         return {}
 
     def program(self, scales: Float[ndarray, " n_obj"] | None = None) -> Program:
         """Return the nonlinear program, its objectives divided by ``scales``."""
 
     def front_points(self, front: Front) -> Points:
-        """Return the points of a front. Raises InvalidInput if the front does not contain them."""
+        """Return the points of a front.
+
+        Raises InvalidInput if the front does not contain them.
+        """
 
     def motion_points(self, motions: Any) -> Points:
-        """Return the points of motions. Raises InvalidInput if they are not of the problem, or it has none."""
+        """Return the points of motions.
+
+        Raises InvalidInput if the motions do not belong to the problem, or if it has no motions.
+        """
 
     def points(self, genes: Genes) -> Points:
         """Return the points of genes."""
@@ -65,7 +77,10 @@ class Differentiable(Protocol):
         """Return points as individuals; ``genes`` are their genes if known."""
 
     def exceeded(self, individuals: Individuals) -> list[str]:
-        """Return for each individual the limits that it exceeds between samples in words, "" if it exceeds none."""
+        """Return the limits that each individual exceeds between samples, in words.
+
+        The text is "" if it exceeds none.
+        """
         return [""] * len(individuals.x)
 
     def hold_between(
@@ -76,19 +91,23 @@ class Differentiable(Protocol):
         solver: Solver = "auto",
         observe: Observe | None = None,
     ) -> tuple[Points, Sequence[Program]]:
-        """Return optimal points that satisfy limits between the places that the program checks, and their programs.
+        """Return optimal points with limits satisfied between samples, and their programs.
 
-        A violation that no program can remove remains. Objectives are divided by ``ranges``; ``observe`` gets the share
-        of the work that is done.
+        Limits are satisfied also at places that the programs do not check. A violation that no program can remove
+        remains. Objectives are divided by ``ranges``; ``observe`` gets the share of the work that is done.
         """
 
     def branches(self, x: Points) -> list[str]:
-        """Return a label for each point: points of one branch can be led into each other."""
+        """Return the branch label of each point.
+
+        Points of one branch can be moved continuously into each other.
+        """
 
     def cold_search(
         self, *, starts: int | None, seed: int, solver: Solver = "auto", observe: Observe | None = None
     ) -> ColdSearch:
-        """Return how local optima are found without initial points, from a number of ``starts``.
+        """Return the search for local optima without initial points.
 
-        The formulation has a default for None. ``observe`` gets the share of the work that is done.
+        ``starts`` is the number of starts. None means the formulation's default. ``observe`` gets the share
+        of the work that is done.
         """

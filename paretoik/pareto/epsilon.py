@@ -45,19 +45,23 @@ def epsilon_points(
     solver: Solver = "auto",
     observe: ObserveSweep | None = None,
 ) -> tuple[Points, Float[np.ndarray, " n_obj"]]:
-    """Return at most ``points`` points spread over the front, always with its ends, and the objectives' ranges.
+    """Return points spread over the front, and the objectives' ranges.
 
-    1. Find the ends. 2. With two objectives, place points where the front gains the most hypervolume. With more, search
-    from cold starts below some ε, then fill the widest gaps: ε halfway between two neighbours, starts near it.
+    There are at most ``points`` points; the ends of the front are always among them.
 
-    program_of: returns the program with its objectives divided by the argument
-    cold_points: number of first points that are also searched from cold starts (two objectives)
-    initial: points; those within all limits lead to ends and points too; none of them dominates the result
+    - Find the ends.
+    - Two objectives: place points where the front gains the most hypervolume.
+    - More objectives: search from cold starts below some ε, then fill the widest gaps, with ε halfway between two
+      neighbours and starts near it.
+
+    program_of: function that returns the program with objectives divided by its argument
+    cold_points: number of first points that are also searched from cold starts (only for two objectives)
+    initial: points; feasible ones also lead to ends and points, and none of them dominates the result
     refined: whether initial points are refined already
-    observe: called with the progress
+    observe: function called with the progress
 
-    After a signal the points so far are returned, with ``initial`` ones. Raises the errors of ``cold``, and Interrupted
-    if a signal comes before the first point.
+    After a signal the points found so far are returned, with ``initial`` ones. Raises the errors of ``cold``, and
+    Interrupted if a signal comes before the first point.
     """
     # the optima of each objective alone
     natural = program_of(np.ones(n_obj))
@@ -76,7 +80,7 @@ def epsilon_points(
     sizes = objective_sizes(natural, best, n_obj)
     near = natural.distance(best[0], best) <= OPTIONS.resolved_distance
     if len(alone) == n_obj and near.all() and (np.ptp(payoff, axis=0) <= OPTIONS.resolution * sizes).all():
-        return best[:1], np.where(sizes > 0, sizes, 1.0)  # the front is one point
+        return best[:1], np.where(sizes > 0, sizes, 1.0)  # the front is only one point
     # the ends of the front
     ranges = ranges_of(payoff, sizes)
     program = program_of(ranges)
@@ -100,7 +104,7 @@ def epsilon_points(
     )
     further = max(OPTIONS.further, int(OPTIONS.further_share * points), 0 if initial is None else points)
     if initial is not None:
-        weights = None  # with two objectives the front's slope
+        weights = None  # None: with two objectives the slope of the front gives the weights
         with suppress(Interrupted):
             weights = weights_at(program, initial, n_obj) if n_obj == 2 else None
         sweep.add(evaluate_points(program, initial), weights)
@@ -116,22 +120,25 @@ def _rescaled_ends(
     sizes: Float[np.ndarray, " n_obj"],
     solver: Solver,
 ) -> tuple[Solutions, Program, Float[np.ndarray, " n_obj"]]:
-    """Return the ends with their program and ranges: the ends' own ranges if these are narrower."""
+    """Return the ends with their program and ranges.
+
+    The ranges of the ends themselves are used if they are much narrower.
+    """
     program = program_of(ranges)
     ends = _ends(program, best, solver)
     narrower = ranges_of(ends.objectives[:, : len(best)] * ranges, sizes)
     if not (narrower < OPTIONS.narrower * ranges).any():
         return ends, program, ranges
-    rescaled = program_of(narrower)  # an end that is not exact may be far from the front
+    rescaled = program_of(narrower)  # an inexact end may be far from the front
     with suppress(Interrupted):
         return _ends(rescaled, best, solver), rescaled, narrower
     return ends, program, ranges
 
 
 def _ends(program: Program, best: Points, solver: Solver) -> Solutions:
-    """Return the ends of the front: one objective at its best, the others as good as possible.
+    """Return the front's ends: one objective optimal, the others nearly so.
 
-    If no weight of the others leads to an optimum, the end is the objective's own optimum.
+    If no weight of the other objectives leads to an optimum, the end is the optimum of its objective only.
     """
     count = len(best)
 
@@ -165,13 +172,16 @@ def _ends(program: Program, best: Points, solver: Solver) -> Solutions:
 
 
 def _add_points(sweep: Sweep, cold: ColdSearch, cold_points: int, further: int) -> None:
-    """Add points between the ends of a front. Raises Interrupted after a signal."""
+    """Add points between a front's ends.
+
+    Raises Interrupted after a signal.
+    """
     check_interruption()
     if sweep.n_obj == 2:
         sweep.place_points(cold, cold_points, further)
         sweep.search_jumps()
     else:
-        # optima from cold starts below an ε: a branch may contain no objective's own optimum
+        # optima from cold starts below an ε: a branch may lack the optimum of every single objective
         n_obj, ends = sweep.n_obj, sweep.objectives[: sweep.n_obj, : sweep.n_obj]
         sweep.cold_points = n_obj
         ideal, nadir = ends.min(axis=0), ends.max(axis=0)

@@ -1,12 +1,16 @@
-"""Moves along a front from a known point to a new one: follow its branch, or solve again.
+"""Move along a front from a known point to a new one.
 
-If the branch ends or bends back, or a known point is better, the nearest known points that are good enough are followed
-to the wish, and a local optimum is searched from the end of the branch. If none leads there, the search continues from
-these points, from points between them and the start, and last from others. The best optimum counts.
+The start's branch is followed, or the program is solved again.
 
-If the front jumps, the best optimum may be in a valley without any of these points. Therefore one more optimum is
-searched from the point behind the start, with a barrier high enough to leave a valley, if a move leaves its branch, or
-if a front of two objectives jumps directly behind or ahead of the start.
+- If the branch ends or bends back, or a known point is better, the nearest known points that fulfil the wish are
+  followed to it, and a local optimum is searched from the end of the branch.
+- If none leads to the wish, the search starts from these points and from points between them and the start, and last
+  from farther points.
+- The best optimum is the result.
+
+If the front jumps, the best optimum may be in a valley without any of these points. Therefore the search also starts
+from the point behind the start, with a barrier high enough to leave a valley, if a move leaves its branch, or if a
+front of two objectives jumps directly behind or ahead of the start.
 """
 
 from __future__ import annotations
@@ -30,16 +34,16 @@ from paretoik.pareto.scalarisation import WARM_OPTIONS as WARM
 class NavigationOptions:
     """Settings of moves; objectives are divided by their ranges.
 
-    augmentation: weight ρ of all objectives
+    augmentation: weight ρ of the sum of all objectives
     share: largest ρ as a share of the least weight, so that a point is the optimum of its own goal
     neighbours: number of known points to start from
-    farther: number of further ones if these lead nowhere
-    better: least gain of one point relative to another
-    worthwhile: least share of the way at which a followed branch counts as a result
+    farther: number of further known points to start from if those lead nowhere
+    better: smallest gain that makes one point better than another
+    worthwhile: smallest share of the way for which a partly followed branch is returned
     places: number of places between two points that are tested for a barrier
-    height: excess of an objective over both points that is a barrier
+    height: excess of an objective over both points that counts as a barrier
     barriers: the solver's barriers, tried in order until one leads to an optimum
-    high: a barrier that leaves valleys, with few iterations
+    high: solver settings with a barrier that leaves valleys, and few iterations
     """
 
     augmentation: float = 5e-4
@@ -56,7 +60,7 @@ class NavigationOptions:
 
 OPTIONS = NavigationOptions()
 
-# The goal of a move along a front: improve one objective by a given amount, let payers get worse, others not.
+# The goal of a move: improve one objective by a given amount; only the payers may get worse.
 #
 #     minimise    F̂_m + ρ Σ F̂_j                                 F̂ = F / ranges, m the payer with the largest weight
 #     subject to  F̂_i ≤ F̂_i(start) − s · by                     the improved objective
@@ -69,7 +73,10 @@ OPTIONS = NavigationOptions()
 
 @dataclass(frozen=True, kw_only=True)
 class Wish:
-    """Improve one objective by a share ``by`` of its range; ``payers`` may get worse, the others may not."""
+    """Improve one objective by a share ``by`` of its range.
+
+    ``payers`` may get worse, other objectives may not.
+    """
 
     improve: int
     payers: tuple[int, ...]
@@ -97,7 +104,10 @@ class Aim:
         return max(self.wish.payers, key=lambda payer: self.weights[payer])
 
     def at_share(self, share: float) -> Goal:
-        """Return the goal at a share of the way from start (0) to wish (1)."""
+        """Return the goal at a share of the way to the wish.
+
+        The share is 0 at the start and 1 at the wish.
+        """
         count, main, wish = len(self.ranges), self.main, self.wish
         identity = np.eye(count, self.objectives) / np.append(self.ranges, np.ones(self.objectives - count))
         others = [k for k in range(count) if k != main]
@@ -115,7 +125,10 @@ class Aim:
 
     @property
     def predicted(self) -> Float[np.ndarray, " n_obj"]:
-        """Changes of objectives, as shares of ranges, by the exchange rates at the start; inf without a payer."""
+        """Predicted changes of objectives, as shares of their ranges.
+
+        They follow from the exchange rates at the start; inf without a payer.
+        """
         wish, change = self.wish, np.zeros(len(self.ranges))
         change[wish.improve] = -wish.by
         payers, total = list(wish.payers), float(self.weights[list(wish.payers)].sum())
@@ -132,7 +145,7 @@ Between = Callable[[Point, Point, Float[np.ndarray, " shares"]], Float[np.ndarra
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FrontPoints:
-    """The points of a front and their objectives in the program's own scale."""
+    """A front's points, and their objectives in the program's own scale."""
 
     x: Points
     objectives: Float[np.ndarray, "points n_obj"]
@@ -142,9 +155,9 @@ class FrontPoints:
 class Destination:
     """The result of a move.
 
-    share: share of the wish that the point reaches
-    followed: how the branch was followed, None if that was impossible
-    arrived: whether the branch led to this point, so that nothing was solved again
+    share: share of the wish that the point fulfils
+    followed: result of following the branch, None if the branch cannot be followed
+    arrived: whether following the branch led to this point; else it was solved again
     jump: whether there is a barrier between the start and the point
     """
 
@@ -158,14 +171,17 @@ class Destination:
 def move(
     program: Program, front: FrontPoints, start: int, aim: Aim, between: Between, *, solver: Solver = "auto"
 ) -> Destination | None:
-    """Return the result of a move from a known point; None if none fulfils the wish."""
+    """Return the result of a move from a known point.
+
+    None if no point fulfils the wish.
+    """
     # follow the start's branch, and those of rivals
     goal, neighbours = aim.at_share(1.0), _neighbours(front, start, aim)
     followed = _follow(program, front, start, goal)
     arrived = followed is not None and followed.share >= 1.0
     others = neighbours
     if followed is not None and arrived:
-        # the best known point better than x, else the neighbours in other valleys
+        # the best known point that is better than x, else the neighbours in other valleys
         count = front.objectives.shape[1]
         merit = float(goal.weights @ program.evaluate(followed.optimum.x)[0])
         merits = front.objectives @ goal.weights[:count]
@@ -179,10 +195,10 @@ def move(
     branches = [followed, *(_follow(program, front, i, goal) for i in others)]
     candidates = [each.optimum.x for each in branches if each is not None and each.share >= 1.0]
     best = _best(program, candidates, goal)
-    # solve again if the move leaves its branch, also from behind a jump
+    # solve again if the move leaves its branch; then, or at a jump, also from the point behind the start
     leaves = not arrived or best is not candidates[0]
     if leaves:
-        # a solver's starts: the branch's end, the start, neighbours and points between
+        # starts of the solver: the branch's end, the start, the neighbours and points between
         starts = [front.x[start]]
         if followed is not None and 0.0 < followed.share < 1.0:
             starts.insert(0, followed.optimum.x)
@@ -197,7 +213,7 @@ def move(
     if leaves or (is_curve and (others or has_barrier(program, front.x[start], front.x[behind], between, aim.ranges))):
         candidates += _solve(program, [front.x[behind]], goal, (OPTIONS.high,), solver)
     best = _best(program, candidates, goal)
-    if best is None:  # farther starts
+    if best is None:  # starts farther away
         farther = [front.x[i] for i in _nearest(front, aim) if i not in (start, *neighbours)][: OPTIONS.farther]
         best = _best(program, _solve(program, farther, goal, OPTIONS.barriers, solver), goal)
     if best is not None:
@@ -211,19 +227,22 @@ def move(
 
 
 def reach(program: Program, x: Point, goal: Goal, *, solver: Solver = "auto") -> Point | None:
-    """Return the optimum of a goal from a nearby point; None if none is found."""
+    """Return the optimum of a goal from a nearby point; else None."""
     return _best(program, _solve(program, [x], goal, OPTIONS.barriers, solver), goal)
 
 
 def has_barrier(
     program: Program, x: Point, other: Point, between: Between, ranges: Float[np.ndarray, " n_obj"]
 ) -> bool:
-    """Return whether a place between two points is impossible or worse than both in an objective."""
+    """Return whether there is a barrier between two points.
+
+    A barrier is a place that is impossible, or worse in an objective than both points.
+    """
     shares = np.arange(1, OPTIONS.places + 1) / (OPTIONS.places + 1)
     inner = between(x, other, shares)
     if len(inner) < len(shares):
         return True
-    values = np.full((len(inner) + 2, len(ranges)), np.inf)  # inf: a function has no value there
+    values = np.full((len(inner) + 2, len(ranges)), np.inf)  # inf remains if a function has no value there
     for row, one in zip(values, (x, *inner, other), strict=True):
         with suppress(EvaluationFailed):
             row[:] = program.evaluate(one)[0][: len(ranges)]
@@ -232,7 +251,10 @@ def has_barrier(
 
 
 def _follow(program: Program, front: FrontPoints, i: int, goal: Goal) -> Continuation | None:
-    """Return how far a known point is followed to a goal; its own values are the first bounds."""
+    """Return how far a known point can be followed to a goal.
+
+    The first bounds are the point's own values.
+    """
     if not can_follow(program):
         return None
     count = front.objectives.shape[1]
@@ -246,7 +268,10 @@ def _follow(program: Program, front: FrontPoints, i: int, goal: Goal) -> Continu
 
 
 def _neighbours(front: FrontPoints, start: int, aim: Aim) -> list[int]:
-    """Return the known points that fulfil the wish: least excess over other bounds first, then nearest."""
+    """Return the neighbours: known points that improve enough.
+
+    The points with the least excess over the other bounds come first, the nearest first on a tie.
+    """
     goal, near = aim.at_share(1.0), _nearest(front, aim)
     excess = (front.objectives @ goal.rows[:, : len(aim.ranges)].T - goal.upper).max(axis=1)
     enough = _gains(front, aim) >= aim.wish.by - OPTIONS.better
@@ -255,12 +280,18 @@ def _neighbours(front: FrontPoints, start: int, aim: Aim) -> list[int]:
 
 
 def _nearest(front: FrontPoints, aim: Aim) -> list[int]:
-    """Return all known points, sorted by distance from the start with objectives divided by ranges."""
+    """Return all known points, the nearest to the start first.
+
+    Objectives are divided by their ranges.
+    """
     return [int(i) for i in np.argsort(np.linalg.norm((front.objectives - aim.start) / aim.ranges, axis=1))]
 
 
 def _gains(front: FrontPoints, aim: Aim) -> Float[np.ndarray, " points"]:
-    """Return the gains of known points over the start in the improved objective, as shares of its range."""
+    """Return known points' gains over the start in the improved objective.
+
+    They are shares of its range.
+    """
     k = aim.wish.improve
     return np.asarray((aim.start[k] - front.objectives[:, k]) / aim.ranges[k])
 
@@ -268,7 +299,7 @@ def _gains(front: FrontPoints, aim: Aim) -> Float[np.ndarray, " points"]:
 def _behind(front: FrontPoints, start: int, aim: Aim) -> int:
     """Return the nearest known point behind the start; else the start.
 
-    A move to the start could begin there: it is worse in the improved objective and satisfies all other bounds.
+    It is worse in the improved objective and satisfies all other bounds, so a move to the start could begin there.
     """
     goal = aim.at_share(0.0)
     others = goal.rows[:, aim.wish.improve] == 0.0
@@ -284,7 +315,10 @@ def _solve(
     barriers: tuple[InteriorPointOptions, ...],
     solver: Solver,
 ) -> list[Point]:
-    """Return the optima that points lead to, each with the first barrier that converges."""
+    """Return the optima that points lead to.
+
+    Each point uses the first barrier that converges.
+    """
     optima, unsolved, starts = list[Point](), np.ones(len(points), dtype=bool), np.array(points)
     for options in barriers:
         rows = np.flatnonzero(unsolved)
@@ -298,7 +332,10 @@ def _solve(
 
 
 def _best(program: Program, candidates: list[Point], goal: Goal) -> Point | None:
-    """Return the feasible candidate with the least merit, the first on a tie; None if none is feasible."""
+    """Return the feasible candidate with the least merit; else None.
+
+    On a tie the first one is returned.
+    """
     best, lowest = None, np.inf
     for x in candidates:
         F, equalities, inequalities = program.evaluate(x)

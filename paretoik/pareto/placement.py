@@ -1,7 +1,9 @@
-"""Placement of points of a two-objective front for the most hypervolume, by exchange rates of its points.
+"""Place points of a two-objective front for the most hypervolume.
 
-Between two neighbours the model of the front is the parabola with their tangents: near an end the front is a parabola,
-as an objective is least there. If the tangents contradict each other, as across a jump, the model is the chord.
+Exchange rates at the points are the slopes of the front.
+
+Between two neighbours the front is modelled by the parabola with their tangents: near an end the front is a parabola,
+because an objective has its minimum there. If the tangents contradict each other, as across a jump, the chord is used.
 
 Source: sandwich algorithms, e.g. Rote 1992; the subset of most hypervolume, Auger, Bader, Brockhoff & Zitzler 2009.
 """
@@ -21,14 +23,14 @@ from paretoik.front.geometry import curve_area, tangents_meet
 # Spread of points over a front: non-dominated points, gaps, and the next point.
 
 
-POINT_TOLERANCE = 1e-7  # of the ranges: nearer points are one point, and a smaller gain counts as 0
+POINT_TOLERANCE = 1e-7  # share of the ranges: nearer points are one point, and smaller gains count as 0
 
 
 def front_rows(shares: Float[np.ndarray, "points n_obj"]) -> Int[np.ndarray, " rows"]:
-    """Return the rows of non-dominated points without repeats, sorted by the first objective.
+    """Return the rows of non-dominated points, sorted by the first objective.
 
-    ``shares`` are objectives as shares of their ranges. Points are tested in the order of their sums: a dominating
-    point has the smaller sum. Points with a NaN are left out.
+    Repeated points are left out. ``shares`` are objectives as shares of their ranges. Points are tested in the order of
+    their sums, because a dominating point has a smaller sum. Points with a NaN are left out.
     """
     rows = list[int]()
     for i in np.argsort(shares.sum(axis=1), kind="stable").tolist():
@@ -39,7 +41,10 @@ def front_rows(shares: Float[np.ndarray, "points n_obj"]) -> Int[np.ndarray, " r
 
 
 def spread_rows(shares: Float[np.ndarray, "points n_obj"], count: int) -> Int[np.ndarray, " rows"]:
-    """Return the rows of every objective's best point, then of the farthest points, up to ``count``."""
+    """Return the rows of up to ``count`` points that are well spread.
+
+    First come the best points of all objectives, then the points farthest from those chosen.
+    """
     rows = list(dict.fromkeys(shares.argmin(axis=0).tolist()))
     while len(rows) < min(count, len(shares)):
         gaps = np.linalg.norm(shares[:, None] - shares[None, rows], axis=2).min(axis=1)
@@ -53,11 +58,13 @@ def fill_gaps(
     points: int,
     look_ahead: Callable[[list[tuple[int, Float[np.ndarray, " n_obj"]]]], object] | None = None,
 ) -> None:
-    """Add points in the widest gaps of the front until it has ``points`` or no gap yields one.
+    """Add points in the widest gaps of the front.
 
-    add: minimises an objective below upper bounds (inf for its own); returns whether the point is new. At a jump it
-        could add points at either edge forever, so a gap that stays as wide is closed.
-    look_ahead: called with the likely arguments of ``add`` for every gap, the widest first
+    It stops when there are ``points`` points or no gap yields one.
+
+    add: function that minimises an objective below upper bounds (inf for its own); returns whether the point is new. At
+        a jump it could add points at either edge forever, so a gap that stays as wide is closed.
+    look_ahead: function called with the likely arguments of ``add`` for every gap, the widest first
     """
     closed: set[tuple[float, ...]] = set()
     while True:
@@ -78,16 +85,20 @@ def fill_gaps(
 
 
 def _levels(ends: Float[np.ndarray, "2 n_obj"]) -> list[tuple[int, Float[np.ndarray, " n_obj"]]]:
-    """Return pairs of an objective and the others' upper bounds halfway between two points.
+    """Return objectives to minimise between two points, with upper bounds.
 
-    The longer side of the gap comes first; a front with a jump may have a point for one ε and none for the other.
+    The bounds of the other objectives are halfway between the points. The objective with the longer side of the gap
+    comes first. At a jump there may be a point for one and none for the other.
     """
     mains, middle = np.argsort(np.abs(ends[0] - ends[1]), kind="stable"), ends.mean(axis=0)
     return [(int(main), np.where(np.arange(len(middle)) == main, np.inf, middle)) for main in mains]
 
 
 def _wide_gaps(values: np.ndarray, ends: np.ndarray, *, share: float = 0.95) -> list[tuple[float, ...]]:
-    """Return the gaps between two points that are still at least ``share`` of their distance wide."""
+    """Return the gaps left between two points that are still wide.
+
+    They are at least ``share`` of the points' distance wide.
+    """
     size = float(np.linalg.norm(ends[1] - ends[0]))
     off = np.linalg.norm(values[:, None] - ends, axis=2)
     inside = np.sum(off**2, axis=1) <= size**2 * (1 + 1e-9)
@@ -102,9 +113,12 @@ def is_duplicate(value: Float[np.ndarray, " n_obj"], others: Float[np.ndarray, "
 
 
 def _gaps(values: np.ndarray) -> list[tuple[int, int]]:
-    """Return pairs of neighbours (no other point in the ball between them), the widest first."""
+    """Return pairs of neighbours, the widest first.
+
+    Neighbours have no other point in the ball between them.
+    """
     square = np.sum((values[:, None] - values[None]) ** 2, axis=2)
-    inside = square[:, None, :] + square[None, :, :] < square[:, :, None]  # (i, j, k): k between i and j
+    inside = square[:, None, :] + square[None, :, :] < square[:, :, None]  # (i, j, k): whether k is between i and j
     first, second = np.nonzero(np.triu(~inside.any(axis=2) & (square > (10 * POINT_TOLERANCE) ** 2), 1))
     order = np.argsort(-square[first, second], kind="stable")
     return list(zip(first[order].tolist(), second[order].tolist(), strict=True))
@@ -118,8 +132,8 @@ class PlacementOptions:
     """Settings of the placement.
 
     places: number of places tested in every gap
-    total: about the largest number of places in all gaps; if there are many gaps, each has fewer
-    gain: least gain of a replacement once there are enough points, as a share of the hypervolume in all gaps
+    total: approximate largest number of places in all gaps; each gap has fewer if there are many gaps
+    gain: least gain of a replacement when there are enough points, as a share of the hypervolume in all gaps
     """
 
     places: int = 31
@@ -153,7 +167,10 @@ class Gap:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Target:
-    """A place for one more point, its gap, and the hypervolume that it adds to the gap's ends."""
+    """A place for one more point.
+
+    It has its gap and the hypervolume that it adds to the gap's two ends.
+    """
 
     gap: int
     values: Float[np.ndarray, " 2"]
@@ -161,15 +178,15 @@ class Target:
 
 
 class BestSubsets:
-    """The subsets of every size with the most hypervolume less ``cost``; both ends are always included.
+    """The subsets of every size with the most hypervolume less ``cost``.
 
-    ``values`` are mutually non-dominated and sorted by the first objective; the reference point is the worst value of
-    each objective. Dynamic programming computes the sizes when they are needed.
+    Both ends are always included. ``values`` are mutually non-dominated and sorted by the first objective; the
+    reference point is the worst value of each objective. Dynamic programming computes the sizes when they are needed.
     """
 
     def __init__(self, values: Float[np.ndarray, "points 2"], cost: Float[np.ndarray, " points"] | float = 0.0) -> None:
         first, second = values.T
-        self._gain = (first[-1] - first) * (second[:, None] - second) - cost  # of a point (column) after another (row)
+        self._gain = (first[-1] - first) * (second[:, None] - second) - cost  # gain of point (column) after point (row)
         self._gain[np.tril_indices(len(values))] = -np.inf
         self._best, self._before = [self._gain[0]], list[np.ndarray]()
 
@@ -180,7 +197,10 @@ class BestSubsets:
             self._best.append(sums.max(axis=0))
 
     def rows(self, count: int) -> Int[np.ndarray, " rows"]:
-        """Return the rows of the best subset of ``count`` points, at least 2 and at most all."""
+        """Return the rows of the best subset of ``count`` points.
+
+        ``count`` is at least 2 and at most the number of points.
+        """
         self._extend(count)
         rows = [len(self._gain) - 1]
         for before in reversed(self._before[: count - 2]):
@@ -188,7 +208,10 @@ class BestSubsets:
         return np.array([0, *reversed(rows)])
 
     def volume(self, count: int) -> float:
-        """Return the hypervolume less the cost of the best ``count`` points, at least 2 and at most all."""
+        """Return the best subset's hypervolume less its cost, for ``count`` points.
+
+        ``count`` is at least 2 and at most the number of points.
+        """
         self._extend(count)
         return float(self._best[count - 2][-1])
 
@@ -196,16 +219,20 @@ class BestSubsets:
 def best_rows(
     values: Float[np.ndarray, "points 2"], count: int, cost: Float[np.ndarray, " points"] | float = 0.0
 ) -> Int[np.ndarray, " rows"]:
-    """Return the rows of at most ``count`` points with the most hypervolume less ``cost``, with both ends.
+    """Return the rows of the points with most hypervolume less ``cost``.
 
-    ``values`` are mutually non-dominated and sorted by the first objective.
+    There are at most ``count`` points; both ends are included. ``values`` are mutually non-dominated and sorted by the
+    first objective.
     """
     count = max(count, 2)
     return np.arange(len(values)) if len(values) <= count else BestSubsets(values, cost).rows(count)
 
 
 def gap_between(values: Float[np.ndarray, "2 2"], weights: Float[np.ndarray, "2 2"]) -> Gap:
-    """Return the gap between two neighbours; ``weights``: the objectives' at each, NaN if unknown."""
+    """Return the gap between two neighbours.
+
+    ``weights`` are the weights of the objectives at each, NaN if unknown.
+    """
     left, right = values
     meeting = tangents_meet(left, right, *weights)
     control = values.mean(axis=0) if meeting is None else meeting
@@ -216,9 +243,10 @@ def gap_between(values: Float[np.ndarray, "2 2"], weights: Float[np.ndarray, "2 
 
 
 def hull_pairs(values: Float[np.ndarray, "points 2"]) -> list[tuple[int, int]]:
-    """Return pairs of neighbours on the lower convex hull that have other points between them, as rows.
+    """Return hull neighbours with other points between them, as rows.
 
-    ``values`` are sorted by the first objective. Points above the hull may be on a worse branch.
+    The hull is the lower convex hull. ``values`` are sorted by the first objective. Points above the hull may be on a
+    worse branch.
     """
     hull = list[int]()
     for i, value in enumerate(values):
@@ -232,11 +260,11 @@ def hull_pairs(values: Float[np.ndarray, "points 2"]) -> list[tuple[int, int]]:
 
 
 def next_targets(gaps: Sequence[Gap], values: Float[np.ndarray, "points 2"], points: int) -> list[Target]:
-    """Return the next targets, the largest gain first; none if no place adds enough.
+    """Return the next targets, largest gain first; none if none adds enough.
 
-    While points are missing, they are distributed among the gaps; each gap returns its best place. The first target
-    comes next, and its result changes the others. Later the targets are the places in the best subset of points and
-    places; each must add enough.
+    While points are missing, they are distributed among the gaps, and the target of each gap is its best place. The
+    caller uses the first target next; its result changes the others. When there are enough points, the targets are the
+    places in the best subset of points and places; each must add enough.
     """
     if not gaps:
         return []
@@ -258,7 +286,7 @@ def next_targets(gaps: Sequence[Gap], values: Float[np.ndarray, "points 2"], poi
             best = int(np.argmax(gain))
             targets.append(Target(gap=i, values=curve[rows[best]], gain=float(gain[best])))
     else:
-        # the places in the best subset of non-dominated points and places in order; the gap of each, −1 for a point
+        # the best subset of non-dominated points and places, in order, and the gap of each (−1 for a point)
         step = -(-OPTIONS.places * len(gaps) // OPTIONS.total)
         inner = [gap.places[1 + step // 2 : -1 : step] for gap in gaps]
         owners = np.concatenate([np.full(len(values), -1), *(np.full(len(each), i) for i, each in enumerate(inner))])

@@ -1,4 +1,4 @@
-"""Refine front points by gradients to local optima that are no worse in any objective."""
+"""Refine front points by gradients to local optima, no objective worse."""
 
 from __future__ import annotations
 
@@ -34,18 +34,18 @@ from paretoik.runs.distribution import Lost, distribute_remembered, workers
 from paretoik.runs.journal import Values, recalled, remembered
 from paretoik.stop_flag import Interrupted, check_interruption
 
-# Gradients that help an evolutionary search: a few iterations from points of its front, every few generations.
+# Gradients in an evolutionary search: a few iterations from points of its front, every few generations.
 
 
 @dataclass(frozen=True, kw_only=True)
 class ImproverOptions:
     """When and how much gradients help.
 
-    every: number of generations between two helps
-    share: largest share of iterations in all evaluations
+    every: number of generations between two uses of gradients
+    share: largest number of iterations, as a share of all evaluations
     gaps: number of widest gaps that are targets each time
-    weight: weight of the objectives that are not minimised there
-    brief: solver settings, with the iterations per point
+    weight: weight of the objectives that are not minimised
+    brief: solver settings with few iterations per point
     """
 
     every: int = 10
@@ -66,13 +66,15 @@ def suggest_points(
     *,
     solver: Solver = "auto",
 ) -> tuple[Float[np.ndarray, " suggested *point"], int]:
-    """Return points after a few iterations from a front (at least two points), and the number of iterations.
+    """Return points a few iterations from a front, and the iteration count.
+
+    The front has at least two points.
 
         minimise    F̂_m + weight · Σ F̂_j        F̂: objectives divided by their ranges
         subject to  F_j ≤ ε_j for j ≠ m
 
-    At the ends of the front ε is infinite; in its widest gaps ε is the middle of the gap; at the best point of every
-    branch ε is that point.
+    At the ends of the front ε is infinite; in its widest gaps ε is the middle of the gap; for the best point of every
+    branch ε are its own objectives.
     """
     count, ranges = F.shape[1], ranges_of(F)
     shares = F / ranges
@@ -95,9 +97,10 @@ def suggest_points(
 
 
 class SearchImprover:
-    """Suggests genes to a search: points of its formulation that a few iterations lead to from its front.
+    """A source of genes for a search, by gradients from its front.
 
-    ``spent`` counts iterations, each as one evaluation. Raises InvalidInput if an objective or limit has no derivative.
+    The genes are those of points of ``formulation`` after a few iterations. ``spent`` is the number of iterations; one
+    counts as an evaluation. Raises InvalidInput if an objective or limit has no derivative.
     """
 
     def __init__(self, search: Any, formulation: Differentiable, solver: Solver = "auto") -> None:
@@ -106,7 +109,10 @@ class SearchImprover:
         self._program = formulation.program()
 
     def __call__(self, progress: Any) -> Genes | None:
-        """Return genes to evaluate next, or None; ``progress`` has the generation and the evaluations so far."""
+        """Return genes to evaluate next, or None.
+
+        ``progress`` has the generation and the number of evaluations so far.
+        """
         front, options = self._search.archive.members, IMPROVER_OPTIONS
         due = progress.generation % options.every == 0 and self.spent <= options.share * progress.evaluations
         if not due or front is None or len(front) < 2:
@@ -124,23 +130,24 @@ class SearchImprover:
 class RefineOptions:
     """Settings of refinement; objectives are divided by their ranges.
 
-    Attempts come in the order ``straight``, ``below``, ``near``, ``cold``. The next one starts if an attempt does not
-    converge or an objective rises. A critical point may be only weakly optimal if an objective has no weight: this
-    objective may still gain. This point is refined ``below`` too.
+    - Attempts come in the order ``straight``, ``below``, ``near``, ``cold``. The next one starts if an attempt does not
+      converge or an objective rises.
+    - A critical point is perhaps only weakly optimal if an objective has no weight: this objective may still gain.
+      These points are refined ``below`` too.
 
-    weight: weight of the sum of all objectives, added to the first: no gain is left that costs almost nothing
+    weight: weight of the sum of all objectives, added to the first, so that no nearly free gain is left
     critical: largest criticality of a point that is not refined
-    flat: largest criticality of an optimum that is not stationary
+    flat: largest criticality of an optimum whose stationarity is too large
     stationary: largest stationarity of an optimum
     violation: largest violation of a feasible point
     rise: largest rise of an objective that counts as 0
     no_weight: least weight that counts, as a share of all weights
-    gain: least gain of a refined weak optimum that is kept
+    gain: smallest gain for which a refined weak optimum is kept
     batch: number of points refined between two calls of the observer, which may end the refinement
-    straight: solver settings of the first attempt, straight ahead: the others gain at least as much as the first
-    below: the same for equal weights where no objective may rise (Benson 1978): a tenth of the iterations if the way
-        straight ahead is curved
-    near, cold: the same for further attempts straight ahead
+    straight: solver settings of the first attempt, in which all objectives gain at least as much as the first
+    below: solver settings for equal weights if no objective may rise (Benson 1978); it needs a tenth of the iterations
+        if the straight way is curved
+    near, cold: solver settings of further attempts like ``straight``
     """
 
     weight: float = 0.1
@@ -164,13 +171,13 @@ OPTIONS = RefineOptions()
 def refine(
     program: Program, x: Points, n_obj: int, *, solver: Solver = "auto", observe: Observe | None = None
 ) -> tuple[Points, Bool[np.ndarray, " points"]]:
-    """Return points, none worse than before, and which of them are local optima now.
+    """Return points, none worse than before, and whether each is optimal now.
 
         minimise    F₀(y) + weight · Σ F_j(y)
         subject to  F_j(y) − F₀(y) ≤ F_j(x) − F₀(x) for j > 0,  F₀(y) ≤ F₀(x)
 
-    Every objective gains at least as much as the first, so each point goes straight ahead and keeps its place among its
-    neighbours (Pascoletti & Serafini 1984). The program's first objectives are those of the front, divided by their
+    Every objective gains at least as much as the first, so each point moves straight ahead and keeps its place among
+    its neighbours (Pascoletti & Serafini 1984). The program's first objectives are those of the front, divided by their
     ranges. Critical points stay, and so do points from which no solver finds a better one. ``observe`` is called with
     the number of refined points, the number of all, and the last refined point; if it returns true, or after a signal,
     the others stay as they are.
@@ -194,9 +201,10 @@ def refine(
 def _refine_here(
     program: Program, x: Points, n_obj: int, solver: Solver, keys: Sequence[bytes | None]
 ) -> Iterator[tuple[int, Values]]:
-    """Yield the index and the refined values of every point, from the run's journal if they are there.
+    """Yield every point's index and refined values.
 
-    Raises Interrupted after a signal, once the better points so far are yielded.
+    Values in the run's journal are used again. Raises Interrupted after a signal, after yielding the better points
+    found so far.
     """
     attempts = _attempts(n_obj, len(program.upper))
     for first in range(0, len(x), OPTIONS.batch):
@@ -206,7 +214,7 @@ def _refine_here(
         points, converged = x[rows], np.zeros(len(rows), dtype=bool)
         try:
             _refine_rows(program, points, converged, attempts, n_obj, solver)
-            # replace weak optima, where an objective has no weight, in place, by points that gain at no cost
+            # replace weak optima (an objective has no weight) in place, by points that gain at no cost
             below = attempts[1]
             n_obj = len(below.rows)
             weak = np.flatnonzero(weights_at(program, points, n_obj).min(axis=1, initial=1.0) < OPTIONS.no_weight)
@@ -232,7 +240,10 @@ def _refine_here(
 def _refine_in_workers(
     program: Program, x: Points, n_obj: int, solver: Solver, keys: Sequence[bytes | None]
 ) -> Iterator[tuple[int, Values]]:
-    """Yield every point's index and values as workers refine it; lost points stay the same."""
+    """Yield every point's index and values, refined by workers.
+
+    Lost points stay the same.
+    """
     check_interruption()
     attempt = _attempts(n_obj, len(program.upper))[0]
     compile_method(program, x[0], attempt.weights, attempt.options, solver=solver)
@@ -257,7 +268,10 @@ def _values_of(point: Point, converged: Any) -> Values:
 
 
 class _Attempt(NamedTuple):
-    """Minimise weights · F(y) subject to rows · F(y) ≤ rows · F(x) for the start x."""
+    """Minimise weights · F(y) with rows · F(y) ≤ rows · F(x).
+
+    x is the start.
+    """
 
     weights: Float[np.ndarray, "1 objectives"]
     rows: Float[np.ndarray, "n_obj objectives"]
@@ -287,7 +301,10 @@ def _refine_rows(
     n_obj: int,
     solver: Solver,
 ) -> None:
-    """Refine points in place. Raises Interrupted after a signal; converged points are kept."""
+    """Refine points in place.
+
+    Raises Interrupted after a signal; converged points are kept.
+    """
     for i, one in enumerate(x):
         check_interruption()
         converged[i] = _is_critical(program, one, n_obj, OPTIONS.critical, criticality_bound)
@@ -318,10 +335,12 @@ def _keep(
     solutions: Solutions,
     attempt: _Attempt,
 ) -> Int[np.ndarray, " better"]:
-    """Replace points by solutions that are no worse, optimal or only feasible; return the replaced rows.
+    """Replace points by solutions that are no worse; return the replaced rows.
 
-    An optimum of the attempt is an optimum of the front only if no objective has a negative weight: straight ahead, the
-    first objective may have to rise so that the others fall.
+    The solutions are optimal or only feasible.
+
+    An optimum of the attempt is optimal for the front only if no objective has a negative weight: in a straight attempt
+    the first objective may have to rise for the others to fall.
     """
     n_obj = len(attempt.rows)
     weights = attempt.weights + solutions.bound_multipliers[:, :n_obj] @ attempt.rows
@@ -337,9 +356,10 @@ def _keep(
 
 
 def _correct(program: Program, x: Points, converged: Bool[np.ndarray, " points"], i: int, attempt: _Attempt) -> None:
-    """Replace a point by the critical point that Newton's method leads to, if it is no worse.
+    """Replace a point by the critical point of Newton's method.
 
-    In a flat valley rounding hides a gain from the solver's merit function; gradients still show it.
+    The new point must be no worse. In a flat valley rounding hides a gain from the solver's merit function; gradients
+    still show it.
     """
     n_obj = len(attempt.rows)
     goal = Goal(weights=attempt.weights[0], rows=attempt.rows, upper=attempt.rows @ program.evaluate(x[i])[0])
@@ -354,7 +374,10 @@ def _correct(program: Program, x: Points, converged: Bool[np.ndarray, " points"]
 
 
 def _no_worse(program: Program, x: Points, solutions: Solutions, n_obj: int) -> Bool[np.ndarray, " points"]:
-    """Return which solutions are no worse in any objective than their start, or have an infeasible start."""
+    """Return which solutions are no worse than their starts.
+
+    No objective may be worse, unless the start is infeasible.
+    """
     before = evaluate_points(program, x)
     rise = (solutions.objectives - before.objectives)[:, :n_obj].max(axis=1)
     return (rise <= OPTIONS.rise) | (before.violation > OPTIONS.violation)
@@ -367,7 +390,10 @@ def _is_critical(
     tolerance: float,
     value: Callable[[Program, Linearisation, np.ndarray], float],
 ) -> bool:
-    """Return whether a point satisfies its limits and its criticality, or a bound of it, is almost 0."""
+    """Return whether a point is feasible and its criticality is almost 0.
+
+    ``value`` returns the criticality or an upper bound of it.
+    """
     try:
         at = program.linearise(x)
         if violation_at(program, at) > OPTIONS.violation:

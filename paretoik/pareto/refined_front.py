@@ -1,4 +1,4 @@
-"""Refine every point of a front over the ranges of the front that results, and complete it by further points."""
+"""Refine a front over its own ranges and add further points."""
 
 from __future__ import annotations
 
@@ -32,9 +32,10 @@ class RefinementOptions:
 
         rounds: most rounds of refinement
         shrinkage: share of its former size below which a range requires another round
-        smallest_share: smallest size of a range, as a share of its former size; less is near solver tolerances
+        smallest_share: smallest size of a range, as a share of its former size; smaller ranges are near solver
+            tolerances
 
-    Criticality is measured in shares of the ranges: over the wide ranges of a coarse search it is almost zero at points
+    Criticality is measured in shares of the ranges: over the wide ranges of a coarse search it is almost 0 at points
     that are not critical over the ranges of the final front.
     """
 
@@ -48,13 +49,15 @@ OPTIONS = RefinementOptions()
 
 @dataclass(frozen=True, kw_only=True)
 class Completion:
-    """Points that are added to a refined front: the best that ``plan`` finds, and those that gain most in gaps.
+    """Points that are added to a refined front.
 
-    points: most points of the front, or its own number if that is larger
+    They are the best that ``plan`` finds, and those that gain most in gaps.
+
+    points: largest number of points of the front, or its own number if that is larger
     seed: seed of the starts
     first_id: id of the first new point
-    starts: number of starts per objective; fewer than without a search, as the search has looked already
-    cold_points: number of points that are also sought from starts
+    starts: number of starts per objective; fewer than without a search, because the search has explored already
+    cold_points: number of points that are also searched from starts
     """
 
     points: int
@@ -65,7 +68,10 @@ class Completion:
 
 
 class RefinedFront(NamedTuple):
-    """A refined and certified front, which points converged, and whether an observer ended it."""
+    """A refined, certified front.
+
+    It records which points converged and whether an observer ended it.
+    """
 
     front: Front
     converged: Bool[np.ndarray, " points"]
@@ -82,9 +88,10 @@ def refined_front(
     before: Front | None = None,
     completion: Completion | None = None,
 ) -> RefinedFront:
-    """Return the refined and certified front of points, with those of a ``completion``, if given.
+    """Return the refined and certified front of points.
 
-    Points that became worse than on the front ``before`` are restored.
+    If a ``completion`` is given, its points are added. Points that became worse than on the front ``before`` are
+    restored.
     """
     formulation = certifier.formulation
     with certifier.reserve_later(len(x)):
@@ -103,9 +110,10 @@ def refined_front(
 def _refine_over_own_ranges(
     certifier: Certifier, x: Points, ranges: Values, then: str
 ) -> tuple[Points, Bool[np.ndarray, " points"], Values, bool]:
-    """Return refined points, which of them converged, their ranges, and whether an observer ended it.
+    """Return refined points, converged flags, ranges, and whether an observer stopped.
 
-    The ranges are about those of the points' front. The time left is not shown if other stages come first, ``then``.
+    The ranges are about those of the points' front. ``then`` names the stages that follow; if there are some, the time
+    left is not shown.
     """
     formulation, observe, following = certifier.formulation, certifier.observe, " and ".join(certifier.later_stages)
     ended, shares = False, np.ones(len(ranges))
@@ -136,7 +144,10 @@ def _refine_over_own_ranges(
 def _completed(
     completion: Completion, certifier: Certifier, x: Points, ids: Ids, ranges: Values
 ) -> tuple[Float[np.ndarray, " completed *point"], Int[np.ndarray, " completed"], Values]:
-    """Return points with those of a completion, their ids and ranges; as they are if the planner finds nothing."""
+    """Return points completed by new ones, their ids and ranges.
+
+    They stay as they are if the planner finds nothing.
+    """
     formulation, solver, observe = certifier.formulation, certifier.solver, certifier.observe
     began = computing_clock()
 

@@ -1,4 +1,4 @@
-"""Scalarisation: objectives divided by their ranges, weighted, and bounded from above by ε."""
+"""Scalarisation: objectives divided by ranges, weighted, and bounded from above by ε."""
 
 from __future__ import annotations
 
@@ -31,10 +31,12 @@ Observe: TypeAlias = Callable[..., object]
 
 
 def objective_sizes(program: Program, x: Points, n_obj: int) -> Float[np.ndarray, " n_obj"]:
-    """Return the size of every objective at points: the largest |F| or first-order change of F in a step of 1.
+    """Return the size of every objective at points.
 
-    The step is along the gradient (rad, RMS): at optima F itself may be only rounding. Changes by auxiliary variables
-    have no such length and do not count.
+    It is the largest |F|, or the largest first-order change of F in a step of 1 if that is more.
+
+    The step has RMS length 1 rad along the gradient: at optima F itself may be only rounding. Changes by auxiliary
+    variables have no such length and do not count.
     """
     at = [program.linearise(one) for one in x]
     values = np.array([each.objectives[:n_obj] for each in at])
@@ -44,7 +46,10 @@ def objective_sizes(program: Program, x: Points, n_obj: int) -> Float[np.ndarray
 
 
 def main_weights(n_obj: int, mains: Int[np.ndarray, " rows"], weight: float | np.ndarray) -> np.ndarray:
-    """Return weights (rows, n_obj): 1 for each row's main objective, ``weight`` (one or per row) for the others."""
+    """Return weights (rows, n_obj): 1 for main objectives, ``weight`` for others.
+
+    ``weight`` is one number or one per row.
+    """
     weights = np.repeat(np.broadcast_to(weight, len(mains))[:, None], n_obj, axis=1)
     weights[np.arange(len(mains)), mains] = 1.0
     return weights
@@ -66,8 +71,8 @@ def minimise_weighted(
         minimise    weights · F(x)
         subject to  F(x) ≤ upper (ε)
 
-    Only the first n_obj of the program's F are weighted and bounded. ``barrier`` is common, or one per point.
-    ``observe`` is called after each batch of ``batch`` points; workers get all points at once, and it is called as they
+    Only the first n_obj objectives of the program are weighted and bounded. ``barrier`` is common, or one per point.
+    ``observe`` is called after each batch of ``batch`` points. Workers get all points at once; it is called as they
     return them.
     """
     count, n_obj = len(x), weights.shape[1]
@@ -113,7 +118,10 @@ WARM_OPTIONS = WarmStartOptions()
 
 
 def evaluate_points(program: Program, x: Points) -> Solutions:
-    """Return points as they are with objectives and violations; none counts as optimal."""
+    """Return points as they are, with objectives and violations.
+
+    None of them counts as optimal.
+    """
     ends = [program.evaluate(one) for one in x]
     violation = [violation_of(program, *each) for each in ends]
     return Solutions(
@@ -130,9 +138,11 @@ def evaluate_points(program: Program, x: Points) -> Solutions:
 def minimise_from(
     program: Program, x: Points, weights: Float[np.ndarray, " n_obj"], *, solver: Solver = "auto"
 ) -> Solutions:
-    """Return the local minima of weights · F that points lead to; none is worse than a feasible start.
+    """Return the local minima of weights · F that points lead to.
 
-    If no barrier improves a feasible start, it is returned as it is: as converged if a solution equals it to rounding,
+    None is worse than a feasible start.
+
+    If no barrier improves a feasible start, the start is returned: as converged if a solution equals it to rounding,
     else with the status of no progress.
     """
     factors = np.pad(weights, (0, len(program.upper) - len(weights)))
@@ -159,7 +169,7 @@ def minimise_from(
 
 
 def insert_best(optima: Solutions, others: Solutions, weights: Float[np.ndarray, " n_obj"]) -> Solutions:
-    """Return optima, preceded by the best feasible one of the others if it beats all."""
+    """Return optima with the best feasible other first, if it beats all."""
     feasible = others[others.violation <= WARM_OPTIONS.violation]
     if not len(feasible):
         return optima
@@ -178,8 +188,8 @@ class ColdSearchOptions:
     """Settings of cold searches.
 
     starts: default number of starts
-    weight: weight of the other objectives when one is minimised alone; without it they may be unbounded
-    initial: number of initial points, the best in an objective, that lead to its optima
+    weight: weight of the other objectives when one is minimised; without it they may be unbounded
+    initial: number of initial points, best in an objective, from which its optima are searched
     batch: number of starts between two calls of the observer
     distinct: distance (rad or m, RMS) below which points are one
     barrier, second_barrier: solver settings of the first and the second attempt
@@ -214,9 +224,10 @@ class ColdSearch(Protocol):
     def optima_below(
         self, program: Program, main: int, upper: Float[np.ndarray, " n_obj"], weight: float
     ) -> Solutions | None:
-        """Return the optima of one objective with the others below ``upper``, from cold starts; None if none.
+        """Return one objective's optima from cold starts, others below ``upper``.
 
-        The objectives of ``program`` are divided by their ranges; the others count with ``weight``.
+        None if there are none. The objectives of ``program`` are divided by their ranges; the others count with
+        ``weight``.
         """
 
 
@@ -237,9 +248,9 @@ class StartSearch:
         return len(self.names)
 
     def optima(self, objective: int) -> Points:
-        """Return the local optima of one objective, best first; the others count a little.
+        """Return one objective's local optima, best first.
 
-        Raises SolverFailed if no start leads to a point within all limits.
+        The other objectives have a small weight. Raises SolverFailed if no start leads to a point within all limits.
         """
         natural = self.program_of(np.ones(self.n_obj))
         values = np.array([natural.evaluate(x)[0][: self.n_obj] for x in self.starts]).reshape(-1, self.n_obj)
@@ -252,7 +263,7 @@ class StartSearch:
         return solutions.x
 
     def optima_below(self, program: Program, main: int, upper: Float[np.ndarray, " n_obj"], weight: float) -> Solutions:
-        """Return the optima of one objective with the others below ``upper``, best first."""
+        """Return one objective's optima with others below ``upper``, best first."""
         weights = main_weights(self.n_obj, np.array([main]), weight)
 
         def solve(starts: Points, barrier: InteriorPointOptions) -> Solutions:
@@ -276,7 +287,7 @@ class StartSearch:
 
 
 def naming_objective(observe: Observe | None, names: Sequence[str], objective: int) -> Observe | None:
-    """Return an observer that is also told the current objective and the number of objectives."""
+    """Return an observer that also gets the current objective in words."""
     words = f"{names[objective]} ({objective + 1} of {len(names)})"
 
     def show(done: int, total: int, summary: str = "") -> object:
@@ -294,10 +305,12 @@ def optima_alone(
     initial: Float[np.ndarray, " initial *point"] | None,
     solver: Solver,
 ) -> Points:
-    """Return the local optima of one objective alone, best first, also from feasible ``initial`` points.
+    """Return one objective's local optima, best first.
 
-    From initial points the other objectives count a little: else one could rise without bound along a direction that
-    costs the first nothing. Raises the errors of ``cold`` if there are no initial points.
+    Feasible ``initial`` points are starts too.
+
+    From initial points the other objectives have a small weight: else one could rise without bound along a direction
+    that costs the first nothing. Raises the errors of ``cold`` if there are no initial points.
     """
     if initial is None or not len(initial):
         return cold.optima(objective)
@@ -308,7 +321,7 @@ def optima_alone(
     initial = initial[np.argsort(values, kind="stable")[: COLD_OPTIONS.initial]]
     weights = main_weights(n_obj, np.array([objective]), COLD_OPTIONS.weight)[0]
     x = minimise_from(program, initial, weights, solver=solver).x
-    with suppress(Infeasible, SolverFailed):  # the initial points are enough
+    with suppress(Infeasible, SolverFailed):  # initial points are enough
         x = np.concatenate([cold.optima(objective), x])
     values = np.array([natural.evaluate(one)[0][objective] for one in x])
     rows = list[int]()

@@ -1,4 +1,4 @@
-"""A sweep of ε-constraints: its points, and new points where the front gains the most."""
+"""The sweep of ε-constraints, with new points where the front gains most."""
 
 from __future__ import annotations
 
@@ -33,26 +33,28 @@ from paretoik.runs.distribution import workers
 
 @dataclass(frozen=True, kw_only=True)
 class EpsilonOptions:
-    """Settings of a sweep; objectives are divided by their ranges, so values are shares of these.
+    """Settings of a sweep; values are shares of the objectives' ranges.
 
-    end_tolerance: loss of an objective at its end of the front, for the others
-    end_weight: first weight of the others at an end
-    narrower: ends are searched again with their own ranges if these are below this share of the optima's ranges
-    weight: weight of the others at any ε; without it a point may be only weakly optimal
-    cold_points: with two objectives, number of first points that are also searched from cold starts
+    end_tolerance: largest loss of an objective at its end of the front, in favour of the others
+    end_weight: first weight of the other objectives at an end
+    narrower: ratio of the ends' ranges to the optima's ranges, below which ends are searched again with their own
+        ranges
+    weight: weight of the other objectives at any ε; without it a point may be only weakly optimal
+    cold_points: number of first points that are also searched from cold starts (two objectives)
     cold_optima: number of best optima used from each cold search
-    inner: with more objectives, ε of each one's cold search, between nadir (0) and ideal (1)
-    falls_short: the second neighbour is a start too if the nearer one's gain is below the expected one by this share
-    further, further_share: most extra points to solve, as a number or as a share of all points (the larger counts)
-    grid: number of even places in a gap for bounds of points
-    nearest: with more objectives, number of nearest points from which every ε starts
-    neighbours, rounds, basin_iterations: every point tries the basins of this number of neighbours, in at most this
-        number of rounds, with this number of iterations
+    inner: ε of each objective's cold search, between nadir (0) and ideal (1) (more than two objectives)
+    falls_short: missing share of the expected gain at which the second neighbour is a start too
+    further, further_share: largest number of extra points to solve, also as a share of all points; the larger counts
+    grid: number of even steps in a gap to which ε is rounded
+    nearest: number of nearest points from which every ε starts (more than two objectives)
+    neighbours, rounds, basin_iterations: number of neighbours whose basins each point tries, largest number of rounds,
+        and iterations per try
     batch: number of points minimised between two calls of the observer
-    resolution, resolved_distance: the front is one point if its ends are within these: a share of every objective's
-        size, and an RMS distance in rad or arm lengths. A solver's last barrier leaves such a difference.
-    warm: solver settings from a nearby point
-    near, cold: settings for a second attempt at ends: from a flat valley one may lose the point or find a better one
+    resolution, resolved_distance: differences of the ends below which the front is one point: a share of every
+        objective's size, and an RMS distance in rad or arm lengths. The solver's last barrier leaves differences of
+        this size.
+    warm: solver settings for starts from a nearby point
+    near, cold: solver settings of second attempts at ends: in a flat valley one may lose the point or find a better one
     """
 
     end_tolerance: float = 1e-6
@@ -91,7 +93,10 @@ Key: TypeAlias = tuple[bytes, int, bytes, InteriorPointOptions]
 
 
 class Level(NamedTuple):
-    """Minimise F_main + weight · Σ F_j from ``x`` subject to F_j ≤ upper_j (ε)."""
+    """Minimise F_main + weight · Σ F_j with F_j ≤ ε_j.
+
+    The start is ``x``; ``upper`` is ε, inf for ``main``.
+    """
 
     x: Point
     main: int
@@ -114,13 +119,13 @@ SweepPhase: TypeAlias = Literal["", "gap filling", "jump search", "basin exchang
 class SweepProgress:
     """The progress of a sweep.
 
-    done, total: number of points on the front so far, and of those asked for
-    x: all points
-    objectives: their minimised objectives in natural units
+    done, total: number of points on the front so far, and number of points requested
+    x: all points so far
+    objectives: objectives of all points, minimised, in natural units
     front: rows of non-dominated points
     epsilon: upper bounds of the last minimisation, inf for the minimised objective; None without bounds
-    ranges: divisors of the objectives while points are searched
-    solved: number of minimised levels
+    ranges: divisors of the objectives in the sweep
+    solved: number of solved levels
     ahead: estimated number of further levels; None during cold searches
     phase: "" until points are placed; then "gap filling" (extra points replace others), "jump search" (better branches
         next to jumps of the front) or "basin exchange" (every point in the basins of its neighbours)
@@ -148,12 +153,12 @@ class Sweep:
     objectives: objectives of the points, divided by ``ranges``
     weights: weights of the objectives in the Lagrangian, NaN if unknown
     epsilon: bounds of the last minimisation, None without bounds
-    cold_points: number of points still to be searched from cold starts
+    cold_points: number of points that are still to be searched from cold starts
     further: estimated number of points that will replace others
     rounds: expected number of rounds of basin exchange
     ahead: solutions of levels that workers minimised earlier
-    tried: for two neighbours (rows), the objectives that were minimised between them without a new point
-    gaps: for two neighbours (rows), the gap between them
+    tried: objectives already minimised without a new point between two neighbours (rows)
+    gaps: gap between two neighbours (rows)
     """
 
     program: Program
@@ -176,7 +181,10 @@ class Sweep:
     gaps: dict[tuple[int, int], Gap] = field(default_factory=dict)
 
     def add(self, solutions: Solutions, weights: Float[np.ndarray, "#points n_obj"] | None = None) -> None:
-        """Add points, on the front or not; ``weights``: their objectives' in the Lagrangian, if known."""
+        """Add points, on the front or not.
+
+        ``weights`` are the weights of their objectives in the Lagrangian, if known.
+        """
         weights = np.full((1, self.n_obj), np.nan) if weights is None else weights
         self.weights = np.concatenate([self.weights, np.broadcast_to(weights, (len(solutions), self.n_obj))])
         self.x = np.concatenate([self.x, solutions.x])
@@ -184,7 +192,7 @@ class Sweep:
         self._show()
 
     def _lagrangian(self, solutions: Solutions, weights: np.ndarray) -> Float[np.ndarray, "points n_obj"]:
-        """Return the weights of the objectives in the Lagrangian: ``weights`` plus the bounds' multipliers."""
+        """Return objectives' weights in the Lagrangian: ``weights`` plus bounds' multipliers."""
         return np.asarray(weights + solutions.bound_multipliers[:, : self.n_obj])
 
     def front(self) -> Int[np.ndarray, " front"]:
@@ -192,7 +200,10 @@ class Sweep:
         return front_rows(self._values)
 
     def spread(self) -> Int[np.ndarray, " rows"]:
-        """Return the rows of ``points`` points of the front; with two objectives, those of most hypervolume."""
+        """Return the rows of ``points`` well-spread points of the front.
+
+        With two objectives they have the most hypervolume.
+        """
         rows = self.front()
         values = self._values[rows]
         return rows[best_rows(values, self.points) if self.n_obj == 2 else spread_rows(values, self.points)]
@@ -202,12 +213,12 @@ class Sweep:
         return self.objectives[:, : self.n_obj]
 
     def _show(self, done: int = 0, total: int = 0) -> None:
-        """Show the progress, with ``done`` of the ``total`` levels that are minimised now."""
+        """Show the progress: ``done`` of ``total`` current levels are minimised."""
         if self.observe is None:
             return
         front, ahead = self.front(), None
         if self.cold_points <= 0:  # the estimated number of remaining levels
-            each = self.solved / max(len(front) - self.n_obj, 1)  # levels do not find the ends
+            each = self.solved / max(len(front) - self.n_obj, 1)  # number of levels per point; no level finds the ends
             exchange = self.rounds * OPTIONS.neighbours * self.points
             levels = max(each, 1.0) * (max(self.points - len(front), 0) + self.further) + exchange
             ahead = levels + total - done
@@ -227,7 +238,7 @@ class Sweep:
         )
 
     def solve(self, levels: Sequence[Level]) -> Solutions:
-        """Return the solutions of levels with a common ε, minimised earlier or now."""
+        """Return solutions of levels with a common ε, minimised earlier or now."""
         self.epsilon = levels[0].upper
         self.solved += len(levels)
         missing = [level for level in levels if level.key not in self.ahead]
@@ -237,7 +248,10 @@ class Sweep:
         return concatenate([solutions[level.key] for level in levels])
 
     def look_ahead(self, levels: Sequence[Level]) -> None:
-        """Minimise levels that are likely to come, in workers (if any), once the first level is due."""
+        """Minimise levels that are likely to come, in workers (if any).
+
+        Nothing is done if the first level is known already.
+        """
         missing = {level.key: level for level in levels if level.key not in self.ahead}
         if workers() > 1 and len(missing) > 1 and levels[0].key in missing:
             self.ahead.update(self._minimise(list(missing.values()), None))
@@ -256,15 +270,16 @@ class Sweep:
         return {level.key: solutions[i : i + 1] for i, level in enumerate(levels)}
 
     def place_points(self, cold: ColdSearch, cold_points: int, further: int) -> None:
-        """Add points where the front of two objectives gains the most hypervolume, until it has enough.
+        """Add points where a two-objective front gains the most hypervolume.
 
-        The first ``cold_points`` are also searched from cold starts; at most ``further`` points replace others.
+        It stops when there are enough points. The first ``cold_points`` are also searched from cold starts; at most
+        ``further`` points replace others.
         """
         self.cold_points, self.further = cold_points, further / 2
         while True:
             rows = self.front()
-            # the gaps that may contain new points, between neighbours and on the hull, and their ends. If tangents of
-            # hull neighbours agree, there may be a branch below the points between them
+            # the gaps that may contain new points, between neighbours and on the hull. If the tangents of two hull
+            # neighbours agree, there may be a branch below the points between them
             hull = [(int(rows[i]), int(rows[j])) for i, j in hull_pairs(self._values[rows])]
             pairs = [*pairwise(rows.tolist()), *hull]
             pairs = [pair for pair in pairs if len(self.tried.get(pair, ())) < self.n_obj]
@@ -303,10 +318,10 @@ class Sweep:
                     self.further -= enough
 
     def search_jumps(self) -> None:
-        """Solve again at both sides of possible jumps of the front: a better branch may pass there.
+        """Solve again at both sides of possible jumps of the front.
 
-        Each side starts from the other side with a high barrier, which crosses ridges between valleys; if tangents
-        contradict each other, also with a low one.
+        A better branch may pass there. Each side is the bound of a search from the other side, with a high barrier that
+        crosses ridges between valleys. If tangents contradict each other, a low barrier is tried too.
         """
         self.phase, self.cold_points, self.further, jumps = "jump search", 0, 0, list[tuple[int, list[Level]]]()
         for pair in (list(pair) for pair in pairwise(self.spread().tolist())):
@@ -330,10 +345,13 @@ class Sweep:
         return self.gaps[pair]
 
     def _levels(self, pair: tuple[int, int], target: Target) -> list[Level]:
-        """Return the levels to a target across a gap's longer untried side, nearer end first."""
+        """Return the levels to a target in a gap, nearer end first.
+
+        They bound the gap's longer untried side.
+        """
         ends, mains = self._values[list(pair)], self.tried.get(pair, ())
         main = next(k for k in np.argsort(np.abs(ends[0] - ends[1]), kind="stable").tolist() if k not in mains)
-        # on an even grid, so that rounding of tangents moves no point
+        # on an even grid, so that rounding errors of tangents do not move points
         low, width = ends.min(axis=0), np.ptp(ends, axis=0)
         share = np.clip(np.round((target.values - low) / width * OPTIONS.grid), 1, OPTIONS.grid - 1) / OPTIONS.grid
         upper = np.where(np.arange(self.n_obj) == main, np.inf, low + share * width)
@@ -346,7 +364,7 @@ class Sweep:
         return float(np.where(solutions.converged, np.prod(sides, axis=1), 0.0).max(initial=0.0))
 
     def _add_new(self, solutions: Solutions, weights: np.ndarray, corner: np.ndarray) -> bool:
-        """Add new solutions; return whether one of them is a point of the front below a corner."""
+        """Add new solutions; return whether one is on the front below ``corner``."""
         before, new = self._values[self.front()], False
         for i, value in enumerate(solutions.objectives):
             if is_duplicate(value, self.objectives):
@@ -358,10 +376,10 @@ class Sweep:
         return new
 
     def fill_gaps(self) -> None:
-        """Add points in the widest gaps of the front, until it has enough."""
+        """Add points in the front's widest gaps, until it has enough."""
 
         def look_ahead(bounds: Sequence[tuple[int, Float[np.ndarray, " n_obj"]]]) -> None:
-            first = bounds[: max(workers() // OPTIONS.nearest, 1)]  # as many as there are workers for
+            first = bounds[: max(workers() // OPTIONS.nearest, 1)]  # each occupies ``nearest`` workers
             self.look_ahead([level for main, upper in first for level in self._levels_below(main, upper)])
 
         fill_gaps(lambda: self._values[self.front()], self._minimise_below, self.points, look_ahead)
@@ -373,7 +391,10 @@ class Sweep:
         return [Level(x, main, upper) for x in self.x[nearest]]
 
     def _minimise_below(self, main: int, upper: Float[np.ndarray, " n_obj"]) -> bool:
-        """Minimise ``main`` below ``upper`` from the nearest points; return whether the best is new."""
+        """Minimise ``main`` below ``upper`` from nearby points; return whether it succeeded.
+
+        It succeeds if the best solution is a new point.
+        """
         weights = main_weights(self.n_obj, np.array([main]), OPTIONS.weight)
         solutions = self.solve(self._levels_below(main, upper))
         best = int(np.argmin(np.where(solutions.converged, solutions.objectives[:, main], np.inf)))
@@ -383,7 +404,9 @@ class Sweep:
         return True
 
     def exchange_basins(self) -> None:
-        """Search the neighbours' basins of every front point for a point that is better in all objectives.
+        """Search the neighbours' basins of every point for a better point.
+
+        A better point is worse in no objective and better in their sum.
 
             minimise    Σ F(y)  from a neighbour's point
             subject to  F(y) ≤ F(x)
@@ -393,7 +416,7 @@ class Sweep:
         options, self.phase = OPTIONS.warm._replace(iterations=OPTIONS.basin_iterations), "basin exchange"
         tried = np.zeros((0, 2), dtype=int)
         for _ in range(OPTIONS.rounds):
-            # every point of the spread with each of its nearest neighbours in it
+            # pairs of each point of the spread with its nearest neighbours in it
             rows = self.spread()
             distances = np.linalg.norm(self._values[rows][:, None] - self._values[rows], axis=2)
             np.fill_diagonal(distances, np.inf)
@@ -405,7 +428,7 @@ class Sweep:
             self.solved, self.rounds = self.solved + len(pairs), 0
             tried = np.concatenate([tried, pairs])
             upper = self._values[pairs[:, 0]]
-            self.epsilon = upper[0] if len(upper) == 1 else None  # else each has its own bounds
+            self.epsilon = upper[0] if len(upper) == 1 else None  # several levels have no common bounds
             solutions = minimise_weighted(
                 self.program,
                 self.x[pairs[:, 1]],

@@ -1,4 +1,4 @@
-"""Local resolution of one motion: projection methods, a quadratic program within limits, prediction, Nedungadi."""
+"""Local resolution of one motion: projection, quadratic program, prediction, Nedungadi."""
 
 import lazy_loader
 

@@ -1,4 +1,7 @@
-"""Motions with limits in every step: joint positions, velocities, accelerations, and distances."""
+"""Motions that satisfy limits in every step.
+
+Limits are on joint positions, velocities, accelerations, and distances.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +39,7 @@ from paretoik.task.retraction import row_scales
 #                 lower ≤ q̇ ≤ upper        (joint limits, as rates)
 #                 ∇d · q̇ ≥ −approach       (distances from obstacles)
 #
-# If the task is damped by ρ, or limits leave it no solution, it is relaxed:
+# If the task is damped by ρ, or has no solution within limits, it is relaxed:
 #
 #     minimise    ½ ‖J q̇ − v‖² + ½ ρ² (q̇ − z)ᵀ W (q̇ − z)
 #
@@ -52,10 +55,10 @@ from paretoik.task.retraction import row_scales
 class StepOptions:
     """Tolerances of a step within limits."""
 
-    tolerance: float = 1e-9  # share of the largest rate without limits, or bound: a smaller excess counts as none
+    tolerance: float = 1e-9  # share of the largest rate or bound: a smaller excess is accepted
     singular: float = 1e-13  # share of the largest singular value: the Jacobian counts as singular
     least_damping: float = 1e-4  # share of the largest singular value, if an undamped task is relaxed
-    penalty: float = 1e6  # of the excess rate of a shrinking distance, in shares of the largest
+    penalty: float = 1e6  # weight of the excess rates of shrinking distances; rates are relative to the largest
 
 
 OPTIONS = StepOptions()
@@ -63,7 +66,10 @@ OPTIONS = StepOptions()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StepGoal:
-    """Goal of a step: rates of the task and of the criteria, inverse joint weights D, and damping."""
+    """Goal of a step: rates, inverse joint weights D, and damping.
+
+    Rates are those of the task and of the criteria.
+    """
 
     jacobian: Float[np.ndarray, "rows dof"]
     task_rates: Float[np.ndarray, " rows"]
@@ -82,22 +88,28 @@ class StepLimits:
     lowest_rates: Float[np.ndarray, " distances"]
 
     def slack(self, rates: Float[np.ndarray, " dof"]) -> Float[np.ndarray, " limits"]:
-        """Return the slack of every limit at rates: distances, then lower and upper bounds; negative if violated."""
+        """Return the slack of every limit at rates, negative if violated.
+
+        The order is distances, lower bounds, upper bounds.
+        """
         return np.concatenate(
             [self.gradients @ rates - self.lowest_rates, rates - self.bounds[:, 0], self.bounds[:, 1] - rates]
         )
 
     def keep(self, rates: Float[np.ndarray, " dof"], free: Float[np.ndarray, " dof"]) -> bool:
-        """Return whether rates satisfy all limits, up to a share of the rates without limits, or of bounds if less."""
+        """Return whether rates satisfy all limits within the tolerance.
+
+        The tolerance is a share of the rates without limits, or of the bounds if these are smaller.
+        """
         size = min(float(np.abs(free).max()), float(np.abs(self.bounds).max()))
         return bool(self.slack(rates).min() >= -OPTIONS.tolerance * size)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LimitedStep:
-    """The rates of a step with and without limits, the projector onto the task's null space, and the damping ρ.
+    """The rates of a step with and without limits.
 
-    ``status`` is an index into STATUS.
+    It also has the projector onto the task's null space and the damping ρ. ``status`` is an index into STATUS.
     """
 
     rates: Float[np.ndarray, " dof"]
@@ -108,7 +120,10 @@ class LimitedStep:
 
 
 def limited_step(goal: StepGoal, limits: StepLimits) -> LimitedStep:
-    """Return the step without limits if it satisfies them, else that of the quadratic program."""
+    """Return the step without limits if it satisfies them.
+
+    Otherwise return the step of the quadratic program.
+    """
     root = np.sqrt(goal.inverse_weights)
     weighted = goal.jacobian * root
     U, sizes, V = np.linalg.svd(weighted)
@@ -143,7 +158,10 @@ def limited_step(goal: StepGoal, limits: StepLimits) -> LimitedStep:
 
 
 def _still(root: Float[np.ndarray, " dof"], limits: StepLimits) -> Float[np.ndarray, " dof"]:
-    """Return the least rates that satisfy the limits, or only the joint bounds if no rates satisfy all."""
+    """Return the least rates that satisfy the limits.
+
+    If no rates satisfy all limits, only the joint bounds are satisfied.
+    """
     zeros, identity = np.zeros_like(root), np.eye(len(root))
     rates: np.ndarray = np.clip(zeros, *limits.bounds.T)
     if limits.slack(rates).min() >= 0:
@@ -153,9 +171,10 @@ def _still(root: Float[np.ndarray, " dof"], limits: StepLimits) -> Float[np.ndar
 
 
 def _nearest(free: np.ndarray, N: np.ndarray, root: np.ndarray, P: np.ndarray, limits: StepLimits) -> np.ndarray | None:
-    """Return free + root N x within limits with the least ½ xᵀPx, or None if no rates are.
+    """Return free + root N x within limits with the least ½ xᵀPx.
 
-    If the bounds of rates require it, distances shrink too fast, but by as little as possible.
+    Returns None if no rates are within the joint bounds. If these bounds require it, distances shrink faster than
+    allowed, by as little as possible.
     """
     values, distances, basis = limits.slack(free), len(limits.lowest_rates), root[:, None] * N
     G = np.concatenate([limits.gradients @ basis, basis, -basis])
@@ -180,23 +199,26 @@ def _nearest(free: np.ndarray, N: np.ndarray, root: np.ndarray, P: np.ndarray, l
     return np.asarray(free + size * (basis @ solution.step))
 
 
-# Rates that satisfy limits of joints and distances in a step and in all later steps
+# Rates that satisfy the limits of joints and distances in this step and in all later steps
 #
 # Rates are constant in a step, and change between steps within acceleration limits. A joint that approaches a limit
 # must be able to brake before it: from a rate v, with decelerations aⱼ in later steps, it moves at least v Tₙ − Sₙ in
-# n + 1 steps, with Tₙ = Σ hⱼ and Sₙ = Σ hⱼ Σᵢ≤ⱼ aᵢ hᵢ. If this exceeds no distance from a limit, there is an admissible
-# rate in the next step too.
+# n + 1 steps, with Tₙ = Σ hⱼ and Sₙ = Σ hⱼ Σᵢ≤ⱼ aᵢ hᵢ. If no such move exceeds the distance from a limit, an admissible
+# rate exists in the next step too.
 #
 # Source: Del Prete 2018, Joint Position and Velocity Bounds in Discrete-Time Acceleration/Torque Control of Robot
 # Arms, for any steps and for limits that vary.
 
 
-KINDS = "acceleration", "step", "velocity", "position"  # of limits on a joint's rate, the most important first
+KINDS = "acceleration", "step", "velocity", "position"  # kinds of limits on a joint's rate, most important first
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RateLimits:
-    """Limits (steps, dof, 2) at the sample after every step, −inf and inf for none, and ``steps`` [s]."""
+    """Limits (steps, dof, 2) at the sample after every step.
+
+    Without a limit, entries are −inf and inf. The ``steps`` are durations [s].
+    """
 
     position: Float[np.ndarray, "steps dof 2"]
     velocity: Float[np.ndarray, "steps dof 2"]
@@ -213,7 +235,10 @@ class RateLimits:
         return cls(**{kind: np.broadcast_to(bounds[kind], shape)[1:] for kind in kinds}, steps=steps)
 
     def bounds(self, k: int, q: np.ndarray, previous: np.ndarray) -> Float[np.ndarray, "kinds *batch dof 2"]:
-        """Return lower and upper bounds of rates in step k from q (*batch, dof), after ``previous`` rates."""
+        """Return lower and upper bounds of rates in step k.
+
+        The step begins at q (*batch, dof), after ``previous`` rates.
+        """
         sides = []
         for side, sign in ((0, -1.0), (1, 1.0)):
             braking = self._braking(k, side)
@@ -221,7 +246,7 @@ class RateLimits:
             drop = np.cumsum(braking * self.steps[k : k + len(braking), None], axis=0)
             bounds = (
                 sign * previous + sign * self.acceleration[k, :, side] * self.steps[k],
-                np.full_like(q, 1.0 / self.steps[k]),  # rad or m: a Jacobian is useless farther away
+                np.full_like(q, 1.0 / self.steps[k]),  # at most 1 rad or m: farther away the Jacobian is wrong
                 np.broadcast_to((sign * self.velocity[k : k + len(braking), :, side] + drop).min(axis=0), q.shape),
                 highest_rate(slack, braking, self.steps[k : k + len(braking)]),
             )
@@ -229,11 +254,12 @@ class RateLimits:
         return np.stack(sides, axis=-1)
 
     def approach(self, k: int, slack: np.ndarray, gradients: np.ndarray) -> Float[np.ndarray, "*batch"]:
-        """Return how fast distances (*batch,) with a ``slack`` [m] may shrink in step k.
+        """Return the highest rates at which distances may shrink in step k.
 
-        Every joint brakes within its acceleration limits; the gradients (*batch, dof) are taken as constant.
+        Distances (*batch,) have a ``slack`` [m]. Every joint brakes within its acceleration limits; the gradients
+        (*batch, dof) are taken as constant.
         """
-        lower, upper = (self._braking(k, side) for side in (0, 1))  # of downward and upward motion
+        lower, upper = (self._braking(k, side) for side in (0, 1))  # braking of downward and of upward motion
         rising, falling = np.maximum(gradients, 0.0), np.maximum(-gradients, 0.0)
         with np.errstate(invalid="ignore"):
             braking = np.nan_to_num(rising[..., None, :] * lower, nan=0.0, posinf=np.inf)
@@ -242,9 +268,10 @@ class RateLimits:
         return highest_rate(slack[..., None, None], braking[..., None], steps)[..., 0]
 
     def _braking(self, k: int, side: int) -> Float[np.ndarray, "later dof"]:
-        """Return by how much rates towards a side can decrease in step k (0) and in later ones.
+        """Return the possible decreases of rates in step k and later steps.
 
-        There is one step if no acceleration is limited, since rates can then end at once.
+        Rates are towards a side; the decrease in step k is 0. If no acceleration is limited, there is only one step,
+        because rates can then become 0 at once.
         """
         opposite = self.acceleration[k:, :, 1 - side] * (1.0 if side == 0 else -1.0)
         later = opposite if np.isfinite(opposite).any() else opposite[:1]
@@ -256,16 +283,20 @@ def highest_rate(
     braking: Float[np.ndarray, "*#batch later columns"],
     steps: Float[np.ndarray, " later"],
 ) -> Float[np.ndarray, "*batch columns"]:
-    """Return the highest rate that exceeds no ``slack`` until the end of this step and of each later one.
+    """Return the highest rate that never exceeds a ``slack``.
 
-    ``braking`` is the possible deceleration in these steps, 0 in the first.
+    This applies to the end of this step and of each later step. ``braking`` is the possible deceleration in these
+    steps, 0 in the first.
     """
     drop = np.cumsum(braking * steps[:, None], axis=-2)
     return np.asarray(((slack + np.cumsum(drop * steps[:, None], axis=-2)) / np.cumsum(steps)[:, None]).min(axis=-2))
 
 
 def intersection(bounds: Float[np.ndarray, "kinds *batch dof 2"]) -> Float[np.ndarray, "*batch dof 2"]:
-    """Return the interval within bounds of all kinds; if they contradict each other, the first kinds count."""
+    """Return the interval within the bounds of all kinds.
+
+    If bounds contradict each other, bounds of the first kinds are satisfied.
+    """
     lower, upper = bounds[0, ..., 0], bounds[0, ..., 1]
     for each in bounds[1:]:
         lower, upper = np.clip(each[..., 0], lower, upper), np.clip(each[..., 1], lower, upper)
@@ -283,7 +314,7 @@ class ConstrainedTraces(Traces):
     """The traces of a motion within limits.
 
     repulsion: change of velocities by limits
-    active: limit that each joint is at, such as "upper position", or ""; the last column is "clearance" if a link must
+    active: active limit of each joint, such as "upper position", or ""; the last column is "clearance" if a link must
         not come nearer to an obstacle
     """
 
@@ -295,7 +326,10 @@ class ConstrainedTraces(Traces):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Linearisation:
-    """The step program's results at a posture; a criterion's row has its value and its gradient."""
+    """The results of the step program at a posture.
+
+    A criterion's row has its value and its gradient.
+    """
 
     errors: Float[np.ndarray, " rows"]
     travel: Float[np.ndarray, " rows"]
@@ -316,9 +350,10 @@ def follow_constrained(
     *,
     exact: bool,
 ) -> None:
-    """Fill positions after the first and the traces; ``settings`` are feedback, region and damping of each motion.
+    """Fill the traces, and the positions after the first one.
 
-    ``exact`` steps are computed again about their own ends.
+    The columns of ``settings`` are feedback, region and damping of each motion. If ``exact``, a step is computed again
+    about its own end.
     """
     dof = task.arm.dof
     signs = np.array([each.objective.sign for each in criteria]).reshape(-1, 1)
@@ -332,7 +367,7 @@ def follow_constrained(
             traces["errors"][motion, k] = at.errors
             if k == len(task.times) - 1:
                 continue
-            # Rates that decrease each criterion (Wan et al. 2018, Eq. 12); none for one that is not finite.
+            # Rates that decrease each criterion (Wan et al. 2018, Eq. 12), 0 if the criterion is not finite.
             finite, gain = np.isfinite(at.criteria).all(axis=1), gains[motion, :, 0]
             secondary = np.where(finite[:, None], -signs * gain[:, None] * at.criteria[:, 1:], 0.0)
             goal = StepGoal(
@@ -362,7 +397,10 @@ class _Stepper:
         self.limits = RateLimits.of(task)
 
     def linearise(self, k: int, q: Float[np.ndarray, " dof"], dq: Float[np.ndarray, " dof"]) -> _Linearisation:
-        """Return the task of sample k, the criteria and the distances at a posture with its last rates."""
+        """Return the task of sample k, criteria and distances at a posture.
+
+        The last rates are dq.
+        """
         n, rows, count = len(q), self.task.rows, self.program.distances
         inputs = np.concatenate([q, dq, np.zeros(2 * n), self.program.table[k]])
         outputs = self.program.program(inputs[:, None])[:, 0]
@@ -381,10 +419,10 @@ class _Stepper:
     def take(
         self, k: int, q: np.ndarray, previous: np.ndarray, at: _Linearisation, goal: StepGoal
     ) -> tuple[LimitedStep, np.ndarray]:
-        """Return step k from q, after rates ``previous``, and the active limits as indices into ACTIVE.
+        """Return step k and its active limits, as indices into ACTIVE.
 
-        An exact step is computed again about its own end, by Newton's method, until that is on the path and distances
-        are correct.
+        The step begins at q, after rates ``previous``. An exact step is computed again about its own end by Newton's
+        method, until the end is on the path and distances are correct.
         """
         dt, bounds = self.limits.steps[k], self.limits.bounds(k, q, previous)
         interval = intersection(bounds)
@@ -404,7 +442,7 @@ class _Stepper:
             goal = replace(goal, jacobian=at.jacobian, task_rates=(at.jacobian @ moved + at.errors) / dt)
         else:
             step = replace(step, status=MISSED)
-        # The limit that each joint is at, and whether a distance is at its own.
+        # The active limit of each joint, and whether the limit of a distance is active.
         first, rounding = len(nearest), 1e-7 * float(np.abs([step.rates, step.free]).max())
         kinds = 1 + 2 * np.abs(bounds - interval).argmin(axis=0) + [0, 1]
 
@@ -414,11 +452,11 @@ class _Stepper:
             return np.append(joints, len(ACTIVE) - 1 if (distances <= rounding).any() else 0)
 
         active = reached(step.rates)
-        if step.status == LIMITED and not active.any():  # damping stays within the limits that the task would exceed
+        if step.status == LIMITED and not active.any():  # only the undamped step would exceed limits
             rest = goal.task_rates - goal.jacobian @ step.rates
             active = reached(step.rates + np.linalg.lstsq(goal.jacobian, rest, rcond=None)[0])
         broken = np.stack([bounds[..., 0] - interval[:, 1], interval[:, 0] - bounds[..., 1]], axis=-1) > rounding
-        if broken.any():  # because of more important limits: accelerations or velocities
+        if broken.any():  # limits broken by more important ones: accelerations or velocities
             step = replace(step, status=LIMITED)
             kinds = broken.transpose(1, 0, 2).reshape(len(q), -1)
             active[:-1] = np.where(kinds.any(axis=1), 1 + kinds.argmax(axis=1), active[:-1])

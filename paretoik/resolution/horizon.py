@@ -1,11 +1,11 @@
-"""The small nonlinear program of an objective over a few samples ahead, from a posture and its velocity.
+"""The nonlinear program of an objective over a few samples ahead.
 
     minimise    Σ f(qₖ, q̇ₖ, q̈ₖ) Δt      over q₁ ... q_h, the last sample with a terminal weight
     subject to  h(qₖ, xₖ) = 0             the path's equations, sample by sample
 
-Rates are backward differences, the first from the given posture and velocity. It is solved by sequential quadratic
-programming in the null space of the equations' Jacobian, with the exact Hessian of the Lagrangian; every step is
-retracted onto the path.
+Rates are backward differences, the first from the given posture and velocity. The program is solved by sequential
+quadratic programming in the null space of the equations' Jacobian, with the exact Hessian of the Lagrangian; every step
+is retracted onto the path.
 
 Source: Tringali & Cocuzza 2021, Eq. 4.
 """
@@ -29,12 +29,15 @@ from paretoik.task.objectives import Objective
 from paretoik.task.task import path_equations, path_jacobian
 from paretoik.task.traced_motion import TracedMotion, trace_sample_function
 
-DEGREE = 4  # of the splines through the positions ahead
+DEGREE = 4  # degree of the splines through the positions ahead
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class HorizonSolution:
-    """The positions ahead, their objective, whether it is stationary on the path, and the number of iterations."""
+    """The positions ahead, their objective, and data of the iterations.
+
+    These are whether the solution is stationary on the path, and the number of iterations.
+    """
 
     q: Float[np.ndarray, "horizon dof"]
     value: float
@@ -47,9 +50,9 @@ class HorizonProgram:
     """The program of a few samples ahead.
 
     horizon: number of samples
-    interval: time between them [s]
+    interval: time between samples [s]
     terminal: additional weight of the last sample
-    derivatives: evaluator of the objective, its gradient, the path's equations and their Jacobian by samples; its
+    derivatives: evaluator of the objective, its gradient, the path's equations and their Jacobian by samples; the
         inputs are positions ahead, posture, velocity, targets, terminal weight and interval
     hessian: evaluator of the entries of the Lagrangian's Hessian at ``indices`` (rows, columns), with multipliers as
         more inputs
@@ -71,7 +74,7 @@ class HorizonProgram:
         velocity: Float[np.ndarray, " dof"],
         targets: Float[np.ndarray, "horizon numbers"],
     ) -> Float[np.ndarray, "inputs 1"]:
-        """Return the inputs of the evaluators, with multipliers and jerk 0."""
+        """Return the inputs of the evaluators; multipliers and jerk are 0."""
         settings, zeros = [self.terminal, self.interval], np.zeros(self.horizon * self.rows + self.dof)
         return np.concatenate([q.ravel(), posture, velocity, targets.ravel(), settings, zeros])[:, None]
 
@@ -95,10 +98,10 @@ class HorizonProgram:
 def horizon_program(
     task: MotionTask, objective: Objective, horizon: int, interval: float, terminal: float = 0.0
 ) -> HorizonProgram:
-    """Return the program of an objective over samples ahead; the last counts ``terminal`` times more.
+    """Return the program of an objective over samples ahead.
 
-    Raises InvalidInput, naming the objective, if it depends on more than one sample's positions, velocities and
-    accelerations, or on none of them.
+    The last sample counts ``terminal`` times more. Raises InvalidInput, naming the objective, if it depends on more
+    than one sample's positions, velocities and accelerations, or on none of them.
     """
     return replace(_trace_program(task, objective, horizon), interval=interval, terminal=terminal)
 
@@ -157,10 +160,11 @@ def _trace_program(task: MotionTask, objective: Objective, horizon: int) -> Hori
 def quartic_spline(
     points: Float[np.ndarray, "points dof"], rate: Float[np.ndarray, " dof"], second: Float[np.ndarray, " dof"]
 ) -> Float[np.ndarray, "pieces 5 dof"]:
-    """Return the coefficients of a C² quartic spline through points one unit of time apart.
+    """Return the coefficients of a C² quartic spline through points.
 
-    ``rate`` and ``second`` are its derivatives at the first point; at the last both are 0 (with one piece only the
-    first). This determines the spline of two pieces, as in the paper; with more pieces it has the least jerk.
+    Points are one unit of time apart. Its derivatives are ``rate`` and ``second`` at the first point, and 0 at the
+    last; if the spline has only one piece, only the first derivative is 0 there. These conditions determine the spline
+    of two pieces, as in the paper; with more pieces, the spline has the least jerk.
     """
     pieces, dof = len(points) - 1, points.shape[1]
     conditions = np.concatenate([points[:-1], points[1:], rate[None], second[None]])
@@ -168,7 +172,10 @@ def quartic_spline(
 
 
 def spline_position(coefficients: Float[np.ndarray, "pieces 5 dof"], time: float) -> Float[np.ndarray, " dof"]:
-    """Return the spline at a time in units of pieces; after its end it is constant."""
+    """Return the spline's position at a time in units of pieces.
+
+    After the end of the spline the position is constant.
+    """
     piece = min(int(time), len(coefficients) - 1)
     u = min(time - piece, 1.0)
     position: np.ndarray = u ** np.arange(DEGREE + 1) @ coefficients[piece]
@@ -177,7 +184,10 @@ def spline_position(coefficients: Float[np.ndarray, "pieces 5 dof"], time: float
 
 @lru_cache(maxsize=32)
 def _coefficient_matrix(pieces: int) -> np.ndarray:
-    """Return the matrix from positions of all pieces' ends, and derivatives at the first, to coefficients."""
+    """Return the matrix that gives the spline's coefficients.
+
+    It is multiplied by the positions of all pieces' ends and the derivatives at the first end.
+    """
     width, powers = DEGREE + 1, np.arange(DEGREE + 1)
 
     def derivative(order: int, u: float) -> np.ndarray:

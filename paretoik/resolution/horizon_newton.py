@@ -1,4 +1,7 @@
-"""Newton's method in the null space of a small program over the samples ahead, compiled; see ``horizon``."""
+"""Compiled Newton's method in the null space of a horizon program.
+
+The program is that of a few samples ahead; see ``horizon``.
+"""
 
 from __future__ import annotations
 
@@ -15,12 +18,12 @@ class NewtonOptions(NamedTuple):
     """Settings of the iterations."""
 
     iterations: int = 60
-    corrections: int = 12  # of Newton's method back onto the path
-    stationarity: float = 1e-9  # of the reduced gradient, share of the gradient's largest entry
-    stalled_stationarity: float = 1e-6  # the same, accepted if rounding hides any descent
-    feasibility: float = 1e-12  # m or rad: of the path's equations
-    stalled_feasibility: float = 1e-10  # m or rad: accepted if rounding hides any progress
-    largest_move: float = 0.5  # rad or m: of one joint in one step
+    corrections: int = 12  # largest number of Newton's iterations back onto the path
+    stationarity: float = 1e-9  # reduced gradient, as a share of the gradient's largest entry
+    stalled_stationarity: float = 1e-6  # the same share, accepted if rounding hides any descent
+    feasibility: float = 1e-12  # m or rad: error of the path's equations
+    stalled_feasibility: float = 1e-10  # m or rad: the same error, accepted if rounding hides any progress
+    largest_move: float = 0.5  # rad or m: largest move of one joint in one step
     shortest_step: float = 1e-7  # share of a step
     sufficient_decrease: float = 1e-4  # share of the predicted decrease (Armijo; Nocedal & Wright, Eq. 3.4)
     regularisation: float = 1e-3  # first addition to an indefinite Hessian, share of its largest diagonal entry
@@ -31,7 +34,9 @@ OPTIONS = NewtonOptions()
 
 @compiled(what="the predictive control step", seconds=4)
 def minimise(derivatives, hessian, row, column, inputs, horizon, dof, rows):
-    """Overwrite the positions in ``inputs`` with a local minimum; return (objective, converged, iterations).
+    """Overwrite the positions in ``inputs`` with a local minimum.
+
+    Returns (objective, converged, iterations).
 
     inputs: positions, fixed numbers, then multipliers (inputs, 1)
     derivatives: evaluator of the objective, its gradient, equations and their Jacobian
@@ -102,9 +107,9 @@ def minimise(derivatives, hessian, row, column, inputs, horizon, dof, rows):
 
 @compiled
 def _line_search(derivatives, inputs, outputs, step, value, decrease, factors, work, shape):
-    """Take the longest step of a shrinking sequence with sufficient decrease; return whether there is one.
+    """Take the longest step with sufficient decrease from a shrinking sequence.
 
-    Without one the positions do not change.
+    Returns whether such a step exists. If no step exists, positions do not change.
     """
     size = step.shape[0]
     start, largest = np.empty(size), 0.0
@@ -129,9 +134,10 @@ def _line_search(derivatives, inputs, outputs, step, value, decrease, factors, w
 
 @compiled
 def _retract(derivatives, inputs, outputs, factors, work, shape):
-    """Correct positions onto the path by Newton's method with shortest steps; return whether it converges.
+    """Retract positions onto the path by Newton's method with shortest steps.
 
-    ``outputs`` are those of the program at the positions, ``factors`` the Cholesky factors of every sample's J Jᵀ.
+    Returns whether the method converges. The ``outputs`` are those of the program at the positions, the ``factors`` are
+    the Cholesky factors of every sample's J Jᵀ.
     """
     horizon, dof, rows = shape
     size, count = horizon * dof, horizon * rows
@@ -168,7 +174,10 @@ def _retract(derivatives, inputs, outputs, factors, work, shape):
 
 @compiled
 def _null_basis(J, factor, work, basis):
-    """Write an orthonormal basis (dof, dof − rows) of the null space from projected unit vectors, longest first."""
+    """Write an orthonormal basis (dof, dof − rows) of the null space.
+
+    It is made from projected unit vectors, the longest first.
+    """
     rows, dof = J.shape
     projected = np.eye(dof)
     for j in range(dof):
@@ -211,9 +220,9 @@ def _reduce_hessian(H, basis, reduced):
 
 @compiled
 def _factorise_regularised(matrix, factor):
-    """Factorise a matrix, with a large enough addition to its diagonal; return whether it succeeds.
+    """Factorise a matrix, regularised by an addition to its diagonal.
 
-    Source: Nocedal & Wright, algorithm 3.3.
+    Returns whether the factorisation succeeds. Source: Nocedal & Wright, algorithm 3.3.
     """
     size = matrix.shape[0]
     largest = 0.0

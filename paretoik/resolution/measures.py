@@ -27,9 +27,9 @@ def tracking_error(motion: Motion) -> np.ndarray:
 
 @objective(unit="", form="general", maximise=True)
 def limit_margin(motion: Motion) -> np.ndarray:
-    """Smallest distance of a joint from its position limits over its range, negative past them; maximised.
+    """Smallest distance from a position limit, as share of range; maximised.
 
-    It is 0 for an arm without position limits.
+    It is negative if a joint is past a limit. It is 0 for an arm without position limits.
     """
     lower, upper = motion.arm.position_limits.T
     span = position_ranges(motion.arm, motion.arm.position_limits)
@@ -42,16 +42,20 @@ def limit_margin(motion: Motion) -> np.ndarray:
 
 @objective(unit="", form="general")
 def speed_ratio(motion: Motion) -> np.ndarray:
-    """Largest ratio of joint speed to its limit, or to 1 rad/s or m/s without one."""
+    """Largest ratio of joint speed to its limit.
+
+    Without a limit, the divisor is 1 rad/s or 1 m/s.
+    """
     highest = np.where(np.isfinite(motion.arm.velocity_limits), motion.arm.velocity_limits, 1.0)
     return np.asarray((np.abs(motion.dq) / highest).max(axis=(-2, -1)))
 
 
 @objective(unit="", form="general")
 def evaluations(motion: Motion) -> np.ndarray:
-    """Mean work of an update: samples evaluated by a prediction, cone programs solved by a plan.
+    """Mean work of an update of a prediction or a plan.
 
-    Raises InvalidInput for methods that predict nothing.
+    For a prediction it is the number of evaluated samples, for a plan the number of cone programs. Raises InvalidInput
+    for methods that predict nothing.
     """
     count = getattr(_resolved("evaluations", motion).traces, "evaluations", None)
     if count is None:
@@ -66,11 +70,14 @@ def duration(motion: Motion) -> np.ndarray:
 
 
 def distance_to(reference: Motion) -> Objective:
-    """Return the objective ``distance``: the joint distance from a motion, RMS over time, angles modulo 2π.
+    """Return the objective ``distance``: the joint distance from a motion.
+
+    It is RMS over time, with angles modulo 2π.
 
     reference: one motion
 
-    Raises InvalidInput unless this is one motion; the objective raises it for motions with other samples.
+    Raises InvalidInput unless ``reference`` is one motion. The objective raises InvalidInput for motions with other
+    samples.
     """
     if not isinstance(reference, Motion):
         raise InvalidInput(f"reference must be a Motion, got {shown(reference)}")

@@ -79,13 +79,19 @@ class VelocityMethod(Method):
     _weighting: ClassVar[int] = UNWEIGHTED
 
     def __post_init__(self) -> None:
-        """Check that numbers are within their ranges; ``resolve``, which knows the steps, checks the feedback."""
+        """Check that numbers are within their ranges.
+
+        The feedback is checked by ``resolve``, which knows the steps.
+        """
         super().__post_init__()
         if self.feedback is not None:
             finite_array(f"{type(self).__name__}: feedback", self.feedback)
 
     def parameters(self, times: Float[np.ndarray, " time"]) -> tuple[Parameter, ...]:
-        """Return the numbers that are searched by default; the feedback's range follows from the steps."""
+        """Return the numbers that are searched by default.
+
+        The range of the feedback follows from the steps.
+        """
         highest = 1.0 / float(np.diff(times).max())
         return (Parameter("feedback", 0.02 * highest, highest), *super().parameters(times))
 
@@ -102,7 +108,7 @@ class VelocityMethod(Method):
         bounds = np.concatenate([bounds, position_ranges(task.arm, bounds)[..., None]], axis=-1)
         scaling = [[each.objective.sign, each.reference, each.scale] for each in criteria]
         scales = np.array(scaling).reshape(len(criteria), 3)
-        clamps = self._weighting == CLAMPING  # then criteria are normalised, and the projector may be the paper's
+        clamps = self._weighting == CLAMPING  # if so, criteria are normalised, and the projector may be the paper's
         modes = self._weighting, getattr(self, "variant", "") == "paper", clamps
         inputs = program.table, np.diff(task.times), bounds, (modes, settings, gains, scales)
         outputs = (q, *traces.values())
@@ -120,10 +126,11 @@ class VelocityMethod(Method):
     def _prepare(
         self, task: MotionTask, start: np.ndarray
     ) -> tuple[tuple[int, ...], np.ndarray, np.ndarray, np.ndarray, dict[str, np.ndarray]]:
-        """Return the batch's shape, feedback and ``SETTINGS`` of each motion, gains and ranks, postures and traces.
+        """Return the inputs of a computation of motions.
 
-        Ranks of criteria begin at 0; postures and traces are to be filled. Raises InvalidInput if numbers do not fit
-        each other.
+        They are the batch's shape, the feedback and ``SETTINGS`` of each motion, the gains and ranks of criteria, the
+        postures, and the traces. Ranks begin at 0; postures and traces are empty arrays to fill. Raises InvalidInput if
+        numbers do not fit each other.
         """
         name, highest = type(self).__name__, 1.0 / float(np.diff(task.times).max())
         criteria, dof = self.criterion_list, task.arm.dof
@@ -158,9 +165,9 @@ class PseudoInverse(VelocityMethod):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class LeastSquaresVelocity(PseudoInverse):
-    """The pseudoinverse without feedback, by Euler steps: the error of a step remains.
+    """The pseudoinverse without feedback, by Euler steps.
 
-    Source: Tringali & Cocuzza 2021, LSV.
+    The error of each step remains. Source: Tringali & Cocuzza 2021, LSV.
     """
 
     feedback: Number | None = 0.0
@@ -168,7 +175,9 @@ class LeastSquaresVelocity(PseudoInverse):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class DampedLeastSquares(VelocityMethod):
-    """Damped velocities near singular postures: ρ² = ρ_max²(1 − (σ_min/ε)²) if σ_min < ε.
+    """Damped velocities near singular postures.
+
+    If σ_min < ε, ρ² = ρ_max²(1 − (σ_min/ε)²).
 
     region: ε, in units of the Jacobian
     damping: ρ_max, in units of the Jacobian
@@ -182,7 +191,7 @@ class DampedLeastSquares(VelocityMethod):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class WeightedLeastNorm(DampedLeastSquares):
-    """Joints are slow when they approach their position limits, and free when they leave.
+    """Joints are slow near their position limits, and free when leaving.
 
     A joint at or past its limit stays there: nothing pushes it back. Source: Chan & Dubey 1995; Wan et al. 2018,
     Eqs. 10, 11 and 14.
@@ -193,11 +202,11 @@ class WeightedLeastNorm(DampedLeastSquares):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class GradientProjection(DampedLeastSquares):
-    """The gradients of criteria, times their gains, projected onto the null space of the task.
+    """The criteria's gradients, times gains, projected onto the task's null space.
 
     criteria: one or more criteria, or objectives, which are criteria of gain 1
 
-    A criterion that depends on positions is differentiated by these, at the last velocities; one that depends only on
+    A criterion that depends on positions is differentiated by positions, at the last velocities; a criterion of only
     velocities is differentiated by velocities. Raises InvalidInput for other objects, equal names, and numbers out of
     range. Source: Liégeois 1977; Wan et al. 2018, Eqs. 12 and 13.
     """
@@ -219,11 +228,14 @@ class GradientProjection(DampedLeastSquares):
         return tuple(one if isinstance(one, Criterion) else Criterion(objective=one) for one in listed)
 
     def parameters(self, times: Float[np.ndarray, " time"]) -> tuple[Parameter, ...]:
-        """Return the numbers that are searched by default, with the gain of every criterion."""
+        """Return the numbers searched by default, and each criterion's gain."""
         return (*super().parameters(times), *(one.parameter for one in self.criterion_list))
 
     def with_values(self: Gradient, values: Mapping[str, np.ndarray], times: Float[np.ndarray, " time"]) -> Gradient:
-        """Return the method with values (motions,) for some of its numbers and of its criteria's gains."""
+        """Return the method with values (motions,) for some numbers.
+
+        The numbers may include the gains of criteria.
+        """
         gains = {one.parameter.name: one for one in self.criterion_list}
         criteria = [replace(one, gain=values.get(name, one.gain)) for name, one in gains.items()]
         return replace(
@@ -233,14 +245,16 @@ class GradientProjection(DampedLeastSquares):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class WeightedGradientProjection(GradientProjection):
-    """Joints near position limits are clamped and repelled; criteria count only if they are bad.
+    """Joints near position limits are clamped and repelled.
+
+    Criteria have weight only if they are bad.
 
     buffer: Ω, share of a joint's range at each end in which it is clamped
     repulsion: t_rmax, velocity of repulsion at a limit [rad/s, m/s]
     band: λ, share of a normalised criterion's range at each end in which its weight is constant
     priorities: order of the criteria (*batch, criteria), the lowest first; None for the order in which they are given
-    variant: "paper" to project onto the null space of J E_c as printed, which disturbs the task near limits;
-        "consistent" to project onto that of J, which does not disturb it without damping
+    variant: "paper" to project onto the null space of J E_c as printed, which perturbs the task near limits;
+        "consistent" to project onto the null space of J, which perturbs the task only if it is damped
 
     Raises InvalidInput for numbers out of range and another variant. Source: Wan et al. 2018, Eqs. 15 to 30, with
     signs that decrease criteria.
@@ -264,12 +278,18 @@ class WeightedGradientProjection(GradientProjection):
         return [f"priority of {one.objective.name}" for one in self.criterion_list]
 
     def parameters(self, times: Float[np.ndarray, " time"]) -> tuple[Parameter, ...]:
-        """Return the numbers that are searched by default; with several criteria also priorities, lowest first."""
+        """Return the numbers that are searched by default.
+
+        With several criteria, these include priorities, the lowest first.
+        """
         names = self._priority_names if len(self.criterion_list) > 1 else []
         return (*super().parameters(times), *(Parameter(name, 0.0, 1.0) for name in names))
 
     def with_values(self: Weighted, values: Mapping[str, np.ndarray], times: Float[np.ndarray, " time"]) -> Weighted:
-        """Return the method with values (motions,) for some of its numbers, gains and priorities."""
+        """Return the method with values (motions,) for some numbers.
+
+        The numbers may include gains and priorities.
+        """
         names = self._priority_names
         method = super().with_values({k: v for k, v in values.items() if k not in names}, times)
         if not any(name in values for name in names):
@@ -281,14 +301,17 @@ class WeightedGradientProjection(GradientProjection):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class ConstrainedQP(GradientProjection):
-    """The nearest step to gradient projection within limits: a quadratic program of joint rates.
+    """The step within limits nearest to gradient projection.
+
+    It is the solution of a quadratic program of joint rates.
 
     joint_weights: weights W (dof,) of the rates, None for 1; a step minimises ½ (q̇ − z)ᵀ W (q̇ − z), z the criteria's
-    feedback: None to compute a step again about its own end until that is on the path to 1e-12 and clear of obstacles;
-        a number [1/s] for one computation, as in other methods, with clearance to first order
+        rates
+    feedback: None to compute a step again about its own end until the end is on the path to 1e-12 and clear of
+        obstacles; a number [1/s] for one computation, as in other methods, with clearance to first order
 
     Every step satisfies limits on positions, velocities and accelerations (from rest), and clearance from obstacles;
-    rates leave enough distance to brake before limits. If limits leave no rates that satisfy the task, its error is
+    rates leave enough distance to brake before limits. If no rates within limits satisfy the task, the task's error is
     minimised in least squares, damped by ``damping``, and the step's status is "limited".
 
     Raises InvalidInput for weights that are not positive and for numbers out of range. Source: Cheng, Chen & Sun 1994;
@@ -326,7 +349,7 @@ class ConstrainedQP(GradientProjection):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Nedungadi(Method):
-    """The motion from a start along which the integral of kinetic energy is stationary.
+    """The motion from a start with stationary integral of kinetic energy.
 
     tolerance: tolerance of every integration step, a number or an array (*batch,)
 
@@ -344,9 +367,10 @@ class Nedungadi(Method):
     def follow(
         self, task: MotionTask, start: Float[np.ndarray, "*batch dof"], *, tolerance: float | None = None
     ) -> ResolvedMotion:
-        """Return the motions from ``start``; they stop if they run into a singularity. ``tolerance`` has no effect.
+        """Return the motions from ``start``, stopped before a singularity.
 
-        In the traces the task's part of the velocities is the shortest one, the rest is ``projected``.
+        The ``tolerance`` has no effect. In the traces the task's part of the velocities is the shortest one, the rest
+        is ``projected``.
         """
         from paretoik.resolution.variational import extremal_paths  # here: slow to load
 

@@ -44,11 +44,13 @@ Predictive = TypeVar("Predictive", bound="PredictiveKineticEnergy")
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class PredictiveKineticEnergy(Method):
-    """The kinetic energy over a few samples ahead is minimised in the null space of the task.
+    """Minimisation of kinetic energy over a few samples ahead.
+
+    It takes place in the null space of the task.
 
     objective: integral objective of positions, velocities and accelerations, such as the torque norm
     horizon: number h of samples ahead
-    prediction_step: time ΔT between them [s], None for 0.2 of the path's duration over h
+    prediction_step: time ΔT between samples ahead [s], None for 0.2 of the path's duration over h
     update_interval: time between predictions [s], None for half the prediction step
     terminal: additional weight of the last sample, for the costs after the horizon
     feedback: gain of the tracking error [1/s]; 0 is open loop, as in the paper
@@ -83,8 +85,8 @@ class PredictiveKineticEnergy(Method):
     def parameters(self, times: Float[np.ndarray, " time"]) -> tuple[Parameter, ...]:
         """Return the numbers that are searched by default.
 
-        Besides fields these are ``prediction_time`` [s], the horizon times the prediction step, and ``update_share``,
-        the update interval over the prediction time.
+        In addition to fields, these are ``prediction_time`` [s], the horizon times the prediction step, and
+        ``update_share``, the update interval over the prediction time.
 
         Raises InvalidInput for a path of fewer than three samples.
         """
@@ -102,7 +104,7 @@ class PredictiveKineticEnergy(Method):
     ) -> Predictive:
         """Return the method with values (motions,) for some of its numbers.
 
-        Times are rounded to whole samples, at least one and at most those of the path.
+        Times are rounded to whole samples, at least one and at most the number of the path.
         """
         dt, derived = float(times[1] - times[0]), ("prediction_time", "update_share")
         fields = {name: value for name, value in values.items() if name not in derived}
@@ -134,12 +136,14 @@ class PredictiveKineticEnergy(Method):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PredictiveTraces(Traces):
-    """The traces of predictions, padded with −1 and NaN for motions with fewer updates.
+    """The traces of predictions.
+
+    If a motion has fewer updates than others, its traces are padded with −1 and NaN.
 
     updates: samples of the updates
     predictions: positions ahead (updates, horizon, dof) [rad, m]
-    values: minimised objective over the horizon, its last sample with its terminal weight
-    converged: whether it is a minimum on the path
+    values: minimised objective over the horizon, the last sample with its terminal weight
+    converged: whether the prediction is a minimum on the path
     iterations, seconds: effort of each update, with the spline
     """
 
@@ -155,7 +159,7 @@ class PredictiveTraces(Traces):
 
     @property
     def evaluations(self) -> Float[np.ndarray, "*batch"]:
-        """Mean number of samples evaluated by an update in all its iterations."""
+        """Mean number of samples that an update evaluates in all iterations."""
         performed = self.updates >= 0
         horizon = np.isfinite(self.predictions[..., 0]).sum(axis=-1).max(axis=-1)
         total = np.where(performed, self.iterations + 1, 0).sum(axis=-1)
@@ -164,10 +168,13 @@ class PredictiveTraces(Traces):
 
 @runtime_checkable
 class HorizonSolver(Protocol):
-    """A solver for the positions ahead: ``HorizonProgram``, or another one for comparison."""
+    """A solver for the positions ahead: ``HorizonProgram`` or another solver."""
 
     def solve(self, q: np.ndarray, posture: np.ndarray, velocity: np.ndarray, targets: np.ndarray) -> HorizonSolution:
-        """Return the minimum found from positions (horizon, dof), after a posture and its velocity."""
+        """Return the minimum found from positions (horizon, dof).
+
+        The positions follow a posture and its velocity.
+        """
         ...
 
 
@@ -180,7 +187,7 @@ class Schedule:
     """The schedule of a motion's predictions, in samples.
 
     horizon: number of samples ahead
-    stride: distance between them
+    stride: distance between the samples ahead
     interval: distance between predictions
     terminal: additional weight of the last sample
     """
@@ -191,13 +198,19 @@ class Schedule:
     terminal: float
 
     def updates(self, samples: int) -> list[int]:
-        """Return the samples of updates: those with the whole horizon before the end, at least the first."""
+        """Return the samples of updates, at least the first sample.
+
+        At an update, the whole horizon is before the path's end.
+        """
         last = max(samples - 1 - self.horizon * self.stride, 0)
         return list(range(0, last + 1, self.interval))
 
 
 def schedules(method: PredictiveKineticEnergy, times: np.ndarray, shape: tuple[int, ...]) -> list[Schedule]:
-    """Return each motion's schedule; raise InvalidInput for times that are not whole numbers of samples."""
+    """Return each motion's schedule.
+
+    Raises InvalidInput for times that are not whole numbers of samples.
+    """
     dt, duration = float(times[1] - times[0]), float(times[-1] - times[0])
     if np.ptp(np.diff(times)) > 1e-9 * dt:
         raise InvalidInput("PredictiveKineticEnergy: path must have samples evenly spaced in time, got others")
@@ -229,10 +242,10 @@ def follow_predictively(
     make_solver: MakeSolver = horizon_program,
     make_spline: MakeSpline = quartic_spline,
 ) -> ResolvedMotion:
-    """Return the predictive motions, one for each start and set of the method's numbers.
+    """Return a predictive motion for each start and each set of numbers.
 
-    If the arm is farther than ``tolerance`` [m, rad] off the path, nothing is predicted: it first returns to the path.
-    Studies compare other solvers, and other splines through the positions ahead.
+    If the arm is farther than ``tolerance`` [m, rad] off the path, nothing is predicted: the arm first returns to it.
+    Studies pass other solvers and other splines for comparison.
     """
     from paretoik.resolution import step_kernels as kernels  # here: numba is slow to load
 
@@ -283,9 +296,10 @@ class Predictor:
         self._origin, self._spline = 0, np.zeros((0, DEGREE + 1, task.arm.dof))
 
     def next_position(self, k: int, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, *, is_off_path: bool) -> np.ndarray:
-        """Return the desired positions at the sample after k; predict first if an update is due.
+        """Return the desired positions at the sample after k.
 
-        Off the path, or past the end of the prediction, they are those at k.
+        If an update is due, predict first. If the arm is off the path, or the prediction has ended, the desired
+        positions are those at k.
         """
         if is_off_path:
             self._spline = self._spline[:0]
@@ -312,7 +326,7 @@ class Predictor:
         return spline_position(self._spline, t) if t <= len(self._spline) else q
 
     def _initial_guess(self, q: np.ndarray, targets: np.ndarray) -> np.ndarray:
-        """Return positions along the path, each the nearest to the one before."""
+        """Return positions along the path, each nearest to the position before."""
         guess, current = np.empty((len(targets), len(q))), q
         for j, target in enumerate(targets):
             result = retract_nearest(self.task.arm, self.task.tasks, current, target)

@@ -28,13 +28,14 @@ from paretoik.task.traced_motion import trace_sample, trace_sample_function
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StepProgram:
-    """The program of a step; its inputs are q, q̇, q̈, jerk (dof rows each) and a row of ``table``.
+    """The program of one step.
 
-    The table (time, rows) has the targets of every sample, their travel to the next, and data of criteria that vary
-    with time. Accelerations and jerks have no effect. The outputs are
+    The inputs are q, q̇, q̈, jerk (dof rows each) and a row of ``table``. The table (time, rows) has the targets of
+    every sample, their travel to the next, and data of criteria that vary with time. Accelerations and jerks have no
+    effect. The outputs are
 
     - the task errors, the travel of the target in the same coordinates, and the Jacobian by rows
-    - value and gradient of every criterion, by positions, or by velocities if it depends only on these
+    - value and gradient of every criterion, by positions, or by velocities if it depends only on velocities
     - if requested, value and gradient by positions of every distance of a moving link from an obstacle
     """
 
@@ -45,11 +46,12 @@ class StepProgram:
 
 @lru_cache(maxsize=64)  # a search over a method's numbers uses the same program in every generation
 def step_program(task: MotionTask, criteria: tuple[Objective, ...], *, with_distances: bool = False) -> StepProgram:
-    """Return the program of one step of a task, with the distances from its obstacles or without.
+    """Return the program of one step of a task.
 
-    Raises InvalidInput, naming the criterion, if it depends on more than one sample's positions and velocities.
+    With ``with_distances`` it includes the distances from obstacles. Raises InvalidInput, naming the criterion, if it
+    depends on more than one sample's positions and velocities.
     """
-    motion = trace_sample(task, duration=1.0)  # means over time are then those of one sample
+    motion = trace_sample(task, duration=1.0)  # so that means over time have the value of one sample
     trace, tape = motion.trace, motion.trace.tape
     travels = np.concatenate([each.displacements(task.times) for each in task.tasks], axis=1)
     targets, travel = (list(trace.inputs(width).entries) for width in (task.targets.shape[1], travels.shape[1]))
@@ -94,22 +96,24 @@ UNWEIGHTED, LEAST_NORM, CLAMPING = range(3)  # kinds of joint weights
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Traces:
-    """The traces of a method's steps, each to the sample after it; steps = time − 1.
+    """The traces of a method's steps.
+
+    A step leads to the sample after it; the number of steps is time − 1.
 
     errors: task errors at every sample [m, rad]
     velocities: commanded velocities [rad/s, m/s]
     damping: ρ
     weights: joint weights: W of the weighted least norm, E_c of the weighted gradient projection, else 1
-    coefficients: coefficients of the criteria, NaN if one is not finite and was left out
+    coefficients: coefficients of the criteria, NaN for a criterion that is not finite and was left out
     repulsion, projected: velocities added to the task's by the repulsion from joint limits, and by each criterion
     status: one word per step, see below
 
     - "done"
     - "damped"
     - "shortened" to a move of at most 1 rad or m of every joint
-    - "held": the weighted Jacobian is singular and undamped, so that joints follow only the repulsion
-    - "limited": limits leave no velocities that satisfy the task, which is solved in least squares
-    - "missed": Newton's method, which ends a step of ``ConstrainedQP`` on the path, does not converge
+    - "held": joints follow only the repulsion, because the weighted Jacobian is singular and undamped
+    - "limited": no velocities within limits satisfy the task, which is solved in least squares
+    - "missed": Newton's method at the end of a step of ``ConstrainedQP`` does not converge
     """
 
     errors: Float[np.ndarray, "*batch time rows"]
@@ -135,7 +139,7 @@ class ResolvedMotion(Motion):
     traces: Traces
 
     def __repr__(self) -> str:
-        """Return the motion in words, and the number of steps of each status."""
+        """Return the motion in words, with numbers of steps by status."""
         status, counts = np.unique(self.traces.status, return_counts=True)
         steps = ", ".join(f"{count} {name}" for name, count in zip(status, counts, strict=True))
         largest = np.abs(self.traces.errors).max(initial=0.0)
@@ -155,7 +159,10 @@ class ResolvedMotion(Motion):
         traces: dict[str, np.ndarray],
         kind: type[Traces] = Traces,
     ) -> ResolvedMotion:
-        """Return a batch from joint positions (motions, time, dof) and arrays as in ``empty_traces``."""
+        """Return a batch from joint positions (motions, time, dof) and traces.
+
+        The traces are arrays as in ``empty_traces``.
+        """
         shaped = {name: each.reshape(*batch, *each.shape[1:]) for name, each in traces.items()}
         motion = task.motion(q.reshape(*batch, *q.shape[1:]))
         result = kind(**{**shaped, "status": STATUS[shaped["status"]]})
@@ -163,7 +170,10 @@ class ResolvedMotion(Motion):
 
 
 def empty_traces(count: int, time: int, dof: int, rows: int, criteria: int) -> dict[str, np.ndarray]:
-    """Return arrays for the traces of ``count`` motions; ``status`` has indices into STATUS."""
+    """Return arrays for the traces of ``count`` motions.
+
+    The array ``status`` has indices into STATUS.
+    """
     steps = time - 1
     return {
         "errors": np.zeros((count, time, rows)),
@@ -180,7 +190,7 @@ def empty_traces(count: int, time: int, dof: int, rows: int, criteria: int) -> d
 # Methods and their numbers.
 
 
-TRACKING_TOLERANCE = 0.01  # m or rad: a motion farther off its path has lost it
+TRACKING_TOLERANCE = 0.01  # m or rad: a motion farther off its path has lost the path
 Number: TypeAlias = float | np.ndarray
 Scale = Literal["linear", "log", "integer"]
 Tuned = TypeVar("Tuned", bound="Method")
@@ -193,7 +203,7 @@ class Parameter:
     name: name of the number
     lower, upper: bounds
     scale: "linear", "log" to search its decimal logarithm, or "integer" for whole numbers
-    fields: fields of the method that it sets, by default that of its own name
+    fields: fields of the method that the number sets, by default the field of the same name
 
     Raises InvalidInput for bounds that are no range.
     """
@@ -224,7 +234,7 @@ class Parameter:
         """Lower and upper bound of the gene."""
         if self.scale == "log":
             return float(np.log10(self.lower)), float(np.log10(self.upper))
-        margin = 1 - 1e-9 if self.scale == "integer" else 0.0  # the floor of the upper bound is within the range
+        margin = 1 - 1e-9 if self.scale == "integer" else 0.0  # so that the upper bound can be reached by rounding down
         return float(self.lower), float(self.upper) + margin
 
     def decode(self, genes: Float[np.ndarray, " points"]) -> Shaped[np.ndarray, " points"]:
@@ -243,9 +253,10 @@ class Criterion:
     reference: best H of a minimised criterion, or worst tolerable H of a maximised one
     scale: divisor of its value, H = value / scale
 
-    In ``WeightedGradientProjection`` the weight decreases from 1 if the criterion is bad to 0 if it is good. It follows
-    from exp(reference − H) for a minimised criterion, 1 − exp(reference − H) for a maximised one (Wan et al. 2018, Eqs.
-    27 and 28). A mean over time, such as ``manipulability``, has its value at the sample: ``motion.duration`` is 1 s.
+    In ``WeightedGradientProjection`` the weight is 1 if the criterion is bad, and decreases to 0 if it is good. It
+    follows from exp(reference − H) for a minimised criterion, 1 − exp(reference − H) for a maximised one (Wan et al.
+    2018, Eqs. 27 and 28). A mean over time, such as ``manipulability``, has its value at the sample:
+    ``motion.duration`` is 1 s.
 
     Raises InvalidInput for other objectives and for numbers out of range.
     """
@@ -267,7 +278,10 @@ class Criterion:
 
     @property
     def parameter(self) -> Parameter:
-        """The gain's default range; raises InvalidInput if the gain is an array already."""
+        """The gain's default range.
+
+        Raises InvalidInput if the gain is an array already.
+        """
         if np.ndim(self.gain):
             raise InvalidInput(f"criterion {self.objective.name}: gain must be one number, got {self.gain}")
         lower, upper = (float(self.gain or 1.0) * share for share in (1e-4, 10.0))
@@ -277,13 +291,19 @@ class Criterion:
 def number(
     *, below: float = np.inf, search: tuple[float, float] | None = None, scale: Scale = "linear"
 ) -> dict[str, Any]:
-    """Return the metadata of a field from 0 to less than ``below``, searched in ``search`` by default."""
+    """Return the metadata of a field from 0 to less than ``below``.
+
+    By default the field is searched in ``search``.
+    """
     return {"below": below, "search": search, "scale": scale}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Method:
-    """A way to resolve one motion, or a batch if its numbers are arrays; ``resolve`` takes any method."""
+    """A way to resolve one motion, or a batch of motions.
+
+    The numbers of a method are arrays for a batch; ``resolve`` takes any method.
+    """
 
     __repr__ = field_representation
     _repr_html_ = html_representation
@@ -304,14 +324,17 @@ class Method:
         return ()
 
     def parameters(self, times: Float[np.ndarray, " time"]) -> tuple[Parameter, ...]:
-        """Return the numbers that are searched by default, on a path with these sample times [s]."""
+        """Return the numbers that are searched by default.
+
+        times: sample times of the path [s]
+        """
         searched = [each for each in fields(self) if each.metadata.get("search") is not None]
         return tuple(Parameter(each.name, *each.metadata["search"], scale=each.metadata["scale"]) for each in searched)
 
     def with_values(self: Tuned, values: Mapping[str, np.ndarray], times: Float[np.ndarray, " time"]) -> Tuned:
-        """Return the method with values (motions,) for some of its numbers, one motion each.
+        """Return the method with values (motions,) for some numbers.
 
-        Raises InvalidInput for unknown names, and for numbers out of range.
+        Each motion has its own values. Raises InvalidInput for unknown names, and for numbers out of range.
         """
         searched = [each.name for each in self.parameters(times)]
         names = dict.fromkeys([*searched, *(each.name for each in fields(self))])
@@ -334,7 +357,10 @@ class Method:
 
 
 def broadcast_shape(method: Method, start: np.ndarray, shapes: Sequence[tuple[int, ...]]) -> tuple[int, ...]:
-    """Return the batch shape of starts (*starts, dof) and a method's numbers; raises InvalidInput if they don't fit."""
+    """Return the batch shape of starts and a method's numbers.
+
+    Starts are (*starts, dof). Raises InvalidInput if shapes do not fit.
+    """
     name, starts = type(method).__name__, start.shape[:-1]
     try:
         shape = np.broadcast_shapes(starts, *shapes)

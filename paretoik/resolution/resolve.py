@@ -1,4 +1,4 @@
-"""Resolution of one motion along a path by a method: checks, and the motion or an error."""
+"""Resolution of one motion along a path by a method, with checks."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ Unreachable = Literal["refuse", "track"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Resolution:
-    """A checked request: a task by a method from starts (*batch, dof).
+    """A checked request: a task, a method and starts (*batch, dof).
 
     ``unreachable`` and ``tolerance`` are those of ``paretoik.resolve``.
     """
@@ -73,7 +73,10 @@ def resolution_of(
     tolerance: float,
     seed: int,
 ) -> Resolution:
-    """Return the request of ``paretoik.resolve``; raises InvalidInput, naming an unusable part, and OutOfReach."""
+    """Return the checked request of ``paretoik.resolve``.
+
+    Raises InvalidInput, naming an unusable part, and OutOfReach.
+    """
     if not isinstance(method, VelocityMethod | PredictiveKineticEnergy | Nedungadi):
         raise InvalidInput(f"method must be one of pk.methods, such as PseudoInverse(), got {shown(method)}")
     check_choice("unreachable", unreachable, get_args(Unreachable))
@@ -91,7 +94,7 @@ def resolution_of(
     )
     starts = _starts(task, start, seed)
     if isinstance(method, ConstrainedQP):
-        # limits that rates cannot satisfy, and starts past limits, are refused
+        # refuse limits that rates cannot satisfy, and starts past limits
         first = starts.reshape(-1, arm.dof)[: None if unreachable == "refuse" else 0]
         for kind in ("torque", "power"):
             if getattr(limits, kind, None) is not None:
@@ -138,7 +141,10 @@ def resolve(resolution: Resolution) -> ResolvedMotion:
 
 
 def _starts(task: MotionTask, start: object, seed: int) -> np.ndarray:
-    """Return the start postures (*batch, dof), by default that of 64 farthest from singular."""
+    """Return the start postures (*batch, dof).
+
+    Without a start, the posture farthest from singular among 64 samples is used, if possible within limits.
+    """
     if start is None:
         rng = np.random.default_rng(seed)
         candidates = sample_postures(task, 64, rng)
@@ -155,7 +161,10 @@ def _starts(task: MotionTask, start: object, seed: int) -> np.ndarray:
 
 
 def _check_tracking(task: MotionTask, motion: ResolvedMotion, tolerance: float) -> None:
-    """Raise Infeasible if a motion loses its path, with its first sample."""
+    """Raise Infeasible if a motion loses its path.
+
+    The error names the first sample off the path.
+    """
     dof, samples = task.arm.dof, len(task.times)
     errors = np.abs(motion.traces.errors).max(axis=-1).reshape(-1, samples)
     broken = np.zeros_like(errors, dtype=bool)
@@ -180,7 +189,7 @@ def _check_tracking(task: MotionTask, motion: ResolvedMotion, tolerance: float) 
         )
     cause = LOST_STEPS[str(status[i, sample - 1])] if broken[i, sample] else f"{distance} off the path"
     if status[i, before] == "limited":
-        # in words the active limits of a constrained step to a sample
+        # describe the active limits of a constrained step to a sample
         assert isinstance(motion.traces, ConstrainedTraces)
         limits = motion.traces.active.reshape(-1, *motion.traces.active.shape[-2:])[i, sample - 1]
         words = [f"{limit} of {joint}" for limit, joint in zip(limits, task.arm.joint_names, strict=False) if limit]

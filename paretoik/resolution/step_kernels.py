@@ -21,9 +21,10 @@ from paretoik.resolution.protocol import CLAMPING, DAMPED, DONE, HELD, LEAST_NOR
 
 @compiled
 def buffer_depth(q, lower, upper, width):
-    """Return the depth of a joint in a buffer: −1 at or below its lower limit, 0 between the buffers, 1 at the upper.
+    """Return the depth of a joint in a buffer.
 
-    Source: Eqs. 16 and 20.
+    The depth is −1 at or below the lower limit, 0 between the buffers, and 1 at or above the upper limit. Source: Eqs.
+    16 and 20.
     """
     if not width < np.inf:
         return 0.0
@@ -37,7 +38,10 @@ def buffer_depth(q, lower, upper, width):
 
 @compiled
 def clamping_weight(depth):
-    """Return the weight of a joint at a depth in its buffer: 1 outside, 0 at its limit. Source: Eq. 17."""
+    """Return a joint's weight: 1 outside its buffer, 0 at its limit.
+
+    Source: Eq. 17.
+    """
     d = abs(depth)
     if d <= 0.0:
         return 1.0
@@ -48,9 +52,10 @@ def clamping_weight(depth):
 
 @compiled
 def criterion_weight(exponent, sign, band):
-    """Return the weight of a criterion: 1 if its normalised value is below ``band``, 0 above 1 − band.
+    """Return the weight of a criterion.
 
-    ``exponent`` is (reference − H) times the sign. Source: Eqs. 24 to 28, the cubic being 1 − 3s² + 2s³.
+    It is 1 if the normalised value is below ``band``, 0 if it is above 1 − band. ``exponent`` is (reference − H) times
+    the sign. Source: Eqs. 24 to 28, the cubic being 1 − 3s² + 2s³.
     """
     value = np.exp(min(exponent, 0.0)) if sign > 0 else 1.0 - np.exp(min(-exponent, 700.0))
     s = min(max((value - band) / (1.0 - 2.0 * band), 0.0), 1.0)
@@ -59,9 +64,10 @@ def criterion_weight(exponent, sign, band):
 
 @compiled
 def least_norm_weight(q, lower, upper, span, previous_slope, j):
-    """Return the inverse weight of joint j (Eq. 10), and write its slope for the next step.
+    """Return the inverse weight of joint j (Eq. 10).
 
-    A joint with one limit is slowed in the half of its range next to the limit.
+    Also write the joint's slope for the next step. A joint with one limit is slowed in the half of its range next to
+    the limit.
     """
     if not span < np.inf:
         return 1.0
@@ -89,7 +95,9 @@ FEEDBACK, REGION, DAMPING, BUFFER, REPULSION, BAND = 0, 1, 2, 3, 4, 5  # columns
 
 @compiled
 def follow(first, last, parts, table, steps, limits, method, traces):
-    """Follow the motions ``first`` to ``last`` of a batch; all results are in ``traces``.
+    """Follow the motions ``first`` to ``last`` of a batch.
+
+    All results are in ``traces``.
 
     table: data (time, rows) of the step program
     steps: times between samples (time − 1)
@@ -160,7 +168,10 @@ def follow(first, last, parts, table, steps, limits, method, traces):
 
 @compiled
 def _fill_inputs(k, first, q, velocities, table, inputs):
-    """Write the inputs of the step program at sample k: positions, the last velocities, and the sample's data."""
+    """Write the inputs of the step program at sample k.
+
+    They are positions, the last velocities, and the sample's data.
+    """
     n, count = q.shape[2], inputs.shape[1]
     for j in range(n):
         for local in range(count):
@@ -173,7 +184,10 @@ def _fill_inputs(k, first, q, velocities, table, inputs):
 
 @compiled
 def _read_task(outputs, dt, feedback, v, J):
-    """Write the task velocities and the Jacobian from the outputs of the step program. Source: Eqs. 32 and 33."""
+    """Write the task velocities and the Jacobian from the program's outputs.
+
+    Source: Eqs. 32 and 33.
+    """
     rows, n = J.shape
     for i in range(rows):
         v[i] = outputs[rows + i] / dt + feedback * outputs[i]
@@ -204,7 +218,7 @@ def solve_weighted_task(J, D, v, reflectors, triangle, scaled, velocities):
     for i in range(rows):
         for j in range(n):
             reflectors[i, j] = np.sqrt(D[order[j]]) * J[i, order[j]]
-    triangularise(reflectors, triangle)  # A, their square, is positive definite
+    triangularise(reflectors, triangle)  # the matrix A, the square of D^½ Jᵀ, is positive definite
     scaled[:] = 0.0
     for i in range(rows):
         total = v[i]
@@ -224,7 +238,7 @@ def _add(velocities, term):
 
 @compiled
 def _largest_move(dt, velocities):
-    """Return the largest move of a joint in a step; NaN if a velocity is NaN."""
+    """Return the largest move of a joint in a step, NaN if undefined."""
     largest = 0.0
     for j in range(velocities.shape[0]):
         largest = np.maximum(largest, abs(dt * velocities[j]))  # NaN stays
@@ -233,9 +247,10 @@ def _largest_move(dt, velocities):
 
 @compiled
 def _weigh_joints(weighting, q, limits, settings, previous_slope, joints, weights):
-    """Write joint weights: those of the weighted least norm, or clamping weights with a repulsion from limits.
+    """Write joint weights, for some methods with a repulsion from limits.
 
-    ``joints`` are D, E and the repulsion. Source: Wan et al. 2018, Eqs. 15 to 20.
+    They are the weights of the weighted least norm, or clamping weights. ``joints`` are D, E and the repulsion. Source:
+    Wan et al. 2018, Eqs. 15 to 20.
     """
     D, E, repulsive = joints
     for j in range(q.shape[0] if weighting != UNWEIGHTED else 0):
@@ -253,7 +268,10 @@ def _weigh_joints(weighting, q, limits, settings, previous_slope, joints, weight
 
 @compiled
 def _criterion_gain(outputs, modes, settings, gains, scaling, n):
-    """Return the gain of a criterion, normalised or not; NaN if its value or gradient is not finite."""
+    """Return the gain of a criterion, normalised or not.
+
+    The gain is NaN if the criterion's value or gradient is not finite.
+    """
     gain = gains[0]
     if modes[2]:
         sign = scaling[0]
@@ -266,7 +284,10 @@ def _criterion_gain(outputs, modes, settings, gains, scaling, n):
 
 @compiled
 def _descend(outputs, gain, modes, rank, sign, limits, E, z):
-    """Write the velocities that decrease a criterion. Source: Wan et al. 2018, Eqs. 12 and 29."""
+    """Write the velocities that decrease a criterion.
+
+    Source: Wan et al. 2018, Eqs. 12 and 29.
+    """
     weighting, _, normalised = modes
     for j in range(z.shape[0]):
         priority = np.exp(-rank * E[j]) if normalised else 1.0
@@ -276,9 +297,10 @@ def _descend(outputs, gain, modes, rank, sign, limits, E, z):
 
 @compiled
 def step(k, dt, jacobian, task_velocity, secondary, q, velocities, repulsion, projected, status):
-    """Take a step of every motion: the task's velocities plus the projection of ``secondary`` (motions, dof).
+    """Take a step of every motion.
 
-    ``jacobian`` (motions, rows · dof), ``task_velocity`` (motions, rows). Source: Tringali & Cocuzza 2021, Eq. 2.
+    The velocities are those of the task plus the projection of ``secondary`` (motions, dof). ``jacobian`` (motions,
+    rows · dof), ``task_velocity`` (motions, rows). Source: Tringali & Cocuzza 2021, Eq. 2.
     """
     n, rows = secondary.shape[1], task_velocity.shape[1]
     A, factor, both, task_only = np.empty((rows, rows)), np.empty((rows, rows)), np.empty(rows), np.empty(rows)
@@ -308,8 +330,11 @@ def step(k, dt, jacobian, task_velocity, secondary, q, velocities, repulsion, pr
 
 @compiled
 def _take_step(motion, k, dt, largest, q, velocities, repulsion, projected, status):
-    """Take a step, shortened if its largest move is too long; take none if it is not finite."""
-    limit = 1.0  # rad or m: largest move of a joint in one step; a Jacobian is useless farther away
+    """Take a step, shortened if its largest move is too long.
+
+    If the move is not finite, no step is taken.
+    """
+    limit = 1.0  # rad or m: largest move of a joint in one step; farther away the Jacobian is wrong
     if not (largest < np.inf and largest <= limit):
         stops = not largest < np.inf
         status[motion, k] = HELD if stops else SHORTENED
@@ -325,9 +350,9 @@ def _take_step(motion, k, dt, largest, q, velocities, repulsion, projected, stat
 
 @compiled
 def squared_damping(A, region, highest, factor, work):
-    """Return ρ² of Wan et al. 2018, Eq. 4, for A = J D Jᵀ, whose smallest eigenvalue is σ_min².
+    """Return ρ² for A = J D Jᵀ (Wan et al. 2018, Eq. 4).
 
-    The eigenvalue is computed only if A − ε²I is not positive definite.
+    The smallest eigenvalue of A is σ_min². The eigenvalue is computed only if A − ε²I is not positive definite.
     """
     if not (region > 0.0 and highest > 0.0):
         return 0.0

@@ -1,4 +1,4 @@
-"""Least kinetic energy by the calculus of variations: motions along which ∫ ½ q̇ᵀ M q̇ dt is stationary.
+"""Motions along which ∫ ½ q̇ᵀ M q̇ dt is stationary, by the calculus of variations.
 
 Under the path's constraint J q̇ = ẋ the Euler–Lagrange equation is M q̈ + n = Jᵀλ, with n(q, q̇) the Coriolis and
 centrifugal torques: no torque drives the self-motion. Without λ: q̈ = J_B⁺(ẍ − J̇q̇) − (I − J_B⁺J) M⁻¹n, J_B⁺ weighted
@@ -39,7 +39,7 @@ from paretoik.task.validation import START_TOLERANCE
 class EquationOptions:
     """Settings of the equation of motion."""
 
-    knots: int = 2000  # of the splines through the targets, for time derivatives
+    knots: int = 2000  # number of knots of the splines through the targets, for time derivatives
     massless: float = 1e-12  # ratio of the inertia matrix's eigenvalues below which a joint moves no mass
 
 
@@ -48,7 +48,7 @@ EQUATION_OPTIONS = EquationOptions()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Terms:
-    """The terms at one instant: J, the required J q̇ and J q̈, M, and n(q, q̇)."""
+    """Terms at one instant: J, required J q̇ and J q̈, M, n(q, q̇)."""
 
     jacobian: Float[np.ndarray, "motions rows dof"]
     velocity: Float[np.ndarray, "motions rows"]
@@ -82,12 +82,18 @@ class EquationOfMotion:
         return self.project(np.zeros(len(q)), q, np.zeros_like(q))
 
     def project(self, t: np.ndarray, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
-        """Return the velocities on the path that are nearest to dq in the metric of the inertia."""
+        """Return the velocities on the path nearest to dq.
+
+        The metric is the inertia.
+        """
         terms = self.terms(t, q, dq)
         return _solve_kkt(terms, (terms.inertia @ dq[..., None])[..., 0], terms.velocity)
 
     def terms(self, t: np.ndarray, q: np.ndarray, dq: np.ndarray) -> Terms:
-        """Return the terms at times t (motions,), of postures and velocities (motions, dof)."""
+        """Return the terms at times t (motions,).
+
+        Postures and velocities are (motions, dof).
+        """
         rows, dof = self.task.rows, self.task.arm.dof
         values = self.program(np.concatenate([q, dq, *(spline(t) for spline in self.targets)], axis=1).T).T
         ends = np.cumsum([rows * dof, rows, rows, dof * dof])
@@ -124,9 +130,10 @@ def equation_of_motion(task: MotionTask) -> EquationOfMotion:
 
 
 def _terms_program(task: MotionTask, arm: Arm) -> Evaluator:
-    """Return the program of ``Terms``; its inputs are q, q̇, and the targets with two time derivatives.
+    """Return the program of ``Terms``.
 
-    The path equations h(q, x) = 0 are satisfied along the path: J q̇ + ∂h/∂x ẋ = 0, and its time derivative too.
+    Its inputs are q, q̇, and the targets with two time derivatives. The path equations h(q, x) = 0 are satisfied along
+    the path: J q̇ + ∂h/∂x ẋ = 0, and its time derivative too.
     """
     tape, dof, numbers = Tape(), arm.dof, task.targets.shape[1]
     inputs: list[Any] = [[tape.input() for _ in range(count)] for count in (dof, dof, numbers, numbers, numbers)]
@@ -148,9 +155,9 @@ def _terms_program(task: MotionTask, arm: Arm) -> Evaluator:
 
 
 def _solve_kkt(terms: Terms, force: np.ndarray, rates: np.ndarray) -> np.ndarray:
-    """Return x with J x = ``rates`` and M x = ``force`` + Jᵀλ: x = J_B⁺ rates + (I − J_B⁺J) M⁻¹ force.
+    """Return x with J x = ``rates`` and M x = ``force`` + Jᵀλ.
 
-    It is NaN at a singularity.
+    In closed form x = J_B⁺ rates + (I − J_B⁺J) M⁻¹ force. It is NaN at a singularity.
     """
     rows, dof = terms.jacobian.shape[1:]
     matrix = np.zeros((len(rates), dof + rows, dof + rows))
@@ -172,7 +179,7 @@ class IntegrationOptions:
     first_step: float = 1e-2  # share of the duration
     shortest_step: float = 1e-5  # share of the duration: shorter steps mean a singularity
     safety: float = 0.9  # factor of the step length that the error estimate allows (Hairer et al. 1993, section II.4)
-    smallest_change: float = 0.2  # of a step length from one step to the next
+    smallest_change: float = 0.2  # smallest factor of the step length from one step to the next
     largest_change: float = 5.0
 
 
@@ -182,9 +189,10 @@ OPTIONS = IntegrationOptions()
 def extremal_paths(
     task: MotionTask, start: Float[np.ndarray, "motions dof"], *, tolerance: Float[np.ndarray, " motions"]
 ) -> tuple[JointPaths, JointPaths]:
-    """Return positions and velocities of stationary kinetic energy, NaN after a singularity.
+    """Return positions and velocities of stationary kinetic energy.
 
-    Raises InvalidInput for a cyclic task, a massless arm, starts off the path and tolerances out of range.
+    They are NaN after a singularity. Raises InvalidInput for a cyclic task, a massless arm, starts off the path and
+    tolerances out of range.
     """
     check_tolerance(tolerance)
     equation = equation_of_motion(task)
@@ -194,14 +202,17 @@ def extremal_paths(
 
 def check_tolerance(tolerance: float | np.ndarray) -> None:
     """Raise InvalidInput for a tolerance out of range."""
-    lowest, highest = 1e-13, 1e-3  # smaller ones are below rounding, larger ones leave the path
+    lowest, highest = 1e-13, 1e-3  # below 1e-13 rounding is larger, above 1e-3 motions leave the path
     for value in np.ravel(tolerance):
         if not lowest <= value <= highest:
             raise InvalidInput(f"variational: tolerance must be {lowest:g} to {highest:g}, got {value:g}")
 
 
 def starts_on_path(task: MotionTask, start: np.ndarray | None) -> np.ndarray:
-    """Return postures (*batch, dof) on the path's first sample; raises InvalidInput for others."""
+    """Return postures (*batch, dof) on the path's first sample.
+
+    Raises InvalidInput for postures off the path.
+    """
     q = task.start if start is None else np.asarray(start, dtype=float)
     if q is None:
         raise InvalidInput("variational: start must be postures, got none, and the task has no start of its own")
@@ -222,7 +233,10 @@ def starts_on_path(task: MotionTask, start: np.ndarray | None) -> np.ndarray:
 def integrate_paths(
     equation: EquationOfMotion, q: np.ndarray, dq: np.ndarray, tolerance: float | np.ndarray
 ) -> tuple[JointPaths, JointPaths]:
-    """Return positions and velocities (motions, time, dof), retracted onto the path sample by sample."""
+    """Return positions and velocities (motions, time, dof) on the path.
+
+    Every sample is retracted onto the path.
+    """
     task = equation.task
     states = integrate(equation, np.concatenate([q, dq], axis=1), task.times, tolerance)
     near, rates = np.split(states, 2, axis=2)
@@ -240,9 +254,10 @@ def integrate(
     times: Float[np.ndarray, " time"],
     tolerance: float | Float[np.ndarray, " motions"],
 ) -> Float[np.ndarray, "motions time state"]:
-    """Return states at ``times``, NaN from the first sample that a motion does not reach.
+    """Return states at ``times``.
 
-    ``tolerance`` is that of every step, for positions and velocities, relative if these are larger than 1.
+    States are NaN from the first sample that a motion does not reach. ``tolerance`` is that of every step, for
+    positions and velocities, relative if these are larger than 1.
     """
     states = np.full((len(start), len(times), start.shape[1]), np.nan)
     duration = times[-1] - times[0]
@@ -276,7 +291,10 @@ def _step(
     step: np.ndarray,
     tolerance: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return (state, its rate, error over tolerance) after one step each. Source: Dormand & Prince 1980."""
+    """Return (state, rate, error over tolerance) after one step of each motion.
+
+    Source: Dormand & Prince 1980.
+    """
     stages, h = [rate], step[:, None]
     for row, share in zip(RK45.A[1:], RK45.C[1:], strict=True):
         stages.append(equation(t + share * step, y + h * _combine(row, stages)))
@@ -289,7 +307,10 @@ def _step(
 
 
 def _combine(weights: np.ndarray, stages: list[np.ndarray]) -> np.ndarray:
-    """Return Σ weights · stages, term by term: a matrix product rounds differently with the number of motions."""
+    """Return Σ weights · stages, summed term by term.
+
+    A matrix product would round differently with the number of motions.
+    """
     total = weights[0] * stages[0]
     for weight, stage in zip(weights[1 : len(stages)], stages[1:], strict=True):
         total += weight * stage

@@ -1,4 +1,4 @@
-"""Arms, their kinematics and dynamics, and how they are made: from lengths, Denavit–Hartenberg tables or URDFs."""
+"""Arms from lengths, Denavit–Hartenberg tables or URDFs; kinematics and dynamics."""
 
 import lazy_loader
 

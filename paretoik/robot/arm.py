@@ -62,7 +62,7 @@ class Arm(SerialChain):
     source, source_digest: URDF that the arm comes from, and the SHA-256 of that file
     notices: parts of the URDF that the arm lacks, such as frozen joints
 
-    Every constructor and every method that returns an arm raises InvalidInput for values that no arm can have.
+    Every constructor, and every method that returns an arm, raises InvalidInput for impossible values.
     """
 
     def __repr__(self) -> str:
@@ -250,7 +250,9 @@ class Arm(SerialChain):
         return replace(self, base=self.base if base is None else base, gravity=vector)
 
     def fixed(self, positions: Mapping[str, float] | None = None, /, **joints: float) -> Arm:
-        """Return the arm with joints frozen at values [rad or m], by name: ``arm.fixed(joint2=0.3)``.
+        """Return the arm with joints frozen at values [rad or m], by name.
+
+        Example: ``arm.fixed(joint2=0.3)``.
 
         positions: values by joint name; ``joints`` are the same as keywords
 

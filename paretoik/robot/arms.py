@@ -21,13 +21,16 @@ TRINGALI_MASSES = {"printed": (0.615, 0.615, 0.307), "fitted": (0.619, 0.821, 0.
 
 
 def tringali_3r(masses: Literal["printed", "fitted"] = "printed") -> Arm:
-    """Return the planar prototype with three revolute joints of Tringali & Cocuzza 2020 (Table 1) and 2021.
+    """Return the planar 3R prototype of Tringali & Cocuzza 2020 and 2021.
+
+    Its data are those of Table 1 of 2020.
 
     masses: "printed" for the masses in the papers, or "fitted"
 
     The printed masses reproduce the kinematics of both papers, but give energies that are 27 % too low. The fitted
     masses are not in the papers: they were fitted to eleven published energies and reproduce these within 0.85 %. The
-    arm has no limits, because those of 2020, Table 2, differ between simulations. Raises InvalidInput for other words.
+    arm has no limits, because the limits of 2020, Table 2, differ between simulations. Raises InvalidInput for
+    other words.
 
     >>> tringali_3r("fitted").bodies[2].mass
     0.503
@@ -58,9 +61,10 @@ def marcos_nr(links: Literal[3, 4] = 3) -> Arm:
 
 
 def wan_7r() -> Arm:
-    """Return the arm with seven revolute joints of Wan et al. 2018, Table 1: modified DH, position and velocity limits.
+    """Return the 7R arm of Wan et al. 2018, Table 1.
 
-    The paper prints no masses, so this arm has kinematics only.
+    The table has modified DH parameters, and position and velocity limits. The paper prints no masses, so this arm has
+    kinematics only.
 
     >>> wan_7r().velocity_limits[0].round(4)
     np.float64(0.9599)
@@ -80,7 +84,9 @@ def wan_7r() -> Arm:
 
 
 def kim_3r(masses: Sequence[float] = (0.5, 0.5, 0.5)) -> Arm:
-    """Return the planar arm with three revolute joints of Kim, Choi & Jang 2021, Table 2, under gravity (0, −9.81).
+    """Return the planar 3R arm of Kim, Choi & Jang 2021, Table 2.
+
+    Gravity is (0, −9.81).
 
     masses: mass of each link [kg], in its middle
 

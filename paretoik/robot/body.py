@@ -22,12 +22,15 @@ from paretoik.inputs import (
 )
 from paretoik.robot.pose import Pose
 
-INERTIA_TOLERANCE = 1e-15  # kg m²: less than a grain of sand has, and than the rounding of real files
+INERTIA_TOLERANCE = 1e-15  # kg m²: less than the inertia of a grain of sand, and than the rounding of real files
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Body:
-    """Mass [kg], centre of gravity [m] and inertia about that centre [kg m²], in one frame."""
+    """Mass [kg], centre of gravity [m] and inertia [kg m²] of a body.
+
+    The inertia is about the centre of gravity; all are in one frame.
+    """
 
     mass: float
     center: Vector3
@@ -37,8 +40,9 @@ class Body:
     def from_values(cls, name: str, mass: float, center: object, inertia: object) -> Body:
         """Return a body of checked values; messages begin with ``name``.
 
-        ``inertia`` None is that of a point mass. Raises InvalidInput if the mass is negative, a number is not finite,
-        or no real body has the inertia (not symmetric, not positive, or against the triangle inequality).
+        An ``inertia`` of None is the inertia of a point mass. ``inertia`` None is that of a point mass. Raises
+        InvalidInput if the mass is negative, a number is not finite, or no real body has the inertia (not symmetric,
+        not positive, or against the triangle inequality).
         """
         mass = finite_number(f"{name}: mass", mass)
         position = real_array(f"{name}: centre of gravity", center)
@@ -70,7 +74,9 @@ class Body:
 
     @property
     def pseudo_inertia(self) -> Float[np.ndarray, "4 4"]:
-        """∫ (r, 1)(r, 1)ᵀ dm about the origin: second moments [kg m²], first moments [kg m] and mass [kg].
+        """∫ (r, 1)(r, 1)ᵀ dm about the origin of the frame.
+
+        The entries are second moments [kg m²], first moments [kg m] and mass [kg].
 
         Source: Wensing, Kim & Slotine 2018.
         """
@@ -80,7 +86,7 @@ class Body:
 
 
 def inertia_fault(inertia: Matrix3) -> str | None:
-    """Return why a tensor is not the inertia of a real body, or None."""
+    """Return why a tensor is no real body's inertia, or None."""
     size = float(np.abs(inertia).max())
     if size < INERTIA_TOLERANCE:
         return None
@@ -98,9 +104,10 @@ def inertia_fault(inertia: Matrix3) -> str | None:
 
 
 def nearest_inertia(inertia: Matrix3) -> Matrix3:
-    """Return the nearest inertia of a real body: no second moment ∫ r rᵀ dm is below 0.
+    """Return the nearest inertia of a real body.
 
-    The second moments are ½ tr(I) 1 − I; those below 0 become 0. Source: Wensing, Kim & Slotine 2018.
+    No second moment ∫ r rᵀ dm of a real body is below 0. The second moments are ½ tr(I) 1 − I; those below 0 become 0.
+    Source: Wensing, Kim & Slotine 2018.
     """
     moments, axes = np.linalg.eigh(np.trace(inertia) / 2 * np.eye(3) - inertia)
     moments = np.maximum(moments, 0.0)
@@ -109,7 +116,10 @@ def nearest_inertia(inertia: Matrix3) -> Matrix3:
 
 
 def transform_body(body: Body, pose: Pose) -> Body:
-    """Return a body of the frame at ``pose`` in the frame that ``pose`` is given in."""
+    """Return a body in the frame that ``pose`` is given in.
+
+    The given body is in the frame at ``pose``.
+    """
     rotation = pose.rotation
     return Body(mass=body.mass, center=pose.apply(body.center), inertia=rotation @ body.inertia @ rotation.T)
 
@@ -137,7 +147,10 @@ MOST_JOINTS = 1000  # more are a mistake, and their Jacobians fill the memory
 
 
 def limit_rows(name: str, limits: object, count: int) -> Float[np.ndarray, "dof 2"]:
-    """Return limits as rows (lower, upper), (count, 2): a tuple is (lower, upper), None unlimited, others symmetric."""
+    """Return limits as rows (lower, upper), an array (count, 2).
+
+    A tuple is (lower, upper), None is unlimited, and other limits are symmetric.
+    """
     if limits is None:
         return np.tile([-np.inf, np.inf], (count, 1))
     if isinstance(limits, tuple) and len(limits) == 2:
@@ -173,7 +186,10 @@ def symmetric_limits(name: str, limits: object, count: int) -> Float[np.ndarray,
 
 
 def joint_tuple(names: object, count: int) -> tuple[str, ...]:
-    """Return names of joints; raises InvalidInput unless they are ``count`` different names, none that of a frame."""
+    """Return names of joints.
+
+    Raises InvalidInput unless there are ``count`` different names, and none is the name of a frame.
+    """
     joints = read_list("joint_names", names, str, "a list of names")
     if len(joints) != count or len(set(joints)) != count:
         raise InvalidInput(f"joint_names must be {count} different names, got {shown(names)}")
@@ -186,7 +202,10 @@ def joint_tuple(names: object, count: int) -> tuple[str, ...]:
 
 
 def type_tuple(types: object, count: int) -> tuple[JointType, ...]:
-    """Return types of joints, all revolute for None; raises InvalidInput unless they are ``count`` known ones."""
+    """Return types of joints; None means that all are revolute.
+
+    Raises InvalidInput unless there are ``count`` known types.
+    """
     if types is None:
         return tuple[JointType, ...](["revolute"] * count)
     kinds = read_list("types", types, str, "a list of types of joints")
@@ -198,7 +217,10 @@ def type_tuple(types: object, count: int) -> tuple[JointType, ...]:
 
 
 def number_array(name: str, values: object, count: int | None, *, positive: bool = False) -> np.ndarray:
-    """Return finite numbers (count,), any number but 0 without ``count``; raises InvalidInput by ``name``."""
+    """Return finite numbers (count,), one per joint.
+
+    Without ``count``, any number of joints except 0 is accepted. Raises InvalidInput by ``name``.
+    """
     array = real_array(name, values)
     if count is None and array.ndim == 1 and array.size > MOST_JOINTS:
         raise InvalidInput(f"{name} must be for at most {MOST_JOINTS} joints, got {array.size}")
@@ -214,7 +236,7 @@ def number_array(name: str, values: object, count: int | None, *, positive: bool
 
 
 def body_tuple(masses: object, centers: object, inertias: object, count: int) -> tuple[Body, ...]:
-    """Return one checked body per link; None is 0 for all."""
+    """Return one checked body per link; None means 0 for all."""
     mass = np.zeros(count) if masses is None else number_array("masses", masses, count)
     center = np.zeros((count, 3)) if centers is None else real_array("centers", centers)
     inertia = np.zeros((count, 3, 3)) if inertias is None else real_array("inertias", inertias)
@@ -227,7 +249,10 @@ def body_tuple(masses: object, centers: object, inertias: object, count: int) ->
 
 
 def planar_bodies(masses: object, centers: object, inertias: object, count: int) -> tuple[Body, ...]:
-    """Return one body per link of a planar arm: its centre is on the x axis, its inertia about z; None is 0 for all."""
+    """Return one body per link of a planar arm.
+
+    The centre of gravity is on the x axis, the inertia is about z. None means 0 for all links.
+    """
     mass, center, inertia = (
         np.zeros(count) if values is None else number_array(name, values, count)
         for name, values in (("masses", masses), ("centers", centers), ("inertias", inertias))
@@ -242,7 +267,10 @@ def planar_bodies(masses: object, centers: object, inertias: object, count: int)
 
 
 def joint_positions(q: object, dof: int) -> np.ndarray:
-    """Return joint positions (*batch, dof) as floats; raises InvalidInput for others."""
+    """Return joint positions (*batch, dof) as floats.
+
+    Raises InvalidInput for other shapes and for values that are not finite.
+    """
     positions = finite_array("q", q)
     if positions.shape[-1:] != (dof,):
         raise InvalidInput(f"q: must have shape (..., {dof}), one per joint, got shape {positions.shape}")

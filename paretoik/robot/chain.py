@@ -1,4 +1,4 @@
-"""The chain of an arm: its joints, bodies, limits and frames as data, and joints frozen at a value."""
+"""The chain of an arm as data, and joints frozen at a value."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ class SerialChain:
 
         name: a link of the URDF, a joint (its frame is that of the link that it moves), "tool" or "base"
 
-        ``"<tool>"`` and ``"<base>"`` always are the arm's tool and base, also if a link or joint is called "tool" or
+        ``"<tool>"`` and ``"<base>"`` always are the arm's tool and base, even if a link or joint is called "tool" or
         "base". Raises InvalidInput listing the valid names.
         """
         origin = Pose(np.zeros(3))
@@ -111,9 +111,10 @@ AnyChain = TypeVar("AnyChain", bound=SerialChain)
 
 
 def fix_joint(arm: AnyChain, joint: str, value: float) -> AnyChain:
-    """Return the arm with one joint frozen at ``value`` [rad, m]; its link joins the one before.
+    """Return the arm with one joint frozen at ``value`` [rad, m].
 
-    Raises InvalidInput for an unknown joint, a value that is not finite, or the last joint of an arm.
+    The joint's link is merged with the link before. Raises InvalidInput for an unknown joint, a value that is not
+    finite, or the last joint of an arm.
     """
     if joint not in arm.joint_names:
         hint = likely_spelling(joint, arm.joint_names)
@@ -153,7 +154,12 @@ def fix_joint(arm: AnyChain, joint: str, value: float) -> AnyChain:
 
 
 def joint_motion(joint_type: str, value: float, axis: Sequence[float] = (0.0, 0.0, 1.0)) -> Pose:
-    """Return the pose that a joint at ``value`` [rad or m] adds to its placement, the identity for other types."""
+    """Return the pose that a joint at ``value`` [rad or m] adds.
+
+    The pose is added to the joint's placement. For other joint types it is the identity.
+
+    The value is in rad or m. For other joint types the pose is the identity.
+    """
     if joint_type == "prismatic":
         return Pose(value * np.array(axis))
     if joint_type in ("revolute", "continuous"):
@@ -167,11 +173,13 @@ def joint_motion(joint_type: str, value: float, axis: Sequence[float] = (0.0, 0.
 def joint_placements(
     *, a: np.ndarray, alpha: np.ndarray, d: np.ndarray, theta: np.ndarray, convention: Literal["modified", "standard"]
 ) -> tuple[tuple[Pose, ...], tuple[Pose, ...], Pose]:
-    """Return the placement of each joint on the one before, of each link frame on its joint, and of the tool.
+    """Return the placements of joints, of link frames, and of the tool.
+
+    A joint is placed on the joint before, a link frame on its joint, the tool on the last joint.
 
     a, d: lengths [m], one per joint
     alpha, theta: angles [rad], one per joint
-    convention: that of the parameters and link frames
+    convention: convention of the parameters and link frames
 
     A joint's frame has the joint's axis along z in both conventions. The joint moves along or about z, so that its
     offsets d and theta commute with its motion. Source: Craig, Introduction to Robotics, chapter 3 (modified);
@@ -187,7 +195,10 @@ def joint_placements(
 
 
 def _transform(a: float, alpha: float, d: float, theta: float) -> Pose:
-    """Return a translation by a along x and a rotation by alpha about it, then d and theta along and about z."""
+    """Return the transform of Denavit–Hartenberg parameters.
+
+    It is a translation by a along x and a rotation by alpha about x, then d along z and theta about z.
+    """
     rotation: Matrix3 = np.array(
         [
             [np.cos(theta), -np.sin(theta), 0.0],

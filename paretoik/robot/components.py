@@ -1,10 +1,10 @@
-"""Vector algebra on the components that robot kernels compute with, and evaluation of kernels on batches.
+"""Vector algebra on the components of robot kernels, and evaluation on batches.
 
-A component is an array over samples, a plain number if it is the same for all of them, or an expression to take
-derivatives of. Vectors are triples of components, matrices are three rows. Products and sums with the numbers 0 and 1
-are left out: the same three-dimensional kernels run a planar arm at planar cost, and a Panda, whose frames are turned
-by right angles, without multiplying by zeros. No function takes an absolute value, a maximum or a branch on an array,
-so that all run on complex input too.
+A component is an array over samples, a plain number if it is the same for all samples, or an expression if derivatives
+are taken. Vectors are triples of components, matrices are three rows. Products and sums with the numbers 0 and 1 are
+left out. So the three-dimensional kernels cost no more than planar ones for a planar arm, and do not multiply by zeros
+for a Panda, whose frames are rotated by right angles. No function takes an absolute value, a maximum or a branch on an
+array, so that all functions also accept complex input.
 """
 
 from __future__ import annotations
@@ -111,7 +111,7 @@ def multiply(a: Matrix, b: Matrix) -> Matrix:
 
 
 def rotate_about_z(a: Vector, cosine: Component, sine: Component) -> Vector:
-    """Return a rotated about z by the angle of this cosine and sine."""
+    """Return a rotated about z by an angle, given by cosine and sine."""
     return (minus(times(cosine, a[0]), times(sine, a[1])), plus(times(sine, a[0]), times(cosine, a[1])), a[2])
 
 
@@ -133,9 +133,10 @@ def to_matrix(matrix: np.ndarray) -> Matrix:
 def evaluate_in_blocks(
     kernel: Callable[..., Sequence[Component]], arm: SerialChain, shape: tuple[int, ...], *arrays: np.ndarray
 ) -> np.ndarray:
-    """Run ``kernel(*columns)`` over samples (*batch, dof) in blocks; return (*batch, *shape).
+    """Run ``kernel(*columns)`` over samples in blocks; return (*batch, *shape).
 
-    The kernel gets each argument as a list of dof contiguous columns and returns the entries of ``shape`` in order.
+    The arrays are (*batch, dof). The kernel gets each argument as a list of dof contiguous columns and returns the
+    entries of ``shape`` in order.
     """
     arrays = tuple(np.asarray(array) for array in arrays)
     batch = arrays[0].shape[:-1]

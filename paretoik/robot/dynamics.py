@@ -1,7 +1,7 @@
-"""Inverse dynamics, inertia matrix, kinetic energy and power, for whole batches at once.
+"""Inverse dynamics, inertia matrix, kinetic energy and power, in batches.
 
-One recursion (Newton–Euler, in link frames) gives torques and inertia. Source: Featherstone, Rigid Body Dynamics
-Algorithms, chapter 5; Luh, Walker & Paul 1980.
+The torques and the inertia are computed by one recursion. One recursion (Newton–Euler, in link frames) gives torques
+and inertia. Source: Featherstone, Rigid Body Dynamics Algorithms, chapter 5; Luh, Walker & Paul 1980.
 """
 
 from __future__ import annotations
@@ -35,7 +35,10 @@ from paretoik.robot.kinematics import ArmConstants, LinkConstants, arm_constants
 
 
 def inverse_dynamics(arm: SerialChain, q: Joints, dq: Joints, ddq: Joints) -> Joints:
-    """Return the joint torques (forces) τ = M q̈ + n(q, q̇) (*batch, dof) [N m, N], gravity included."""
+    """Return the joint torques τ = M q̈ + n(q, q̇) (*batch, dof) [N m, N].
+
+    They include gravity; for prismatic joints they are forces.
+    """
     return evaluate_in_blocks(partial(torque_components, arm), arm, (arm.dof,), q, dq, ddq)
 
 
@@ -54,7 +57,10 @@ def torque_components(
 
 
 def inertia_matrix(arm: SerialChain, q: Joints) -> InertiaMatrices:
-    """Return M(q), (*batch, dof, dof) [kg m², kg m, kg]: its columns are the torques of unit accelerations."""
+    """Return the inertia matrix M(q) (*batch, dof, dof) [kg m², kg m, kg].
+
+    Each column has the torques of a unit acceleration.
+    """
     dof = arm.dof
 
     def kernel(q: Sequence[Component]) -> list[Component]:
@@ -105,9 +111,10 @@ def power(torque: Joints, dq: Joints) -> Joints:
 def _cosines_and_sines(
     constants: ArmConstants, q: Sequence[Component], acceleration: Vector
 ) -> list[tuple[Component, Component]]:
-    """Return ``joint_cosines_and_sines``, but (1, 0) for a first joint whose angle has no effect.
+    """Return ``joint_cosines_and_sines``, simplified for the first joint.
 
-    It has none if the base's ``acceleration`` is along the joint's axis.
+    The first entry is (1, 0) if the first joint's angle has no effect. This is so if the base's ``acceleration`` is
+    along the joint's axis.
     """
     x, y, _ = apply_transposed(constants.links[0].rotation, acceleration)
     if isinstance(x, float) and isinstance(y, float) and x == y == 0.0:
@@ -123,7 +130,10 @@ def _newton_euler(
     ddq: Sequence[Component],
     acceleration: Vector,
 ) -> list[Component]:
-    """Return joint torques; ``acceleration`` is that of the base, minus gravity, in the base frame."""
+    """Return joint torques by the Newton–Euler recursion.
+
+    The ``acceleration`` is that of the base minus gravity, in the base frame.
+    """
     omega, omega_rate, gradient = ZERO, ZERO, (ZERO, ZERO, ZERO)
     forces, moments, origins = [], [], []
     for i, link in enumerate(constants.links):
@@ -143,7 +153,7 @@ def _newton_euler(
                 plus(omega_rate[2], ddq[i]),
             )
             omega = (omega[0], omega[1], plus(omega[2], dq[i]))
-        # [ω̇]× + [ω]×[ω]×; times a point of the link it is that point's acceleration relative to the origin
+        # [ω̇]× + [ω]×[ω]×: times a link's point, this is the point's acceleration relative to the origin
         x, y, z = omega
         xx, yy, zz, xy, xz, yz = times(x, x), times(y, y), times(z, z), times(x, y), times(x, z), times(y, z)
         gradient = (
@@ -168,7 +178,10 @@ def _newton_euler(
 
 
 def _moment(link: LinkConstants, gradient: Matrix, acceleration: Vector) -> Vector:
-    """Return ∫ r × r̈ dm about the link's origin: the axial vector of ∫ r̈ rᵀ dm."""
+    """Return ∫ r × r̈ dm about the link's origin.
+
+    It is the axial vector of ∫ r̈ rᵀ dm.
+    """
 
     def entry(row: int, column: int) -> Component:
         return plus(
@@ -179,7 +192,10 @@ def _moment(link: LinkConstants, gradient: Matrix, acceleration: Vector) -> Vect
 
 
 def _origin(link: LinkConstants, q: Component) -> Vector:
-    """Return the origin of a link in the frame before it, with the travel of a prismatic joint."""
+    """Return the origin of a link in the frame before.
+
+    It includes the travel of a prismatic joint.
+    """
     if not link.prismatic:
         return link.translation
     axis = (link.rotation[0][2], link.rotation[1][2], link.rotation[2][2])

@@ -1,4 +1,4 @@
-"""Forward kinematics and the geometric Jacobian, for whole batches at once.
+"""Forward kinematics and the geometric Jacobian, in batches.
 
 Everything is expressed in world axes; twists and Jacobians have the linear part first. Functions whose names end in
 ``_components`` serve kernels and derivatives: they take columns and return components. Source: Siciliano et al.,
@@ -64,7 +64,10 @@ class LinkConstants:
 
 @dataclass(frozen=True, kw_only=True)
 class ArmConstants:
-    """Constants of an arm, as components: rotation and position of tool and base, and gravity in the base frame."""
+    """Constants of an arm, as components.
+
+    They are the rotation and position of tool and base, and gravity in the base frame.
+    """
 
     links: tuple[LinkConstants, ...]
     tool: tuple[Matrix, Vector]
@@ -102,9 +105,9 @@ def joint_cosines_and_sines(
 def _regroup_inertias(arm: SerialChain) -> list[np.ndarray]:
     """Return each link's pseudo-inertia (4, 4), regrouped into base parameters.
 
-    Moments that a joint does not move go to the link before: mass on the axis of a rotating joint, and the rotary
-    inertia of a prismatic link. Motions, torques and energies stay the same. Most entries become zero, and kernels skip
-    zeros. Source: Khalil & Kleinfinger 1987, base inertial parameters.
+    The moments that a joint does not move are added to the link before: mass on the axis of a rotational joint, and the
+    rotary inertia of a prismatic link. Motions, torques and energies stay the same. Most entries become zero, and
+    kernels skip zeros. Source: Khalil & Kleinfinger 1987, base inertial parameters.
     """
     inertias = [body.pseudo_inertia for body in arm.bodies]
     for i in reversed(range(arm.dof)):
@@ -129,9 +132,10 @@ def _snap(rotation: np.ndarray) -> np.ndarray:
 
 @lru_cache(maxsize=256)
 def characteristic_length(arm: SerialChain) -> float:
-    """Return the length [m] of a stretched-out arm from its first joint to its tool, slides at 0.
+    """Return the length [m] of the stretched-out arm.
 
-    If that is 0, return the longest range of a slide, or 1 m if none is limited.
+    It is measured from the first joint to the tool, with slides at 0. If it is 0, it is replaced by the longest range
+    of a slide, or by 1 m if no slide is limited.
     """
     offsets = [*arm.placements[1:], arm.tool]
     length = float(sum(np.linalg.norm(pose.position) for pose in offsets))
@@ -143,13 +147,19 @@ def characteristic_length(arm: SerialChain) -> float:
 
 @lru_cache(maxsize=256)
 def joint_scales(arm: SerialChain) -> Float[np.ndarray, " dof"]:
-    """Return the unit of each joint's distances: 1 rad, or the arm's characteristic length [m] for a slide."""
+    """Return the unit of each joint's distances.
+
+    It is 1 rad, or for a slide the arm's characteristic length [m].
+    """
     return read_only(np.where(arm.periodic, 1.0, characteristic_length(arm)))
 
 
 @lru_cache(maxsize=256)
 def geometry_key(arm: SerialChain) -> tuple[object, ...]:
-    """Return a dictionary key that is equal for arms with the same link poses and scales."""
+    """Return a dictionary key of an arm's geometry.
+
+    Arms with the same link poses and scales have equal keys.
+    """
     poses = [*arm.placements, arm.tool, arm.base]
     numbers = np.concatenate([part for pose in poses for part in (pose.position, pose.quaternion)])
     return arm.joint_types, arm.is_planar, characteristic_length(arm), numbers.tobytes()
@@ -201,7 +211,10 @@ def frame_components(arm: SerialChain, links: LinkFrames, frame: Frame) -> tuple
 def jacobian_components(
     arm: SerialChain, links: LinkFrames, frame: Frame, position: Vector
 ) -> list[tuple[Vector, Vector]]:
-    """Return the linear and angular Jacobian column of each joint, for a frame at ``position``."""
+    """Return each joint's linear and angular Jacobian column.
+
+    The columns are for a frame at ``position``.
+    """
     columns = []
     for i, link in enumerate(arm_constants(arm).links):
         axis = transpose(links.rotations[i])[2]
@@ -215,7 +228,10 @@ def jacobian_components(
 
 
 def forward_kinematics(arm: SerialChain, q: Joints, frame: str = TOOL_FRAME) -> tuple[Rotations, Positions]:
-    """Return rotation (*batch, 3, 3) and position (*batch, 3) [m] of a frame in the world at q (*batch, dof)."""
+    """Return rotation and position of a frame in the world.
+
+    Rotations are (*batch, 3, 3), positions (*batch, 3) [m], for q (*batch, dof).
+    """
     on_link = arm.frame(frame)
 
     def kernel(q: Sequence[Component]) -> list[Component]:
@@ -227,7 +243,10 @@ def forward_kinematics(arm: SerialChain, q: Joints, frame: str = TOOL_FRAME) -> 
 
 
 def jacobian(arm: SerialChain, q: Joints, frame: str = TOOL_FRAME) -> Jacobians:
-    """Return the geometric Jacobian (*batch, 6, dof), linear rows first, of a frame in world axes."""
+    """Return the geometric Jacobian (*batch, 6, dof) of a frame.
+
+    The linear rows come first; axes are those of the world.
+    """
     on_link = arm.frame(frame)
 
     def kernel(q: Sequence[Component]) -> list[Component]:

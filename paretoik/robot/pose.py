@@ -85,7 +85,10 @@ class Pose:
 
     @classmethod
     def from_rpy(cls, position: ArrayLike, rpy: ArrayLike) -> Pose:
-        """Return a pose from roll, pitch and yaw [rad] about fixed x, y, z in this order, as URDF writes it."""
+        """Return a pose from roll, pitch and yaw [rad].
+
+        They are about fixed x, y, z in this order, as in a URDF.
+        """
         angles = finite_array("pose rpy", rpy, shape=(3,))
         check_angles("pose rpy", rpy)
         return cls(position, rpy_to_quaternion(angles))
@@ -127,7 +130,7 @@ class Pose:
         return matrix
 
     def __matmul__(self, other: Pose) -> Pose:
-        """Return ``other``, a pose in this frame, in the frame that this pose is given in."""
+        """Return ``other``, given in this frame, in this pose's own parent frame."""
         if not isinstance(other, Pose):
             return NotImplemented
         position, quaternion = self.apply(other.position), quaternion_product(self.quaternion, other.quaternion)
@@ -141,7 +144,7 @@ class Pose:
         return pose_batch(-np.einsum("...ji,...j->...i", self.rotation, self.position), conjugate)
 
     def apply(self, points: ArrayLike) -> Float[np.ndarray, "*batch 3"]:
-        """Return points of this frame in the frame that this pose is given in.
+        """Return points, given in this frame, in this pose's parent frame.
 
         points: coordinates (..., 3) [m]; for a batch of poses one point each, or one (3,) for all
         """
@@ -158,7 +161,10 @@ class Pose:
 
 
 def pose_batch(position: Float[np.ndarray, "*batch 3"], quaternion: Float[np.ndarray, "*batch 4"]) -> Pose:
-    """Return a batch of poses from finite positions and quaternions of length 1 up to rounding."""
+    """Return a batch of poses from finite positions and unit quaternions.
+
+    Quaternions have length 1 up to rounding.
+    """
     poses = object.__new__(Pose)
     unit = quaternion / np.linalg.norm(quaternion, axis=-1, keepdims=True)
     freeze(poses, position=np.array(position), quaternion=unit)
@@ -191,7 +197,10 @@ def quaternion_product(
 
 
 def rpy_to_quaternion(rpy: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " 4"]:
-    """Return the unit quaternion (w, x, y, z) of roll, pitch and yaw [rad] about fixed x, y, z in this order."""
+    """Return the unit quaternion (w, x, y, z) of roll, pitch and yaw.
+
+    Angles [rad] are about fixed x, y, z in this order.
+    """
     roll, pitch, yaw = rpy / 2
     about_x = np.array([np.cos(roll), np.sin(roll), 0.0, 0.0])
     about_y = np.array([np.cos(pitch), 0.0, np.sin(pitch), 0.0])
@@ -213,7 +222,7 @@ def quaternion_to_matrix(quaternions: Float[np.ndarray, "*batch 4"]) -> Float[np
 
 
 def matrix_to_quaternion(matrices: Float[np.ndarray, "*batch 3 3"]) -> Float[np.ndarray, "*batch 4"]:
-    """Return the unit quaternions (w, x, y, z) with w ≥ 0 of rotation matrices.
+    """Return the unit quaternions (w, x, y, z), w ≥ 0, of rotation matrices.
 
     Shepperd's method: the matrix gives 4 q qᵀ; its row with the largest diagonal entry, normalised, is q without
     cancellation.
@@ -239,14 +248,15 @@ def matrix_to_quaternion(matrices: Float[np.ndarray, "*batch 3 3"]) -> Float[np.
 def rotation_vector(matrices: Float[np.ndarray, "*batch 3 3"]) -> Float[np.ndarray, "*batch 3"]:
     """Return the rotation vectors (axis · angle [rad]) of rotation matrices: their logarithm.
 
-    The angle is in [0, π], and accurate near 0 and near π. At π both signs of the axis are correct and one is returned.
+    The angle is in [0, π], and accurate near 0 and near π. At π both signs of the axis are correct; one of them is
+    returned.
 
     >>> rotation_vector(Pose.from_rpy([0, 0, 0], [0, 0, 1e-9]).rotation)
     array([0.e+00, 0.e+00, 1.e-09])
     """
     quaternions = matrix_to_quaternion(matrices)
     vector_part = quaternions[..., 1:]
-    sines = np.sqrt((vector_part * vector_part).sum(axis=-1))  # of half the angle
+    sines = np.sqrt((vector_part * vector_part).sum(axis=-1))  # sines of half the angle
     nonzero = sines > 0
     factors = 2 * np.arctan2(sines, quaternions[..., 0]) / np.where(nonzero, sines, 1.0)
     vectors: np.ndarray = np.where(nonzero, factors, 2.0)[..., None] * vector_part
@@ -254,7 +264,10 @@ def rotation_vector(matrices: Float[np.ndarray, "*batch 3 3"]) -> Float[np.ndarr
 
 
 def vector_to_quaternion(vectors: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 4"]:
-    """Return the unit quaternions (w, x, y, z) of rotation vectors [rad]: their exponential, continuous."""
+    """Return the unit quaternions (w, x, y, z) of rotation vectors [rad].
+
+    This is the exponential map, which is continuous.
+    """
     half_angles = np.sqrt((vectors * vectors).sum(axis=-1, keepdims=True)) / 2
     return np.concatenate([np.cos(half_angles), 0.5 * np.sinc(half_angles / np.pi) * vectors], axis=-1)
 
@@ -272,7 +285,10 @@ def check_pose(name: str, pose: object) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class Frame:
-    """A named frame on the arm: a pose in the frame of link ``link`` (−1: the base)."""
+    """A named frame on the arm: a pose in the frame of a link.
+
+    The ``link`` −1 is the base.
+    """
 
     link: int
     pose: Pose

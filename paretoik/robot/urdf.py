@@ -1,6 +1,6 @@
-"""From a URDF to an arm: validate the whole file, select the chain from base to tip, then build.
+"""An arm from a URDF: validate the file, select the chain, build.
 
-Joint frames have their axis along z; fixed links are merged into those that move.
+The chain leads from base to tip. Joint frames have their axis along z; fixed links are merged into those that move.
 """
 
 from __future__ import annotations
@@ -55,11 +55,11 @@ from paretoik.tables import fit_screen, html_representation
 
 @dataclass(frozen=True, kw_only=True)
 class Chain:
-    """The joints of a robot: those that move the tip relative to the base, and those that are frozen.
+    """The joints of a robot: moving joints from base to tip, and frozen joints.
 
     joints: all joints of the file, a parent before its children
     links, moving: links and moving joints from base to tip
-    above: joints between the root and the base, the nearest to the base first
+    above: joints between the root and the base, in order from the base
     frozen: values [rad, m] of all other joints that could move, by name
     """
 
@@ -77,11 +77,14 @@ class Chain:
 def select_chain(
     source: str, robot: RobotDescription, base: str | None, tip: str | None, fixed: Mapping[str, float], *, soft: bool
 ) -> Chain:
-    """Return the chain from link ``base`` (default: the root) to ``tip`` (default: the only leaf below the base).
+    """Return the chain from link ``base`` to link ``tip``.
 
-    Joints named in ``fixed`` [rad, m], joints off the chain, and joints that mimic these are frozen. ``faults`` are
-    those of the chain, ``notices`` tell those off it. Raises InvalidInput, naming ``source``, for links and joints
-    that the robot does not have.
+    base: first link, None for the root
+    tip: last link, None for the only leaf below the base
+
+    Joints named in ``fixed`` [rad, m], joints off the chain, and joints that mimic them are frozen. The chain's
+    ``faults`` are those of its own parts; its ``notices`` are about parts off the chain. Raises InvalidInput, naming
+    ``source``, for links and joints that the robot does not have.
     """
     root, (start, end) = robot.roots[0], _ends(source, robot, base, tip)
     joints = robot.joints_below(root)
@@ -140,7 +143,10 @@ def select_chain(
 
 
 def find_zero_limits(chain: Chain) -> list[str]:
-    """Return a message for every limit of 0 on velocity, effort, acceleration or jerk on the chain."""
+    """Return messages for limits of 0 on the chain.
+
+    These are limits on velocity, effort, acceleration or jerk.
+    """
     return [
         f"joint {joint.name!r}: {name} limit must not be 0, got 0; zero_limits='unlimited' says that it means none"
         for joint in chain.moving
@@ -176,7 +182,10 @@ def _path(source: str, joints: Sequence[JointDescription], base: str, tip: str) 
 
 
 def _leader(robot: RobotDescription, joint: JointDescription, fixed: Collection[str]) -> tuple[str, float, float]:
-    """Return the joint at the end of a mimic chain (itself if it mimics none), with multiplier and offset."""
+    """Return the leader at the end of a mimic chain, multiplier and offset.
+
+    A joint that mimics none is its own leader.
+    """
     name, multiplier, offset = joint.name, 1.0, 0.0
     passed = set[str]()
     while name in robot.joints and name not in fixed and name not in passed and (mimic := robot.joints[name].mimic):
@@ -193,9 +202,10 @@ def _sort_faults(
     still: Collection[str],
     moved: Collection[str],
 ) -> tuple[list[Fault], list[str]]:
-    """Return the faults of the chain's parts, and notices about faults of other parts and their consequence.
+    """Return the faults of the chain's parts, and notices about other parts.
 
-    A joint above the base must be readable if gravity's direction depends on it.
+    A notice has the fault and its consequence. A joint above the base must be readable if the direction of gravity
+    depends on it.
     """
     faults: list[Fault] = []
     notices: list[Fault] = []
@@ -214,7 +224,7 @@ def _sort_faults(
 
 
 def _take_soft_limits(joint: JointDescription) -> JointDescription:
-    """Return a joint with its limits narrowed to those of its safety controller, if it has one."""
+    """Return a joint with limits narrowed to its safety controller's, if any."""
     if joint.limits.soft is None:
         return joint
     lower, upper = max(joint.limits.lower, joint.limits.soft[0]), min(joint.limits.upper, joint.limits.soft[1])
@@ -238,7 +248,10 @@ TILT_TOLERANCE = 1e-9  # m/s² of gravity: rounding error of a base that is leve
 
 @dataclass(frozen=True, kw_only=True)
 class RobotReport:
-    """Faults of a URDF, warnings about parts that load but may surprise, and a summary."""
+    """Faults, warnings and summary of a URDF.
+
+    Warnings are about parts that load but may have unexpected effects.
+    """
 
     file: Path
     faults: tuple[str, ...]
@@ -252,7 +265,10 @@ class RobotReport:
 
 
 def report_text(report: RobotReport) -> str:
-    """Return the summary, grouped warnings and faults of a URDF, one per line; of many, the first."""
+    """Return the summary, grouped warnings and faults of a URDF as text.
+
+    There is one message per line; long lists are shortened to the first messages.
+    """
     lines = [*report.summary, *(f"warning: {line}" for line in shorten_list(group_messages(report.warnings)))]
     lines += [f"fault: {line}" for line in shorten_list(report.faults)] or ["no faults"]
     return "\n".join(lines)
@@ -267,12 +283,13 @@ def check_robot(
     soft: bool = False,
     repair_inertias: bool = False,
 ) -> RobotReport:
-    """Return a report on a URDF: its chain, and every fault that ``Arm.from_urdf`` would refuse.
+    """Return a report on a URDF: its chain and its faults.
 
     file, base, tip, fixed, soft, repair_inertias: arguments as for ``Arm.from_urdf``
 
-    Without a ``tip``, if the base carries several leaves, faults are those that every tip has. Meshes are never
-    opened. Raises InvalidInput for a missing file, and for links and joints that the robot does not have.
+    The faults are those for which ``Arm.from_urdf`` would refuse the file. Without ``tip``, if the base has several
+    leaves, only faults common to all tips are listed. Meshes are never opened. Raises InvalidInput for a missing file,
+    and for links and joints that the robot does not have.
     """
     file = file_path("file", file)
     fixed = _check_options(fixed, soft, repair_inertias)
@@ -356,9 +373,10 @@ def _summarise(joint: JointDescription) -> str:
 def _build_arm(
     robot: RobotDescription, chain: Chain, repair: bool
 ) -> tuple[SerialChain | None, tuple[str, ...], tuple[str, ...]]:
-    """Return the arm of a chain (None if it has faults), the faults, and notices of parts that the arm lacks.
+    """Return the arm of a chain, its faults, and notices.
 
-    Gravity is (0, 0, −9.81) m/s² in the world of the file's root.
+    If the chain has faults, there is no arm (None). Notices are about parts that the arm lacks. Gravity is (0, 0,
+    −9.81) m/s² in the world of the file's root.
     """
     moving, faults, notices = chain.moving, list(chain.faults), list(chain.notices)
     if not moving:
@@ -414,10 +432,10 @@ def _build_arm(
 
 
 def _place_links(chain: Chain) -> tuple[dict[str, Frame], tuple[Pose, ...]]:
-    """Return every link's frame on the moving link that carries it, and the placements of the moving joints.
+    """Return the frames of all links, and the placements of moving joints.
 
-    The frame of a moving link is that of its joint, turned so that z is the joint's axis. Links on a misplaced joint
-    have no frame.
+    A link's frame is given on the moving link that carries it. The frame of a moving link is that of its joint, turned
+    so that z is the joint's axis. Links on a misplaced joint have no frame.
     """
 
     def at_rest(joint: JointDescription) -> Pose:
@@ -449,9 +467,10 @@ def _place_links(chain: Chain) -> tuple[dict[str, Frame], tuple[Pose, ...]]:
 def _merge_links(
     robot: RobotDescription, chain: Chain, frames: Mapping[str, Frame], number: int, repair: bool
 ) -> tuple[Body, list[Fault], list[Fault]]:
-    """Return the body of a moving joint (its link and all that is fixed to it), its faults, and notices.
+    """Return the body that a moving joint carries, its faults, and notices.
 
-    The inertia of this body must be that of a real one; inertias of single links may be wrong.
+    The body is the joint's link and all that is fixed to the link. The inertia of this body must be that of a real one;
+    inertias of single links may be wrong.
     """
     links = [robot.links[name] for name, frame in frames.items() if frame.link == number]
     wrong = {link.name: link.inertia_fault for link in links if link.inertia_fault is not None}

@@ -23,10 +23,12 @@ ORIGIN = Pose(np.zeros(3))
 
 @dataclass(frozen=True, kw_only=True)
 class LinkDescription:
-    """A link: mass [kg], the pose of its inertial frame on it, and the inertia in that frame.
+    """A link: mass [kg], inertial frame, and inertia in this frame.
 
     inertia_fault: reason why no real body has this inertia
-    faults: other faults; a link that has one has no mass
+    faults: other faults; a link with other faults has no mass
+
+    The inertial frame is a pose on the link.
     """
 
     name: str
@@ -44,7 +46,10 @@ class LinkDescription:
 
 @dataclass(frozen=True, kw_only=True)
 class JointLimits:
-    """Limits of a joint, infinite if there are none; ``soft`` are those of its safety controller or None."""
+    """Limits of a joint, infinite if there are none.
+
+    The ``soft`` limits are those of the joint's safety controller, or None.
+    """
 
     lower: float = -np.inf
     upper: float = np.inf
@@ -57,9 +62,11 @@ class JointLimits:
 
 @dataclass(frozen=True, kw_only=True)
 class JointDescription:
-    """A joint and its origin on the parent link; ``axis`` has length 1.
+    """A joint and its origin on the parent link.
 
-    misplaced: whether its origin or axis cannot be read, so that the place of its child is unknown
+    misplaced: whether the origin or axis cannot be read, so that the place of the child is unknown
+
+    The ``axis`` has length 1.
     """
 
     name: str
@@ -77,10 +84,10 @@ class JointDescription:
 
 @dataclass(frozen=True, kw_only=True)
 class RobotDescription:
-    """All links and joints of a file, with the faults and warnings of its validation, and its SHA-256.
+    """All links and joints of a file, with faults, warnings and SHA-256.
 
-    faults: all faults if links and joints are not one tree, else none; the links and joints themselves have theirs,
-        which matter only on a chain
+    faults: all faults, if links and joints are not one tree; otherwise none, since links and joints have their own
+    faults, which matter only on a chain
     """
 
     name: str
@@ -109,7 +116,10 @@ class RobotDescription:
         return [link for link in self.links if link not in parents]
 
     def trunk(self, base: str) -> list[str]:
-        """Return the links from ``base`` on that carry all leaves below it; only for a robot without faults."""
+        """Return the links from ``base`` on that carry all leaves.
+
+        The leaves are those below ``base``. Only for a robot without faults.
+        """
         children: dict[str, list[str]] = {}
         for joint in self.joints.values():
             children.setdefault(joint.parent, []).append(joint.child)
@@ -119,7 +129,10 @@ class RobotDescription:
         return trunk
 
     def joints_below(self, link: str) -> list[JointDescription]:
-        """Return every joint below a link, parents first; only for a robot without faults."""
+        """Return every joint below a link, parents first.
+
+        Only for a robot without faults.
+        """
         by_parent: dict[str, list[JointDescription]] = {}
         for joint in self.joints.values():
             by_parent.setdefault(joint.parent, []).append(joint)
@@ -147,7 +160,7 @@ GOT_CLAUSE = re.compile(r", got [^;]*")
 
 @dataclass(frozen=True, kw_only=True)
 class FaultOptions:
-    """Numbers of faults or warnings that a text lists, and of links or joints that it names for one message."""
+    """Numbers of messages in a text, and of names in a message."""
 
     listed_messages: int = 100
     listed_names: int = 3
@@ -168,7 +181,9 @@ def shorten_list(messages: Sequence[str]) -> list[str]:
 
 
 def group_messages(messages: Iterable[str]) -> list[str]:
-    """Return messages; one that several links or joints have comes once, with their number and the first names.
+    """Return messages, grouped if several links or joints have the same one.
+
+    A group is one message, with the number of links or joints and the first names.
 
     >>> group_messages([f"line {n}: link 'l{n}': mass must be positive, got {n}; left out" for n in range(5)])
     ["each of 5 links, 'l0', 'l1', 'l2' and 2 more: mass must be positive; left out"]

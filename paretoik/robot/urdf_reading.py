@@ -1,4 +1,7 @@
-"""Reading a URDF's links and joints, and every fault of them, before anything is built."""
+"""Reading of a URDF's links and joints, and of all their faults.
+
+Nothing is built before all faults are known.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +37,10 @@ from paretoik.robot.urdf_description import (
 
 
 def find_tree_faults(links: Mapping[str, LinkDescription], joints: Mapping[str, JointDescription]) -> list[Fault]:
-    """Return why links and joints are not one tree, each fault with its line."""
+    """Return why links and joints are not one tree.
+
+    Each fault has its line.
+    """
     faults: list[Fault] = []
     parent_joint: dict[str, str] = {}
     for name, joint in joints.items():
@@ -58,7 +64,7 @@ def find_tree_faults(links: Mapping[str, LinkDescription], joints: Mapping[str, 
 
 
 def find_mimic_faults(joints: Mapping[str, JointDescription]) -> list[tuple[str, str]]:
-    """Return the name and fault of each mimic joint that follows no other joint."""
+    """Return the mimic joints that follow no other joint: names and faults."""
     faults = []
     for name, joint in joints.items():
         if joint.mimic and joint.mimic[0] not in joints:
@@ -72,7 +78,10 @@ def find_mimic_faults(joints: Mapping[str, JointDescription]) -> list[tuple[str,
 def _find_loops(
     joints: Mapping[str, JointDescription], successor: Callable[[JointDescription], str | None]
 ) -> list[list[str]]:
-    """Return each cycle of the graph in which joints point to their ``successor``, once."""
+    """Return each cycle of a graph of joints, once.
+
+    In the graph, each joint points to its ``successor``.
+    """
     visited: set[str] = set()
     loops = []
     for name in joints:
@@ -126,9 +135,10 @@ def is_macro(tag: str) -> bool:
 
 
 def parse_elements(data: bytes, source: str) -> tuple[Element, list[int]]:
-    """Return the ``<robot>`` element with its links and joints, without their shapes, and the lines of unread macros.
+    """Return the ``<robot>`` element, and the lines of macros that were not read.
 
-    Raises InvalidRobot, naming ``source`` and the line, if data are not the XML of a robot.
+    The element has links and joints, without shapes. Raises InvalidRobot, naming ``source`` and the line, if data are
+    not the XML of a robot.
     """
     reader = _XmlReader(source)
     try:
@@ -145,7 +155,10 @@ def parse_elements(data: bytes, source: str) -> tuple[Element, list[int]]:
 
 
 def read_bytes(file: Path) -> bytes:
-    """Return the content of a robot file; raises InvalidInput for no file, InvalidRobot for an empty or large one."""
+    """Return the content of a robot file.
+
+    Raises InvalidInput for a missing file, InvalidRobot for an empty or too large file.
+    """
     try:
         if not file.is_file():
             raise InvalidInput(f"{file} must be a plain file, got {missing_file(file)}")
@@ -162,7 +175,10 @@ def read_bytes(file: Path) -> bytes:
 
 
 class _XmlReader:
-    """Handlers of the parser that collect links and joints, skip shapes and refuse needless XML."""
+    """Handlers of the XML parser: collect links and joints, skip shapes.
+
+    They refuse XML that no robot file needs.
+    """
 
     def __init__(self, source: str) -> None:
         self.source = source
@@ -194,7 +210,7 @@ class _XmlReader:
             if tag != "robot":
                 raise self.error(f"the root element must be <robot>, got <{tag[:80]}>")
             self.root = element
-        elif parent is self.root and is_macro(tag):  # it may be any number of links and joints
+        elif parent is self.root and is_macro(tag):  # the macro may stand for any number of links and joints
             raise self.error(f"the robot must be expanded by xacro, got the macro <{tag[:80]}>")
         elif parent is None or (parent is self.root and tag not in PARTS) or tag in SHAPES:
             if is_macro(tag):
@@ -229,7 +245,7 @@ OPTIONS = ValidationOptions()
 
 
 def read_robot(file: Path) -> RobotDescription:
-    """Return the robot that a URDF describes, each link and joint with its own faults.
+    """Return the robot of a URDF, with faults of links and joints.
 
     Raises InvalidInput if there is no such file, InvalidRobot if it is not the XML of a robot.
     """
@@ -266,9 +282,9 @@ def read_robot(file: Path) -> RobotDescription:
 
 @dataclass
 class _Reader:
-    """Reads elements of one ``owner`` and collects their faults and warnings with lines.
+    """Reader of one ``owner``: reads elements, collects faults and warnings.
 
-    The readers of links and joints share their warnings with the reader of the file.
+    Faults and warnings have lines. The readers of links and joints share their warnings with the reader of the file.
     """
 
     owner: str
@@ -291,7 +307,7 @@ class _Reader:
         self.warnings.append((element.line, f"{self.owner}: {message}"))
 
     def by_name(self, root: Element, tag: str) -> dict[str, Element]:
-        """Return the children of a tag by their names, which must differ."""
+        """Return the children of a tag by name; names must differ."""
         elements: dict[str, Element] = {}
         for element in root.find_all(tag):
             name = element.attributes.get("name", "")
@@ -311,14 +327,20 @@ class _Reader:
         return elements
 
     def child(self, element: Element, tag: str) -> Element | None:
-        """Return the only child of a tag, or None; several are a fault."""
+        """Return the only child of a tag, None without one.
+
+        Several children are a fault.
+        """
         children = element.find_all(tag)
         if len(children) > 1:
             self.fault(children[1], f"must have one <{tag}>, got {len(children)}")
         return children[0] if children else None
 
     def numbers(self, element: Element, name: str, default: str | None, count: int = 1) -> Numbers | None:
-        """Return ``count`` numbers of an attribute, not NaN; None and a fault if there are none."""
+        """Return ``count`` numbers of an attribute, none of them NaN.
+
+        If there are none, return None and add a fault.
+        """
         text = element.attributes.get(name, default)
         if text is None:
             self.fault(element, f"<{element.tag}> must have {name}, got none")
@@ -341,7 +363,10 @@ class _Reader:
         return values
 
     def origin(self, element: Element) -> Pose | None:
-        """Return the pose of a child ``<origin>``, the identity without one; None if it cannot be read."""
+        """Return the pose of a child ``<origin>``, the identity without one.
+
+        If the pose cannot be read, return None.
+        """
         origin = self.child(element, "origin")
         if origin is None:
             return ORIGIN
@@ -357,7 +382,10 @@ class _Reader:
             return None
 
     def orientation(self, origin: Element) -> Numbers | None:
-        """Return the quaternion (w, x, y, z) of an origin from its rpy [rad], or from quat_xyzw of URDF 1.1."""
+        """Return the quaternion (w, x, y, z) of an origin.
+
+        It is read from rpy [rad], or from quat_xyzw of URDF 1.1.
+        """
         if "quat_xyzw" not in origin.attributes:
             rpy = self.finite(origin, "rpy", "0 0 0", 3)
             if rpy is None:
@@ -376,7 +404,10 @@ class _Reader:
         return None if unit is None else (unit[3], *unit[:3])
 
     def direction(self, element: Element, name: str, values: Numbers) -> Numbers | None:
-        """Return numbers scaled to length 1; None and a fault for zeros."""
+        """Return numbers scaled to length 1.
+
+        If all are zero, return None and add a fault.
+        """
         largest = max(abs(value) for value in values)  # a first divisor, so that no square overflows or vanishes
         if largest == 0.0:
             self.fault(element, f"{name} must not be zero, got {' '.join(['0'] * len(values))}")
@@ -439,7 +470,10 @@ def _read_inertia(inertial: Element, mass: float | None, reader: _Reader) -> tup
 
 
 def _read_joint(name: str, element: Element, whole: _Reader) -> JointDescription:
-    """Return a joint; faults of its links go to the ``whole`` file, since there is then no tree."""
+    """Return a joint.
+
+    Faults of its links are added to the ``whole`` file, because links and joints are then not a tree.
+    """
     reader = whole.part(f"joint {name!r}")
     reader.no_macros(element)
     joint_type = element.attributes.get("type", "")

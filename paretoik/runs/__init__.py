@@ -1,1 +1,4 @@
-"""Runs on disk and who computes them: folders, journal, fingerprint, workers, cluster, signals. Knows no robot."""
+"""Runs on disk, and the processes that compute them. Knows no robot.
+
+Folders, journal, fingerprint, workers, cluster and signals.
+"""

@@ -1,6 +1,7 @@
-"""Workers of a Dask cluster: tasks go to its scheduler, and workers that die or fall silent are noticed.
+"""Workers of a Dask cluster, which get tasks from its scheduler.
 
-The client decides everything: which items make a task, what is tried again, and when it is given up.
+Workers that die or do not respond are noticed. The client decides everything: which items form a task, which are tried
+again, and when an item is given up.
 """
 
 from __future__ import annotations
@@ -33,21 +34,22 @@ from paretoik.runs.machine import processor, software
 from paretoik.runs.processes import WorkerProcesses, compute
 from paretoik.stop_flag import STOP, Interrupted
 
-# How work is shared out over a cluster, and how long its scheduler and workers are waited for.
+# How work is divided over a cluster, and how long scheduler and workers may be silent.
 
 
 @dataclass(frozen=True, kw_only=True)
 class ClusterOptions:
-    """How tasks are made, and how long a silence is tolerated [s].
+    """Sizes of tasks, and longest silences [s].
 
-    portion, overhead: seconds of work in a task, and more seconds per thread, as every task passes through one
-        scheduler and one client; a task is never larger than an even share of the items left
-    shares: shares per thread that the items left are divided into
-    ahead: tasks per thread at the scheduler
-    interval, watch: time between two looks for a signal, and at the workers
-    connection: time for somebody to listen at the address; a scheduler that is silent for longer is reported
-    patience: time for the scheduler to answer, to come back, and to have a worker
-    frozen: a worker that is silent for longer is left out
+    portion: seconds of work in a task; a task is never larger than an even share of the remaining items
+    overhead: further seconds of work per thread, since every task passes through one scheduler and one client
+    shares: number of shares per thread into which the remaining items are divided
+    ahead: number of tasks per thread at the scheduler
+    interval: time between two checks for a signal
+    watch: time between two checks of the workers
+    connection: time until somebody must listen at the address; a scheduler that is silent for longer is reported
+    patience: time until the scheduler must answer, reconnect, or have a worker
+    frozen: silence after which a worker is no longer used
     """
 
     portion: float = 0.5
@@ -68,7 +70,14 @@ OPTIONS = ClusterOptions()
 
 
 class Task(NamedTuple):
-    """A function with its items, by place, as bytes; the key of the shared object; seconds that an item may take."""
+    """A function with its items, as bytes.
+
+    function: pickled function
+    items: pickled pairs of place and item
+    key: key of the shared object
+    seconds: time that an item may take, None for no limit
+    software: versions that the worker must have
+    """
 
     function: bytes
     items: bytes
@@ -78,7 +87,7 @@ class Task(NamedTuple):
 
 
 class Origin(NamedTuple):
-    """Name of a machine, a process on it, and the make of its processor."""
+    """A machine's name, a process on it, and the processor's make."""
 
     machine: str
     process: int
@@ -99,7 +108,12 @@ class Refused(NamedTuple):
 
 
 class _Local(threading.local):
-    """The object that the tasks of a thread share, its key, and the process that may be ended, if one is needed."""
+    """The objects that the tasks of a thread share.
+
+    key: key of the shared object
+    shared: the shared object
+    process: process for items with a time limit, which may be killed; None if not needed
+    """
 
     key: str | None = None
     shared: Any = None
@@ -110,7 +124,10 @@ _LOCAL = _Local()
 
 
 def itself(shared: bytes) -> bytes:
-    """Return the shared object as it came: as its own task it is sent again to workers that replace others."""
+    """Return the shared object unchanged.
+
+    As the result of a task, Dask sends it again to workers that replace others.
+    """
     return shared
 
 
@@ -140,15 +157,16 @@ TRIM = 64 * 2**20  # bytes of free memory that a worker keeps at the end of the 
 
 @cache
 def _keep_memory() -> None:
-    """Make this process keep the memory that it frees, if the system's library can.
+    """Keep freed memory in this process, if the system's library allows it.
 
-    Dask's workers return all above 64 kB to the system: with short-lived arrays that took a third of a search's time.
+    Dask's workers return freed memory above 64 kB to the system. With short-lived arrays this took a third of a
+    search's time.
     """
     with suppress(AttributeError, OSError):
         ctypes.CDLL(None).mallopt(TRIM_THRESHOLD, TRIM)
 
 
-# Connecting to a Dask scheduler: if nobody listens, the error comes soon; a slow scheduler gets more time.
+# Connection to a Dask scheduler: if nobody listens, the error comes soon; a slow scheduler gets more time.
 
 
 def connect(address: str, options: ClusterOptions, tell: Callable[[str], None]) -> Any:
@@ -176,9 +194,9 @@ def connect(address: str, options: ClusterOptions, tell: Callable[[str], None]) 
     def attempt() -> None:  # in its own thread, because Dask waits without looking for signals
         try:
             find_listener()
-            # The timeout is also the one for reconnecting: a client that gave up never comes back.
+            # The timeout also limits reconnection: a client that gave up never reconnects.
             client.set_result(Client(address, timeout=options.patience, set_as_default=False, name="paretoik"))
-        except Exception as error:  # an address, or the server there, can make Dask raise anything
+        except Exception as error:  # a wrong address or another server can make Dask raise any error
             client.set_exception(error)
         if abandoned.is_set() and client.exception() is None:
             client.result().close(timeout=1.0)
@@ -211,7 +229,7 @@ def connect(address: str, options: ClusterOptions, tell: Callable[[str], None]) 
 
 
 def _slow(address: str, seconds: float, options: ClusterOptions) -> str:
-    """Return the words that a scheduler is slow to answer."""
+    """Return the warning that a scheduler is slow to answer."""
     silent = f"the scheduler at {address} has not answered for {seconds:.0f} s, its machine may be busy"
     return f"{silent}; it is waited for, {options.patience:g} s at most"
 
@@ -219,7 +237,7 @@ def _slow(address: str, seconds: float, options: ClusterOptions) -> str:
 # The cluster, and the items of one call on their way through it.
 
 
-CANCELLED = ("cancelled", "lost")  # Dask's words for a future that its scheduler no longer knows
+CANCELLED = ("cancelled", "lost")  # Dask's statuses of a future that its scheduler has lost
 
 
 class Cluster:
@@ -236,17 +254,23 @@ class Cluster:
         self.client = connect(address, options, self.tell)
         self.run, self.tasks, self.threads = uuid.uuid4().hex, 0, 0
         ClusterWatch(self).count_threads()
-        # The shared object itself, as bytes, and its future at the scheduler.
+        # The shared object, its bytes, and its future at the scheduler.
         self._shared: tuple[Any, bytes, Any] = None, b"", None
-        self.origins: set[Origin] = set()  # of the results that have come
+        self.origins: set[Origin] = set()  # origins of the results so far
 
     @property
     def workers(self) -> int:
-        """Number of items that are computed at a time: at least two, as workers may still come."""
+        """Number of items computed at a time: at least two.
+
+        More workers may join later.
+        """
         return max(self.threads, 2)
 
     def description(self) -> dict[str, Any]:
-        """Return who has computed, as an entry of `run.json`: machines and workers by make of processor."""
+        """Return the processes used, as an entry of `run.json`.
+
+        Machines and workers, grouped by make of processor.
+        """
         makes = sorted({origin.processor for origin in self.origins})
         groups = [[origin for origin in self.origins if origin.processor == make] for make in makes]
         machines = [
@@ -262,13 +286,15 @@ class Cluster:
     def close(self) -> None:
         """Leave the scheduler."""
         self._shared = None, b"", None
-        with suppress(Exception):  # it may be gone
+        with suppress(Exception):  # the scheduler may be gone
             self.client.close(timeout=1.0)
 
     def replies(
         self, function: Function, shared: Any, items: Sequence[Any], *, seconds: float | None = None
     ) -> Iterator[tuple[int, Reply]]:
-        """Yield every item's place and reply, as they come; an item that takes longer than ``seconds`` is lost.
+        """Yield the place and reply of each item, in order of arrival.
+
+        An item that takes longer than ``seconds`` is lost.
 
         Raises Interrupted soon after a signal; InvalidInput if workers have other versions; SolverFailed if no
         scheduler or no worker is left.
@@ -280,7 +306,10 @@ class Cluster:
         yield from _Round(self, pickled("a function", function), items, seconds).replies()
 
     def shared(self) -> Any:
-        """Return the shared object as the scheduler has it; send it again if the scheduler lost it."""
+        """Return the future of the shared object at the scheduler.
+
+        If the scheduler lost the object, it is sent again.
+        """
         shared, content, future = self._shared
         if future is None or future.status in CANCELLED:
             key = f"paretoik-shared-{hashlib.sha256(content).hexdigest()}"
@@ -289,22 +318,22 @@ class Cluster:
         return future
 
     def spread(self) -> bool:
-        """Send the shared object to every worker; return whether tasks can be sent.
+        """Send every worker the shared object; return whether tasks may follow.
 
-        Dask gives a task to workers that have its inputs, and moves it to others by how long such tasks took before. If
-        only one worker had the object, the workers might begin one by one, each a task later than the one before.
+        Dask prefers workers that have a task's inputs, and moves tasks to other workers by the times of earlier tasks.
+        If only one worker had the object, the others might start one after the other, each one task later.
         """
         future = self.shared()
         if future.status == "pending":
-            with suppress(Exception):  # it is checked again
+            with suppress(Exception):  # the status is checked below
                 future.result(timeout=self.options.interval)
         if future.status == "finished":
-            with suppress(Exception):  # a worker may leave meanwhile; those that have the object do the work
+            with suppress(Exception):  # a worker may leave meanwhile; workers with the object do the work
                 self.wait_for(partial(self.client.replicate, [future], asynchronous=True), self.options.connection)
         return future.status != "pending"  # a failure reappears in the tasks that need the object
 
     def wait_for(self, function: Callable[[], Awaitable[Any]], seconds: float) -> Any:
-        """Return the result of a function that Dask runs in its own thread.
+        """Return the result of a function run in Dask's thread.
 
         Raises TimeoutError after ``seconds``, Interrupted soon after a signal, and what the function raises.
         """
@@ -321,26 +350,27 @@ class Cluster:
         return future.result()
 
     def tell(self, text: str) -> None:
-        """Warn once per text."""
+        """Warn once for each text."""
         if text not in self._warnings:
             self._warnings.add(text)
             warn_user(f"cluster: {text}")
 
 
 class ClusterWatch:
-    """Watches scheduler and workers: reports what is missing, waits for it for a while, then gives up.
+    """Watches scheduler and workers; waits for missing ones, then gives up.
 
-    It asks the scheduler and checks later for the answer, as a busy scheduler may take seconds.
+    Missing ones are reported. A question to the scheduler is answered at a later check, as a busy scheduler may take
+    seconds.
     """
 
     def __init__(self, cluster: Cluster) -> None:
         self.cluster, self.options = cluster, cluster.options
         self.looked = self.question_time = time.monotonic()
         self.question: Future[Any] | None = None  # not answered yet
-        self.missing: float | None = None  # since when
+        self.missing: float | None = None  # time since which something is missing
 
     def count_threads(self) -> None:
-        """Ask now how many worker threads there are, if any."""
+        """Ask now for the number of worker threads."""
         self._ask(time.monotonic())
         if self.question is not None:
             wait([self.question], timeout=5 * self.options.interval)
@@ -348,7 +378,10 @@ class ClusterWatch:
                 self._count(self._answer() or {})
 
     def look(self) -> None:
-        """Look, if the last look was some time ago; raises SolverFailed if nobody comes back or answers."""
+        """Check scheduler and workers, unless the last check was recent.
+
+        Raises SolverFailed if nobody returns or answers.
+        """
         now = time.monotonic()
         if self.cluster.client.status != "running":
             self.question = None
@@ -380,9 +413,9 @@ class ClusterWatch:
         self.cluster.tell(f"no {what} at {address}; one is waited for, {options.patience:g} s at most")
 
     def _ask(self, now: float) -> None:
-        """Ask for the threads of every worker, and how long it was silent [s]."""
+        """Ask for the threads and the silence [s] of every worker."""
 
-        def seen(dask_scheduler: Any) -> dict[str, tuple[int, float]]:  # sent by value: needs no code of ours there
+        def seen(dask_scheduler: Any) -> dict[str, tuple[int, float]]:  # sent by value: the scheduler needs no paretoik
             import time
 
             workers = dask_scheduler.workers.items()
@@ -422,18 +455,18 @@ class ClusterWatch:
 
 
 class _Round:
-    """The items of one call, on their way through the cluster."""
+    """The items of one call, while the cluster computes them."""
 
     def __init__(self, cluster: Cluster, function: bytes, items: Sequence[Any], seconds: float | None) -> None:
         self.cluster, self.options, self.watch = cluster, cluster.options, ClusterWatch(cluster)
         self.function, self.items, self.seconds = function, items, seconds
         self.pending = deque(range(len(items)))
-        self.suspects = deque[int]()  # items on which workers ended: each is tried again with no other running
+        self.suspects = deque[int]()  # items whose worker ended: each is tried again while nothing else runs
         self.running = dict[Any, list[int]]()
         self.ended: SimpleQueue[Any] = SimpleQueue()
         self.answered, self.computed = 0, 0.0
         self.owners = 0  # number of threads when the shared object was last spread
-        self.patience = 5 * self.options.interval  # for a result that is on its way; it grows while none comes
+        self.patience = 5 * self.options.interval  # time to wait for a result; doubled after each timeout
         self.late: Any = None  # the task whose result did not come in time
 
     def replies(self) -> Iterator[tuple[int, Reply]]:
@@ -442,7 +475,7 @@ class _Round:
             if STOP[0]:
                 raise Interrupted  # the scheduler drops futures that no client holds
             self._submit()
-            ended = list[Any]()  # none if no task ends for a while
+            ended = list[Any]()  # stays empty if no task ends for a while
             with suppress(Empty):
                 ended.append(self.ended.get(timeout=self.options.interval))
                 while True:
@@ -453,14 +486,14 @@ class _Round:
                     yield from self._received(future, results)
                 else:
                     self.ended.put(future)
-            if self.late is not None:  # the others come first the next time
+            if self.late is not None:  # next time the other tasks come first
                 self.ended.put(self.late)
                 self.late = None
             self.watch.look()
 
     def _submit(self) -> None:
-        """Send tasks as far ahead as allowed; send suspects one by one when all others are done."""
-        if self.cluster.client.status != "running":  # the scheduler is waited for
+        """Send tasks up to the limit; send suspects last, one by one."""
+        if self.cluster.client.status != "running":  # wait until the scheduler is back
             return
         if self.owners != self.cluster.threads:
             if not self.cluster.spread():
@@ -485,16 +518,19 @@ class _Round:
         future.add_done_callback(self.ended.put)
 
     def _gather(self, futures: Sequence[Any]) -> dict[Any, Any]:
-        """Return the results of tasks, fetched together to save round trips; None if one fails."""
+        """Return the results of finished tasks, fetched together to save round trips.
+
+        Empty if the fetch fails.
+        """
         finished = [future for future in futures if future.status == "finished"]
         fetch = partial(self.cluster.client.gather, finished, asynchronous=True)
-        with suppress(Exception):  # each one is then fetched by itself
+        with suppress(Exception):  # if this fails, each result is fetched separately
             results = self.cluster.wait_for(fetch, self.patience) if len(finished) > 1 else ()
             return dict(zip(finished, results, strict=False))
         return {}
 
     def _received(self, future: Any, results: Mapping[Any, Any]) -> Iterator[tuple[int, Reply]]:
-        """Yield the replies of a task that ended; if it has none, let others compute its items."""
+        """Yield the replies of an ended task; without any, requeue its items."""
         try:
             result = results[future] if future in results else self.cluster.wait_for(future._result, self.patience)
         except Exception as error:
@@ -515,11 +551,11 @@ class _Round:
     def _failed(self, future: Any, error: Exception) -> Iterator[tuple[int, Reply]]:
         from distributed import KilledWorker
 
-        if isinstance(error, TimeoutError):  # the worker with the result is busy, or gone and it is computed again
+        if isinstance(error, TimeoutError):  # the worker is busy, or it is gone and the item is computed again
             self.patience, self.late = min(2 * self.patience, self.options.frozen), future
             return
         alone, places = len(self.running) == 1, self.running.pop(future)
-        if future.status in CANCELLED:  # its scheduler is gone
+        if future.status in CANCELLED:  # the scheduler has lost the task
             self.pending.extendleft(reversed(places))
         elif not isinstance(error, KilledWorker):
             raise InvalidInput(f"cluster: workers must be able to unpickle the task, got {cause_of(error)}")

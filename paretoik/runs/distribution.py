@@ -1,8 +1,8 @@
-"""Computes pure functions of many items: in this process, or by an executor that sends them to workers.
+"""Computes pure functions of many items, here or in workers.
 
-``execution`` has the executors; a verb sets one while it runs, as it sets the journal. The results do not depend on
-who computes them: each follows only from the function, the shared object and the item. Results are stored at the
-places of their items, and what is remembered is remembered here.
+An executor of ``runs.executor`` sends items to workers; a verb sets one while it runs, like the journal. Results are
+the same for every executor: each depends only on the function, the shared object and the item. Results are stored at
+the places of their items. Only this process reads and writes the journal.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from paretoik.runs.journal import Values, recalled, remembered
 from paretoik.runs.user_code import is_library_module
 from paretoik.stop_flag import check_interruption
 
-# Messages to workers, as bytes: objects of libraries go by name, code of users by its content.
+# Messages to workers, as bytes: library objects are sent by name, users' code by content.
 
 
 def pickled(what: str, value: Any) -> bytes:
-    """Return a value as bytes that another process can load without the user's files.
+    """Return a value as bytes that load without the user's files.
 
     Raises InvalidInput, with the name ``what``, if it cannot be pickled.
     """
@@ -40,7 +40,7 @@ def pickled(what: str, value: Any) -> bytes:
         cloudpickle.register_pickle_by_value(module)
     try:
         return bytes(cloudpickle.dumps(value))
-    except Exception as error:  # code of users may raise anything
+    except Exception as error:  # users' code may raise any error
         raise InvalidInput(f"workers: {what} must be picklable, got {cause_of(error)}") from error
     finally:
         for module in added:
@@ -49,7 +49,7 @@ def pickled(what: str, value: Any) -> bytes:
 
 @cache
 def _is_users_module(name: str) -> bool:
-    """Return whether the module of a name is a user's, as found the first time."""
+    """Return whether a module is a user's; the first answer is kept."""
     module = sys.modules[name]
     is_named = isinstance(module, ModuleType) and getattr(module, "__name__", None) == name
     return is_named and not is_library_module(module)
@@ -58,7 +58,7 @@ def _is_users_module(name: str) -> bool:
 # Computation in this process, or by an executor.
 
 
-TRIAL = 5.0  # s: time of waiting for workers after which it is known whether they pay
+TRIAL = 5.0  # s: waiting time after which it is checked whether workers save time
 
 
 class Done(NamedTuple):
@@ -75,7 +75,10 @@ class Raised(NamedTuple):
 
 
 class Lost(NamedTuple):
-    """An item without a result: every worker that tried it ended, or it took too long; ``cause`` says which."""
+    """An item without a result, and the cause.
+
+    Either every worker that tried it ended, or it took too long.
+    """
 
     cause: str
 
@@ -87,7 +90,10 @@ Function: TypeAlias = Callable[[Any, Any], Any]
 
 @runtime_checkable
 class Executor(Protocol):
-    """Computes a function of many items in workers; each gets the shared object once."""
+    """Computes a function of many items in workers.
+
+    Each worker gets the shared object once.
+    """
 
     @property
     def workers(self) -> int:
@@ -96,25 +102,33 @@ class Executor(Protocol):
     def replies(
         self, function: Function, shared: Any, items: Sequence[Any], *, seconds: float | None
     ) -> Iterator[tuple[int, Reply]]:
-        """Yield every item's place and reply, as they come; an item that takes longer than ``seconds`` is lost.
+        """Yield the place and reply of each item, in order of arrival.
+
+        An item that takes longer than ``seconds`` is lost.
 
         Raises Interrupted soon after a signal, SolverFailed if no worker is left.
         """
 
     def description(self) -> dict[str, Any]:
-        """Return who computes, ``by``, and the workers so far, as strict JSON."""
+        """Return the processes used so far, as strict JSON.
+
+        Its entry ``by`` names the kind of executor.
+        """
 
 
 @dataclass(kw_only=True, eq=False)
 class _Account:
-    """Seconds waited for workers, and seconds that these computed: if the second is less, they do not pay."""
+    """Seconds waited for workers, and seconds that workers computed.
+
+    If the workers computed for less time than this process waited, they do not save time.
+    """
 
     executor: Executor
     waited: float = 0.0
     computed: float = 0.0
     items: int = 0
-    starting: bool = True  # workers start until the first reply, which takes longer than others
-    told: bool = False  # whether they pay
+    starting: bool = True  # True until the first reply, which takes longer as workers start
+    told: bool = False  # whether it was checked that workers save time
 
 
 _ACTIVE: list[_Account] = []  # at most one, like the journal
@@ -123,7 +137,10 @@ _IN_WORKER = [False]
 
 @contextmanager
 def distributing(active: Executor | None) -> Iterator[None]:
-    """Use an executor for what the body distributes; None, or a call within another's body, changes nothing."""
+    """Compute what the body distributes by an executor.
+
+    None changes nothing, nor does a call within another's body.
+    """
     if active is None or _ACTIVE:
         yield
         return
@@ -135,7 +152,7 @@ def distributing(active: Executor | None) -> Iterator[None]:
 
 
 def workers() -> int:
-    """Return the number of items that workers compute at a time, 0 without workers."""
+    """Return the number of items computed at a time, 0 without workers."""
     return _ACTIVE[0].executor.workers if _ACTIVE else 0
 
 
@@ -145,22 +162,25 @@ def executor() -> Executor | None:
 
 
 def threads() -> int:
-    """Return how many threads compiled code may use here: one per core, but one in a worker."""
+    """Return the number of threads that compiled code may use.
+
+    One per core, but only one in a worker.
+    """
     return 1 if _IN_WORKER[0] else os.cpu_count() or 1
 
 
 def become_worker() -> None:
-    """Mark this process as a worker, which shares the cores with others."""
+    """Mark this process as a worker, which shares cores with others."""
     _IN_WORKER[0] = True
 
 
 def distribute(
     function: Function, shared: Any, items: Sequence[Any], *, seconds: float | None = None
 ) -> Iterator[tuple[int, Any | Lost]]:
-    """Yield the place of every item with its result from the workers, as it comes, or that it is lost.
+    """Yield the place and result of each item, in order of arrival.
 
-    If the function raises, the rest is computed first, then the error of the first such item is raised. Raises like
-    the executor.
+    The result is a ``Lost`` if the item is lost. If the function raises, the other items are computed first; then the
+    error of the first such item is raised. Raises as the executor does.
     """
     account, errors = _ACTIVE[0], dict[int, Exception]()
     begin = None if account.starting else time.monotonic()
@@ -189,7 +209,10 @@ def distribute(
 def distribute_remembered(
     function: Function, shared: Any, items: Sequence[Any], keys: Sequence[bytes | None]
 ) -> Iterator[tuple[int, Values | Lost]]:
-    """Yield as ``distribute`` does, plain arrays by name, from the run's journal if it has them under their keys."""
+    """Yield as ``distribute`` does, with results from the journal if possible.
+
+    Results are plain arrays by name. Those in the run's journal, by their keys, are not computed again.
+    """
     remaining = list[int]()
     for place, key in enumerate(keys):
         stored = None if key is None else recalled(key)
@@ -205,7 +228,9 @@ def distribute_remembered(
 def compute_each(
     function: Function, shared: Any, items: Sequence[Any], keys: Sequence[bytes | None]
 ) -> Iterator[tuple[int, Values | Lost]]:
-    """Yield as ``distribute_remembered`` does; without workers, or for one item, computed here one after the other.
+    """Yield as ``distribute_remembered`` does, also without workers.
+
+    Without workers, or for one item, this process computes one item after the other.
 
     Raises Interrupted after a signal.
     """

@@ -1,4 +1,4 @@
-"""Executors of what a verb distributes: this process, workers on this machine, or those of a cluster."""
+"""Executors: this process, local workers, or the workers of a cluster."""
 
 from __future__ import annotations
 
@@ -12,19 +12,21 @@ from paretoik.runs.distribution import distributing, executor
 from paretoik.runs.machine import processor
 from paretoik.runs.processes import WorkerProcesses
 
-# The entry ``computed`` of a run's `run.json`, which names who computed it, and its text.
+# The entry ``computed`` of `run.json`: the processes that computed, and its text.
 
 
 SAME, TOLERANCE, UNKNOWN = "bit for bit", "to tolerance", "unknown"  # how a run can be reproduced in one process
 
 
 def computed(former: object = None) -> dict[str, Any]:
-    """Return who has computed so far, after the entries of a ``former`` entry of a resumed run.
+    """Return the processes used so far, as an entry of `run.json`.
 
-    ``by`` has an entry for each that differs from the one before: this process, workers on this machine, or a Dask
-    cluster with its ``machines`` and workers by make of processor. ``reproducible`` says how one process reproduces
-    the run: "bit for bit" if all have one make, else "to tolerance", and "unknown" while a cluster has computed nothing
-    or if the entries name nobody.
+    ``former``: this entry of a resumed run, to which new entries are added
+
+    ``by`` has one entry for each change: this process, workers on this machine, or a Dask cluster with its ``machines``
+    and workers by make of processor. ``reproducible`` says how one process reproduces the run: "bit for bit" if all
+    processors have one make, "to tolerance" if not, "unknown" while a cluster has computed nothing or if the entries
+    name no process.
     """
     active = executor()
     entry = {"by": "this process"} if active is None else active.description()
@@ -35,7 +37,10 @@ def computed(former: object = None) -> dict[str, Any]:
 
 
 def computed_text(entry: object) -> str:
-    """Return who computed a run, from its entry, as one line; "" if the entry cannot be read."""
+    """Return the processes of a run's entry in one line, or "".
+
+    "" if the entry cannot be read.
+    """
     entries = _entries(entry)
     if not entries:
         return ""
@@ -50,7 +55,7 @@ REPRODUCIBLE = {
 
 
 def _entries(computed_by: object) -> list[dict[str, Any]]:
-    """Return the entries of those who computed; none for a run that does not say."""
+    """Return the entries of the processes; empty if the run has none."""
     return [dict(each) for each in computed_by["by"]] if isinstance(computed_by, Mapping) else []
 
 
@@ -78,7 +83,10 @@ def _words(entry: Mapping[str, Any]) -> str:
 
 
 def check_workers(workers: int | None, cluster: str | None) -> None:
-    """Raise InvalidInput if the number of workers or the address is not valid, or if both are given."""
+    """Raise InvalidInput for an invalid number of workers or address.
+
+    Both together are refused too.
+    """
     if workers is not None:
         check_size("workers", workers, 1)
     if cluster is None:
@@ -91,14 +99,14 @@ def check_workers(workers: int | None, cluster: str | None) -> None:
 
 @contextmanager
 def open_executor(workers: int | None, cluster: str | None, *, isolated: bool = False) -> Iterator[None]:
-    """Compute what the body distributes in this many workers, or those of a cluster, or else in this process.
+    """Compute what the body distributes in workers, a cluster, or here.
 
-    ``isolated`` asks for one worker if none are named: it can be ended when this process could not. Raises InvalidInput
-    as ``check_workers`` does, and if there is no such cluster.
+    ``isolated`` starts one worker if neither workers nor a cluster are given: a worker can be killed when an evaluation
+    takes too long. Raises InvalidInput as ``check_workers`` does, and if there is no such cluster.
     """
     check_workers(workers, cluster)
     if cluster is not None:
-        from paretoik.runs.cluster import Cluster  # here because it imports Dask
+        from paretoik.runs.cluster import Cluster  # imported here because it loads Dask
 
         with closing(Cluster(cluster)) as remote, distributing(remote):
             yield

@@ -1,9 +1,8 @@
-"""Replaces files: one at once or not at all, or several of a folder that belong together.
+"""Replaces files completely or not at all, one or several together.
 
-Every file is written under another name, synchronised and renamed. Several are written into `.saved`, a folder within
-theirs, and then move into place. They are saved from the moment that this folder has its name: if the process is killed
-while they move, the next process that reads or writes there moves the rest. Before that moment the former files are
-unchanged.
+Every file is written under another name, synchronised and renamed. Several files are written into the folder `.saved`
+within their folder, and then move into place. They are saved once this folder has its name: if the process is killed
+while they move, the next process that reads or writes there moves the rest. Before that the former files are unchanged.
 """
 
 from __future__ import annotations
@@ -21,10 +20,10 @@ SAVED = ".saved"  # a folder of complete files that move into the folder around 
 
 
 def replace_file(file: Path, content: bytes, *, check: Callable[[Path], object] | None = None) -> None:
-    """Write ``content`` to ``file`` through a temporary file, so that no reader sees a part; make folders.
+    """Write ``content`` to ``file`` through a temporary file; make folders.
 
-    Raises InvalidInput if the system refuses, as on a full disk, and what ``check`` raises, which gets the temporary
-    file; the former file is then unchanged.
+    No reader sees a part. ``check`` gets the temporary file before it replaces the former one. Raises InvalidInput if
+    the system refuses, as on a full disk, and what ``check`` raises; the former file is then unchanged.
     """
     if file.name in ("", ".."):
         raise InvalidInput(f"{file} must be a file to write, got a folder")
@@ -41,7 +40,9 @@ def replace_file(file: Path, content: bytes, *, check: Callable[[Path], object] 
 
 
 def replace_files(folder: Path, contents: Mapping[str, bytes]) -> None:
-    """Replace files of a folder, by name, all or none; the caller is its ``only_writer``.
+    """Replace files of a folder, by name, all or none.
+
+    The caller must be the folder's ``only_writer``.
 
     Raises InvalidInput if the system refuses, as on a full disk; the former files are then unchanged.
     """
@@ -64,14 +65,14 @@ def replace_files(folder: Path, contents: Mapping[str, bytes]) -> None:
 
 
 def move_files(names: Iterable[str], source: Path, target: Path) -> None:
-    """Move entries of these names, if they exist, from one folder to another."""
+    """Move existing entries with these names from folder to folder."""
     for name in names:
         with suppress(FileNotFoundError):
             (source / name).rename(target / name)
 
 
 def remove(place: Path) -> None:
-    """Remove a file, a link, or a folder with its content, if it is there."""
+    """Remove a file, link, or folder with content, if it exists."""
     if place.is_dir() and not place.is_symlink():
         shutil.rmtree(place)
     else:
@@ -80,10 +81,11 @@ def remove(place: Path) -> None:
 
 @contextmanager
 def only_writer(folder: Path) -> Iterator[None]:
-    """Hold a folder's lock while its files are replaced, so that of two processes neither loses what it adds.
+    """Lock a folder while the body replaces its files.
 
-    The folder is made if need be. Files that a killed process had saved there move into place first; the lock ends with
-    the process. Raises InvalidInput if the system refuses.
+    Two processes then do not overwrite each other's additions. The folder is made if necessary. Files that a killed
+    process saved there move into place first. The lock ends with the process. Raises InvalidInput if the system
+    refuses.
     """
     with refusal(f"{folder} must be a folder to write into"):
         folder.mkdir(parents=True, exist_ok=True)
@@ -95,16 +97,16 @@ def only_writer(folder: Path) -> Iterator[None]:
             _move_saved(folder)
         yield
     finally:
-        fcntl.flock(descriptor, fcntl.LOCK_UN)  # a process forked meanwhile has the descriptor too
+        fcntl.flock(descriptor, fcntl.LOCK_UN)  # unlocked, as a process forked meanwhile has the descriptor too
         os.close(descriptor)
 
 
 @contextmanager
 def without_writers(folder: Path) -> Iterator[None]:
-    """Keep other processes from replacing a folder's files while the body reads them; move saved files in place first.
+    """Prevent changes of a folder's files while the body reads them.
 
-    A folder that is missing, or on a file system without locks, is read as it is. Raises InvalidInput if the system
-    refuses to move files that a killed process had saved.
+    Saved files of a killed process move into place first. A folder that is missing, or on a file system without locks,
+    is read as it is. Raises InvalidInput if the system refuses to move these files.
     """
     if (folder / SAVED).is_dir():
         with only_writer(folder):
@@ -118,13 +120,13 @@ def without_writers(folder: Path) -> Iterator[None]:
     finally:
         if descriptor is not None:
             with suppress(OSError):
-                fcntl.flock(descriptor, fcntl.LOCK_UN)  # a process forked meanwhile has the descriptor too
+                fcntl.flock(descriptor, fcntl.LOCK_UN)  # unlocked, as a process forked meanwhile has the descriptor too
             os.close(descriptor)
 
 
 @contextmanager
 def refusal(wish: str) -> Iterator[None]:
-    """Raise InvalidInput that begins with ``wish`` if the system refuses what the body does."""
+    """Raise InvalidInput that begins with ``wish`` if the body raises OSError."""
     try:
         yield
     except OSError as fault:

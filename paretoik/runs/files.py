@@ -1,7 +1,7 @@
-"""The files of a run folder: their names, and `run.json`, which is made and checked here.
+"""The files of a run folder: their names, and `run.json`.
 
-`run.json` is strict JSON: its format, what the run says of itself, and a SHA-256 digest of the rest, so that a cut or
-altered file is refused.
+`run.json` is strict JSON: its format, the entries of the run, and a SHA-256 digest of these, so that a truncated or
+changed file is refused.
 """
 
 from __future__ import annotations
@@ -23,24 +23,29 @@ from paretoik.runs.file_replacement import only_writer, replace_file, replace_fi
 # Arrays and tables in files of unknown origin: nothing in them is executed.
 
 
-FORMER_NAMES = {"kkt_residual": "criticality"}  # of columns
+FORMER_NAMES = {"kkt_residual": "criticality"}  # former names of columns
 
 
 def read_arrays(content: bytes) -> dict[str, np.ndarray]:
-    """Return the arrays of an NPZ without pickle; raises what NumPy raises for other content."""
+    """Return the arrays of an NPZ without pickle.
+
+    Raises what NumPy raises for other content.
+    """
     with np.load(io.BytesIO(content), allow_pickle=False) as stored:
         return {name: stored[name] for name in stored.files}
 
 
 def read_table(content: bytes) -> Any:
-    """Return the Arrow table of a Parquet file; columns of earlier runs get today's names.
+    """Return the Arrow table of a Parquet file.
+
+    Former column names are replaced by the present ones.
 
     Raises what Arrow raises for other content.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    # Without threads: those of read_table may abort the interpreter as it ends (apache/arrow#34314).
+    # No threads: those of read_table may abort the interpreter at its exit (apache/arrow#34314).
     table = pq.ParquetFile(pa.BufferReader(content)).read(use_threads=False)
     return table.rename_columns([FORMER_NAMES.get(name, name) for name in table.column_names])
 
@@ -63,18 +68,18 @@ TRACES = "traces.npz"
 POLYGON = "polygon.npz"
 TOOL_PATH = "tool_path.npz"
 DRAWING = "picture.png"
-CHECKPOINT = "checkpoint"  # a folder: what a stopped run resumes from
-JOURNAL = "journal"  # in it
-FINISHED = "finished"  # in it: the journal of a finished search, which can be continued
+CHECKPOINT = "checkpoint"  # folder of the data from which a stopped run resumes
+JOURNAL = "journal"  # file in the checkpoint
+FINISHED = "finished"  # file in the checkpoint: journal of a finished search that can be continued
 CHOICES = "choices.json"
 REPORT = "report.html"
-FORMER = ".former-run"  # a folder in it: the run that a new one replaces, until the new one has a result
+FORMER = ".former-run"  # folder in the run's folder: the run that a new one replaces, until the new one has a result
 CONTENTS = (
     *(RUN, TABLE, MOTIONS, NEAREST, RECORDING, PICTURE, CERTIFICATES, STEPS, SEARCHES, OPTIMA, TRACES, POLYGON),
     *(TOOL_PATH, DRAWING, CHECKPOINT, CHOICES, REPORT),
 )
 STOPPED = ("time limit", "SIGINT", "SIGTERM", "interrupted")  # statuses of runs that could resume
-PAGES = (REPORT, PICTURE, CERTIFICATES, DRAWING)  # to look at; a run is complete without them
+PAGES = (REPORT, PICTURE, CERTIFICATES, DRAWING)  # files for people; a run is complete without them
 PAGE_MARK = b'<meta name="generator" content="paretoik">'
 PICTURE_MARK = b"Software\0paretoik"  # a text chunk of PNG
 
@@ -82,10 +87,10 @@ PICTURE_MARK = b"Software\0paretoik"  # a text chunk of PNG
 def check_target(
     name: str, file: Path, *, overwrite: bool = False, mark: bytes | None = None, folder: bool = False
 ) -> None:
-    """Raise InvalidInput, by ``name``, if no file can be written there, so that this is known before any work.
+    """Raise InvalidInput, with ``name``, if no file can be written there.
 
-    Refused are a folder, unless one is asked for, a name that the system refuses, a run's own files, and without
-    ``overwrite`` any existing file, except one of ours that has the ``mark`` of what is to be written.
+    The check comes before any computation. Refused are folders unless ``folder``, names that the system refuses, and a
+    run's own files. Existing files are refused without ``overwrite``, except files of paretoik with this ``mark``.
     """
     kind = "a folder of its own" if folder else "a file"
     if file.name in ("", ".."):
@@ -102,13 +107,15 @@ def check_target(
         raise InvalidInput(f"{name} must be {kind} to write into, got the folder {file}")
     is_ours = (
         mark is not None and file.is_file() and mark in file.read_bytes()[:4096]
-    )  # first in HTML and PNG: metadata
+    )  # the marks are near the beginning of HTML and PNG files
     if not (overwrite or is_ours):
         raise InvalidInput(f"{file} must be a new file, got one that exists; use --overwrite to replace it")
 
 
 def run_bytes(entries: Mapping[str, Any]) -> bytes:
-    """Return the content of a `run.json` or `choices.json`: the format, `entries`, and the digest of both.
+    """Return the content of a `run.json` or `choices.json`.
+
+    It has the format, the `entries`, and the digest of both.
 
     Raises TypeError or ValueError if an entry is no strict JSON.
     """
@@ -117,7 +124,9 @@ def run_bytes(entries: Mapping[str, Any]) -> bytes:
 
 
 def result_files(entries: Mapping[str, Any], contents: Mapping[str, bytes]) -> dict[str, bytes]:
-    """Return the contents of a result's files by name, and of its `run.json`: ``entries`` and the digests of the files.
+    """Return the contents of a result's files, including `run.json`, by name.
+
+    `run.json` has ``entries`` and the digests of the files.
 
     Raises TypeError or ValueError if an entry is no strict JSON.
     """
@@ -126,19 +135,27 @@ def result_files(entries: Mapping[str, Any], contents: Mapping[str, bytes]) -> d
 
 
 def write_result(folder: Path, entries: Mapping[str, Any], contents: Mapping[str, bytes]) -> None:
-    """Write the files of a result into a folder, all or none; entries as in ``write_run``."""
+    """Write a result's files into a folder, all or none.
+
+    ``entries`` are as in ``write_run``.
+    """
     files = result_files(to_json(entries), contents)
     with only_writer(folder):
         replace_files(folder, files)
 
 
 def write_run(folder: Path, entries: Mapping[str, Any]) -> None:
-    """Write `entries` as the folder's `run.json`; infinite numbers become null. Raises as ``to_json``."""
+    """Write `entries` as the folder's `run.json`.
+
+    Infinite numbers become null. Raises as ``to_json`` does.
+    """
     replace_file(folder / RUN, run_bytes(to_json(entries)))
 
 
 def read_run(file: Path, *, kind: str = "a run") -> dict[str, Any]:
-    """Return the entries of a `run.json` of this format, or of a file of another ``kind``, without checking its digest.
+    """Return the entries of a file of this format.
+
+    The file is a `run.json`, or a file of another ``kind``. Its digest is not checked.
 
     Raises InvalidRun if the file is missing, a link, no strict JSON, no run, or of another format.
     """
@@ -158,44 +175,54 @@ def read_run(file: Path, *, kind: str = "a run") -> dict[str, Any]:
 
 
 def check_digest(file: Path, run: dict[str, Any]) -> None:
-    """Remove the digest from the entries of a file; raises InvalidRun if it is not the digest of the rest."""
+    """Remove and check the digest of a file's entries.
+
+    Raises InvalidRun if it is not the digest of the other entries.
+    """
     if run.pop("digest", None) != digest(run):
         raise InvalidRun(f"{file} must be as it was written, got contents that do not match their digest")
 
 
 def is_run(file: Path) -> bool:
-    """Return whether a file is the `run.json` of some version of this format."""
+    """Return whether a file is a `run.json` of any version."""
     return _entries(file) is not None
 
 
 def has_result(folder: Path) -> bool:
-    """Return whether a folder has a run with a result; one of another version of this format may have one."""
+    """Return whether a folder has a run with a result.
+
+    True for any run of another version of this format, since it may have one.
+    """
     run = _entries(folder / RUN)
     return run is not None and ("files" in run or run["format"] != FORMAT)
 
 
 def can_resume(folder: Path) -> bool:
-    """Return whether a folder has a run that was stopped or killed and can resume."""
+    """Return whether a folder has an unfinished run that can resume."""
     checkpoint = folder / CHECKPOINT
     return is_run(folder / RUN) and (checkpoint / JOURNAL).is_file() and not checkpoint.is_symlink()
 
 
 def problem_words(reference: object) -> tuple[str, ...]:
-    """Return the words of a command line that name the problem of a run; none if the run names none."""
+    """Return the command-line words that name a run's problem.
+
+    Empty if the run names no problem.
+    """
     return ("--problem", reference) if isinstance(reference, str) and reference else ()
 
 
 def was_cut_off(folder: Path) -> bool:
-    """Return whether a folder has a run that was stopped or killed after it had something to resume from."""
+    """Return whether a folder has an unfinished run with a non-empty journal."""
     run = _entries(folder / RUN) or {}
     is_unfinished = run.get("status") in (*STOPPED, "running", "refining")
     return is_unfinished and can_resume(folder) and (folder / CHECKPOINT / JOURNAL).stat().st_size > 0
 
 
 def unfinished_note(folder: Path) -> str:
-    """Return the words that help after an error: how to resume a run without result, the place of the run it replaces.
+    """Return the words after an error: how to resume the run.
 
-    A run that ended because no motion is feasible would end so again: the reason is returned instead.
+    They also name the folder of the run to be replaced. A run that found no feasible motion would end in the same way:
+    then its reason is returned.
     """
     former, run = folder / FORMER, _entries(folder / RUN) or {}
     if run.get("status") == "Infeasible":
@@ -206,7 +233,10 @@ def unfinished_note(folder: Path) -> str:
 
 
 def _entries(file: Path) -> dict[str, Any] | None:
-    """Return the unchecked entries of a `run.json` of some version of this format; None for other files."""
+    """Return the unchecked entries of a `run.json`, None for other files.
+
+    Any version of this format is read.
+    """
     try:
         run = json.loads(read_plain_file(file))
     except (InvalidRun, ValueError, RecursionError):
@@ -221,7 +251,9 @@ def digest(run: Mapping[str, Any]) -> str:
 
 
 def to_json(value: Any, *, name: str = "run") -> Any:
-    """Return `value` as strict JSON: arrays as lists, paths as text, numbers that are not finite as null.
+    """Return `value` as strict JSON.
+
+    Arrays become lists, paths text, and infinite or NaN numbers null.
 
     Raises InvalidInput if an item is neither number, text, truth value, None, list nor mapping.
     """
@@ -243,7 +275,10 @@ def to_json(value: Any, *, name: str = "run") -> Any:
 
 
 def read_plain_file(file: Path) -> bytes:
-    """Return the content of a plain file; raises InvalidRun for others: a link may lead anywhere, a pipe never end."""
+    """Return the content of a plain file.
+
+    Raises InvalidRun for other files: a link may lead anywhere, and a pipe may never end.
+    """
     try:
         if file.is_symlink() or not file.is_file():
             raise InvalidRun(f"{file} must be a plain file, got {missing_file(file)}")

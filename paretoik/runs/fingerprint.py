@@ -1,4 +1,4 @@
-"""The fingerprint of a problem: a run recognises its problem by it."""
+"""The fingerprint of a problem: it identifies the problem of a run."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from paretoik.runs.user_code import (
     written_places,
 )
 
-# The parts of a class and of its objects that count.
+# Parts of a class and of its objects that are in the fingerprint.
 
 
 CONSTRUCTION = ("__init__", "__post_init__", "__new__", "__init_subclass__")
@@ -37,14 +37,17 @@ EVALUATING = frozenset(  # methods of a problem that a search calls
     | {"_calc_pareto_front", "_calc_pareto_set"}
 )
 PYMOO = "pymoo.core.problem"
-EVALUATION = frozenset(  # attributes for how a pymoo problem is evaluated, which do not define it
+EVALUATION = frozenset(  # attributes that control how pymoo evaluates a problem; they do not define it
     {"elementwise_func", "elementwise_runner", "requires_kwargs", "strict"}
     | {"exclude_from_serialization", "callback", "cache"}
 )
 
 
 def class_parts(kind: type) -> dict[str, object]:
-    """Return the parts of a class: the name of a library's; fields, bases, methods and attributes of a user's."""
+    """Return the parts of a class.
+
+    For a library's class this is its name; for a user's its fields, bases, methods and attributes.
+    """
     if is_library(kind.__module__):
         return {"name": library_name(kind)}
     parts: dict[str, object] = {"name": kind.__name__, "bases": [base for base in kind.__bases__ if base is not object]}
@@ -63,17 +66,21 @@ def class_parts(kind: type) -> dict[str, object]:
 
 
 def _is_written(value: object) -> bool:
-    """Return whether a special name belongs to a function that a user wrote, not to a generated one."""
+    """Return whether a user wrote the function of a special name.
+
+    Generated functions do not count.
+    """
     function = underlying(value)
     file = "" if function is None else function.__code__.co_filename
     return function is not None and not is_library(function.__module__, file) and not file.startswith("<string>")
 
 
 def object_state(value: Any) -> Mapping[str, object]:
-    """Return by name what defines an object, without what was computed from it meanwhile.
+    """Return the defining attributes of an object by name.
 
-    Data classes count by their fields; objects of users, ours and pymoo's problems by their attributes, except those
-    that an evaluation writes; objects of libraries by what pickle would take.
+    Values computed from them later are left out. Data classes count by their fields; objects of users, paretoik's
+    objects and pymoo problems by their attributes, except those that an evaluation writes; library objects by the parts
+    that pickle takes.
     """
     kind = type(value)
     if is_dataclass(kind):
@@ -91,7 +98,7 @@ def object_state(value: Any) -> Mapping[str, object]:
 def _reduced(value: Any) -> Mapping[str, object]:
     try:
         reduced = value.__reduce_ex__(4)
-    except Exception:  # a lock, a file, a pool: nothing that defines a problem
+    except Exception:  # a lock, a file, a pool: these do not define a problem
         return {}
     if isinstance(reduced, str):
         return {"name": reduced}
@@ -102,9 +109,10 @@ def _reduced(value: Any) -> Mapping[str, object]:
 
 
 def _state_names(kind: type) -> set[str]:
-    """Return the attributes that methods of a user's class write after construction: counts, caches, progress.
+    """Return attributes that a user's methods write after construction.
 
-    If the class can be evaluated, only methods that an evaluation leads to count, else all methods.
+    Examples are counts, caches and progress. If the class can be evaluated, only methods called by an evaluation count,
+    otherwise all methods.
     """
     nodes = dict[str, Function]()
     for base in reversed(kind.__mro__):
@@ -114,7 +122,7 @@ def _state_names(kind: type) -> set[str]:
             if node is not None:
                 nodes[name] = node
     evaluates = "_evaluate" in nodes or "__call__" in nodes
-    late = _reachable(nodes, EVALUATING) if evaluates else set(nodes)  # a setter is called by users, so it defines
+    late = _reachable(nodes, EVALUATING) if evaluates else set(nodes)  # users call setters, so these define the problem
     classes = {base.__name__ for base in kind.__mro__}
     return {
         attribute
@@ -125,7 +133,10 @@ def _state_names(kind: type) -> set[str]:
 
 
 def _reachable(nodes: Mapping[str, Function], names: Iterable[str]) -> set[str]:
-    """Return which methods these methods lead to by their own object or ``super()``, with themselves."""
+    """Return methods that these methods call, and these methods.
+
+    Only calls by their own object or ``super()`` are followed.
+    """
     reached, pending = set[str](), [name for name in names if name in nodes]
     while pending:
         name = pending.pop()
@@ -144,17 +155,20 @@ def _first_argument(node: Function) -> str:
 # Digests of values: equal for equal values, in all processes.
 
 
-DECIMALS = 6  # of computed values [rad, m, shares]: processors differ in their last bits
-DEPTH = 100  # of nested values; deeper ones count by their type only, as Python's stack is limited
+DECIMALS = 6  # decimals of computed values [rad, m, shares]: processors differ in the last bits
+DEPTH = 100  # largest depth of nested values, since Python's stack is limited; deeper ones count by type only
 EXACT = 2**53  # floats represent all integers up to this one
 
 
 @dataclass(kw_only=True, eq=False)
 class Digester:
-    """Digests of values that may refer to each other, each made once; ``rounded`` if they are computed ones."""
+    """Digests of values that may refer to each other, each computed once.
+
+    ``rounded``: whether the values are computed ones, which are rounded
+    """
 
     rounded: bool = False
-    done: dict[int, tuple[object, bytes]] = field(default_factory=dict)  # with values, to keep them alive
+    done: dict[int, tuple[object, bytes]] = field(default_factory=dict)  # digests, with values to keep these alive
     open: dict[int, int] = field(default_factory=dict)
 
     def digest(self, value: object) -> bytes:
@@ -193,7 +207,7 @@ class Digester:
 
     def _compound(self, value: Any) -> bytes:
         kind: type = type(value)
-        own = [] if is_library(kind.__module__) else [self.digest(kind)]  # a collection class of a user
+        own = [] if is_library(kind.__module__) else [self.digest(kind)]  # a user's collection class counts
         match value:
             case np.ndarray():
                 return self._array(value)
@@ -205,7 +219,7 @@ class Digester:
             case list() | tuple():
                 return joined("sequence", *own, *map(self.digest, value))
             case PurePath():
-                return joined("path", value.name.encode(errors="surrogatepass"))  # its folder does not count
+                return joined("path", value.name.encode(errors="surrogatepass"))  # the path's own folder does not count
             case ModuleType():
                 return joined("module", value.__name__.encode())
             case type():
@@ -215,7 +229,7 @@ class Digester:
                 return joined(kind.__name__, *(self.digest(getattr(value, name, None)) for name in names))
         if isinstance(value, np.random.Generator | np.random.RandomState | np.random.BitGenerator | random.Random):
             return joined("chance", library_name(kind).encode())
-        function = None if own else underlying(value)  # a user's object may contain more
+        function = None if own else underlying(value)  # a user's object may have further state
         if function is not None:
             code, values = function_parts(function)
             return joined("function", code.encode(errors="surrogatepass"), *self._named(values))
@@ -237,7 +251,10 @@ class Digester:
         return joined("items", shape, str(array.dtype).encode(), content)
 
     def _numbers(self, array: np.ndarray) -> bytes:
-        """Return the bytes of numbers: the same for all number types, for both zeros and for all NaNs."""
+        """Return the bytes of numbers.
+
+        They are the same for all number types, for both zeros and for all NaNs.
+        """
         numbers = np.array(array.astype("<f8") + 0.0)
         numbers[np.isnan(numbers)] = np.nan
         return np.ascontiguousarray(numbers.round(DECIMALS) + 0.0 if self.rounded else numbers).tobytes()
@@ -249,7 +266,10 @@ class Digester:
 
 
 def joined(label: str, *parts: bytes) -> bytes:
-    """Return the digest of parts under a label; the limits between parts count."""
+    """Return the digest of parts under a label.
+
+    The boundaries between parts count.
+    """
     digest = blake2b(label.encode(errors="surrogatepass") + b"\0", digest_size=32)
     for part in parts:
         digest.update(len(part).to_bytes(8, "little") + part)
@@ -259,30 +279,32 @@ def joined(label: str, *parts: bytes) -> bytes:
 # The fingerprint of a problem.
 
 
-SCHEME = "3"  # of digests; it changes when digests are made in another way
+SCHEME = "3"  # version of the digests; it changes when digests are made in another way
 
 
 def fingerprint(problem: object) -> str:
-    """Return a digest of everything that gives a problem's genes their objectives, "SCHEME:DIGEST".
+    """Return a problem's digest, "SCHEME:DIGEST".
 
-    All attributes of the problem count, field by field: arm, paths, limits, obstacles, functions with their source,
-    their defaults, and the values of their closures and globals; for a user's own problem its class too. Source counts
-    without comments, layout, annotations and documentation; if it is not at hand, or not what runs, the bytecode and
-    Python's version count. Code of installed libraries counts by name. Values that problem and functions change
-    themselves during an evaluation, such as counts and caches, do not count, nor does the place of a file.
+    The digest has everything that determines a problem's objectives from its genes. All attributes of the problem
+    count, field by field: arm, paths, limits, obstacles, and functions with their source, defaults, and values of
+    closures and globals. A user's own problem also counts by its class. Source counts without comments, layout,
+    annotations and documentation. If the source is missing, or is not the code that runs, the bytecode and Python's
+    version count instead. Installed libraries count by name. Values that problem and functions change during an
+    evaluation, such as counts and caches, do not count, and neither does the place of a file.
 
-    Two attributes of a class say more: ``computed_attributes`` follow from the others and are compared to 6 decimals,
-    as processors differ in the last bits; ``search_attributes`` say how solutions are searched for, and do not count.
-    A problem on more samples than the user's, ``finer_than``, has the fingerprint of the user's.
+    Two class attributes change this: ``computed_attributes`` follow from other attributes and are compared to 6
+    decimals, as processors differ in the last bits; ``search_attributes`` describe the search for solutions and do not
+    count. If refinement added samples to a problem, its fingerprint is that of ``finer_than``, the user's problem.
     """
     given = getattr(problem, "finer_than", None)
     return f"{SCHEME}:{Digester().digest(problem if given is None else given).hex()}"
 
 
 def check_fingerprint(problem: object, stored: object, *, wish: str) -> None:
-    """Raise InvalidInput, which begins with ``wish``, if a problem does not have the stored fingerprint.
+    """Raise InvalidInput unless a problem has the stored fingerprint.
 
-    A fingerprint of another scheme comes from another version of paretoik and cannot be compared.
+    The message begins with ``wish``. A fingerprint of another scheme comes from another version of paretoik and cannot
+    be compared.
     """
     if not isinstance(stored, str) or not stored.startswith(f"{SCHEME}:"):
         raise InvalidInput(

@@ -1,4 +1,4 @@
-"""The folder that a run writes into: who may write there, and which of its files a new run replaces."""
+"""The folder of a run: its lock, and replacement of former runs."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from paretoik.errors import InvalidInput, warn_user
 from paretoik.runs.file_replacement import SAVED, move_files, only_writer, refusal, remove
 from paretoik.runs.files import CONTENTS, FORMER, RUN, can_resume, has_result, is_run, was_cut_off
 
-# The run that a new one replaces: set aside, and put back unless the new one has a result.
+# The run that a new one replaces: it is set aside, and restored if the new one has no result.
 #
 # Its files move into `.former-run`, a folder within the run's own. While they move, in or out, it is called
 # `.former-run.part`, and its files belong back. So if the process is killed at any moment, the next one knows which of
@@ -25,17 +25,23 @@ PART = f"{FORMER}.part"
 
 
 def set_aside(folder: Path) -> None:
-    """Move the run in a folder into `.former-run` within it; remove one without a result that cannot resume."""
+    """Move the run in a folder into `.former-run` within it.
+
+    A run without result that cannot resume is removed instead.
+    """
     if has_result(folder) or can_resume(folder):
         part = folder / PART
         part.mkdir()
-        move_files(reversed(CONTENTS), folder, part)  # run.json last: a folder without it is no run
+        move_files(reversed(CONTENTS), folder, part)  # run.json moves last: a folder without it is no run
         part.rename(folder / FORMER)
-    remove_run(folder)  # files that a killed writer left incomplete
+    remove_run(folder)  # removes incomplete files of a killed writer
 
 
 def settle(folder: Path) -> bool:
-    """Remove the run that was set aside if the new one has a result, else put it back; return whether it is back."""
+    """Remove or restore the run set aside; return whether it was restored.
+
+    It is removed if the new run has a result, else restored.
+    """
     former, part = folder / FORMER, folder / PART
     if former.is_dir():
         if has_result(folder):
@@ -51,23 +57,23 @@ def settle(folder: Path) -> bool:
 
 
 def remove_run(folder: Path) -> None:
-    """Remove the files of a run from its folder, and nothing else."""
+    """Remove the files of a run from its folder, nothing else."""
     for name in (*reversed(CONTENTS), SAVED):
         for place in (folder / name, *folder.glob(f".{name.lstrip('.')}.*")):
             remove(place)
 
 
-# Disk space for a run's result, held by a file until the result is written: nothing else can fill it.
+# Disk space for a run's result: a file of this size occupies it until the result is written.
 
 
-SPACE = 8 * 2**20  # bytes that are held: 200 motions of 7 joints at 501 samples take 6 MB
+SPACE = 8 * 2**20  # bytes reserved: 200 motions of 7 joints at 501 samples take 6 MB
 
 
 class ReservedSpace:
-    """Disk space that a ``file`` holds, from the start.
+    """Disk space that a ``file`` occupies from the start of a run.
 
-    Raises InvalidInput if the disk has less. If a limit on the size of files does not allow such a file, nothing is
-    held.
+    Raises InvalidInput if the disk has less space. If the system's limit on file sizes does not allow the file, no
+    space is reserved.
     """
 
     def __init__(self, file: Path) -> None:
@@ -77,14 +83,14 @@ class ReservedSpace:
         except OSError as fault:
             self.release()
             if fault.errno in (errno.ENOSPC, errno.EDQUOT):
-                with suppress(OSError):  # the folder of a resumed run has more in it
+                with suppress(OSError):  # not empty if the run is resumed
                     file.parent.rmdir()
                 run = file.parent.parent
                 wish = f"must have {SPACE / 2**20:g} MB of free disk for the result"
                 raise InvalidInput(f"{run} {wish}, got {shutil.disk_usage(run).free / 2**20:.2g} MB") from None
 
     def take(self) -> None:
-        """Hold the disk space; raises OSError if there is too little."""
+        """Occupy the disk space; raise OSError if there is too little."""
         self._file.parent.mkdir(exist_ok=True)
         self._file.write_bytes(bytes(SPACE))
 
@@ -102,16 +108,16 @@ LOCK = ".lock"
 
 @contextmanager
 def claim_folder(folder: Path | str, *, overwrite: bool = False) -> Iterator[Path]:
-    """Make `folder` if need be and lock it against every other writer while the body runs.
+    """Make and lock a run's `folder` while the body runs.
 
-    Once the body ends with the result of a new run there, the files of the former run are removed, and nothing else;
-    without a result they are as they were. If the process is killed, the next one that locks the folder puts them back.
-    Raises InvalidInput if the folder cannot be made, has something that is no run, has a run with a result or one to
-    resume without `overwrite`, or if another process is writing into it.
+    If the body ends with a result of the new run, the files of the former run are removed, and nothing else. Without a
+    result they are restored. If the process is killed, the next one that locks the folder restores them. Raises
+    InvalidInput if the folder cannot be made, contains something other than a run, contains a run with a result or one
+    to resume without `overwrite`, or if another process is writing into it.
     """
     place = Path(folder)
     with _refusal(place):
-        if not (place / LOCK).exists():  # nobody writes there: it is refused before anything is written
+        if not (place / LOCK).exists():  # no lock, so no writer: refuse the folder before anything is written
             _check_replaceable(place, overwrite=overwrite)
         place.mkdir(parents=True, exist_ok=True)
     with lock_folder(place):
@@ -126,17 +132,20 @@ def claim_folder(folder: Path | str, *, overwrite: bool = False) -> Iterator[Pat
 
 
 def _check_replaceable(place: Path, *, overwrite: bool) -> None:
-    """Raise InvalidInput for a run with a result, or one that can be resumed, without permission to overwrite it."""
+    """Raise InvalidInput for a run that needs permission to overwrite.
+
+    These runs have a result, or can resume.
+    """
     if not overwrite and (has_result(place) or was_cut_off(place)):
         raise InvalidInput(f"{place} must be a new folder, got one that holds a run; use --overwrite to replace it")
 
 
 @contextmanager
 def lock_folder(place: Path) -> Iterator[Path]:
-    """Lock a folder that is empty or holds a run against every other writer while the body runs.
+    """Lock a folder while the body runs: empty or with a run.
 
-    Warns if it puts back a run that a killed process was to replace. Raises InvalidInput if the folder cannot be
-    locked, or another process is writing into it.
+    Warns if it restores a run that a killed process was to replace. Raises InvalidInput if the folder cannot be locked,
+    or another process is writing into it.
     """
     with _locked(place):
         with _refusal(place), only_writer(place):
@@ -148,10 +157,10 @@ def lock_folder(place: Path) -> Iterator[Path]:
 
 @contextmanager
 def reclaim_folder(place: Path) -> Iterator[Path]:
-    """Lock the folder of a resumed run, with all files there, against every other writer while the body runs.
+    """Lock the folder of a resumed run, with all files there.
 
-    A run that it is to replace is removed once the body ends with a result, and is kept otherwise. Raises InvalidInput
-    if the folder cannot be locked, or another process is writing into it.
+    The former run that it replaces is removed if the body ends with a result, else kept. Raises InvalidInput if the
+    folder cannot be locked, or another process is writing into it.
     """
     with _locked(place):
         try:
@@ -164,7 +173,10 @@ def reclaim_folder(place: Path) -> Iterator[Path]:
 
 @contextmanager
 def _locked(place: Path) -> Iterator[None]:
-    """Lock the folder of a run, or an empty one; raises InvalidInput for others."""
+    """Lock the folder of a run, or an empty one.
+
+    Raises InvalidInput for other folders.
+    """
     with _refusal(place):
         names = sorted(entry.name for entry in place.iterdir())
     others = [name for name in names if not name.startswith((LOCK, f".{RUN}.", FORMER, SAVED))]
@@ -176,7 +188,10 @@ def _locked(place: Path) -> Iterator[None]:
 
 @contextmanager
 def _lock(place: Path) -> Iterator[None]:
-    """Hold the lock of a run's folder, which ends with the process; the file that is locked names the process."""
+    """Lock a run's folder; the lock file names the process.
+
+    The lock ends with the process.
+    """
     with _refusal(place):
         file = (place / LOCK).open("a+b")
     with file as lock:
@@ -199,13 +214,16 @@ def _refusal(place: Path) -> AbstractContextManager[None]:
 
 
 def check_no_run(folder: Path) -> None:
-    """Raise InvalidInput if a process runs in a folder, with its lock."""
+    """Raise InvalidInput if a process is running in a folder."""
     if (folder / LOCK).exists():
         with _lock(folder):
             pass
 
 
 def check_other_folder(name: str, folder: Path, *sources: Path | None) -> None:
-    """Raise InvalidInput, by ``name``, if a folder is that of a run that its new content comes from."""
+    """Raise InvalidInput, with ``name``, if a folder is one of its sources.
+
+    The new content of the folder would come from itself.
+    """
     if any(source is not None and source.resolve() == folder.resolve() for source in sources):
         raise InvalidInput(f"{name} must not be the folder of the source run, got {folder}")

@@ -1,4 +1,4 @@
-"""Signals that stop a run from outside, so that it can end in order and keep its result."""
+"""Signals that stop a run, which then keeps its result."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from paretoik.errors import EvaluationFailed, InvalidInput
 from paretoik.inputs import CALLS, CallLimit, limited_calls, positive_number
 from paretoik.stop_flag import STOP, Interrupted
 
-# A limit on the time that a verb computes: when it is over, the verb stops as after a signal. Compiling is not counted.
+# A limit on a verb's computing time, without compilation: after it the verb stops as after a signal.
 
 
 @dataclass(kw_only=True, eq=False)
 class TimeLimit:
-    """A time limit [s], None for no limit, and whether it was reached."""
+    """A time limit [s] (None: no limit), and whether it was reached."""
 
     seconds: float | None
     reached: bool = False
@@ -39,7 +39,10 @@ class TimeLimit:
 
     @contextmanager
     def limiting_calls(self, end: Callable[[], object] = bool) -> Iterator[None]:
-        """End calls of users' functions in the body past the limit: they raise Interrupted, after ``end()``."""
+        """End users' calls in the body after the limit.
+
+        They raise Interrupted, after a call of ``end()``.
+        """
         if self.seconds is None:
             yield
             return
@@ -56,11 +59,14 @@ class TimeLimit:
             yield
 
 
-_TIME_LIMIT: list[TimeLimit] = []  # the limits under way, each within the one before
+_TIME_LIMIT: list[TimeLimit] = []  # active limits, from the outermost to the innermost
 
 
 def check_time_limit(seconds: float | None) -> None:
-    """Raise InvalidInput unless the limit is a positive number, or None; a number needs the main thread."""
+    """Raise InvalidInput unless the limit is a positive number or None.
+
+    A number is valid only in the main thread.
+    """
     if seconds is None:
         return
     positive_number("time_limit", seconds, "s")
@@ -70,7 +76,10 @@ def check_time_limit(seconds: float | None) -> None:
 
 @contextmanager
 def time_limit(seconds: float | None) -> Iterator[TimeLimit]:
-    """Ask the body to stop after this many seconds; None sets no limit. Raises as ``check_time_limit``."""
+    """Ask the body to stop after this many seconds.
+
+    None sets no limit. Raises as ``check_time_limit`` does.
+    """
     check_time_limit(seconds)
     limit = TimeLimit(seconds=seconds)
     if seconds is None:
@@ -101,20 +110,24 @@ def time_limit(seconds: float | None) -> Iterator[TimeLimit]:
         watcher.join()
         if STOP[0] == SIGALRM:
             STOP[0] = 0
-        if any(outer.remaining <= 0 for outer in _TIME_LIMIT):  # reached meanwhile
+        if any(outer.remaining <= 0 for outer in _TIME_LIMIT):  # reached in the meantime
             STOP[0] = STOP[0] or SIGALRM
 
 
 def time_is_up() -> bool:
-    """Return whether a signal came, or a time limit under way has no time left but what is reserved for later."""
+    """Return whether a signal came or an active time limit was reached.
+
+    A limit also counts as reached if only its reserved time is left.
+    """
     return bool(STOP[0]) or any(limit.reached for limit in _TIME_LIMIT)
 
 
 @contextmanager
 def limited_evaluations(seconds: float | None, *, allowed: float = inf) -> Iterator[None]:
-    """End each call of a user's function in the body after this time with EvaluationFailed; None sets no limit.
+    """End calls of users' functions in the body after a time.
 
-    ``allowed`` calls may be ended so; the next one raises Interrupted, with the reason.
+    The call raises EvaluationFailed; None sets no limit. After ``allowed`` such calls the next one raises Interrupted,
+    with the reason.
     """
     if seconds is None:
         yield
@@ -136,9 +149,10 @@ def limited_evaluations(seconds: float | None, *, allowed: float = inf) -> Itera
 
 @contextmanager
 def reserve_time(share: float, longest: float) -> Iterator[None]:
-    """Ask the body to stop before the time limit under way, to leave a ``share`` of it, at most ``longest`` [s].
+    """Ask the body to stop earlier, to reserve time after it.
 
-    The limit then counts as reached. Without a limit the body runs freely.
+    The reserved time is a ``share`` of the active time limit, at most ``longest`` [s]. The limit then counts as
+    reached. Without a limit the body runs freely.
     """
     if not _TIME_LIMIT or _TIME_LIMIT[-1].remaining <= 0:
         yield
@@ -167,14 +181,15 @@ class Interruption:
     signal: Signals | None = None
 
 
-_ACTIVE: list[Interruption] = []  # at most one: signals belong to the process
+_ACTIVE: list[Interruption] = []  # one at most: signals belong to the process
 
 
 @contextmanager
 def _watching() -> Iterator[None]:
-    """Set the stop flag as soon as a signal comes, even while compiled code runs in the main thread.
+    """Set the stop flag at once when a signal comes.
 
-    Python calls handlers only between its own instructions, but writes the number of a signal into a socket at once.
+    This works even while compiled code runs in the main thread. Python calls handlers only between its own
+    instructions, but writes the number of a signal into a socket at once.
     """
 
     def watch() -> None:
@@ -200,7 +215,7 @@ def _watching() -> Iterator[None]:
 
 
 def _leave_to_parent() -> None:
-    """Keep a forked process from writing its signals into its parent's socket."""
+    """Prevent a forked process from writing signals into its parent's socket."""
     if stop_flag.watched:
         stop_flag.watched = False
         signal.set_wakeup_fd(-1)

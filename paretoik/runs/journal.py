@@ -1,13 +1,13 @@
-"""The journal of a run: computed values by their inputs, appended as they come, so that none is computed twice.
+"""The journal of a run: computed values by keys of inputs.
 
-A run that was stopped or killed starts again with its journal: it takes from there what it computed before from the
-same inputs, and computes the rest. Values depend on their inputs only, so the result is the same, bit for bit, as that
-of a run that never stopped.
+Values are appended when they are computed, so that none is computed twice. A run that was stopped or killed starts
+again with its journal: it takes from there the values that it computed before from the same inputs, and computes the
+others. Values depend on their inputs only, so the result is, bit for bit, that of a run that never stopped.
 
-The file is a row of frames: `MARK`; the key (32 bytes); the length of the payload (8 bytes, little-endian); the SHA-256
-digest of key and payload; and the payload: NumPy arrays one after the other, the first with the names of the others.
-Every frame can be read alone. If one is damaged, the next `MARK` begins the next one, and the content of the damaged
-one is computed again. A half-written frame at the end, from a process that was killed, is cut off.
+The file is a sequence of frames: `MARK`; the key (32 bytes); the length of the payload (8 bytes, little-endian); the
+SHA-256 digest of key and payload; and the payload: NumPy arrays one after the other, the first with the names of the
+others. Every frame can be read separately. If one is damaged, the next frame begins at the next `MARK`, and the damaged
+content is computed again. An incomplete frame at the end, from a killed process, is cut off.
 """
 
 from __future__ import annotations
@@ -32,17 +32,18 @@ from paretoik.runs.file_replacement import refusal
 from paretoik.stop_flag import STOP
 
 MARK = b"paretoik journal 3\n"  # the first bytes of every frame
-HEAD = struct.Struct(f"<{len(MARK)}s32sQ32s")  # of a frame
-SYNC = 1.0  # s: longest time until a frame is on the disk; before that it survives the process only
+HEAD = struct.Struct(f"<{len(MARK)}s32sQ32s")  # head of a frame
+SYNC = 1.0  # s: longest time until a frame is on the disk; until then it survives the process, not a power cut
 
 Values: TypeAlias = Mapping[str, np.ndarray]
 Compute: TypeAlias = Callable[[], Values]
 
 
 class Journal:
-    """The journal in a file, which is made if it is missing. The caller holds the lock of its folder.
+    """The journal in a file, which is made if it is missing.
 
-    Warns of damaged frames. Raises InvalidRun if the file is no journal, InvalidInput if the system refuses it.
+    The caller must hold the lock of its folder. Warns of damaged frames. Raises InvalidRun if the file is no journal,
+    InvalidInput if the system refuses it.
     """
 
     def __init__(self, file: Path) -> None:
@@ -50,7 +51,7 @@ class Journal:
         self._lock = threading.Lock()
         self._places: dict[bytes, tuple[int, int]] = {}  # offset and length of a payload, by its key
         self._is_full = False
-        self._end = 0  # of the last intact frame
+        self._end = 0  # end of the last intact frame
         with refusal(f"{file} must be writable"):
             file.parent.mkdir(parents=True, exist_ok=True)
             self._descriptor = os.open(file, os.O_RDWR | os.O_CREAT, 0o666)
@@ -76,7 +77,10 @@ class Journal:
         return {str(name): read_array(payload, allow_pickle=False) for name in names}
 
     def append(self, key: bytes, values: Values) -> None:
-        """Append values under a key. On a full disk a warning says that no more is kept, and the run continues."""
+        """Append values under a key.
+
+        If the disk is full, a warning says that no more values are kept, and the run continues.
+        """
         with self._lock:
             if self._is_full or key in self._places:
                 return
@@ -101,7 +105,7 @@ class Journal:
 
     def close(self) -> None:
         """Write everything to the disk and close the file."""
-        with suppress(OSError):  # what is lost is computed again
+        with suppress(OSError):  # lost values are computed again
             self._sync(every=0.0)
         os.close(self._descriptor)
 
@@ -111,7 +115,7 @@ class Journal:
             self._synced = time.monotonic()
 
     def _read(self) -> None:
-        """Find all intact frames; cut off what follows the last."""
+        """Find all intact frames; cut off everything after the last one."""
         size, damaged = os.fstat(self._descriptor).st_size, 0
         if not size:
             return
@@ -132,14 +136,14 @@ class Journal:
             warn_user(f"{self._file}: {damaged} of {size} bytes are damaged; their content is computed again")
 
 
-_ACTIVE: list[Journal] = []  # at most one: a process does one run at a time
+_ACTIVE: list[Journal] = []  # one at most: a process computes one run at a time
 
 
 @contextmanager
 def journalled(file: Path | None) -> Iterator[Journal | None]:
-    """Remember what the body computes in a file, and take from it what is there; None remembers nothing.
+    """Use the journal in a file while the body runs.
 
-    Within another journal's body that journal is used. Raises as ``Journal``.
+    None uses no journal. Within another journal's body, that one is used. Raises as ``Journal`` does.
     """
     if file is None or _ACTIVE:
         yield None
@@ -155,7 +159,7 @@ def journalled(file: Path | None) -> Iterator[Journal | None]:
 
 @contextmanager
 def without_journal() -> Iterator[None]:
-    """Use no journal for what the body computes, because it depends on the clock, for instance."""
+    """Use no journal in the body, as when values depend on time."""
     active = _ACTIVE.copy()
     _ACTIVE.clear()
     try:
@@ -170,10 +174,10 @@ def is_journalled() -> bool:
 
 
 def remembered(key: bytes | None, compute: Compute) -> Values:
-    """Return the values of a key in the journal, else those of ``compute``, which go into the journal.
+    """Return a key's values from the journal, or from ``compute``.
 
-    The key is that of all inputs, None if nothing is to be remembered. Values are plain arrays by name. Values computed
-    after a signal may have been cut short, and are not remembered.
+    Computed values go into the journal. The key is that of all inputs, None if nothing is to be remembered. Values are
+    plain arrays by name. Values computed after a signal may be incomplete and are not remembered.
     """
     if not _ACTIVE or key is None:
         return compute()
@@ -188,12 +192,18 @@ def remembered(key: bytes | None, compute: Compute) -> Values:
 
 
 def recalled(key: bytes) -> Values | None:
-    """Return the values of a key in the journal; None without values or without a journal."""
+    """Return a key's values from the journal, or None.
+
+    None also if no journal is used.
+    """
     return _ACTIVE[0].get(key) if _ACTIVE else None
 
 
 def key_of(kind: str, *inputs: object) -> bytes:
-    """Return the digest of inputs: arrays by their type, shape and bits, others by their text."""
+    """Return the digest of inputs.
+
+    Arrays count by type, shape and bits, others by their text.
+    """
     digest = hashlib.sha256(kind.encode())
     for each in inputs:
         if isinstance(each, np.ndarray):

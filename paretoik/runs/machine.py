@@ -1,4 +1,4 @@
-"""Influences on a result next to its inputs: versions of packages, and the features of the processor."""
+"""Influences of the machine on results: package versions and processor features."""
 
 from __future__ import annotations
 
@@ -13,16 +13,17 @@ from typing import Any
 
 import numpy as np
 
-# One thread for the linear algebra libraries while a verb or a navigation computes, on every machine.
+# One thread for the linear algebra libraries during a verb or a navigation, on every machine.
 #
-# The matrices are small: several threads wait for each other longer than they compute, and sums in another order could
-# have other bits on a machine with another number of cores.
+# The matrices are small: several threads wait longer for each other than they compute. With another number of
+# cores, sums would have another order, and perhaps other bits.
 
 
 def single_blas_thread() -> AbstractContextManager[object]:
-    """Return a context with one BLAS thread; its end restores the former number.
+    """Return a context with one BLAS thread.
 
-    The number belongs to the process: of contexts in several threads of Python the first one sets and restores it.
+    At its end the former number is restored. The number belongs to the process: if several Python threads have such
+    contexts, the first one sets and restores it.
     """
     context: AbstractContextManager[object] = _controller().limit(limits=1, user_api="blas")
     return context
@@ -36,14 +37,14 @@ def _controller() -> Any:
     return ThreadpoolController()
 
 
-# How a child process is started: Python's own and installed modules come first, a user's files last.
+# Start of a child process: Python's modules and installed ones have priority over a user's files.
 
 
 def child_command(module: str, *arguments: str) -> list[str]:
-    """Return the command of a child that calls ``main`` of a module and finds the modules that this process finds.
+    """Return the command of a child that calls a module's ``main``.
 
-    Folders that only this process knows, such as that of a problem, come last: no file in them replaces a module of
-    Python or of a library.
+    The child finds the same modules as this process. Folders that only this process knows, such as a problem's, come
+    last: their files replace no module of Python or of a library.
     """
     places = [place or str(Path.cwd()) for place in sys.path]
     path = f"sys.path += [place for place in {places!r} if place not in sys.path]"
@@ -54,18 +55,21 @@ def child_command(module: str, *arguments: str) -> list[str]:
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of the packages that a result depends on, by name."""
+    """Return the versions of packages that influence results, by name."""
     return {name: version(name) for name in ("paretoik", "pymoo", "numpy", "scipy", "numba", "cvxpy", "clarabel")}
 
 
 @cache
 def processor() -> tuple[str, ...]:
-    """Return the make of the processor and the extensions that NumPy found."""
+    """Return the make of the processor and the extensions NumPy found."""
     extensions = np.show_config(mode="dicts")["SIMD Extensions"]
     return (platform.machine(), *sorted({*extensions.get("baseline", ()), *extensions.get("found", ())}))
 
 
 @cache  # it takes some milliseconds, and comes with every task
 def software() -> Mapping[str, str]:
-    """Return the versions that a worker must have, by name: only the same Python can read what is sent to it."""
+    """Return the versions that a worker must have, by name.
+
+    Only the same version of Python can read the messages to a worker.
+    """
     return {"Python": ".".join(platform.python_version_tuple()[:2]), **versions()}

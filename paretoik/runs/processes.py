@@ -1,7 +1,7 @@
-"""Workers on this machine: processes that are replaced when they end, and killed when they take too long.
+"""Workers on this machine: processes that compute items for their parent.
 
-A worker computes functions of items for the process that started it, and ends with it. Its argument is the file
-descriptor of a connection. Messages come and go as pickles.
+They are replaced when they end, and killed when they take too long. A worker ends with its parent. Its argument is the
+file descriptor of a connection. Messages are sent as pickles.
 """
 
 from __future__ import annotations
@@ -29,14 +29,17 @@ from paretoik.runs.distribution import Done, Function, Lost, Raised, Reply, beco
 from paretoik.runs.machine import child_command
 from paretoik.stop_flag import STOP, Interrupted
 
-# The work of such a process.
+# The work of a worker process.
 
 
-STARTED = -1  # in place of a place: the items of a message are being started, one after the other
+STARTED = -1  # sent in place of an item's place: the items of a message are started now, one after the other
 
 
 class Work(NamedTuple):
-    """Items with their places, the function to compute, and the shared object if it is a new one."""
+    """A message to a worker: items, function and shared object.
+
+    The items have their places. The shared object is sent only if it is new.
+    """
 
     function: bytes
     shared: bytes | None
@@ -44,7 +47,7 @@ class Work(NamedTuple):
 
 
 def compute(function: Function, shared: Any, item: Any) -> Done | Raised:
-    """Return what a function returns for an item, or that it raised an error."""
+    """Return a function's value for an item, or its error."""
     begin = time.perf_counter()
     try:
         return Done(value=function(shared, item), seconds=time.perf_counter() - begin)
@@ -53,8 +56,8 @@ def compute(function: Function, shared: Any, item: Any) -> Done | Raised:
 
 
 def main() -> None:
-    """Serve the process that started this one."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process that started it ends it
+    """Compute items for the parent process until it ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends this process
     become_worker()
     connection, received = Connection(int(sys.argv[1])), SimpleQueue[bytes]()
     Thread(target=_receive, args=(connection, received), daemon=True).start()
@@ -74,7 +77,10 @@ def main() -> None:
 
 
 def _receive(connection: Connection, received: SimpleQueue[bytes]) -> None:
-    """Read messages as they come, so that the sender never waits; end this process when the sender has ended."""
+    """Receive messages immediately; end this process when the parent has ended.
+
+    The parent then never waits to send.
+    """
     try:
         while True:
             received.put(connection.recv_bytes())
@@ -85,27 +91,28 @@ def _receive(connection: Connection, received: SimpleQueue[bytes]) -> None:
 def _send(connection: Connection, place: int, reply: Done | Raised | None) -> None:
     try:
         message = cloudpickle.dumps((place, reply))
-    except Exception as error:  # errors of users need not be picklable
+    except Exception as error:  # users' errors need not be picklable
         refusal = InvalidInput(f"workers: a result must be picklable, got {cause_of(error)}")
         message = cloudpickle.dumps((place, Raised(error=refusal)))
     connection.send_bytes(message)
 
 
-# The processes, and what they are given.
+# The worker processes, and their items.
 
 
-LIBRARIES = ("OMP", "OPENBLAS", "MKL", "VECLIB_MAXIMUM", "NUMBA")  # each would use one thread per core
+LIBRARIES = ("OMP", "OPENBLAS", "MKL", "VECLIB_MAXIMUM", "NUMBA")  # each of them would use one thread per core
 ONE_THREAD = {f"{name}_THREADS" if "_" in name else f"{name}_NUM_THREADS": "1" for name in LIBRARIES}
 
 
 @dataclass(frozen=True, kw_only=True)
 class WorkerOptions:
-    """How work is given to workers, and when it is given up.
+    """Sizes of messages to workers, and limits.
 
-    portion, shares: seconds of items that a worker gets, at most one share of the items left, ``shares`` per worker
-    allowed_failures: an item is lost after more workers than this ended on it
-    loading: more seconds for the first item of a worker, as code is read from the disk
-    interval: seconds between two looks for a signal
+    portion: seconds of items in a message; at most one share of the remaining items
+    shares: number of shares per worker into which the remaining items are divided
+    allowed_failures: number of workers that may end on an item; after one more the item is lost
+    loading: further seconds for the first item of a worker, which loads code from the disk
+    interval: seconds between two checks for a signal
     """
 
     portion: float = 0.5
@@ -120,7 +127,14 @@ OPTIONS = WorkerOptions()
 
 @dataclass(kw_only=True, eq=False)
 class _Worker:
-    """A process, its unanswered items, and the time since when it computes the first of them."""
+    """A worker process.
+
+    connection: connection to the process
+    has: shared object that it has
+    places: places of its unanswered items; it computes the first one
+    since: time at which it started the first one
+    replies: number of its replies
+    """
 
     process: subprocess.Popen[bytes]
     connection: Connection
@@ -131,12 +145,12 @@ class _Worker:
 
     @property
     def seconds(self) -> float:
-        """Time for which it computes its present item [s], without the loading of code."""
+        """Time spent on its current item [s], without loading code."""
         loading = 0.0 if self.replies else OPTIONS.loading
         return 0.0 if self.since is None or not self.places else time.monotonic() - self.since - loading
 
     def end(self) -> int:
-        """End it at once and return its exit status."""
+        """Kill the process and return its exit status."""
         self.process.kill()
         with suppress(OSError):
             self.connection.close()
@@ -144,9 +158,10 @@ class _Worker:
 
 
 class WorkerProcesses:
-    """A number of processes on this machine that end when this object is closed, or with this process.
+    """A number of worker processes on this machine.
 
-    Raises InvalidInput if ``workers`` is no valid number of workers.
+    They end when this object is closed, or with this process. Raises InvalidInput if ``workers`` is not a valid number
+    of workers.
     """
 
     def __init__(self, workers: int) -> None:
@@ -161,13 +176,15 @@ class WorkerProcesses:
             self._processes.pop().end()
 
     def description(self) -> dict[str, Any]:
-        """Return who computes, as an entry of `run.json`."""
+        """Return the kind and number of workers, as a `run.json` entry."""
         return {"by": "worker processes", "workers": self.workers}
 
     def replies(
         self, function: Function, shared: Any, items: Sequence[Any], *, seconds: float | None = None
     ) -> Iterator[tuple[int, Reply]]:
-        """Yield every item's place and reply, as they come; an item that takes longer than ``seconds`` is lost.
+        """Yield the place and reply of each item, in order of arrival.
+
+        An item that takes longer than ``seconds`` is lost.
 
         Raises Interrupted soon after a signal; SolverFailed if workers end before they compute.
         """
@@ -184,7 +201,7 @@ class WorkerProcesses:
 
 
 class _Round:
-    """The items of one call, on their way through the workers."""
+    """The items of one call, while the workers compute them."""
 
     def __init__(
         self, pool: WorkerProcesses, function: bytes, shared: bytes, items: Sequence[Any], seconds: float | None
@@ -192,7 +209,7 @@ class _Round:
         self.processes, self.workers = pool._processes, min(pool.workers, len(items))
         self.function, self.shared, self.items, self.seconds = function, shared, items, seconds
         self.pending = deque(range(len(items)))
-        self.failures: Counter[int] = Counter()  # workers that ended, by the item that each had first
+        self.failures: Counter[int] = Counter()  # number of workers that ended, by the item that they were computing
         self.answered = 0
         self.computed = 0.0
 
@@ -212,7 +229,7 @@ class _Round:
             patience = OPTIONS.interval if self.seconds is None else min(OPTIONS.interval, self.seconds - lasted)
             for connection in wait(list(busy), timeout=max(patience, 0.0)):
                 yield from self._received(busy[connection])
-            # End what takes too long.
+            # Kill workers whose item takes too long.
             end_late_verb("an evaluation in a worker", max(worker.seconds for worker in busy.values()))
             for worker in [each for each in self.processes if each.places and not each.connection.poll()]:
                 if self.seconds is not None and worker.since is not None and worker.seconds >= self.seconds:
@@ -229,11 +246,14 @@ class _Round:
         work = Work(self.function, shared, [(place, self.items[place]) for place in places])
         worker.has, worker.since = self.shared, None
         worker.places.extend(places)
-        with suppress(OSError):  # it has ended, which is noticed when its reply is awaited
+        with suppress(OSError):  # the worker has ended, which is noticed when its reply is read
             worker.connection.send_bytes(pickled("an item", tuple(work)))
 
     def _received(self, worker: _Worker) -> Iterator[tuple[int, Reply]]:
-        """Yield what a worker has sent; if it has ended, others compute its items, unless many ended on the first."""
+        """Yield a worker's replies; if it has ended, requeue its items.
+
+        The item that it was computing is lost if too many workers ended on it.
+        """
         try:
             place, reply = cloudpickle.loads(worker.connection.recv_bytes())
         except (EOFError, OSError):
@@ -263,7 +283,10 @@ class _Round:
         return worker.end()
 
     def _lost(self, worker: _Worker, cause: str) -> tuple[int, Reply]:
-        """Return the present item of an ended worker as lost; others compute the rest."""
+        """Return the current item of an ended worker as lost.
+
+        Its other items are requeued.
+        """
         place = worker.places.popleft()
         self.pending.extendleft(reversed(worker.places))
         self.answered += 1

@@ -1,4 +1,4 @@
-"""The parts of a function: its source, and the values that it finds outside."""
+"""Parts of a function: its source and its outside values."""
 
 from __future__ import annotations
 import __future__
@@ -14,7 +14,7 @@ from functools import lru_cache
 from types import CodeType, FunctionType, ModuleType
 from typing import Any, TypeAlias
 
-# Origin of code: a library's, which is known by its name, or a user's, which is read.
+# Origin of code: a library, identified by name, or a user, whose source is read.
 
 
 OURS = "paretoik"
@@ -23,7 +23,10 @@ PYTHON = (sysconfig.get_path("stdlib"), "<frozen ")
 
 
 def is_library(module: str | None, file: str | None = None) -> bool:
-    """Return whether a module is ours, Python's, or installed; ``file`` is that of its code, if known."""
+    """Return whether a module is paretoik's, Python's, or an installed one.
+
+    ``file`` is the file of its code, if known.
+    """
     name = module or ""
     if name.partition(".")[0] in {OURS, "builtins", *sys.stdlib_module_names}:
         return True
@@ -39,12 +42,15 @@ def is_library_module(module: ModuleType) -> bool:
 
 
 def library_name(value: Any) -> str:
-    """Return the name of a library's function or class, without the module that defines it."""
+    """Return the name of a library's function or class.
+
+    The name excludes the module that defines it.
+    """
     package = str(getattr(value, "__module__", None) or "").partition(".")[0]
     return f"{package}:{getattr(value, '__qualname__', type(value).__qualname__)}"
 
 
-# The syntax of running code: from its source, if that is still what runs, without what computes nothing.
+# Syntax of running code: taken from the source if that is unchanged, without the parts that compute nothing.
 
 
 MUTATING = frozenset(
@@ -72,12 +78,15 @@ class _Bare(ast.NodeTransformer):
 
 
 def syntax_of(function: FunctionType) -> Function | None:
-    """Return a function's bare syntax; None if its file cannot be read, or its compiled source is not what runs."""
+    """Return a function's bare syntax, None if its source is not usable.
+
+    The file cannot be read, or its compiled source differs from the running code.
+    """
     code = function.__code__
     source = "".join(linecache.getlines(code.co_filename, function.__globals__))
     codes, starts = _parse(source, code.co_filename, code.co_flags & __future__.annotations.compiler_flag)
     nodes = starts.get((code.co_name, code.co_firstlineno), []) if code in codes else []
-    if len(nodes) > 1:  # lambdas in one line
+    if len(nodes) > 1:  # several lambdas in one line
         spans = set(code.co_positions())
         bodies = [node.body for node in nodes if isinstance(node, ast.Lambda)]
         places = [(each.lineno, each.end_lineno, each.col_offset, each.end_col_offset) for each in bodies]
@@ -87,7 +96,10 @@ def syntax_of(function: FunctionType) -> Function | None:
 
 @lru_cache(maxsize=32)
 def _parse(source: str, file: str, flags: int) -> tuple[set[CodeType], dict[tuple[str, int], list[Function]]]:
-    """Return all code objects of a source, and its functions by name and first line; none if it is not Python."""
+    """Return a source's code objects, and functions by name and first line.
+
+    Both are empty if the source is not valid Python.
+    """
     try:
         code = compile(source, file, "exec", flags=flags, dont_inherit=True)
         tree = ast.parse(source)
@@ -113,7 +125,10 @@ def nested_codes(code: CodeType) -> Iterator[CodeType]:
 
 
 def _text(node: Function) -> str:
-    """Return a function's source in one layout, without name, decorators and defaults: their results are at hand."""
+    """Return a function's source in a standard layout.
+
+    Name, decorators and defaults are left out, since their values are known.
+    """
     bare: Any = copy.copy(node)
     bare.args = copy.copy(node.args)
     bare.args.defaults, bare.args.kw_defaults = [], [None] * len(node.args.kwonlyargs)
@@ -123,10 +138,11 @@ def _text(node: Function) -> str:
 
 
 def written_places(node: Function) -> set[Place]:
-    """Return the places that a function changes beyond its local variables: names, and attributes of names.
+    """Return the places that a function changes outside its local variables.
 
-    Items that are assigned or deleted and the methods that change Python's containers count too: what a call changes is
-    the state of a computation, a cache or a count, and does not define the function.
+    These are names, and attributes of names. Assigned or deleted items count too, and calls of methods that change
+    Python's containers. Values changed by a call are the state of a computation, a cache or a count, and do not define
+    the function.
     """
     places = set[Place]()
     for each in ast.walk(node):
@@ -140,7 +156,10 @@ def written_places(node: Function) -> set[Place]:
 
 
 def _place(node: ast.expr) -> Place:
-    """Return the name, and its attribute, that an expression starts from; "" if it starts from no name."""
+    """Return the name, and its attribute, that an expression starts from.
+
+    If the expression starts from no name, the name is "".
+    """
     attribute = None
     while isinstance(node, ast.Attribute | ast.Subscript | ast.Starred):
         attribute = node.attr if isinstance(node, ast.Attribute) else attribute
@@ -152,13 +171,14 @@ def _place(node: ast.expr) -> Place:
 
 
 def function_parts(function: FunctionType) -> tuple[str, dict[str, object]]:
-    """Return a function's code as text, and by name the values that it was made with or finds when it runs.
+    """Return a function's code as text, and its outside values by name.
 
-    Values that it changes itself, such as its own cache, are left out.
+    These are its defaults, closure and attributes, and the globals that it reads. Values that it changes, such as its
+    own cache, are left out.
     """
     code, module_globals = function.__code__, function.__globals__
     if is_library(function.__module__, code.co_filename):
-        bare = inspect.unwrap(function)  # type checks that a user has put around it do not count
+        bare = inspect.unwrap(function)  # a user's wrapper for type checks does not count
         return library_name(bare), _closure(bare)
     node = syntax_of(function)
     written = set() if node is None else written_places(node)
@@ -187,13 +207,16 @@ def _closure(function: FunctionType) -> dict[str, object]:
     for name, cell in zip(function.__code__.co_freevars, function.__closure__ or (), strict=True):
         try:
             values[f"closure {name}"] = cell.cell_contents
-        except ValueError:  # it has no value yet
+        except ValueError:  # the variable has no value yet
             values[f"closure {name}"] = "empty"
     return values
 
 
 def _reached(label: str, value: object, code: CodeType) -> dict[str, object]:
-    """Return a global value; for a user's module what code may take from it."""
+    """Return a global value by its label.
+
+    For a user's module the attributes that the code may read are returned.
+    """
     if not isinstance(value, ModuleType) or is_library_module(value):
         return {label: value}
     values = dict[str, object]()
@@ -203,14 +226,20 @@ def _reached(label: str, value: object, code: CodeType) -> dict[str, object]:
 
 
 def _bytecode(code: CodeType) -> str:
-    """Return code without source as text; every version of Python has its own."""
+    """Return code as text if its source is missing.
+
+    The text depends on the version of Python.
+    """
     constants = [_bytecode(each) if isinstance(each, CodeType) else repr(each) for each in code.co_consts]
     return f"{sys.version_info[:2]} {code.co_code.hex()} {code.co_names} {code.co_varnames} {constants}"
 
 
 def underlying(value: Any) -> FunctionType | None:
-    """Return the Python function that a value is, or was compiled or wrapped from, None for others."""
-    for _ in range(100):  # a decorator may wrap another's
+    """Return the Python function behind a value, None for others.
+
+    The value is this function, or was compiled or wrapped from it.
+    """
+    for _ in range(100):  # wrappers may be nested
         if isinstance(value, FunctionType):
             return value
         value = next((getattr(value, name) for name in ("__wrapped__", "py_func") if hasattr(value, name)), None)

@@ -27,7 +27,7 @@ class ArchiveOptions:
     """Settings of the archive."""
 
     capacity: int = 20_000  # points; above this number a grid thins the archive
-    distance_tolerance: float = 1e-9  # of each objective's range: nearer points are duplicates
+    distance_tolerance: float = 1e-9  # share of each objective's range; nearer points are duplicates
     finest_grid: int = 2**16  # cells per axis at which thinning starts
 
 
@@ -143,7 +143,7 @@ class Archive:
         # Feasible new points that are non-dominated and no duplicates enter; old points that they dominate leave.
         old, new = new[:0] if self.members is None else self.members, new[violation <= 0.0]
         new = new[is_nondominated(np.concatenate((old.F, new.F)), keep_weakly=False)[len(old) :]]
-        # which of ``new`` repeat an old point or an earlier new one, within the tolerance
+        # mask of new points that repeat an old point or an earlier new one, within the tolerance
         points = np.concatenate((old.F, new.F))
         close = np.tri(len(new.F), len(points), len(old.F) - 1, dtype=bool)  # only older ones count
         for axis in range(new.F.shape[1] if len(new.F) else 0):
@@ -158,7 +158,10 @@ class Archive:
 
 
 def _thin(F: Floats, count: int) -> Integers:
-    """Return rows of each objective's best and of each cell's oldest, in the finest grid with ``count`` points."""
+    """Return rows of each objective's best point and of each grid cell's oldest.
+
+    The grid is the finest one that leaves at most ``count`` points.
+    """
     ideal, width = F.min(axis=0), np.ptp(F, axis=0)
     share: Floats = np.divide(F - ideal, width, out=np.zeros_like(F), where=width > 0)
     extremes = F.argmin(axis=0)

@@ -66,7 +66,7 @@ class Outcome:
 
 def archive_front(search: Any, points: int | None) -> Front:
     """Return the front of a search's archive; MaxiMin thins it to ``points`` points (None: all)."""
-    from paretoik.front.front import Front  # here: it takes time
+    from paretoik.front.front import Front  # imported here, because it is slow
 
     check_count("points", points)
     members, problem = search.archive.members, search.problem
@@ -103,8 +103,9 @@ class Search:
     - ``algorithm``: any pymoo genetic algorithm with its own sizes and settings (it is copied); None: the problem's
       own, or MaxiMinNSGA2
     - ``offspring``: children per generation; None: the algorithm's default, one per individual
-    - ``anchors``: number of first generations for each objective alone; then all objectives are searched together, from
-      the best of each. The end of a front may be in a basin that is dominated except at its bottom.
+    - ``anchors``: number of first generations in which each objective is optimised separately; then all objectives are
+      searched together, from the best of each. The end of a front may be in a basin that is dominated except at its
+      bottom.
 
     Raises InvalidInput for an invalid size, seed, bound or initial gene, by name and value.
     """
@@ -134,9 +135,9 @@ class Search:
         self.problem = problem
         self._prototype = algorithm
         self._size, self._offspring, self._seed, self._initial = int(population), offspring, int(seed), initial
-        self._stages = problem.n_obj if anchors and problem.n_obj > 1 else 0  # objectives searched alone first
+        self._stages = problem.n_obj if anchors and problem.n_obj > 1 else 0  # objectives first searched separately
         self._anchors, self._stage = anchors, 0
-        self._anchor_genes: Genes = np.empty((0, problem.n_var))  # the best of each stage
+        self._anchor_genes: Genes = np.empty((0, problem.n_var))  # best genes of each stage
         self.names, self.units, self.maximised = describe_objectives(problem)
         self._algorithm = self._new_algorithm(initial)
         survival = self._algorithm.survival
@@ -215,7 +216,7 @@ class Search:
         return self._candidates
 
     def suggest(self, X: ArrayLike) -> None:
-        """Add genes (rows, genes) to the next generations in place of as many offspring."""
+        """Add genes (rows, genes) to the next generations; each row replaces one offspring."""
         self._suggested = np.concatenate((self._suggested, checked_genes(self.problem, X, "suggested")))
 
     def tell(
@@ -275,7 +276,7 @@ class Search:
         self._evaluations += len(ids)
         self._candidates = self._infills = self._outcome = None
         if self._stage < self._stages and self._generation == (self._stage + 1) * self._anchors:
-            # start the next objective from the same genes, or all objectives from the best of each
+            # next: search one objective from the initial genes, or all objectives from the best of each
             best = column(self._algorithm.pop, "X")[: self._size // (4 * self._stages)]
             self._anchor_genes = np.concatenate((self._anchor_genes, best))
             self._stage += 1

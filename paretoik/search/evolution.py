@@ -33,7 +33,7 @@ Evaluate: TypeAlias = Callable[[Genes], Mapping[str, Any]]
 
 
 def evaluate_problem(problem: Any, X: Genes) -> Mapping[str, Any]:
-    """Return the values of a pymoo problem; raises InvalidInput for values that pymoo would falsify.
+    """Return the values of a pymoo problem; raises InvalidInput for values that pymoo would misread.
 
     pymoo drops masks and imaginary parts, and reads numbers from text.
     """
@@ -71,9 +71,9 @@ class _CheckedEvaluation:
 
 
 def evaluate_rows(problem: Any, evaluate: Evaluate, X: Genes) -> Outcome:
-    """Return the outcome of a batch; if it raises, evaluate each row alone: users' functions may raise anything."""
+    """Return the outcome of a batch; if it raises, evaluate row by row."""
     try:
-        ours = type(problem).__module__.startswith("paretoik.")  # these limit users' functions one by one
+        ours = type(problem).__module__.startswith("paretoik.")  # these limit each user function themselves
         with user_function("the problem"), nullcontext() if ours else limited_call("the problem"):
             return Outcome.of(problem, evaluate(X.copy()), len(X))
     except EvaluationFailed as failure:
@@ -101,7 +101,7 @@ def joined(parts: Sequence[tuple[Rows, Outcome]]) -> tuple[Rows, Outcome]:
 class EvaluationOptions:
     """Settings of evaluation.
 
-    seconds: time [s] of evaluation between two entries in the journal, or half of it, within a generation
+    seconds: approximate time [s] between journal entries within a generation; the least is half of it
     rows: number of rows per task of a worker, if a problem evaluates many at once; independent of the workers
     """
 
@@ -145,9 +145,9 @@ class Evaluation:
 def evaluate_candidates(search: Search | Islands, candidates: Candidates, evaluation: Evaluation) -> Outcome:
     """Return the outcome of a generation, from the run's journal if it is there.
 
-    Raises InvalidRun if the journal has the outcome of other genes: then the search does not repeat itself. Raises
-    Interrupted soon after a signal if workers, or the problem one by one, evaluate the rows; the journal has the rows
-    evaluated by then.
+    Raises InvalidRun if the journal has the outcome of other genes: then the search is not reproducible. Raises
+    Interrupted soon after a signal if rows are evaluated in workers or one by one; the journal then has the rows
+    evaluated so far.
     """
     genes = np.frombuffer(key_of("genes", candidates.X), np.uint8)
     of = search.names, search.seed, candidates.generation
@@ -180,7 +180,10 @@ def evaluate_again(search: Search | Islands, candidates: Candidates, evaluation:
 
 
 def _evaluate(evaluation: Evaluation, X: Genes, of: tuple[object, ...]) -> Outcome:
-    """Return the outcome of all rows, with parts in the journal: those of earlier calls, and new ones at times."""
+    """Return the outcome of all rows.
+
+    Parts that are in the journal are not evaluated again; new parts are written to it at intervals.
+    """
     done, new, since = list[tuple[Rows, Outcome]](), list[tuple[Rows, Outcome]](), time.monotonic()
     while (values := recalled(key_of("rows", *of, X, len(done)))) is not None:
         done.append((values["rows"], _outcome(values)))
@@ -190,7 +193,7 @@ def _evaluate(evaluation: Evaluation, X: Genes, of: tuple[object, ...]) -> Outco
         return np.setdiff1d(np.arange(len(X)), np.concatenate([[], *known])).astype(int)
 
     def remember() -> None:
-        """Write the new parts as one, unless the whole generation is known."""
+        """Write the new parts as one journal entry, unless no row is missing."""
         if new and len(missing()):
             rows, outcome = joined(new)
             remembered(key_of("rows", *of, X, len(done)), lambda: {"rows": rows, **_table(outcome)})
@@ -212,7 +215,7 @@ def _evaluate(evaluation: Evaluation, X: Genes, of: tuple[object, ...]) -> Outco
 
 
 def _evaluate_here(evaluation: Evaluation, X: Genes, rows: Rows) -> Iterator[tuple[Rows, Outcome]]:
-    """Yield rows with their outcome: all at once, or row by row in groups that fit the time."""
+    """Yield rows with their outcome: all at once, or in groups that fit the time."""
     size = 1 if evaluation.is_row_by_row else max(len(X), 1)
     while len(rows):
         begin, part = time.monotonic(), rows[:size]
@@ -222,7 +225,10 @@ def _evaluate_here(evaluation: Evaluation, X: Genes, rows: Rows) -> Iterator[tup
 
 
 def _evaluate_in_workers(evaluation: Evaluation, X: Genes, rows: Rows) -> Iterator[tuple[Rows, Outcome]]:
-    """Yield rows with their outcome as workers return them; rows that are lost again alone have failed."""
+    """Yield rows with their outcome as workers return them.
+
+    Rows of a lost group are evaluated again one by one; a single row that is lost has failed.
+    """
     size = evaluation.rows_of_a_task
     groups = [rows[first : first + size] for first in range(0, len(rows), size)]
     again = list[Rows]()
@@ -304,7 +310,7 @@ def evolve(
     observe: called with the progress after each generation
     improve: called with the progress; may return genes for the next generation
 
-    Raises InvalidInput for no ending, EvaluationFailed if every evaluation of the first generation failed.
+    Raises InvalidInput if there is no ending, EvaluationFailed if every evaluation of the first generation failed.
     """
     if not endings:
         raise InvalidInput("endings must have at least one ending, got none")

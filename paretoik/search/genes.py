@@ -77,13 +77,19 @@ def bounds_of(problem: Any) -> tuple[Float[np.ndarray, " genes"], Float[np.ndarr
 
 
 def widths_of(X: Genes) -> Float[np.ndarray, " genes"]:
-    """Return the width of a population along every gene; if all values are equal, their size or 1."""
+    """Return the width of a population along every gene.
+
+    If all values of a gene are equal, its width is the larger of their magnitude and 1.
+    """
     low, high = X.min(axis=0), X.max(axis=0)
     return np.asarray(np.where(high > low, high - low, np.maximum(np.abs(high), 1.0)))
 
 
 def within_reach(problem: Any, X: Genes, widths: Float[np.ndarray, " genes"]) -> Any:
-    """Return a problem with finite bounds for operators of real genes; missing ones are ``widths`` beyond X."""
+    """Return a problem with finite bounds for operators of real genes.
+
+    A missing bound is one of ``widths`` beyond the genes X.
+    """
     lower, upper = bounds_of(problem)
     if np.isfinite(lower).all() and np.isfinite(upper).all():
         return problem
@@ -93,10 +99,10 @@ def within_reach(problem: Any, X: Genes, widths: Float[np.ndarray, " genes"]) ->
 
 
 def operators_for(problem: Any, crossover: Any, mutation: Any, *, binary: bool) -> tuple[Any, Any]:
-    """Return pymoo's sampling and mating for genes that are not real numbers; given operators replace its own.
+    """Return pymoo's sampling and mating for genes that are not real numbers.
 
-    Genes are binary if ``binary``, else of the problem's type. Raises InvalidInput if pymoo has no operator for such
-    genes and none is given.
+    Given operators replace pymoo's. Genes are binary if ``binary``, else of the problem's type. Raises InvalidInput if
+    pymoo has no operator for such genes and none is given.
     """
     selection = TournamentSelection(func_comp=binary_tournament)
     if getattr(problem, "vars", None) is not None:

@@ -2,7 +2,7 @@
 
 The candidates of all islands are evaluated together, to keep many workers busy. Each island has its own random numbers,
 all migrate after the same generations, and migrants are in the order of their ids: the result is the same bit for bit,
-no matter who evaluates. Source: Alba & Tomassini 2002, "Parallelism and evolutionary algorithms", section IV.
+no matter which process evaluates. Source: Alba & Tomassini 2002, "Parallelism and evolutionary algorithms", section IV.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from paretoik.search.maximin import survivors
 class IslandOptions:
     """Settings of migration; migrants are spread over the front of their island.
 
-    epoch: number of generations between migrations; none happens while objectives are searched alone
+    epoch: number of generations between migrations; none while objectives are searched separately
     share: share of a population that migrates, at least one individual
     """
 
@@ -126,7 +126,7 @@ class Islands:
             first += len(own)
         self.evaluations, self._candidates = self.evaluations + len(ids), None
         if self.generation >= self._first_epoch and self.generation % self._epoch == 0:
-            # Migrants of every island go to the next, where they replace as many offspring.
+            # Migrants of every island go to the next one, where each replaces one offspring.
             migrants = list[Genes]()
             for search in self._searches:
                 # genes of points spread over an island's front, in the order of their ids

@@ -34,7 +34,7 @@ from paretoik.tables import html_representation
 
 @dataclass(frozen=True, kw_only=True)
 class InsertionOptions:
-    """When each method computes the order of insertion; all give the same bits."""
+    """Sizes at which each method computes the insertion order; all results are identical."""
 
     matrix_limit: int = 1024  # points; up to this number all pairwise distances are computed at once (8 MB)
     fewest_split: int = 192  # points; from this number splitting segments is faster than the greedy loop (measured)
@@ -185,7 +185,7 @@ class Survivors:
 
     distance: insertion distances
     normalised: normalised objectives of the feasible survivors
-    is_beyond: which feasible survivors are beyond ``ranges``
+    is_beyond: mask of feasible survivors beyond ``ranges``
     """
 
     index: Ids
@@ -198,8 +198,8 @@ class Survivors:
     def spacing(self) -> Values:
         """Sum of distances (survivors,) to the n_obj nearest survivors of the same rank, computed at first use.
 
-        It is inf if there are fewer and for the best of a rank in an objective, 0 beyond ``ranges`` and for infeasible
-        points.
+        It is inf if there are fewer neighbours or the point is the best of its rank in an objective, and 0 if the point
+        is beyond ``ranges`` or infeasible.
         """
         Z, ranks = self.normalised, self.rank[: len(self.normalised)]
         spacing = np.zeros(len(self.index))
@@ -228,7 +228,7 @@ def survivors(
     ranges: (2, n_obj) lower and upper side of a box that replaces ideal and nadir; points beyond its upper side are
         inserted after those below
     infeasible_share: largest share of places for the least-violating infeasible points that no feasible one dominates
-    species: labels (points,); the best of each feasible species stay, on half of the places, evenly distributed
+    species: labels (points,); up to half of the places are shared evenly by the best of each feasible species
     """
     count = min(count, len(F))
     feasible = np.flatnonzero(violation <= 0.0)
@@ -242,7 +242,7 @@ def survivors(
         nondominated = ~dominates(front[None], F[candidates][:, None]).any(axis=1)
         reserved = candidates[nondominated][: int(infeasible_share * count)]
     places = min(feasible.size, count - reserved.size)
-    # feasible points' objectives scaled by their first rank or ``ranges``, and which are beyond
+    # feasible points' objectives scaled by their first rank or ``ranges``, and a mask of points beyond ``ranges``
     values = F[feasible]
     Z, is_beyond = values, np.zeros(len(values), dtype=bool)
     if len(values):
@@ -291,7 +291,10 @@ def _by_maximin(Z: Floats, ranks: Integers, is_beyond: Mask, count: int) -> tupl
 def _with_species(
     chosen: Integers, distance: Floats, ranks: Integers, species: Integers, *, share: float = 0.5
 ) -> tuple[Integers, Floats]:
-    """Replace the last chosen of abundant species by the best of each species, up to a ``share`` of all."""
+    """Replace the points of abundant species that were chosen last by the best of others.
+
+    Each species gets an equal part of at most a ``share`` of all places.
+    """
     quota = int(share * chosen.size)
     best_first = np.lexsort((np.arange(len(ranks)), ranks))
     labels = list(dict.fromkeys(species[best_first].tolist()))
@@ -317,8 +320,9 @@ def _with_species(
 class MaxiMin(Survival):  # type: ignore[misc]  # pymoo has no types
     """MaxiMin as a pymoo survival, for any pymoo problem and genetic algorithm: ``NSGA2(survival=MaxiMin())``.
 
-    A problem with ``species(X) -> (points,)`` keeps its live species. Individuals get "rank", "crowding" (their
-    spacing), "insertion_distance" and CV, which is inf if an objective is not finite or a constraint is NaN.
+    If the problem has ``species(X) -> (points,)``, the best of each feasible species survive. Individuals get "rank",
+    "crowding" (their spacing), "insertion_distance" and CV, which is inf if an objective is not finite or a constraint
+    is NaN.
 
     - ``ranges``: (lower, upper), each one number per objective: a box of interest; a long steep tail then cannot drag
       the population away
@@ -383,7 +387,7 @@ def check_infeasible_share(share: object) -> None:
 
 
 def dominates(F: Floats, other: Floats) -> np.ndarray:
-    """Return which points (..., n_obj) dominate the others."""
+    """Return a mask of the points ``F`` (..., n_obj) that dominate ``other``."""
     mask: np.ndarray = np.less_equal(F, other).all(axis=-1) & np.less(F, other).any(axis=-1)
     return mask
 

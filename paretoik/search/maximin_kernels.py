@@ -78,7 +78,7 @@ def _insert_members(x, y, x_scale, y_scale, size, nearest, distance, stack):
     """Write the squared insertion distance of each member of a sorted rank.
 
     ``nearest`` are the squared distances to points of better ranks. In a stretch between inserted members the farthest
-    is the next one; the rest of the front does not matter.
+    member is inserted next; the rest of the front has no influence.
     """
     stack[0, 0], stack[0, 1] = 0, size
     stretches = 1
@@ -133,7 +133,7 @@ def _distances_to_better_ranks(values, count, rank, split, members, size, x_scal
 def insertion_distances(objectives, count, x, y, distance, queue):
     """Write MaxiMin's squared insertion distance of each point of a sorted front; its ends have inf.
 
-    Between two inserted points the next one is that with the farthest nearer end; distances to either end are monotonic
+    Between two inserted points the next one is the farthest from its nearer end; distances to either end are monotonic
     along the front, so bisection finds it. Stretches wait in a queue and are independent, so that a processor can work
     on several.
     """
@@ -224,7 +224,7 @@ def keep_farthest(front, objectives, distance, count, capacity, spare, other):
 # has failed.
 
 
-AXIS_WEIGHT = 1e6  # of the other objectives in the achievement function along an axis
+AXIS_WEIGHT = 1e6  # weight of the other objectives in the achievement function along an axis
 
 
 @compiled

@@ -48,13 +48,13 @@ from paretoik.tables import html_representation
 
 @dataclass(frozen=True, kw_only=True)
 class MatingOptions:
-    """Settings of mating, chosen here."""
+    """Settings of mating; they have no source."""
 
     even_share: float = (
         0.5  # share of tournaments spread evenly over species: a species that is behind may win in the end
     )
     migration_probability: float = 0.05  # probability that an offspring moves to another species
-    rounds: int = 20  # largest number of matings to get new offspring
+    rounds: int = 20  # largest number of rounds of mating to get new offspring
 
 
 OPTIONS = MatingOptions()

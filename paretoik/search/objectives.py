@@ -1,4 +1,4 @@
-"""Names, units and senses of a problem's objectives."""
+"""Constraint violations; names, units and senses of a problem's objectives."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Offspring, compiled: tournaments, crossover by rows, replacement of one gene (Marcos et al. 2012, section 4.1).
 
-``order`` lists a population: for each place its row of ``genes``; ``fitness`` is its fitness by place.
+``order`` has the row of ``genes`` for each place of a population, ``fitness`` the fitness of each place.
 """
 
 from __future__ import annotations
@@ -82,7 +82,10 @@ HALF_RANGE = 1 << 32  # number of integers that half of 64 bits represents
 
 @compiled
 def tournament(bits, fitness, count):
-    """Return the place of the fitter of two that 64 bits represent; the first if equal."""
+    """Return the place of the fitter of two random individuals; the first if equal.
+
+    The 64 ``bits`` select the two among ``count`` places.
+    """
     first, second = upper_integer(bits, count), lower_integer(bits, count)
     return first if fitness[first] >= fitness[second] else second
 
@@ -100,9 +103,9 @@ def generate_offspring(state, genes, order, fitness, F, row_size, probabilities,
     probabilities: those of crossover and of mutation
     bounds: lower and upper bound of replaced genes
 
-    Crossover acts on rows of ``row_size`` genes. Children at the end that are not new are copies of a parent and have
-    its objectives: ``F`` (objectives, points) has those of the parents by place, then those of the children. Random
-    decisions use arithmetic instead of branches, which a processor cannot predict.
+    Crossover acts on rows of ``row_size`` genes. Unchanged children are at the end: copies of a parent with its
+    objectives. ``F`` (objectives, points) has the objectives of the parents by place, then those of the children.
+    Random decisions use arithmetic instead of branches, which a processor cannot predict.
     """
     (crossover_probability, mutation_probability), (lower, upper) = probabilities, bounds
     size, count, parents = np.uint64(genes.shape[1]), np.uint64(children.shape[1]), np.uint64(order.shape[0])
@@ -153,7 +156,7 @@ def generate_offspring(state, genes, order, fitness, F, row_size, probabilities,
 
 @compiled
 def _mutate(children, child, mutated, bits, number, lower, upper):
-    """Replace the gene of a child that ``bits`` represent, if it is ``mutated``."""
+    """Replace one gene of a child, which ``bits`` select, if ``mutated``."""
     gene = np.uint64(upper_integer(bits, children.shape[0]))
     value = lower + (upper - lower) * unit_number(number)
     children[gene, child] = value if mutated else children[gene, child]

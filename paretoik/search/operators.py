@@ -24,7 +24,7 @@ from paretoik.search.objectives import Floats, Integers
 
 @dataclass(frozen=True, kw_only=True)
 class VariationOptions:
-    """Settings of crossover and mutation of smooth genes, chosen here."""
+    """Settings of crossover and mutation of smooth genes; they have no source."""
 
     factors: tuple[float, ...] = (0.3, 0.6, 1.0)  # shares of the difference that crossover adds
     widths: tuple[float, float] = (0.5, 8.0)  # genes: standard deviation of a bump, log-uniform

@@ -1,4 +1,4 @@
-"""Motion problems: paths and their timing, motions, objectives, limits, obstacles, and the task that they make."""
+"""Motion problems: paths, motions, objectives, limits, obstacles, and the task."""
 
 from __future__ import annotations
 

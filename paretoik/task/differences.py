@@ -60,7 +60,10 @@ def quadrature_weights(time: Series, differences: Differences) -> Series:
 
 
 def simpson_weights(time: Series) -> Series:
-    """Return the weights (*batch, time) [s] of Simpson's rule; every other time is a midpoint."""
+    """Return the weights (*batch, time) [s] of Simpson's rule.
+
+    Every other time is a midpoint.
+    """
     sixth = (time[..., 2::2] - time[..., :-2:2]) / 6
     weights = np.zeros(time.shape)
     weights[..., :-2:2] += sixth
@@ -70,7 +73,7 @@ def simpson_weights(time: Series) -> Series:
 
 
 def with_midpoints(time: Series) -> Series:
-    """Return times (*batch, 2 · time − 1) with the middle of every interval added."""
+    """Return times (*batch, 2 · time − 1) with intervals' midpoints added."""
     dense = np.empty((*time.shape[:-1], 2 * time.shape[-1] - 1))
     dense[..., ::2] = time
     dense[..., 1::2] = (time[..., 1:] + time[..., :-1]) / 2
@@ -78,7 +81,10 @@ def with_midpoints(time: Series) -> Series:
 
 
 def _steps(values: Samples, time: Instants, *, cyclic: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Return the changes of values and time between samples; a cycle continues by one step at each end."""
+    """Return the steps of values and of time between samples.
+
+    A cycle continues by one step at each end.
+    """
     change, step = np.diff(values, axis=-2), np.diff(time)[..., None]
     if not cyclic:
         return change, step
@@ -102,8 +108,8 @@ class Spline:
     position, velocity, acceleration: values at the knots
     inner_velocity: middle Bernstein coefficient of each interval's velocity, a parabola (*batch, time − 1, columns)
 
-    In an interval the velocity is within the range of this coefficient and the velocities at the ends, the acceleration
-    within the range of those at the ends.
+    In an interval, the velocity is between the smallest and largest of this coefficient and the velocities at both
+    ends. The acceleration is between the accelerations at both ends.
     """
 
     time: Instants
@@ -182,7 +188,7 @@ def evaluate_with_midpoints(spline: Spline) -> tuple[Instants, Samples, Derivati
 
 
 def fit_spline(q: Samples, time: Instants, *, cyclic: bool, ends_at_rest: bool) -> Spline:
-    """Return the spline of samples; see above."""
+    """Return the cubic spline near the samples, as described above."""
     # two more knots at each end, from the cycle or mirrored
     step = np.diff(time)
     before, after = (step[..., -2:], step[..., :2]) if cyclic else (step[..., 1::-1], step[..., :-3:-1])
@@ -201,7 +207,9 @@ def fit_spline(q: Samples, time: Instants, *, cyclic: bool, ends_at_rest: bool) 
 
 
 def _values_at_knots(control: np.ndarray, knots: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Return position, velocity and acceleration at all knots but two at each end, and the velocity's control points.
+    """Return position, velocity, acceleration at knots, and the velocity's control points.
+
+    The two outer knots at each end are left out.
 
     Source: de Boor 1978, X (12).
     """
@@ -240,7 +248,7 @@ def _control_points(q: Samples, knots: np.ndarray, *, cyclic: bool, ends_at_rest
 
 
 def _inner_control_points(q: Samples, time: Instants) -> np.ndarray:
-    """Return the control points of all samples except the first and the last."""
+    """Return the control points of all samples except the two ends."""
     before, after = np.diff(time)[..., :-1, None], np.diff(time)[..., 1:, None]
     slope = np.diff(q, axis=-2) / np.diff(time)[..., None]
     curvature = np.diff(slope, axis=-2) / (before + after)
@@ -250,10 +258,11 @@ def _inner_control_points(q: Samples, time: Instants) -> np.ndarray:
 
 
 def _free_end(q: np.ndarray, control: np.ndarray, knots: np.ndarray) -> np.ndarray:
-    """Return the two first control points of a spline through the first sample, from the next three or four.
+    """Return the first two control points of a free end.
 
-    Its first acceleration continues the parabola (or line) of the next three (or two). ``knots`` are the first seven or
-    eight, two of them before the first sample.
+    The spline passes through the first sample. Its first acceleration continues the parabola (or line) through the next
+    three (or two) accelerations. ``control`` has the next three or four control points, ``knots`` the first seven or
+    eight knots, two of them before the first sample.
     """
     count = control.shape[-2] + 2
     units = np.broadcast_to(np.eye(count), (*knots.shape[:-1], count, count))
@@ -268,14 +277,20 @@ def _free_end(q: np.ndarray, control: np.ndarray, knots: np.ndarray) -> np.ndarr
 
 
 def _lagrange_factor(time: np.ndarray, k: int) -> np.ndarray:
-    """Return the weight of the value at time k in the extrapolation to the first time from all other times."""
+    """Return the weight of the value at time k in an extrapolation.
+
+    The value at the first time is extrapolated from the values at all other times.
+    """
     others = [j for j in range(1, time.shape[-1]) if j != k]
     shares = [(time[..., 0] - time[..., j]) / (time[..., k] - time[..., j]) for j in others]
     return np.prod(np.broadcast_arrays(np.ones(time.shape[:-1]), *shares), axis=0)
 
 
 def _polynomial_control_points(q: Samples, knots: np.ndarray, *, ends_at_rest: bool) -> np.ndarray:
-    """Return the control points of the polynomial through three or four samples, at rest at its end if required."""
+    """Return the control points of the polynomial through three or four samples.
+
+    The polynomial is at rest at its end if ``ends_at_rest``.
+    """
     samples = q.shape[-2]
     unit = knots[..., -3:-2] - knots[..., 2:3]
     t = (knots - knots[..., 2:3]) / unit
@@ -291,6 +306,9 @@ def _polynomial_control_points(q: Samples, knots: np.ndarray, *, ends_at_rest: b
 
 
 def _polar_form(t: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 4"]:
-    """Return the polar forms of 1, t, t² and t³ at three times, which give a cubic's control point."""
+    """Return the polar forms of 1, t, t² and t³ at three times.
+
+    The polar forms give a cubic's control point.
+    """
     x, y, z = t[..., 0], t[..., 1], t[..., 2]
     return np.stack([np.ones_like(x), (x + y + z) / 3, (x * y + y * z + z * x) / 3, x * y * z], axis=-1)

@@ -39,7 +39,7 @@ class LimitKind(NamedTuple):
     """A kind of joint limit.
 
     values: field of ``Motion`` that it bounds
-    units: units of joints that turn, and of those that slide
+    units: unit for rotational joints, unit for prismatic joints
     declared: field of ``Arm`` with the arm's own limits, "" if an arm has none
     """
 
@@ -95,7 +95,7 @@ class Limits:
 
     def __post_init__(self) -> None:
         for kind in LIMIT_KINDS:
-            # an impossible limit is refused by its name
+            # the error names the impossible limit
             name = f"{kind} limit"
             limit = getattr(self, kind)
             if isinstance(limit, Mapping):
@@ -117,7 +117,9 @@ class Limits:
             raise InvalidInput(f"margin must be a fraction of at least 0 and less than 0.5, got {shown(self.margin)}")
 
     def bounds(self, arm: Arm, samples: int) -> dict[str, Bounds]:
-        """Return every limit that has a finite side as (1 or time, dof, 2) arrays of (lower, upper).
+        """Return the limits that have a finite side, by kind.
+
+        Each is an array (1 or time, dof, 2) of (lower, upper).
 
         Raises InvalidInput, naming limit and joint, for wrong shapes, NaN, or a lower limit above the upper.
         """
@@ -150,18 +152,18 @@ class Constraint:
     scale: float
 
     def violation(self, motion: Motion) -> np.ndarray:
-        """Return the largest violation (*batch,) as a fraction of the limit's range, at most 0 if it is satisfied.
+        """Return the largest violation (*batch,) as a fraction of the limit's range.
 
-        Raises what ``shares`` does.
+        The violation is at most 0 if the limit is satisfied. Raises what ``shares`` does.
         """
         shares = self.shares(motion.instants)
         return np.asarray(shares.max(axis=-1) if self.form == "peak" else shares)
 
     def shares(self, motion: Motion) -> np.ndarray:
-        """Return violations as fractions of the limit's range, one per instant if the form is "peak".
+        """Return violations as fractions of the limit's range.
 
-        Raises, naming the constraint, InvalidInput if the function returns another shape or values that are not real,
-        and EvaluationFailed if it raises.
+        There is one violation per instant if the form is "peak". Raises, naming the constraint, InvalidInput if the
+        function returns another shape or values that are not real, and EvaluationFailed if it raises.
         """
         name = f"constraint {self.name}"
         if self.form == "integral":
@@ -216,7 +218,10 @@ def constraint(
 
 
 def relative_violation(kind: str, bounds: Bounds, motion: Motion) -> Float[np.ndarray, "*batch time dof"]:
-    """Return the violation of a joint limit per sample as a fraction of its range, at most 0 if it is satisfied."""
+    """Return the violation of a joint limit per sample.
+
+    The violation is a fraction of the limit's range, at most 0 if the limit is satisfied.
+    """
     lower, upper = bounds[..., 0], bounds[..., 1]
     values = getattr(motion, LIMITED[kind])
     if kind == "velocity" and motion.derivatives is not None:
@@ -226,7 +231,10 @@ def relative_violation(kind: str, bounds: Bounds, motion: Motion) -> Float[np.nd
 
 
 def limit_ranges(lower: np.ndarray, upper: np.ndarray, usual: np.ndarray | float = 1.0) -> np.ndarray:
-    """Return the ranges of limits: their width, or the size of the only bound, or ``usual`` if that is 0."""
+    """Return the widths of limits, for a single bound its size.
+
+    If the width or size is 0, the range is ``usual``.
+    """
     width = upper - lower
     one_sided = np.where(np.isfinite(upper), np.abs(upper), np.abs(lower))
     size = np.where(np.isfinite(width), width, np.where(np.isfinite(one_sided), one_sided, 0.0))
@@ -234,10 +242,11 @@ def limit_ranges(lower: np.ndarray, upper: np.ndarray, usual: np.ndarray | float
 
 
 def usual_ranges(kind: str, arm: Arm, duration: float) -> Float[np.ndarray, " dof"]:
-    """Return the usual size of values of a kind, the range of limits without a size, such as a bound of 0.
+    """Return the usual size of values of a kind.
 
-    It is 1 rad or the arm's length, per duration or its square; or the torque that accelerates the arm like this and
-    holds it, 1 N m without masses.
+    The usual size is the range of limits that have none, such as a bound of 0. For positions it is 1 rad or the arm's
+    length; for velocities and accelerations this is divided by the duration or its square. The usual torque accelerates
+    the arm by its length per squared duration and holds it against gravity; it is 1 N m without masses.
     """
     joint, length = joint_scales(arm), characteristic_length(arm)
     weight = sum(body.mass for body in arm.bodies) * (length / duration**2 + float(np.linalg.norm(arm.gravity)))
@@ -254,7 +263,7 @@ def usual_ranges(kind: str, arm: Arm, duration: float) -> Float[np.ndarray, " do
 def position_ranges(arm: Arm, limits: Float[np.ndarray, "*times dof 2"]) -> Float[np.ndarray, "*times dof"]:
     """Return the ranges [rad, m] of joints between their position limits.
 
-    A joint with one limit has a range of a whole turn or of the arm's length, a joint without limits inf.
+    If a joint has only one limit, its range is a whole turn or the arm's length. If it has none, its range is inf.
     """
     span = limits[..., 1] - limits[..., 0]
     one_sided = np.isfinite(limits).any(axis=-1) & np.isinf(span)
@@ -262,7 +271,10 @@ def position_ranges(arm: Arm, limits: Float[np.ndarray, "*times dof 2"]) -> Floa
 
 
 def _sides(name: str, value: object) -> tuple[float, float]:
-    """Return the limits of one joint; raises InvalidInput unless it is a number or (lower, upper)."""
+    """Return the limits of one joint, a number or (lower, upper).
+
+    Raises InvalidInput for other values.
+    """
     if isinstance(value, tuple) and len(value) == 2:
         low, high = real_number(name, value[0]), real_number(name, value[1])
     else:
@@ -273,7 +285,10 @@ def _sides(name: str, value: object) -> tuple[float, float]:
 
 
 def _bounds(kind: str, limit: object, arm: Arm, samples: int) -> Bounds:
-    """Return limits of a kind as (1 or time, dof, 2); None is the arm's own, and so are joints without a name."""
+    """Return limits of a kind as an array (1 or time, dof, 2).
+
+    The arm's own limits apply without a limit (None), and to joints that a mapping does not name.
+    """
     if limit is None or isinstance(limit, Mapping):
         declared = LIMIT_KINDS[kind].declared
         own = getattr(arm, declared) if declared else None

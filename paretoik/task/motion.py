@@ -48,7 +48,10 @@ from paretoik.task.task import Task, path_targets
 
 
 def checked_samples(arm: Arm, q: object, time: object) -> tuple[JointPaths, np.ndarray]:
-    """Return the samples of a motion and their times as floats; raises InvalidInput if they make no motion."""
+    """Return the samples of a motion and their times as floats.
+
+    Raises InvalidInput if samples and times do not make a motion.
+    """
     check_arm("motion: arm", arm)
     positions, times = real_array("motion: q", q), real_array("motion: time", time)
     if positions.ndim < 2 or positions.shape[-1] != arm.dof:
@@ -69,7 +72,7 @@ def checked_samples(arm: Arm, q: object, time: object) -> tuple[JointPaths, np.n
 
 
 def check_obstacles(obstacles: object) -> None:
-    """Raise InvalidInput unless these are a list of obstacles."""
+    """Raise InvalidInput unless the argument is a list of obstacles."""
     read_list("obstacles", obstacles, Obstacle, "a list of obstacles")
 
 
@@ -188,7 +191,10 @@ class Motion:
 
     @cached_property
     def jerk(self) -> JointPaths:
-        """Joint jerks (*batch, time, dof) [rad/s³, m/s³]: differences of accelerations, or those of the spline."""
+        """Joint jerks (*batch, time, dof) [rad/s³, m/s³].
+
+        They are differences of accelerations, or the jerks of the spline.
+        """
         if self.derivatives is not None:
             return self.derivatives.jerk
         if self.differences == "spline":
@@ -228,7 +234,10 @@ class Motion:
 
     @cached_property
     def manipulability(self) -> Series:
-        """Yoshikawa's √det(J Jᵀ) (*batch, time) of the tasks' Jacobian, or of the tool's without tasks."""
+        """Yoshikawa's √det(J Jᵀ) (*batch, time) of the tasks' Jacobian.
+
+        If there are no tasks, J is the Jacobian of the tool.
+        """
         if self.tasks:
             jacobian = self._errors[1]
         else:
@@ -254,7 +263,10 @@ class Motion:
 
     @cached_property
     def clearance(self) -> Series:
-        """Distance of the links, capsules of ``link_radius``, from the nearest obstacle (*batch, time) [m]."""
+        """Distance [m] of the links from the nearest obstacle (*batch, time).
+
+        Links are capsules of ``link_radius``.
+        """
         return read_only(clearance(self.obstacles, self.links, self.link_radius))
 
     @cached_property
@@ -266,23 +278,25 @@ class Motion:
     def instants(self) -> Motion:
         """The motion at the times at which objectives and limits are evaluated.
 
-        It is the motion itself, or with differences="spline" the state of its curve at the samples and the middles
-        between them, (*batch, 2 · time − 1, dof); of the spline if the curve leaves its path there.
+        With differences="spline" these are the samples and the middles between them, (*batch, 2 · time − 1, dof). The
+        values are those of the curve, or of the spline if the curve leaves its path there. With other differences it is
+        the motion itself.
         """
         if self.differences != "spline" or self.derivatives is not None:
             return self
         time, _, spline = evaluate_with_midpoints(self.spline)
         q, dq, ddq = self._nodes
-        bounds = dq.copy()  # those of a parabola: v + h a / 2 of the sample before
+        bounds = dq.copy()  # middle coefficient of a parabola: v + h a / 2 from the sample before
         bounds[..., 1::2, :] = dq[..., :-1:2, :] + np.diff(self.time)[..., None] / 2 * ddq[..., :-1:2, :]
         derivatives = replace(spline, dq=dq, ddq=ddq, velocity_bounds=bounds, spline=self._spline_nodes)
         return replace(self, time=time, q=q, derivatives=derivatives)
 
     @cached_property
     def of_spline(self) -> Motion:
-        """The state of the spline at the ``instants`` before its projection; the motion itself for other differences.
+        """The state of the spline at the ``instants`` before its projection.
 
-        Integrals with kinks use it: a joint that is at rest on the spline can move a little on the curve.
+        With other differences it is the motion itself. Integrals with kinks use this state, because a joint that is at
+        rest on the spline can move a little on the curve.
         """
         instants = self.instants
         if instants.derivatives is None or instants.derivatives.spline is None:
@@ -293,7 +307,10 @@ class Motion:
 
     @property
     def velocity_bounds(self) -> JointPaths:
-        """Velocities, at a spline's middle ``instants`` Bernstein coefficients, which bound its peaks."""
+        """Velocities at the ``instants``, which bound the peaks of a spline.
+
+        At the middle instants of a spline they are Bernstein coefficients of the velocity.
+        """
         return self.dq if self.derivatives is None else self.derivatives.velocity_bounds
 
     @property
@@ -304,11 +321,14 @@ class Motion:
         return quadrature_weights(self.time, self.differences)
 
     def integral(self, series: Series) -> np.ndarray:
-        """Return the time integral (*batch,) of values at the samples (*batch, time); InvalidInput for others."""
+        """Return the time integral (*batch,) of values at the samples.
+
+        Raises InvalidInput unless the values are (*batch, time).
+        """
         values, weights = real_array("series", series), self.weights
         if values.shape[-1:] not in ((), (1,), weights.shape[-1:]):
             raise InvalidInput(f"series must have values at {weights.shape[-1]} samples, got shape {values.shape}")
-        with np.errstate(invalid="ignore"):  # an infinite value times a weight of 0
+        with np.errstate(invalid="ignore"):  # an infinite value times a weight of 0 is NaN
             return np.asarray(np.sum(values * weights, axis=-1))
 
     def at(
@@ -343,7 +363,10 @@ class Motion:
         return project_rates(self.arm, self.tasks, spline, q, target_rates(self.tasks, instants))
 
     def _instants(self, t: np.ndarray, project: bool) -> np.ndarray:
-        """Return times as an array; raises InvalidInput for those outside the motion."""
+        """Return times as an array.
+
+        Raises InvalidInput for times outside the motion.
+        """
         check_flag("project", project)
         instants = np.atleast_1d(finite_array("at: times t", t))
         if instants.ndim != 1:
@@ -369,7 +392,10 @@ class Motion:
 
     @cached_property
     def _nodes(self) -> JointState:
-        """State of the curve at the samples and the middles, of the spline if the curve leaves the path there."""
+        """State of the curve at the samples and the middles.
+
+        It is the state of the spline if the curve leaves the path there.
+        """
         spline = self._spline_nodes
         if not self.tasks:
             return spline

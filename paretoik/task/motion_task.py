@@ -1,4 +1,4 @@
-"""The motion problem of all solvers: an arm, tasks, objectives, limits, and how a motion starts and ends."""
+"""The motion problem of all solvers: arm, tasks, objectives, limits, start and end."""
 
 from __future__ import annotations
 
@@ -57,7 +57,9 @@ OPTIONS = RefinementOptions()
 
 
 def finer_motion(motions: Motion, refinement: int = OPTIONS.steps) -> Motion:
-    """Return the projected curves of motions (*batch, time, dof) of one task on a finer grid.
+    """Return the projected curves of motions on a finer grid.
+
+    Motions (*batch, time, dof) are of one task.
 
     Velocities and accelerations are those of the curve for all kinds of differences.
 
@@ -82,10 +84,11 @@ def divide(time: Float[np.ndarray, " time"], steps: int = OPTIONS.steps) -> Piec
 
 
 def curve_on(motions: Motion, times: Pieces) -> tuple[Float[np.ndarray, "*batch pieces instants dof"], ...]:
-    """Return position, velocity, acceleration and jerk of motions' curves at times, evenly spaced in each piece.
+    """Return position, velocity, acceleration and jerk of motions' curves at times.
 
-    The jerk is a difference, the others are exact. If the path does not know its rates, velocity and acceleration are
-    those of the spline plus differences of the small correction onto the path.
+    Times are evenly spaced in each piece. The jerk is a difference; the other values are exact. If the path has no
+    exact rates, velocity and acceleration are those of the spline plus differences of the small correction onto the
+    path.
     """
     steps = (times[:, -1] - times[:, 0]) / (times.shape[1] - 1)
     shape = (*motions.q.shape[:-2], *times.shape, motions.arm.dof)
@@ -105,9 +108,10 @@ def curve_on(motions: Motion, times: Pieces) -> tuple[Float[np.ndarray, "*batch 
 def largest_between(evaluate: Callable[[Pieces], Columns], times: Pieces) -> float:
     """Return an upper bound, at least 0, of values that are continuous within pieces.
 
-    Between two neighbours a value exceeds the larger one by at most an eighth of the squared step times its curvature.
-    The curvature is estimated: the largest second difference nearby plus the spread of these, at least doubled, which
-    covers a kink too. Steps whose bound exceeds the largest value by more than rounding are divided.
+    Between two neighbours, a value exceeds the larger neighbour by at most an eighth of the squared step times the
+    curvature. The curvature is estimated as the largest second difference nearby plus the spread of the second
+    differences. The estimate is at least doubled, to include kinks. A step is divided if its bound exceeds the largest
+    value by more than rounding.
     """
     values, upper = evaluate(times), np.float64(0.0)
     largest = values.max(initial=0.0)
@@ -126,11 +130,11 @@ def largest_between(evaluate: Callable[[Pieces], Columns], times: Pieces) -> flo
         parts = zip((begin, end, bounds), _step_bounds(times, values), strict=True)
         begin, end, bounds = (np.concatenate([whole[others], part]) for whole, part in parts)
     upper = np.max([upper, largest, bounds.max(initial=0.0)])
-    return 0.0 if upper <= OPTIONS.rounding else float(upper)  # NaN if a value is
+    return 0.0 if upper <= OPTIONS.rounding else float(upper)  # NaN if a value is NaN
 
 
 def _step_bounds(times: Pieces, values: Columns) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the begin and end of every step, and a bound of the values in it."""
+    """Return every step's begin and end, and a bound of its values."""
     bends = np.pad(np.diff(values, 2, axis=1), ((0, 0), (2, 2), (0, 0)), mode="edge")
     around = sliding_window_view(bends, 4, axis=1)
     low, high = around.min(axis=-1), around.max(axis=-1)
@@ -142,14 +146,17 @@ def _step_bounds(times: Pieces, values: Columns) -> tuple[np.ndarray, np.ndarray
 
 @cache
 def _difference_matrix(points: int, order: int) -> np.ndarray:
-    """Return the matrix of derivatives, at points 1 apart, of the polynomial through the nearest points."""
+    """Return the differentiation matrix of the polynomial through the nearest points.
+
+    The points are 1 apart.
+    """
     width = min(OPTIONS.width, points)
     first = np.clip(np.arange(points) - width // 2, 0, points - width)
     matrix = np.zeros((points, points))
     for i, begin in enumerate(first):
         offsets = np.arange(begin, begin + width) - float(i)
         right = np.zeros(width)
-        right[order] = order  # equals its factorial, as the order is 1 or 2
+        right[order] = order  # order! = order, since the order is 1 or 2
         matrix[i, begin : begin + width] = np.linalg.solve(np.vander(offsets, increasing=True).T, right)
     return read_only(matrix)
 
@@ -159,7 +166,7 @@ def _difference_matrix(points: int, order: int) -> np.ndarray:
 
 @dataclass(frozen=True, kw_only=True)
 class SampleOptions:
-    """Settings of the comparison of values with those of curves, and of added samples.
+    """Settings of checks for under-resolved samples, and of added samples.
 
     steps: number of steps between samples on the grid of the curve
     doublings: largest number of times that the intervals of a path are doubled if a value is under-resolved
@@ -206,7 +213,10 @@ class MotionTask:
 
     @cached_property
     def instants(self) -> Times:
-        """Times [s] at which objectives and limits are evaluated: samples, and for splines their middles."""
+        """Times [s] at which objectives and limits are evaluated.
+
+        They are the samples, for splines also the middles between samples.
+        """
         return with_midpoints(self.times) if self.differences == "spline" else self.times
 
     @property
@@ -223,7 +233,10 @@ class MotionTask:
 
     @property
     def ties_end(self) -> bool:
-        """Whether a motion ends at rest because its last sample is the nearest on the path to the one before."""
+        """Whether rest at the end determines the last sample.
+
+        If so, the last sample is the posture on the path nearest to the sample before it.
+        """
         return self.ends_at_rest and self.differences != "spline"
 
     @property
@@ -261,32 +274,47 @@ class MotionTask:
         return replace(self, tasks=tasks, bounds=bounds)
 
     def subsample(self, samples: int) -> MotionTask:
-        """Return the same task at a number of its samples, with both ends; raises InvalidInput for too many."""
+        """Return the same task at some of its samples, ends included.
+
+        Raises InvalidInput if the task has fewer samples.
+        """
         return self._with_paths(lambda path: path.subsample(samples))
 
     def truncate(self, samples: int) -> MotionTask:
-        """Return the task of the first ``samples`` samples, not cyclic; raises InvalidInput for too many."""
+        """Return the task of the first ``samples`` samples, not cyclic.
+
+        Raises InvalidInput if the task has fewer samples.
+        """
         if samples == len(self.times):
             return self
         return replace(self._with_paths(lambda path: path.truncate(samples)), cyclic=False)
 
     def standing(self, times: Times, sample: int = 0) -> MotionTask:
-        """Return the task of a tool that rests at its place of a sample, at other times; not cyclic."""
+        """Return the task of a tool that rests at a sample's target.
+
+        The task is not cyclic and has its own ``times``.
+        """
         tasks = tuple(replace(task, path=task.path.standing(times, sample)) for task in self.tasks)
         bounds = {kind: limits[min(sample, len(limits) - 1), None] for kind, limits in self.bounds.items()}
         return replace(self, tasks=tasks, bounds=bounds, cyclic=False)
 
     def resample(self, samples: int) -> MotionTask:
-        """Return the same task at evenly spaced samples; limits that vary are interpolated linearly."""
+        """Return the same task at evenly spaced samples.
+
+        Limits that vary along the path are interpolated linearly.
+        """
         return self._with_paths(lambda path: path.resample(samples))
 
     def with_midpoints(self) -> MotionTask:
-        """Return the same task with a sample added in the middle of every interval; limits as for ``resample``."""
+        """Return the task with one sample added in each interval's middle.
+
+        Limits that vary along the path are interpolated linearly.
+        """
         return self._with_paths(Path.with_midpoints)
 
     @cached_property
     def limited_joints(self) -> dict[str, Int[np.ndarray, " limited"]]:
-        """The numbers of joints that limits of each kind bound, in the order of ``violations``."""
+        """Indices of joints with limits, by kind, in the order of ``violations``."""
         return {kind: np.flatnonzero(np.isfinite(each).any(axis=(0, 2))) for kind, each in self.bounds.items()}
 
     @cached_property
@@ -296,14 +324,20 @@ class MotionTask:
         return joints + (("clearance",) if self.obstacles else ()) + tuple(c.name for c in self.constraints)
 
     def violations(self, motion: Motion) -> Float[np.ndarray, "*batch limits"]:
-        """Return the largest violation of every limit as a fraction of its range, at most 0 if it is satisfied."""
+        """Return the largest violation (*batch, limits) of every limit.
+
+        A violation is a fraction of the limit's range, at most 0 if the limit is satisfied.
+        """
         motion = motion.instants
         columns = [shares.max(axis=-2) for shares in self._limit_shares(motion)]
         columns += [each.violation(motion)[..., None] for each in self.constraints]
         return np.concatenate(columns, axis=-1) if columns else np.zeros((*motion.q.shape[:-2], 0))
 
     def _limit_shares(self, motion: Motion) -> list[Float[np.ndarray, "*batch instants limits"]]:
-        """Return the violations at every instant of joint limits, by kind, and of clearance."""
+        """Return the violations at every instant.
+
+        There is one array for joint limits of each kind, and one for clearance.
+        """
         columns = [
             relative_violation(kind, self.bounds_at(kind, motion.time), motion)[..., joints]
             for kind, joints in self.limited_joints.items()
@@ -315,7 +349,10 @@ class MotionTask:
     def bounds_at(
         self, kind: str, time: Float[np.ndarray, "*batch instants"]
     ) -> Float[np.ndarray, "*batch #time dof 2"]:
-        """Return the limits of a kind at times; limits that vary along the path are linear between samples."""
+        """Return the limits of a kind at times.
+
+        Limits that vary along the path are linear between samples.
+        """
         bounds = self.bounds[kind]
         if len(bounds) == 1 or np.array_equal(time, self.times):
             return bounds
@@ -325,20 +362,24 @@ class MotionTask:
         return np.where(share < 1, 1 - share, 1.0) * before + np.where(share > 0, share, 1.0) * after
 
     def limit_ranges(self, kind: str, bounds: Bounds) -> Float[np.ndarray, "*times dof"]:
-        """Return the ranges of limits of a kind, which violations are divided by."""
+        """Return the divisors of violations of a kind of limit."""
         return limit_ranges(bounds[..., 0], bounds[..., 1], usual_ranges(kind, self.arm, float(np.ptp(self.times))))
 
     @property
     def clearance_range(self) -> float:
-        """Divisor of violations of clearance [m]: its limit, or 1 % of the arm's length if that is more."""
+        """Divisor of violations of clearance [m].
+
+        It is the required clearance, or 1 % of the arm's length if that is larger.
+        """
         return max(self.min_clearance, 0.01 * characteristic_length(self.arm))
 
     def violation_between(self, motions: Motion) -> Float[np.ndarray, " points"]:
-        """Return an upper bound of the violation of the motions' curves at any time, at least 0.
+        """Return an upper bound of the violation between samples, at least 0.
 
-        It covers joint limits, clearance and constraints of the form "peak", and exceeds their violation by at most
-        0.1 %. It is correct if ``largest_between`` estimates curvatures correctly: there is no proof, but no finer grid
-        found more. It is infinite if a motion leaves its path between samples.
+        The bound holds at any time of the motions' curves, for joint limits, clearance and constraints of the form
+        "peak". It exceeds their violation by at most 0.1 %. It is correct if ``largest_between`` estimates curvatures
+        correctly: there is no proof, but no finer grid found a larger violation. It is infinite if a motion leaves its
+        path between samples.
         """
         peaks = [each for each in self.constraints if each.form == "peak"]
 
@@ -358,9 +399,10 @@ class MotionTask:
         return worst
 
     def discretisation_errors(self, motions: Motion) -> Float[np.ndarray, "points n_obj"]:
-        """Return the errors of motions' objectives relative to those of the curves, in their own units.
+        """Return the discretisation errors of motions' objectives, in the objectives' units.
 
-        The curves are sampled 50 times finer. The error is infinite if a motion leaves its path between samples.
+        An error is relative to the value of the curve, sampled 50 times finer. It is infinite if a motion leaves its
+        path between samples.
         """
         try:
             finer = finer_motion(motions, SAMPLES.steps)
@@ -371,9 +413,12 @@ class MotionTask:
         return np.stack([np.abs(each(finer) - each(motions)) for each in self.objectives], axis=1)
 
     def describe_between(self, motions: Motion, *, tolerance: float = LIMIT_TOLERANCE) -> str:
-        """Return in words the limit that motions (points, time, dof) violate most between samples, and a remedy.
+        """Return in words the limit most violated between samples, and a remedy.
 
-        It is "" if no limit is exceeded by more than ``tolerance`` of its range.
+        motions: motions (points, time, dof)
+        tolerance: fraction of a limit's range
+
+        The text is "" if no limit is exceeded by more than ``tolerance`` of its range.
         """
         try:
             dense = finer_motion(motions)
@@ -386,10 +431,13 @@ class MotionTask:
         return f"between samples: {self.describe_violation(dense[int(worst.argmax())])}; {remedy}"
 
     def describe_violation(self, motion: Motion, numbers: Int[np.ndarray, " time"] | None = None) -> str:
-        """Return in words which limit a motion violates most, where and by how much; "" if all are satisfied.
+        """Return in words the most violated limit, the place and the violation.
 
-        Limits with the same violation within 0.1 % are named too: for the least-violating motion they contradict each
-        other. ``numbers`` are the numbers of the samples in another task, if they are some of its samples.
+        motion: motion to describe
+        numbers: numbers of the samples in another task, if the samples are a part of that task
+
+        The text is "" if all limits are satisfied. Limits with the same violation within 0.1 % are named too: if the
+        motion has the smallest possible violation, these limits contradict each other.
         """
         motion = motion.instants
         violations = self.violations(motion)
@@ -409,7 +457,10 @@ class MotionTask:
         return message + (f"; so is {' and '.join(tied)}" if tied else "")
 
     def worst_instant(self, limit: int, motion: Motion) -> int:
-        """Return the instant at which a motion violates a limit most; −1 for a limit on the whole motion."""
+        """Return the instant at which a motion violates a limit most.
+
+        The instant is −1 for a limit on the whole motion.
+        """
         kind, joint = self._joint_limit(limit)
         if joint >= 0:
             violation = relative_violation(kind, self.bounds_at(kind, motion.time), motion)
@@ -417,17 +468,26 @@ class MotionTask:
         return int(motion.clearance.argmin()) if kind == "clearance" else -1
 
     def _joint_limit(self, limit: int) -> tuple[str, int]:
-        """Return kind and joint of a column of ``violations``; other limits have their name and joint −1."""
+        """Return kind and joint of a column of ``violations``.
+
+        If the limit is not a joint limit, they are its name and −1.
+        """
         every = [(kind, int(joint)) for kind, joints in self.limited_joints.items() for joint in joints]
         return every[limit] if limit < len(every) else (self.limit_names[limit], -1)
 
     def worst_sample(self, limit: int, motion: Motion) -> int:
-        """Return the sample nearest to the largest violation of a limit; −1 for a limit on the whole motion."""
+        """Return the sample nearest to the largest violation of a limit.
+
+        The sample is −1 for a limit on the whole motion.
+        """
         instant = self.worst_instant(limit, motion := motion.instants)
         return instant if instant < 0 else int(np.argmin(np.abs(self.times - motion.time[instant])))
 
     def _end(self, limit: int, motion: Motion) -> str:
-        """Return in words which side of a position limit is exceeded; "" for other limits."""
+        """Return in words the exceeded side of a position limit.
+
+        The text is "" for other limits.
+        """
         kind, joint = self._joint_limit(limit)
         if kind != "position" or joint < 0:
             return ""
@@ -436,7 +496,10 @@ class MotionTask:
         return "below its lower limit" if motion.q[instant, joint] < lower[instant] else "above its upper limit"
 
     def _where(self, limit: int, motion: Motion, numbers: Int[np.ndarray, " time"] | None) -> str:
-        """Return in words when a limit is violated most; "" for a limit on the whole motion."""
+        """Return in words the time of a limit's largest violation.
+
+        The text is "" for a limit on the whole motion.
+        """
         instant = self.worst_instant(limit, motion)
         if instant < 0:
             return ""
@@ -458,9 +521,11 @@ class MotionTask:
 def examine_functions(
     task: MotionTask, motions: Motion, F: Objectives | None = None, causes: np.ndarray | None = None
 ) -> None:
-    """Warn of objectives that are constant or random; raises as ``require_values``.
+    """Warn of objectives that are constant or random.
 
-    F, causes: those of ``evaluate_motions`` if they are known
+    Raises the errors of ``require_values``.
+
+    F, causes: results of ``evaluate_motions``, None if they are unknown
     """
     if F is None or causes is None:
         F, _, causes = evaluate_motions(task, motions)
@@ -471,7 +536,10 @@ def examine_functions(
 
 
 def require_values(task: MotionTask, motions: Motion) -> Objectives:
-    """Return F of motions as ``evaluate_motions``; raise EvaluationFailed, with the first cause, if all failed."""
+    """Return the objectives F of motions, as ``evaluate_motions`` does.
+
+    Raises EvaluationFailed with the first cause if all motions failed.
+    """
     F, _, causes = evaluate_motions(task, motions)
     _require_value(causes)
     return F
@@ -485,9 +553,10 @@ def _require_value(causes: np.ndarray) -> None:
 def evaluate_motions(
     task: MotionTask, motions: Motion, *, interruptible: bool = True
 ) -> tuple[Objectives, np.ndarray, np.ndarray]:
-    """Return F, minimised, the violations of limits (points, limits), and causes of failure (points,).
+    """Return objectives F, violations of limits, and causes of failure.
 
-    Failed evaluations are NaN and have a cause. Raises Interrupted after a signal, if ``interruptible``.
+    F is minimised. Violations are (points, limits), causes (points,). Failed evaluations are NaN and have a cause.
+    Raises Interrupted after a signal, if ``interruptible``.
     """
     if interruptible:
         check_interruption()
@@ -504,7 +573,10 @@ def _isolate(
     causes: np.ndarray,
     interruptible: bool,
 ) -> np.ndarray:
-    """Return users' functions of motions, (points, names), one by one if the batch raises; NaN for failures."""
+    """Return the values (points, names) of users' functions of motions.
+
+    If a function raises for the batch, it is evaluated motion by motion. Failed values are NaN.
+    """
     if interruptible:
         check_interruption()
     try:

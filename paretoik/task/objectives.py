@@ -1,4 +1,4 @@
-"""Objectives: plain NumPy functions of a batch of motions, of users and of the library."""
+"""Objectives: NumPy functions of a batch of motions, the library's and users'."""
 
 from __future__ import annotations
 
@@ -214,7 +214,9 @@ def joint_limit_distance(motion: AnyMotion) -> AnyValues:
 
 @objective(unit="s", form="integral")
 def joint_limit_nearness(motion: AnyMotion) -> AnyValues:
-    """∫ Σ (upper − lower)²/(4 (upper − qᵢ)(qᵢ − lower)) dt: 1 for each joint in the middle, infinite at a limit.
+    """∫ Σ (upper − lower)²/(4 (upper − qᵢ)(qᵢ − lower)) dt.
+
+    The integrand is 1 for each joint in the middle of its range, and infinite at a limit.
 
     Source: Chan & Dubey 1995; Wan et al. 2018, Eq. 11. Joints without limits at both ends do not count; the
     distance to a limit counts as at least 0.1 % of the range. Raises InvalidInput if no joint has such limits.
@@ -231,7 +233,10 @@ def velocity_limit_nearness(motion: AnyMotion) -> AnyValues:
 
 @objective(unit="", form="integral", maximise=True)
 def manipulability(motion: AnyMotion) -> AnyValues:
-    """Mean over time of Yoshikawa's √det(J Jᵀ), J the Jacobian of the tasks; maximised. Source: Yoshikawa 1985."""
+    """Mean over time of √det(J Jᵀ), the tasks' manipulability; maximised.
+
+    J is the Jacobian of the tasks. Source: Yoshikawa 1985.
+    """
     return motion.manipulability / motion.duration[..., None]
 
 
@@ -255,7 +260,7 @@ def jerk(motion: AnyMotion) -> AnyValues:
 
 @objective(unit="m", form="peak", maximise=True)
 def obstacle_clearance(motion: AnyMotion) -> AnyValues:
-    """Smallest distance between the arm's links and the obstacles; maximised, negative inside.
+    """Smallest distance between links and obstacles, negative inside; maximised.
 
     Raises InvalidInput if the problem has no obstacles.
     """
@@ -276,7 +281,10 @@ def _nearness(name: str, kind: str, values: Any, lower: np.ndarray, upper: np.nd
 def _limited_joints(
     name: str, kind: str, lower: np.ndarray, upper: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return which joints have two different limits, and these limits; raise InvalidInput if no joint has."""
+    """Return which joints have two different limits, and these limits.
+
+    Raises InvalidInput if no joint has two different limits.
+    """
     limited = np.isfinite(upper - lower) & (upper > lower)
     if not limited.any():
         raise InvalidInput(f"{name} must have {kind} limits at both ends, got an arm none of whose joints has these")

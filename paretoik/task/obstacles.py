@@ -133,7 +133,9 @@ Components: TypeAlias = Sequence[Numbers]  # one array each for x, y and, in spa
 def clearance(
     obstacles: Sequence[Obstacle], nodes: Float[np.ndarray, "*batch nodes 3"], radius: float = 0.0
 ) -> Float[np.ndarray, "*batch"]:
-    """Return the smallest signed distance [m] (*batch,) from an arm's links to any obstacle, negative inside.
+    """Return the smallest signed distance [m] from links to obstacles.
+
+    The distance (*batch,) is negative inside an obstacle.
 
     nodes: positions (*batch, nodes, 3) [m] of the arm's joints and tool, in order
     radius: radius of all links [m]
@@ -153,7 +155,10 @@ def clearance(
 
 
 def closest_pair(obstacles: Sequence[Obstacle], nodes: Float[np.ndarray, "nodes 3"], radius: float = 0.0) -> str:
-    """Return in words which link is nearest to which obstacle, both counted from 1."""
+    """Return in words the link and the obstacle nearest to each other.
+
+    Both are counted from 1.
+    """
     starts, ends = nodes[:-1], nodes[1:]
     distances = np.stack([signed_distance(obstacle, starts, ends) for obstacle in obstacles]) - radius
     obstacle, link = np.unravel_index(int(np.argmin(distances)), distances.shape)
@@ -164,9 +169,9 @@ def closest_pair(obstacles: Sequence[Obstacle], nodes: Float[np.ndarray, "nodes 
 def signed_distance(
     obstacle: Obstacle, starts: Float[np.ndarray, "*#batch 3"], ends: Float[np.ndarray, "*#batch 3"]
 ) -> Float[np.ndarray, "*batch"]:
-    """Return the smallest signed distance [m] of segments to an obstacle's surface, negative inside.
+    """Return the smallest signed distance [m] of segments to an obstacle.
 
-    Closed forms, exact up to rounding; NaN gives NaN.
+    The distance to the surface is negative inside. Closed forms, exact up to rounding; NaN gives NaN.
 
     >>> from paretoik.task.obstacles import Box
     >>> box = Box([0.0, 0.0, 0.0], half_sizes=[0.1, 0.2, 0.3])
@@ -179,7 +184,10 @@ def signed_distance(
 
 
 def distance_components(obstacle: Obstacle, start: Components, end: Components) -> Numbers:
-    """Return ``signed_distance`` of components in plain NumPy, which can be traced for derivatives."""
+    """Return ``signed_distance`` of points given as components.
+
+    The computation is plain NumPy, which can be traced for derivatives.
+    """
     if isinstance(obstacle, Box):
         position = _components(obstacle.pose.position[None])
         axes = [_components(axis[None]) for axis in obstacle.pose.rotation.T[: len(obstacle.half_sizes)]]
@@ -200,9 +208,12 @@ def _point_to_segment(point: Components, start: Components, end: Components) -> 
 
 
 def _between_segments(start: Components, end: Components, other_start: Components, other_end: Components) -> Numbers:
-    """Return the distance of two segments: at an end of one, or at the nearest points of their lines within both."""
+    """Return the distance of two segments.
+
+    The nearest point is an end of one segment, or both nearest points of the two lines are within the segments.
+    """
     step, other_step, offset = _minus(end, start), _minus(other_end, other_start), _minus(other_start, start)
-    normal = _cross(step, other_step)  # products with it stay accurate for nearly parallel segments
+    normal = _cross(step, other_step)  # products with the normal stay accurate for nearly parallel segments
     size = _dot(normal, normal)
     fraction = _fraction(_dot(_cross(offset, other_step), normal), size)
     other_fraction = _fraction(_dot(_cross(offset, step), normal), size)
@@ -218,11 +229,11 @@ def _between_segments(start: Components, end: Components, other_start: Component
 
 
 def _segment_to_box(start: Components, end: Components, half_sizes: np.ndarray) -> Numbers:
-    """Return the signed distance of a segment to the box of ``half_sizes`` about the origin.
+    """Return the signed distance of a segment to a box about the origin.
 
-    Outside, the squared distance is convex along the segment and quadratic between its crossings of the box's planes.
-    Its derivative increases, linearly between crossings: the zero is between the last crossing with a derivative of at
-    most 0 and the first with one of at least 0.
+    Outside the box, the squared distance is convex along the segment. Between crossings of the box's planes it is
+    quadratic, and its derivative is linear. The derivative is zero between the last crossing at which it is at most 0
+    and the first crossing at which it is at least 0.
     """
     step = _minus(end, start)
 
@@ -251,9 +262,11 @@ def _segment_to_box(start: Components, end: Components, half_sizes: np.ndarray) 
 
 
 def _depth(start: Components, step: Components, half_sizes: np.ndarray) -> Numbers:
-    """Return the signed distance of segments that enter the box: the minimum along them of max(|p| - half size).
+    """Return the signed distance of segments that enter the box.
 
-    This is the maximum of one rising and one falling line per axis. It is smallest at an end or at a crossing of a
+    It is the minimum along a segment of max(|p| − half size).
+
+    The maximum is over one rising and one falling line per axis. It is smallest at an end or at a crossing of a
     rising and a falling line.
     """
     lines = list(zip(start, step, half_sizes, strict=True))

@@ -1,4 +1,4 @@
-"""A path: the tool's desired place at every time, as a continuous function and as samples."""
+"""A path: the tool's desired place over time, as a function and samples."""
 
 from __future__ import annotations
 
@@ -97,7 +97,9 @@ class Path:
         return distance <= CLOSURE_TOLERANCE * extent and turn <= CLOSURE_TOLERANCE
 
     def at(self, t: ArrayLike) -> tuple[Float[np.ndarray, "*batch axes"], Float[np.ndarray, "*batch 4"] | None]:
-        """Return positions (..., 2 or 3) [m] and quaternions (..., 4), None for points, at times ``t`` (...) [s].
+        """Return positions [m] and quaternions at times ``t`` (...) [s].
+
+        Positions are (..., 2 or 3), quaternions (..., 4), or None on a path of points.
 
         Raises InvalidInput for times outside the path by more than rounding (1e-9 of its duration).
         """
@@ -113,10 +115,10 @@ class Path:
         return positions, np.where(flipped[:, None], -quaternions, quaternions).reshape(*instants.shape, 4)
 
     def rates(self, t: Times) -> Rates:
-        """Return velocities and accelerations of the path at times ``t`` (time,) [s], turning about world axes.
+        """Return velocities and accelerations of the path at times ``t`` [s].
 
-        They are exact, or differences if the ``curve`` is a function without derivatives. Raises InvalidInput for times
-        outside the path.
+        Times are (time,). Angular rates are about world axes. Rates are exact, or differences if the ``curve`` is a
+        function without derivatives. Raises InvalidInput for times outside the path.
         """
         instants = self._instants(t)
         if instants.ndim != 1:
@@ -140,7 +142,10 @@ class Path:
         return Rates(linear[:, 0], linear[:, 1], angular[:, 0], angular[:, 1])
 
     def _instants(self, t: ArrayLike) -> np.ndarray:
-        """Return times as an array, clipped to the path by at most rounding."""
+        """Return times as an array, clipped to the path.
+
+        Raises InvalidInput for times outside the path by more than rounding.
+        """
         instants = finite_array("path: time t", t)
         outside = np.flatnonzero(np.abs(instants / self.duration - 0.5) > 0.5 + 1e-9)
         if len(outside):
@@ -152,22 +157,30 @@ class Path:
         return sample_curve(self.curve, even_times(self.duration, samples))
 
     def with_midpoints(self) -> Path:
-        """Return the same path with one more sample halfway through every interval."""
+        """Return the same path with one sample added in each interval's middle."""
         return sample_curve(self.curve, with_midpoints(self.times))
 
     def subsample(self, samples: int) -> Path:
-        """Return the same path at a number of its samples: both ends, the others as even as possible.
+        """Return the same path at a number of its samples.
 
-        Raises InvalidInput for more samples than the path has, or fewer than three.
+        Both ends are included; the other samples are as evenly spaced as possible. Raises InvalidInput for more samples
+        than the path has, or fewer than three.
         """
         return self._select(np.rint(np.linspace(0, self.samples - 1, self._count_among(samples))).astype(int))
 
     def truncate(self, samples: int) -> Path:
-        """Return the path of the first ``samples`` samples; raises InvalidInput as ``subsample`` does."""
+        """Return the path of the first ``samples`` samples.
+
+        Raises InvalidInput as ``subsample`` does.
+        """
         return self._select(np.arange(self._count_among(samples)))
 
     def standing(self, times: Times, sample: int = 0) -> Path:
-        """Return the path of a tool that rests at this path's place of a sample, at other times (time,) [s]."""
+        """Return the path of a tool that rests at a sample's place.
+
+        times: sample times (time,) [s] of the new path
+        sample: number of the sample
+        """
         instants = finite_array("path times", times)
         if instants.ndim != 1:
             raise InvalidInput(f"path times: must be one row of numbers, got shape {instants.shape}")
@@ -189,7 +202,10 @@ class Path:
 
 
 def sample_curve(curve: Curve, times: Times) -> Path:
-    """Return the path of a curve with samples at ``times``; quaternions have continued signs."""
+    """Return the path of a curve with samples at ``times``.
+
+    Quaternions have continued signs.
+    """
     positions, quaternions = curve(times)
     if quaternions is not None:
         reversals = np.where((quaternions[1:] * quaternions[:-1]).sum(axis=1) < 0, -1.0, 1.0)
@@ -198,18 +214,24 @@ def sample_curve(curve: Curve, times: Times) -> Path:
 
 
 def even_times(duration: float, samples: int) -> Times:
-    """Return evenly spaced times [s] from 0 to ``duration``; raises InvalidInput for a bad duration or count."""
+    """Return evenly spaced times [s] from 0 to ``duration``.
+
+    Raises InvalidInput for a bad duration or number of samples.
+    """
     return np.linspace(0.0, positive_number("duration", duration, "s"), sample_count(samples))
 
 
 def sample_count(samples: int) -> int:
-    """Return the number of samples of a path; raises InvalidInput for fewer than three."""
+    """Return the number of samples of a path.
+
+    Raises InvalidInput for fewer than three samples.
+    """
     check_size("samples", samples, 3)
     return int(samples)
 
 
 def check_instants(times: Times) -> None:
-    """Raise InvalidInput unless times start at 0 and increase, three at least."""
+    """Raise InvalidInput unless three or more times increase from 0."""
     sample_count(len(times))
     if times[0] != 0:
         raise InvalidInput(f"path times: must start at 0 s, got {times[0]:g}")
@@ -235,12 +257,12 @@ class PathOptions:
 
     difference_step: float = 1e-4  # share of the duration, for paths whose curve has no derivatives
     most_turns: float = 1e6  # turns of a circle; positions are then exact to 1e-9 of the radius
-    near: float = 0.01  # share of the distances around; a smaller distance of two points gives a warning
-    around: int = 3  # distances before and after
-    turned: float = 1e-3  # rad: turn between two points above which they never count as near
-    backwards: float = 0.01  # share of the median distance of points; a longer way backwards gives a warning
-    overshoot: float = 0.25  # share of the shorter step at a corner of more than 90°, allowed backwards without warning
-    pieces: int = 32  # pieces of the curve between two points
+    near: float = 0.01  # share of the neighbouring distances: a smaller distance gives a warning
+    around: int = 3  # number of neighbouring distances before and after
+    turned: float = 1e-3  # rad: points with a larger turn between them are not near
+    backwards: float = 0.01  # share of the points' median distance: a longer way backwards gives a warning
+    overshoot: float = 0.25  # share of the shorter step at a corner of more than 90°: way backwards without warning
+    pieces: int = 32  # number of pieces of the curve between two points
 
 
 OPTIONS = PathOptions()
@@ -420,9 +442,10 @@ def _warn_of_taught_points(
     positions: Float[np.ndarray, "points axes"],
     quaternions: Float[np.ndarray, "points 4"] | None,
 ) -> None:
-    """Warn of points that are much nearer to each other than those around, and of a curve that runs backwards.
+    """Warn of points that are too near, and of curves that run backwards.
 
-    Backwards means against the step from one point to the next, or away from the point if there is no step.
+    Points are too near if their distance is much smaller than the neighbouring distances. A curve runs backwards if it
+    moves against the step from one point to the next, or away from the point if the step is 0.
     """
     steps = np.diff(positions, axis=0)
     lengths = np.linalg.norm(steps, axis=1)

@@ -1,4 +1,4 @@
-"""Curves: a path as a continuous function of time, callable data that can be pickled."""
+"""Curves: paths as continuous functions of time, which can be pickled."""
 
 from __future__ import annotations
 
@@ -13,14 +13,16 @@ from paretoik.arrays import Quaternion, Times, Vector3
 from paretoik.inputs import check_choice
 from paretoik.robot.pose import quaternion_product, quaternion_to_matrix, vector_to_quaternion
 
-# Time laws: share of the path covered over time.
+# Time laws: the fraction of the path covered at each time.
 
 
 TIME_LAWS = ("raised-cosine", "quintic", "uniform")
 
 
 def progress(t: Float[np.ndarray, "*batch"], duration: float, law: str) -> Float[np.ndarray, "*batch"]:
-    """Return the fraction of the path covered at times ``t`` in [0, duration] [s], from exactly 0 to exactly 1.
+    """Return the fraction of the path covered at times ``t`` [s].
+
+    Times are in [0, duration]. The fraction is exactly 0 at the start and exactly 1 at the end.
 
     - ``"raised-cosine"``: the first half accelerates with (4/T²)(1 - cos(4πt/T)), the second brakes likewise;
       acceleration and jerk are continuous and zero at 0, T/2 and T; peak speed 2/T, peak acceleration 8/T². Tringali
@@ -46,7 +48,10 @@ def progress(t: Float[np.ndarray, "*batch"], duration: float, law: str) -> Float
 def progress_rates(
     t: Float[np.ndarray, "*batch"], duration: float, law: str
 ) -> tuple[Float[np.ndarray, "*batch"], Float[np.ndarray, "*batch"]]:
-    """Return the first and second time derivatives [1/s, 1/s²] of ``progress`` at times ``t`` in [0, duration] [s]."""
+    """Return the first two time derivatives [1/s, 1/s²] of ``progress``.
+
+    Times ``t`` are in [0, duration] [s].
+    """
     fraction = np.asarray(t, dtype=float) / duration
     if law == "uniform":
         return np.full_like(fraction, 1 / duration), np.zeros_like(fraction)
@@ -57,7 +62,7 @@ def progress_rates(
     else:
         angle = 4 * np.pi * from_nearer_end
         speed, acceleration = 4 * from_nearer_end - np.sin(angle) / np.pi, 8 * np.sin(angle / 2) ** 2
-    signs = np.where(fraction <= 0.5, 1.0, -1.0)  # s(τ) = 1 - s(1 - τ): its speed is even about the middle
+    signs = np.where(fraction <= 0.5, 1.0, -1.0)  # s(τ) = 1 - s(1 - τ): the speed is symmetric about the middle
     return speed / duration, signs * acceleration / duration**2
 
 
@@ -69,7 +74,10 @@ Curve: TypeAlias = Callable[[np.ndarray], Samples]
 
 
 class Rates(NamedTuple):
-    """Derivatives of a curve: of positions [m] and orientations [rad] about world axes (None for points)."""
+    """Derivatives of a curve's positions [m] and orientations [rad].
+
+    Angular rates are about world axes, None for points.
+    """
 
     velocity: Float[np.ndarray, "time axes"]
     acceleration: Float[np.ndarray, "time axes"]
@@ -79,7 +87,7 @@ class Rates(NamedTuple):
 
 @runtime_checkable
 class SmoothCurve(Protocol):
-    """A curve that knows its first and second derivatives with respect to its parameter."""
+    """A curve with first and second derivatives with respect to its parameter."""
 
     def __call__(self, parameters: Times, /) -> Samples:
         """Return positions and orientations at parameters."""
@@ -88,14 +96,14 @@ class SmoothCurve(Protocol):
         """Return first and second derivatives at parameters."""
 
 
-CLOSURE_TOLERANCE = 1e-9  # of a path's or an arm's length, or rad: distance below which points are the same
+CLOSURE_TOLERANCE = 1e-9  # share of a path's or an arm's length, or rad: nearer points are the same
 
 
 @dataclass(frozen=True, eq=False)
 class TimedCurve:
-    """A curve ``shape`` over the fraction covered (0 to 1), travelled in ``duration`` [s] by a time law.
+    """A curve ``shape``, travelled in ``duration`` [s] by a time law.
 
-    Raises InvalidInput for an unknown law.
+    The parameter of the shape is the fraction covered, 0 to 1. Raises InvalidInput for an unknown law.
     """
 
     shape: SmoothCurve
@@ -121,7 +129,10 @@ class TimedCurve:
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """A line from ``origin`` by ``step`` [m], rotating by ``rotation_vector`` [rad] from a ``quaternion`` or None."""
+    """A line from ``origin`` by ``step`` [m], with a rotation.
+
+    The orientation rotates by ``rotation_vector`` [rad] from ``quaternion``; None for a line of points.
+    """
 
     origin: Float[np.ndarray, " axes"]
     step: Float[np.ndarray, " axes"]
@@ -137,7 +148,7 @@ class Line:
         return positions, quaternion_product(self.quaternion, vector_to_quaternion(fraction * self.rotation_vector))
 
     def rates(self, fractions: Times) -> Rates:
-        """Return derivatives by the fraction covered."""
+        """Return derivatives with respect to the fraction covered."""
         count = len(fractions)
         velocity = np.tile(self.step, (count, 1))
         if self.quaternion is None:
@@ -148,7 +159,10 @@ class Line:
 
 @dataclass(frozen=True, eq=False)
 class Circle:
-    """A circle about ``center`` from angle ``phase`` by ``sweep`` [rad]; ``axes`` are its radii at 0 and π/2 [m]."""
+    """A circle about ``center`` from angle ``phase`` by ``sweep`` [rad].
+
+    The ``axes`` are the radius vectors [m] at the angles 0 and π/2.
+    """
 
     center: Float[np.ndarray, " axes"]
     axes: Float[np.ndarray, "2 axes"]
@@ -163,7 +177,7 @@ class Circle:
         return positions, None if self.quaternion is None else np.tile(self.quaternion, (len(fractions), 1))
 
     def rates(self, fractions: Times) -> Rates:
-        """Return derivatives by the fraction covered."""
+        """Return derivatives with respect to the fraction covered."""
         angles = self.phase + self.sweep * fractions
         velocity = self.sweep * np.stack([-np.sin(angles), np.cos(angles)], axis=1) @ self.axes
         acceleration = -(self.sweep**2) * np.stack([np.cos(angles), np.sin(angles)], axis=1) @ self.axes
@@ -173,7 +187,10 @@ class Circle:
 
 @dataclass(frozen=True, eq=False)
 class Spline:
-    """SciPy's ``CubicSpline`` of positions and ``RotationSpline`` of orientations (or None) over the same knots."""
+    """SciPy's ``CubicSpline`` of positions and ``RotationSpline`` of orientations.
+
+    Both have the same knots; orientations may be None.
+    """
 
     positions: Any
     rotations: Any
@@ -188,14 +205,17 @@ class Spline:
         velocity, acceleration = self.positions(knots, 1), self.positions(knots, 2)
         if self.rotations is None:
             return Rates(velocity, acceleration, None, None)
-        turned = self.rotations(knots)  # SciPy's rates are in the turning frame; (R ω)˙ = R ω̇ there, as ω × ω = 0
+        turned = self.rotations(knots)  # SciPy's rates are in the rotating frame: (R ω)˙ = R ω̇, since ω × ω = 0
         return Rates(velocity, acceleration, *(turned.apply(self.rotations(knots, order)) for order in (1, 2)))
 
 
 def interpolate(
     knots: Times, positions: Float[np.ndarray, "time axes"], quaternions: Float[np.ndarray, "time 4"] | None
 ) -> Spline:
-    """Return the C² spline through positions and orientations at knots, periodic in position if the ends meet."""
+    """Return the C² spline through positions and orientations at knots.
+
+    Positions are periodic if the ends meet.
+    """
     from scipy.interpolate import CubicSpline
     from scipy.spatial.transform import Rotation, RotationSpline
 

@@ -1,4 +1,4 @@
-"""Postures and motions on the path to start from, and the reason if there are none."""
+"""Start postures and start motions on the path, and reasons for failures."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ class InverseKinematicsOptions:
     """Settings of damped least squares from random starts."""
 
     iterations: int = 40
-    longest_step: float = 0.5  # rad, or the arm's length, of a joint
+    longest_step: float = 0.5  # rad, or the arm's length: largest step of a joint
     damping: float = 1e-2  # share of the squared error
     first_damping: float = 4e-3  # more damping in the first iterations
     damped_iterations: int = 5
     quick_starts: int = 32
-    thorough_starts: int = 256  # with five times the iterations, before a sample counts as out of reach
-    other_units: float = 10.0  # arm lengths out of reach above which a path is probably not in metres
+    thorough_starts: int = 256  # starts, with five times the iterations, before a sample is out of reach
+    other_units: float = 10.0  # arm lengths: if a path is farther out of reach, its unit is probably not m
 
 
 POSTURE_OPTIONS = InverseKinematicsOptions()
@@ -45,9 +45,10 @@ POSTURE_OPTIONS = InverseKinematicsOptions()
 def sample_postures(
     task: MotionTask, count: int, rng: np.random.Generator, *, sample: int = 0
 ) -> Float[np.ndarray, "found dof"]:
-    """Return up to ``count`` postures that reach a sample, from random starts in the joint ranges.
+    """Return up to ``count`` postures that reach a sample.
 
-    Damped least squares (Nakamura & Hanafusa 1986), then Newton; those that don't converge are left out.
+    Starts are random in the joint ranges. The method is damped least squares (Nakamura & Hanafusa 1986), then Newton's.
+    Postures that do not converge are left out.
     """
     q, error = _solve_from_random_starts(task, np.full(count, sample), rng)
     return q[np.abs(error).max(axis=1) <= ON_PATH_TOLERANCE]
@@ -60,7 +61,10 @@ def _solve_from_random_starts(
     *,
     iterations: int = POSTURE_OPTIONS.iterations,
 ) -> tuple[Float[np.ndarray, "count dof"], Float[np.ndarray, "count rows"]]:
-    """Return a posture near each of ``samples``, from a random start, and its relative task errors."""
+    """Return postures near ``samples`` from random starts, and relative task errors.
+
+    There is one posture for each entry of ``samples``.
+    """
     lower, upper = task.arm.position_limits.T
     width = np.where(task.arm.periodic, 2 * np.pi, 2 * joint_scales(task.arm))
     low = np.where(np.isfinite(lower), lower, np.where(np.isfinite(upper), upper - width, -width / 2))
@@ -74,7 +78,7 @@ def _solve_from_random_starts(
         least = POSTURE_OPTIONS.first_damping if step < POSTURE_OPTIONS.damped_iterations else 1e-12
         damping = POSTURE_OPTIONS.damping * size**2 + least
         if step >= POSTURE_OPTIONS.iterations:
-            damping = size  # perhaps out of reach: with less damping it would oscillate about the nearest point
+            damping = size  # may be out of reach: less damping would make iterations oscillate about the nearest point
         square = jacobian @ np.swapaxes(jacobian, -1, -2) + damping[:, None, None] * np.eye(task.rows)
         step_taken = (np.swapaxes(jacobian, -1, -2) @ solve_small_systems(square, error)[0][..., None])[..., 0]
         step_taken /= np.maximum(1.0, np.abs(step_taken).max(axis=1, keepdims=True) / POSTURE_OPTIONS.longest_step)
@@ -88,10 +92,10 @@ def _solve_from_random_starts(
 
 
 def reach_error(task: MotionTask, rng: np.random.Generator, near: int) -> OutOfReach | Infeasible:
-    """Return the error with the reason why no motion passes sample ``near``."""
+    """Return the error that explains why no motion passes sample ``near``."""
     _, error = _solve_from_random_starts(task, np.repeat(np.arange(len(task.times)), POSTURE_OPTIONS.quick_starts), rng)
     unreached = np.abs(error).max(axis=1).reshape(-1, POSTURE_OPTIONS.quick_starts).min(axis=1) > ON_PATH_TOLERANCE
-    for sample in np.flatnonzero(unreached).tolist():  # from few starts; more are tried before it is out of reach
+    for sample in np.flatnonzero(unreached).tolist():  # few starts did not reach it: try more
         _, error = _solve_from_random_starts(
             task, np.full(POSTURE_OPTIONS.thorough_starts, sample), rng, iterations=5 * POSTURE_OPTIONS.iterations
         )
@@ -111,7 +115,10 @@ def reach_error(task: MotionTask, rng: np.random.Generator, near: int) -> OutOfR
 
 
 def _describe_error(task: MotionTask, sample: int, error: Float[np.ndarray, " rows"]) -> str:
-    """Return in words the distance of the nearest posture found from a sample, for the task with the largest error."""
+    """Return in words how far the nearest posture is from a sample.
+
+    The distance is that of the task with the largest error.
+    """
     errors, row, column = [], 0, 0
     for part in task.tasks:
         size = part.position_rows
@@ -130,7 +137,10 @@ def _describe_error(task: MotionTask, sample: int, error: Float[np.ndarray, " ro
 
 
 def order_by_neighbour(arm: Arm, q: Float[np.ndarray, "postures dof"]) -> Float[np.ndarray, "postures dof"]:
-    """Return postures in an order in which each is followed by its nearest remaining one."""
+    """Return postures in an order of nearest neighbours.
+
+    Each posture is followed by the nearest of the remaining postures.
+    """
     remaining = list(q)
     ordered = [remaining.pop(0)]
     while remaining:
@@ -142,7 +152,10 @@ def order_by_neighbour(arm: Arm, q: Float[np.ndarray, "postures dof"]) -> Float[
 def posture_distance(
     arm: Arm, q: Float[np.ndarray, "*#batch dof"], other: Float[np.ndarray, "*#batch dof"]
 ) -> Float[np.ndarray, ...]:
-    """Return the joint distance [rad, the arm's length] between postures, angles modulo 2π."""
+    """Return the distance [rad, the arm's length] between postures.
+
+    Angles are modulo 2π.
+    """
     difference = wrap_difference(q - other, arm.periodic) / joint_scales(arm)
     return np.asarray(np.linalg.norm(difference, axis=-1))
 
@@ -152,34 +165,35 @@ def wrap_difference(difference: np.ndarray, periodic: np.ndarray) -> np.ndarray:
     return np.where(periodic, difference - 2 * np.pi * np.round(difference / (2 * np.pi)), difference)
 
 
-# Start motions on the path: roll-outs, motions along the self-motion, perturbed and recombined ones.
+# Start motions on the path: roll-outs, motions along the self-motion, perturbed and recombined motions.
 
 
 @dataclass(frozen=True, kw_only=True)
 class StartOptions:
-    """Settings of start motions, in rad, slides in arm lengths."""
+    """Settings of start motions, in rad; slides are in arm lengths."""
 
     travel: float = 9.0  # largest travel of all joints together along the self-motion
-    travel_width: tuple[float, float] = (0.3, 1.0)  # share of the path with half of the travel
-    perturbation: float = 1.0  # RMS change of joints in directions that the path leaves free
-    crossing_half: tuple[float, float] = (0.05, 0.4)  # half the share of the path recombined from another
-    crossing_width: tuple[float, float] = (0.05, 0.4)  # share of the path in which it changes to the other
-    longest_jump: float = 0.7  # of a joint from one sample to the next
-    finer: tuple[int, ...] = (2, 4)  # factors of the number of samples, tried one after the other if a joint would jump
+    travel_width: tuple[float, float] = (0.3, 1.0)  # share of the path on which half of the travel takes place
+    perturbation: float = 1.0  # RMS change of joints in the null space of the path's tasks
+    crossing_half: tuple[float, float] = (0.05, 0.4)  # half the share of the path that is taken from the other motion
+    crossing_width: tuple[float, float] = (0.05, 0.4)  # share of the path on which motions change over
+    longest_jump: float = 0.7  # largest move of a joint from one sample to the next
+    finer: tuple[int, ...] = (2, 4)  # factors of the number of samples if a joint would jump
 
 
 MOTION_OPTIONS = StartOptions()
 
 
 def rollout_starts(task: MotionTask, count: int, rng: np.random.Generator) -> Float[np.ndarray, "found time dof"]:
-    """Return up to ``count`` motions on the path, by roll-outs of weighted pseudoinverses.
+    """Return up to ``count`` motions on the path, by roll-outs.
 
-    Each starts at another posture (or all at the given one) and weights the joints by its own random symmetric matrix
-    with eigenvalues in (0, 1); the whole motion is then retracted to the path. If samples are too far apart, the path
-    is sampled finer meanwhile. Source: Tringali & Cocuzza 2020, section 3.1.2.
+    A roll-out uses the weighted pseudoinverse. It starts at its own posture, or at the given start, and has its own
+    random symmetric weight matrix with eigenvalues in (0, 1). The whole motion is then retracted to the path. If
+    samples are too far apart, the path is sampled finer during the roll-out. Source: Tringali & Cocuzza 2020, section
+    3.1.2.
 
-    Raises OutOfReach, naming the sample, if no posture reaches the path; Infeasible if postures exist everywhere but no
-    continuous motion was found.
+    Raises OutOfReach, naming the sample, if no posture reaches the path. Raises Infeasible if every sample can be
+    reached but no continuous motion was found.
     """
     try:
         return _roll_out(task, count, rng)
@@ -207,11 +221,11 @@ def _roll_out(task: MotionTask, count: int, rng: np.random.Generator) -> Float[n
 
 
 def travelling_starts(task: MotionTask, count: int, rng: np.random.Generator) -> Float[np.ndarray, "found time dof"]:
-    """Return up to ``count`` motions on the path that also travel along the self-motion.
+    """Return up to ``count`` motions that also travel along the self-motion.
 
-    Roll-outs move little: they do not pass through the postures between two branches. Length and time of each travel
-    are random; cyclic motions travel there and back. Source: Tringali & Cocuzza 2020, Eq. 17, along the path instead of
-    before it.
+    The motions are on the path. Roll-outs move little: they do not pass through the postures between two branches.
+    Length and time of each travel are random; cyclic motions travel there and back. Source: Tringali & Cocuzza 2020,
+    Eq. 17, along the path instead of before it.
     """
     steps = len(task.times) - 1
     share, shape = (np.arange(steps) + 0.5) / steps, (count, 1)
@@ -235,10 +249,11 @@ def perturbed_starts(
     *,
     size: float | Float[np.ndarray, " motions"] = MOTION_OPTIONS.perturbation,
 ) -> Float[np.ndarray, "found time dof"]:
-    """Return motions on the path near others, displaced at random by ``size`` [rad or arm length, RMS].
+    """Return perturbed motions on the path.
 
-    They are displaced along the null space of the tasks' Jacobian, most at both ends (in cyclic motions at opposite
-    points), and then retracted. Motions that leave the path, or jump further than before, are left out.
+    The motions are displaced at random by ``size`` [rad or arm length, RMS] along the null space of the tasks'
+    Jacobian, and then retracted. The displacement is largest at both ends (for cyclic motions at opposite points).
+    Motions are left out if they leave the path or jump farther than before.
     """
     share, shape = task.times / task.times[-1], (len(q), 1, task.arm.dof)
     scale = np.broadcast_to(size, len(q))[:, None, None]
@@ -256,10 +271,11 @@ def perturbed_starts(
 def recombined_starts(
     task: MotionTask, q: JointPaths, others: JointPaths, rng: np.random.Generator
 ) -> Float[np.ndarray, "found time dof"]:
-    """Return motions on the path like those of ``q``, but for a while like those of ``others``, in pairs.
+    """Return motions on the path, recombined from ``q`` and ``others`` in pairs.
 
-    They change at random times, interpolated joint by joint and retracted. Motions that leave the path, or jump further
-    than both did, are left out, since no self-motion leads directly across.
+    Each motion follows that of ``q``, but for some time that of ``others``. The change takes place at random times; it
+    is interpolated joint by joint and retracted. Motions are left out if they leave the path or jump farther than both
+    parents, because no self-motion then connects the parents.
     """
     share, shape = task.times / task.times[-1], (len(q), 1)
     half, width = rng.uniform(*MOTION_OPTIONS.crossing_half, shape), rng.uniform(*MOTION_OPTIONS.crossing_width, shape)
@@ -283,13 +299,13 @@ def _integrate(
     rng: np.random.Generator,
     pace: Float[np.ndarray, "count steps"],
 ) -> tuple[Float[np.ndarray, "found time dof"], int]:
-    """Return motions near the path, closed if it is cyclic, and the sample that the last of them reached.
+    """Return motions near the path, and the last sample reached.
 
-    Each sample has one Newton step, which also corrects the error of the step before, and a step of ``pace`` [rad, the
-    arm's length] along the self-motion.
+    Motions of a cyclic task are closed. Each sample has one Newton step, which also corrects the error of the step
+    before, and a step of ``pace`` [rad, the arm's length] along the self-motion.
     """
     basis = np.linalg.qr(rng.normal(size=(len(start), task.arm.dof, task.arm.dof)))[0]
-    eigenvalues = rng.uniform(0.02, 1.0, size=start.shape)  # of the joints' weights, which are random
+    eigenvalues = rng.uniform(0.02, 1.0, size=start.shape)  # eigenvalues of the random joint weights
     inverses = (basis / eigenvalues[:, None, :]) @ np.swapaxes(basis, -1, -2)
     heading = rng.normal(size=start.shape)
     q = np.empty((len(start), len(task.times), task.arm.dof))
@@ -300,7 +316,7 @@ def _integrate(
         here = q[alive, i - 1]
         error, jacobian = relative_errors(task.arm, task.tasks, here, task.targets[i])
         spread = inverses[alive] @ np.swapaxes(jacobian, -1, -2)
-        with np.errstate(all="ignore"):  # at a singularity steps become infinite, and the jump ends the roll-out
+        with np.errstate(all="ignore"):  # infinite steps at a singularity: the jump ends the roll-out
             move = (spread @ solve_small_systems(jacobian @ spread, error)[0][..., None])[..., 0]
         if pace.any():  # headings are projected to the nearest directions of self-motion
             rows = row_space_basis(jacobian)
@@ -320,7 +336,10 @@ def _integrate(
 
 
 def _on_path(task: MotionTask, q: JointPaths, steps: np.ndarray | float = 0.0) -> Float[np.ndarray, "found time dof"]:
-    """Return motions retracted to the path, from the task's own start if it has one, if all of them is on it."""
+    """Return the motions that are on the path completely after retraction.
+
+    Motions begin at the task's start if it has one.
+    """
     q, on_path = _retract_to_path(task, q, steps)
     if task.start is not None:
         q[:, 0] = task.start
@@ -332,8 +351,8 @@ def _retract_to_path(
 ) -> tuple[JointPaths, Bool[np.ndarray, "*batch time"]]:
     """Return motions retracted to the path, and which samples are on it.
 
-    A sample does not count as on the path if a joint jumps to it: if its step from the previous sample exceeds
-    ``steps`` by more than ``longest_jump``.
+    A sample is not on the path if a joint jumps to it: if the step from the sample before exceeds ``steps`` by more
+    than ``longest_jump``.
     """
     scales = joint_scales(task.arm)
     jacobian = relative_errors(task.arm, task.tasks, q, task.targets)[1]

@@ -1,4 +1,4 @@
-"""Retraction onto the path: Newton's method for many postures at once, each along its own directions."""
+"""Retraction onto the path by Newton's method, for many postures at once."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from paretoik.robot.arm import Arm
 from paretoik.robot.kinematics import characteristic_length, geometry_key, joint_scales
 from paretoik.task.task import Task, frame_of, path_errors, path_jacobian
 
-ON_PATH_TOLERANCE = 1e-10  # of the arm's length, and rad: reached in spite of rounding, unlike Newton's tolerance
+ON_PATH_TOLERANCE = 1e-10  # share of the arm's length, and rad: larger than rounding errors, unlike Newton's tolerance
 
 
 @dataclass(frozen=True, kw_only=True)
 class RetractionOptions:
     """Settings of Newton's method onto the path."""
 
-    tolerance: float = 1e-12  # of the arm's length, and rad: its last step squares the error
+    tolerance: float = 1e-12  # share of the arm's length, and rad: the last step squares the error
     max_iterations: int = 12
     max_step: float = 1.0  # rad or the arm's length, along any direction
     cache_size: int = 64  # evaluators in memory: six for each arm geometry with frames and axes
@@ -59,14 +59,17 @@ def task_errors(
 def relative_errors(
     arm: Arm, tasks: Sequence[Task], q: Float[np.ndarray, "*batch dof"], targets: Float[np.ndarray, "*#batch numbers"]
 ) -> tuple[Float[np.ndarray, "*batch rows"], Float[np.ndarray, "*batch rows dof"]]:
-    """Return the errors and Jacobian of all tasks, lengths and slides relative to the arm's length."""
+    """Return all tasks' errors and Jacobian, relative to the arm's length.
+
+    Positions and slides are relative; angles are in rad.
+    """
     error, jacobian = task_errors(arm, tasks, q, targets)
     scales = row_scales(arm, tasks)
     return error / scales, jacobian * joint_scales(arm) / scales[:, None]
 
 
 def row_scales(arm: Arm, tasks: Sequence[Task]) -> Float[np.ndarray, " rows"]:
-    """Return each task error's unit: the arm's length [m], or 1 rad."""
+    """Return the unit of each task error: the arm's length [m] or 1 rad."""
     length = characteristic_length(arm)
     rows = [[length] * task.position_rows + [1.0] * (task.rows - task.position_rows) for task in tasks]
     return np.concatenate(rows)
@@ -79,10 +82,11 @@ def retract(
     targets: Float[np.ndarray, "*#batch numbers"],
     directions: Float[np.ndarray, "*batch dof rows"],
 ) -> Retraction:
-    """Return q = start + directions · z on the path, z by Newton's method from 0.
+    """Return postures q = start + directions · z on the path.
 
-    A sample's result does not depend on the others in the batch. If the determinant of the Newton matrix changes its
-    sign, the sample has crossed a fold to another sheet of the self-motion manifold and counts as not on the path.
+    z follows by Newton's method from 0. A sample's result does not depend on other samples in the batch. If the
+    determinant of the Newton matrix changes its sign, the sample has crossed a fold to another sheet of the self-motion
+    manifold and is not on the path.
     """
     batch = start.shape[:-1]
     q, error, same_sheet = start.copy(), np.empty(batch), np.empty(batch, dtype=bool)
@@ -90,7 +94,7 @@ def retract(
     directions = directions.reshape(-1, *directions.shape[-2:])
     compiled_steps().newton(
         error_evaluator(arm, tasks).arrays,
-        np.require(targets, float, ["C", "W"]),  # one signature: a read-only array would need another compilation
+        np.require(targets, float, ["C", "W"]),  # a read-only array would need another compilation
         np.ascontiguousarray(directions, dtype=float),
         row_scales(arm, tasks),
         (OPTIONS.tolerance, OPTIONS.max_step, OPTIONS.max_iterations),
@@ -107,19 +111,28 @@ def retract_nearest(
     start: Float[np.ndarray, "*batch dof"],
     targets: Float[np.ndarray, "*#batch numbers"],
 ) -> Retraction:
-    """Return postures retracted by the shortest way: along the row space of the tasks' Jacobian at ``start``."""
+    """Return postures retracted along the row space of the tasks' Jacobian.
+
+    This is the shortest way; the Jacobian is that at ``start``.
+    """
     return retract(arm, tasks, start, targets, normal_directions(arm, tasks, start, targets))
 
 
 def normal_directions(
     arm: Arm, tasks: Sequence[Task], q: Float[np.ndarray, "*batch dof"], targets: Float[np.ndarray, "*#batch numbers"]
 ) -> Float[np.ndarray, "*batch dof rows"]:
-    """Return a basis [rad, m] of the directions across the self-motion, orthonormal in scaled joints."""
+    """Return a basis [rad, m] of the directions normal to the self-motion.
+
+    The basis is orthonormal in scaled joints.
+    """
     return row_space_basis(relative_errors(arm, tasks, q, targets)[1]) * joint_scales(arm)[:, None]
 
 
 def row_space_basis(jacobian: Float[np.ndarray, "*batch rows dof"]) -> Float[np.ndarray, "*batch dof rows"]:
-    """Return an orthonormal basis of the row space of J; J times it is lower triangular with a positive diagonal."""
+    """Return an orthonormal basis of the row space of J.
+
+    J times the basis is lower triangular with a positive diagonal.
+    """
     orthonormal, upper = np.linalg.qr(jacobian.swapaxes(-1, -2))
     signs = np.where(np.diagonal(upper, axis1=-2, axis2=-1) < 0, -1.0, 1.0)
     return orthonormal * signs[..., None, :]
@@ -128,9 +141,10 @@ def row_space_basis(jacobian: Float[np.ndarray, "*batch rows dof"]) -> Float[np.
 def solve_small_systems(
     matrix: Float[np.ndarray, "count size size"], right: Float[np.ndarray, "count size"]
 ) -> tuple[Float[np.ndarray, "count size"], Float[np.ndarray, " count"]]:
-    """Return (solutions, determinants) of small systems, by Gaussian elimination without pivoting.
+    """Return solutions and determinants of small linear systems.
 
-    A pivot of 0 gives a solution that is not finite, or a determinant of 0.
+    The method is Gaussian elimination without pivoting. A pivot of 0 gives a solution that is not finite, or a
+    determinant of 0.
     """
     solution, determinant = np.array(right, dtype=float, order="C"), np.empty(len(matrix))
     compiled_steps().solve_small_systems(np.array(matrix, dtype=float, order="C"), solution, determinant)
@@ -146,7 +160,10 @@ def compiled_steps() -> Any:
 
 
 def error_evaluator(arm: Arm, tasks: Sequence[Task]) -> Evaluator:
-    """Return the evaluator of all errors, then all Jacobian entries, at joint positions and targets."""
+    """Return the evaluator of the tasks' errors and Jacobian entries.
+
+    The inputs are joint positions and targets; the outputs are all errors, then all entries.
+    """
 
     def build() -> tuple[Tape, list[int]]:
         tape = Tape()
@@ -161,9 +178,9 @@ def error_evaluator(arm: Arm, tasks: Sequence[Task]) -> Evaluator:
 def path_evaluator(
     kind: str, arm: Arm, tasks: Sequence[Task], build: Callable[[], tuple[Tape, list[int]]]
 ) -> Evaluator:
-    """Return the evaluator of a tape's outputs, from memory if it was built before.
+    """Return the evaluator of a tape's outputs, from the cache if possible.
 
-    Arms of the same geometry share it on any path, since every problem has a copy of its arm.
+    Every problem has a copy of its arm, so arms of the same geometry share the evaluator, on any path.
     """
     frames = [frame_of(arm, task.frame) for task in tasks]
     places = [(frame.link, frame.pose.position.tobytes(), frame.pose.quaternion.tobytes()) for frame in frames]

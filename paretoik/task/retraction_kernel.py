@@ -1,4 +1,4 @@
-"""Newton's method onto the path, and the rates of its result, compiled."""
+"""Compiled Newton's method onto the path, and the rates of its result."""
 
 from __future__ import annotations
 
@@ -10,15 +10,16 @@ from paretoik.compilation.numba_cache import compiled
 
 @compiled(what="the retraction onto paths", seconds=2)
 def newton(arrays, targets, directions, scales, settings, q, errors, same_sheet):
-    """Move postures q (samples, dof) onto the path along ``directions`` (samples, dof, rows), each on its own.
+    """Move each posture q (samples, dof) onto the path along its ``directions``.
 
     arrays: arrays of the evaluator of errors and Jacobian entries at (q, targets)
+    directions: directions (samples, dof, rows) of each posture
     scales: units (rows,) of errors
     settings: tolerance, max_step and max_iterations
 
-    Writes q, the largest error at its last evaluation, and whether the determinant of the Newton matrix was positive
-    there: then the posture is on the sheet that it started from. Samples share the lanes of the evaluator's workspace;
-    a finished sample leaves its lane to the next.
+    Writes q, the largest error at the last evaluation, and whether the determinant of the Newton matrix was positive
+    there; if so, the posture is on the sheet of its start. Samples share the lanes of the evaluator's workspace; the
+    lane of a finished sample is used for the next sample.
     """
     code, constants, inputs, outputs, workspace = arrays
     samples, n, rows = directions.shape
@@ -74,7 +75,9 @@ def newton(arrays, targets, directions, scales, settings, q, errors, same_sheet)
 
 @compiled
 def write_directions(normals, spline, scales, directions):
-    """Write D = W² Jᵀ and its first and second derivatives, (3, points, dof, rows), from a spline's state.
+    """Write the directions D = W² Jᵀ and their two derivatives.
+
+    The output ``directions`` is (3, points, dof, rows).
 
     normals: evaluator of J, J̇ and J̈ at ``spline`` (3, points, dof)
     scales: joint scales W
@@ -95,7 +98,9 @@ def write_directions(normals, spline, scales, directions):
 
 @compiled
 def project_rates(rates, inputs, scales, spline, directions, state, multipliers):
-    """Write velocities and accelerations of a spline's projection q = s + D λ; ``state``[0] has its positions.
+    """Write velocities and accelerations of a spline's projection q = s + D λ.
+
+    The positions are already in ``state``[0].
 
     rates: evaluator of ∂g/∂q, ġ and g̈ at ``inputs``, the state, then targets with two derivatives
     spline, state: positions, velocities and accelerations (3, points, dof)
@@ -123,7 +128,7 @@ def project_rates(rates, inputs, scales, spline, directions, state, multipliers)
         for p in range(points):
             for j in range(n):
                 rate = spline[order, p, j]
-                for k in range(rows):  # ṡ + Ḋ λ, and then + D λ̇; s̈ + D̈ λ + 2 Ḋ λ̇, and then + D λ̈
+                for k in range(rows):  # first ṡ + Ḋ λ, then add D λ̇; first s̈ + D̈ λ + 2 Ḋ λ̇, then add D λ̈
                     rate += directions[order, p, j, k] * multipliers[0, p, k]
                     if order == 2:
                         rate += 2 * directions[1, p, j, k] * multipliers[1, p, k]
@@ -146,7 +151,10 @@ def project_rates(rates, inputs, scales, spline, directions, state, multipliers)
 
 @compiled
 def solve_small_systems(matrices, right, determinants):
-    """Overwrite matrices (count, size, size), and right (count, size) with the solutions; write determinants."""
+    """Overwrite ``right`` (count, size) with solutions; write the determinants.
+
+    The matrices (count, size, size) are overwritten too.
+    """
     for i in range(len(matrices)):
         determinants[i] = solve(matrices[i], right[i])
 

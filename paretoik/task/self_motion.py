@@ -1,4 +1,4 @@
-"""Branches, self-motion curves, and coordinates of the self-motion manifold around base motions."""
+"""Branches, self-motion curves, and charts of the self-motion manifold."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from paretoik.task.retraction import relative_errors, retract, row_space_basis
 
 
 def bend_signs(arm: Arm, q: Float[np.ndarray, "*batch dof"]) -> Int[np.ndarray, "*batch inner"]:
-    """Return the sign of every inner joint's bend, 0 if it is straight: shoulder, elbow, wrist.
+    """Return the sign of every inner joint's bend: shoulder, elbow, wrist.
 
-    For three consecutive axes that are not parallel it is the sign of their triple product, for parallel ones that of
-    the turn from one link to the next. It changes only if a joint aligns its neighbours. Arms of two joints or fewer
-    have no inner joint.
+    The sign is 0 if the joint is straight. For three consecutive axes it is the sign of their triple product; for
+    parallel axes it is the sign of the turn from one link to the next. The sign changes only if a joint aligns its
+    neighbours. Arms of two joints or fewer have no inner joint.
     """
     if arm.dof < 3:
         return np.zeros((*q.shape[:-1], 0), dtype=int)
@@ -35,7 +35,7 @@ def bend_signs(arm: Arm, q: Float[np.ndarray, "*batch dof"]) -> Int[np.ndarray, 
     product = np.sum(np.cross(before, after) * here, axis=-1)
     links = np.diff(origins, axis=-2) / characteristic_length(arm)
     turn = np.sum(np.cross(links[..., :-1, :], links[..., 1:, :]) * axes[..., 1:, :], axis=-1)
-    around = _axes(arm, np.arange(1.0, arm.dof + 1))  # at an arbitrary posture, parallel axes are so at all
+    around = _axes(arm, np.arange(1.0, arm.dof + 1))  # axes parallel at one arbitrary posture always are
     parallel = np.all(np.abs(np.cross(around[:-2], around[2:])) < OPTIONS.parallel, axis=-1)
     inner = np.where(parallel, turn[..., : arm.dof - 2], product)
     last = turn[..., arm.dof - 2 :] if parallel[-1] else np.zeros((*q.shape[:-1], 0))
@@ -44,10 +44,10 @@ def bend_signs(arm: Arm, q: Float[np.ndarray, "*batch dof"]) -> Int[np.ndarray, 
 
 
 def branch_labels(motion: Motion) -> list[str]:
-    """Return a label for each motion of a batch (motions, time, dof), such as ``+-`` or ``+~``.
+    """Return a label, such as ``+-`` or ``+~``, for each motion.
 
-    It has one sign per inner joint: its bend over the whole motion, or ``~`` if the joint passes through straight, then
-    the sign at the end.
+    The batch is (motions, time, dof). The label has one sign per inner joint: the sign of the bend over the whole
+    motion. If the joint passes through straight, ``~`` and the sign at the end take its place.
     """
     signs = bend_signs(motion.arm, motion.q)
     passes = (signs > 0).any(axis=-2) & (signs < 0).any(axis=-2)
@@ -68,15 +68,18 @@ def _axes(arm: Arm, q: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, kw_only=True)
 class CurveOptions:
-    """Settings of branches, and of tracing curves and cutting them into nodes, in rad, slides in arm lengths."""
+    """Settings of branches, of curve tracing, and of nodes on curves.
+
+    Distances are in rad; slides are in arm lengths.
+    """
 
     parallel: float = 1e-9  # sine of the angle below which axes count as parallel, or a joint as straight
-    step_length: float = 0.1  # of the predictor
+    step_length: float = 0.1  # step length of the predictor
     turn: float = 0.9  # least cosine between the directions of two steps
     steps: int = 1200  # largest number of steps of a curve
-    seeds: int = 48  # postures at each end of the path that are carried along it
-    nodes: tuple[int, int] = (12, 500_000)  # number in the largest step of a joint, and largest number in all
-    pair_nodes: tuple[int, int] = (10, 30_000)  # the same if states are pairs of nodes
+    seeds: int = 48  # number of postures at each end of the path, continued along the path
+    nodes: tuple[int, int] = (12, 500_000)  # number per largest step of a joint, and largest total number
+    pair_nodes: tuple[int, int] = (10, 30_000)  # the same numbers if states are pairs of nodes
 
 
 OPTIONS = CurveOptions()
@@ -85,9 +88,10 @@ Curve = tuple[np.ndarray, np.ndarray]  # steps (q, directions)
 
 
 def postures_along_path(task: MotionTask, rng: np.random.Generator) -> tuple[list[np.ndarray], float]:
-    """Return postures of every sample on all curves that are connected to an end of the path, and the path's pace.
+    """Return postures of every sample on self-motion curves, and the path's pace.
 
-    Curves that exist only in the middle of the path are not found.
+    The curves are those connected to an end of the path. Curves that exist only in the middle of the path are not
+    found.
     """
     curves: list[list[np.ndarray]] = [[] for _ in task.times]
     pace = [0.0]
@@ -109,9 +113,10 @@ def postures_along_path(task: MotionTask, rng: np.random.Generator) -> tuple[lis
 def self_motion_frames(
     task: MotionTask, samples: np.ndarray, q: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the direction of self-motion at postures, the targets of their samples and the directions across it.
+    """Return the direction of self-motion, the targets, and the normal directions.
 
-    Directions have length 1 with slides in arm lengths; they are returned in rad and m.
+    All are given at postures ``q`` of ``samples``. Directions have length 1 with slides in arm lengths; they are
+    returned in rad and m.
     """
     targets, scales = task.targets[samples], joint_scales(task.arm)
     jacobian = relative_errors(task.arm, task.tasks, q, targets)[1]
@@ -121,7 +126,10 @@ def self_motion_frames(
 
 
 def trace_curves(task: MotionTask, seeds: list[np.ndarray]) -> list[list[Curve]]:
-    """Return the self-motion curves of every sample, as steps (q, directions); every seed is on one of them."""
+    """Return the self-motion curves of every sample as steps (q, directions).
+
+    Every seed is on one of the curves.
+    """
     curves: list[list[Curve]] = [[] for _ in seeds]
     remaining = list(seeds)
     while rows := [i for i, q in enumerate(remaining) if len(q)]:
@@ -150,7 +158,7 @@ def trace_curves(task: MotionTask, seeds: list[np.ndarray]) -> list[list[Curve]]
             closed = accepted & (np.sqrt(back**2 @ metric) < 0.6 * reach) & (count[active] > 3)
             closed &= (heading[active] * first[active]) @ metric > OPTIONS.turn
             q[active[closed]] += back[closed]
-            heading[active[closed]] = first[active[closed]]  # the node that the curve began at
+            heading[active[closed]] = first[active[closed]]  # the node at the start of the curve
             steps.append((moved, q[moved], heading[moved]))
             step_length[active] = np.where(accepted, np.minimum(1.5 * reach, OPTIONS.step_length), reach / 2)
             active = active[~closed & (step_length[active] > 1e-4)]
@@ -166,13 +174,19 @@ def trace_curves(task: MotionTask, seeds: list[np.ndarray]) -> list[list[Curve]]
 
 
 def node_spacing(arm: Arm, curves: list[list[Curve]], windows: np.ndarray, *, second: bool) -> float:
-    """Return the distance of nodes that resolves speeds well enough, larger if there would be too many nodes."""
+    """Return the distance of nodes that resolves speeds well enough.
+
+    The distance is larger if there would be too many nodes.
+    """
     shares, limit = OPTIONS.pair_nodes if second else OPTIONS.nodes
     return float(max((windows[1:] / joint_scales(arm)).max() / shares, _length(arm, curves) / limit))
 
 
 def count_nodes(task: MotionTask, curves: list[list[Curve]], spacing: float) -> float:
-    """Return the approximate number of nodes of a spacing on curves, at all turns within joint limits."""
+    """Return the approximate number of nodes on curves.
+
+    Nodes are counted in all turns of joints within limits.
+    """
     lower, upper = unwrapped_ranges(task, np.zeros(task.arm.dof, dtype=bool)).T
     turns = np.where(task.arm.periodic & np.isfinite(upper - lower), (upper - lower) / (2 * np.pi), 1.0)
     return float(_length(task.arm, curves) / spacing * np.prod(np.maximum(turns, 1.0)))
@@ -184,7 +198,10 @@ def _length(arm: Arm, curves: list[list[Curve]]) -> float:
 
 
 def resample_curve(arm: Arm, curve: Curve, spacing: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return evenly spaced points along a curve and the index of each one's next, −1 at the end of an open curve."""
+    """Return evenly spaced points along a curve, and each point's successor.
+
+    The successor is an index, −1 at the end of an open curve.
+    """
     q, directions = curve
     s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(q / joint_scales(arm), axis=0), axis=1))])
     distinct = np.append(np.diff(s) > 1e-9, True)
@@ -198,7 +215,10 @@ def resample_curve(arm: Arm, curve: Curve, spacing: float) -> tuple[np.ndarray, 
 
 
 def unwrapped_ranges(task: MotionTask, unrolled: np.ndarray) -> Float[np.ndarray, "dof 2"]:
-    """Return the ranges of joints whose turns differ, which are their limits; NaN for joints known modulo 2π."""
+    """Return the ranges of joints whose turns are counted.
+
+    The ranges are the joints' limits; NaN for joints known modulo 2π.
+    """
     ranges = task.arm.position_limits.copy()
     lower, upper = ranges.T
     ranges[np.isinf(lower) & np.isinf(upper)] = np.nan
@@ -209,7 +229,7 @@ def unwrapped_ranges(task: MotionTask, unrolled: np.ndarray) -> Float[np.ndarray
 
 
 def unwrap_nodes(q: np.ndarray, ranges: np.ndarray, periodic: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return nodes at all turns within their joints' ranges, and the index of each one's node."""
+    """Return nodes in all turns within joint ranges, and their original indices."""
     which = np.arange(len(q))
     for j in np.flatnonzero(periodic):
         lower, upper = (-np.pi, np.pi) if np.isnan(ranges[j, 0]) else ranges[j]
@@ -226,7 +246,9 @@ def unwrap_nodes(q: np.ndarray, ranges: np.ndarray, periodic: np.ndarray) -> tup
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Charts:
-    """Coordinates around base motions: q = base + null_space · y, then along ``row_space`` onto the path.
+    """Charts around base motions: q = base + null_space · y, then retracted.
+
+    The retraction onto the path is along ``row_space``.
 
     null_space: bases of the null space of the tasks' Jacobian along each base motion, transported without turning
     row_space: bases of its row space
@@ -241,9 +263,10 @@ class Charts:
     def at(
         self, task: MotionTask, which: np.ndarray, y: Float[np.ndarray, "*batch time redundancy"]
     ) -> tuple[JointPaths, Bool[np.ndarray, "*batch time"]]:
-        """Return motions at coordinates y around bases ``which``, and which of their samples are on the path.
+        """Return motions at coordinates y, and which samples are on the path.
 
-        If a sample's correction jumps relative to the sample before, it is on another sheet and counts as off the path.
+        The coordinates are around bases ``which``. If a sample's correction jumps relative to the sample before, the
+        sample is on another sheet and is not on the path.
         """
         scales = joint_scales(task.arm)
         start = self.base[which] + np.einsum("ptdr,ptr->ptd", self.null_space[which], y) * scales
@@ -264,7 +287,7 @@ def build_charts(task: MotionTask, base: Float[np.ndarray, "bases time dof"]) ->
     """Return coordinates around base motions on the path."""
     jacobian = relative_errors(task.arm, task.tasks, base, task.targets)[1]
     null_space = np.linalg.svd(jacobian)[2][..., task.rows :, :].swapaxes(-1, -2)
-    for i in range(1, base.shape[1]):  # parallel transport: each basis as near as possible to the one before
+    for i in range(1, base.shape[1]):  # parallel transport: each basis is as near as possible to the basis before
         left, _, right = np.linalg.svd(np.swapaxes(null_space[:, i], -1, -2) @ null_space[:, i - 1])
         null_space[:, i] = null_space[:, i] @ (left @ right)
     if task.cyclic:  # bases are turned evenly over time so that they close with the motion
@@ -275,5 +298,5 @@ def build_charts(task: MotionTask, base: Float[np.ndarray, "bases time dof"]) ->
             turn = np.real(logm(basis[-1].T @ basis[0]))
             null_space[b] = basis @ np.stack([expm(part * (turn - turn.T) / 2) for part in share])
         null_space[:, -1] = null_space[:, 0]
-    # Contiguous, as a worker unpickles it: sums over views have another order, and other last bits.
+    # Contiguous, as after unpickling in a worker: sums over views have another order and other last bits.
     return Charts(base=base, null_space=np.ascontiguousarray(null_space), row_space=row_space_basis(jacobian))

@@ -48,9 +48,10 @@ SINE_TOLERANCE = 1e-12  # sine of a rotation below which its axis is only roundi
 
 
 def axis_times_sine(axes: str, between: Matrix) -> Vector:
-    """Return axis · sin(angle) of a rotation, or with "xyz+z-axis" of the smallest rotation that moves z equally.
+    """Return axis · sin(angle) of a rotation.
 
-    It is given in the rotated axes, which differ from the axes before by the free turn about z.
+    With "xyz+z-axis" it is that of the smallest rotation that moves z equally. It is given in the rotated axes, which
+    differ from the original axes by the free turn about z.
     """
     (_, xy, xz), (yx, _, yz), (zx, zy, _) = between
     if axes == "xyz+z-axis":
@@ -59,7 +60,10 @@ def axis_times_sine(axes: str, between: Matrix) -> Vector:
 
 
 def orientation_error(axes: str, rotation: Matrix, desired: Matrix) -> Vector:
-    """Return the rotation vector of RᵀR_d, or with "xyz+z-axis" of the smallest rotation that takes z to z_d."""
+    """Return the rotation vector of RᵀR_d.
+
+    With "xyz+z-axis" it is that of the smallest rotation that takes z to z_d.
+    """
     between = multiply(transpose(rotation), desired)
     if axes == "xyz+z-axis":
         x, y, z = transpose(between)[2]
@@ -84,7 +88,10 @@ def _is_half_turn(sine: Component, cosine: Component) -> Any:
 
 
 def _half_turn(between: Matrix) -> Vector:
-    """Return the rotation vector of a half turn: R + 1 = 2 a aᵀ, so that any of its columns gives the axis a."""
+    """Return the rotation vector of a half turn.
+
+    R + 1 = 2 a aᵀ, so that any nonzero column gives the axis a.
+    """
     x, y, z = (tuple(plus(between[i][j], float(i == j)) for i in range(3)) for j in range(3))
     # the longest column, which has the largest diagonal entry; the others may be 0
     axis = _where(np.less_equal(z[2], y[1]), y, z)
@@ -139,16 +146,17 @@ class Task:
             raise InvalidInput("path must have 3-D points for axes 'xyz', got 2-D ones; axes='xy' leaves z free")
 
     def resolve_axes(self, arm: Arm) -> Task:
-        """Return the task with the axes that an arm and the path imply, if none are given.
+        """Return the task with axes; missing axes follow from arm and path.
 
-        2-D points are "xy" also for an arm in space whose frame keeps its height, such as a gantry. Raises InvalidInput
-        for axes that a planar arm does not have, 2-D points if the frame can rise, or a frame that is not on the arm.
+        Given axes stay. 2-D points are "xy" also for an arm in space whose frame keeps its height, such as a gantry.
+        Raises InvalidInput for axes that a planar arm does not have, 2-D points if the frame can rise, or a frame that
+        is not on the arm.
         """
         arm.frame(self.frame)
         oriented = self.path.quaternions is not None
         flat = self.axes is None and not arm.is_planar and self.path.positions.shape[-1] == 2
         if flat:
-            # no joint moves the frame up or down at some random postures, but for angles with four decimals in a URDF
+            # no joint moves the frame up or down at four postures; the tolerance allows for a URDF's rounded angles
             q = np.sin(np.arange(1.0, 4.0 * arm.dof + 1.0)).reshape(4, arm.dof) * joint_scales(arm)
             if np.ptp(arm.pose(q, frame=self.frame).position[:, 2]) <= 1e-4 * characteristic_length(arm):
                 return replace(self, axes="xy")
@@ -209,9 +217,10 @@ class Task:
         return np.concatenate(first, axis=1), np.concatenate(second, axis=1)
 
     def displacements(self, t: Times) -> Float[np.ndarray, "time displacements"]:
-        """Return the displacement of the target from each of the times t [s] to the next, 0 from the last.
+        """Return the displacement of the target from each time to the next.
 
-        It has the position [m], then the rotation vector [rad] in world axes, if any; with "xyz+z-axis" the smallest
+        Times t are in s; the displacement from the last time is 0. A displacement has the position [m], then the
+        rotation vector [rad] in world axes if the task has orientation. With "xyz+z-axis" the vector is the smallest
         one that rotates the z axis.
         """
         targets = self.targets(t)
@@ -230,7 +239,10 @@ class Task:
         return np.concatenate(columns, axis=1)
 
     def displacement_components(self, arm: Arm, links: LinkFrames, displacement: Components) -> list[Component]:
-        """Return a row of ``displacements`` in the coordinates of ``errors``, as components."""
+        """Return a row of ``displacements`` in the coordinates of ``errors``.
+
+        The result has components.
+        """
         components = list(displacement[: self.position_rows])
         if self.has_orientation:
             rotation, _ = frame_components(arm, links, frame_of(arm, self.frame))
@@ -240,7 +252,7 @@ class Task:
         return components
 
     def errors(self, arm: Arm, links: LinkFrames, target: Components) -> list[Component]:
-        """Return the errors at a target as components: expressions or numbers."""
+        """Return the errors at a target as components."""
         rotation, position = frame_components(arm, links, frame_of(arm, self.frame))
         size = self.position_rows
         error = [minus(target[i], position[i]) for i in range(size)]
@@ -250,7 +262,10 @@ class Task:
         return error
 
     def jacobian(self, arm: Arm, links: LinkFrames) -> list[list[Component]]:
-        """Return the Jacobian rows of the frame as components; Newton's step solves J δq = error."""
+        """Return the Jacobian rows of the frame as components.
+
+        Newton's step solves J δq = error.
+        """
         frame = frame_of(arm, self.frame)
         rotation, position = frame_components(arm, links, frame)
         columns = jacobian_components(arm, links, frame, position)
@@ -261,10 +276,11 @@ class Task:
         return jacobian
 
     def equations(self, arm: Arm, links: LinkFrames, target: Components) -> list[Component]:
-        """Return smooth functions that are 0 if the errors are; there their gradients are the Jacobian's rows.
+        """Return smooth functions that are 0 if the errors are 0.
 
-        Unlike the rotation vector, sines of the angle have derivatives of every order on the path, and the same first
-        and second ones. They are 0 at half turns too, so use them only for motions on the path.
+        On the path, their gradients are the rows of the Jacobian. Sines of the angle replace the rotation vector: on
+        the path they have derivatives of every order, and the same first and second derivatives. They are 0 at half
+        turns too, so use them only for motions on the path.
         """
         rotation, position = frame_components(arm, links, frame_of(arm, self.frame))
         size = self.position_rows
@@ -286,17 +302,23 @@ class Task:
 
 
 def error_unit(tasks: Sequence[Task]) -> str:
-    """Return the unit of the largest error of tasks: m, or m or rad with orientations."""
+    """Return the unit of the largest error of tasks.
+
+    The unit is m, or "m or rad" for tasks with orientation.
+    """
     return " or ".join(dict.fromkeys(row_units(tasks)))
 
 
 def row_units(tasks: Sequence[Task]) -> list[str]:
-    """Return the unit of every row of task errors: m for position, rad for orientation."""
+    """Return the unit of every row of task errors: m or rad."""
     return ["m" if row < task.position_rows else "rad" for task in tasks for row in range(task.rows)]
 
 
 def describe_errors(tasks: Sequence[Task], errors: Float[np.ndarray, " rows"]) -> str:
-    """Return in words the largest task errors at a sample: position in m, orientation in rad."""
+    """Return in words the largest task errors at a sample.
+
+    Errors of position are in m, of orientation in rad.
+    """
     largest: dict[str, float] = {}
     for unit, error in zip(row_units(tasks), np.abs(errors), strict=True):
         largest[unit] = max(largest.get(unit, 0.0), float(error))
@@ -336,8 +358,8 @@ def _over_tasks(
 
 @lru_cache(maxsize=64)
 def frame_of(arm: Arm, name: str) -> Frame:
-    """Return a frame of an arm, from memory."""
-    return arm.frame(name)  # a slow search, which retraction would call a thousand times
+    """Return a frame of an arm, from a cache."""
+    return arm.frame(name)  # a slow search, and retraction needs it a thousand times
 
 
 def _cross_matrices(vectors: Float[np.ndarray, "time 3"]) -> Float[np.ndarray, "time 3 3"]:

@@ -1,4 +1,4 @@
-"""A motion of expressions: functions of motions are traced through it and get exact derivatives.
+"""A motion of expressions, from which functions get exact derivatives.
 
 An objective is one NumPy function. A call with a ``TracedMotion`` records its computation, from which exact
 derivatives of any order follow. Most functions depend on one sample at a time: position, velocity, acceleration and
@@ -37,11 +37,13 @@ KINKS = PIECEWISE | {Op.ABSOLUTE}
 
 @dataclass(frozen=True, eq=False)
 class TracedMotion:
-    """The attributes of ``Motion`` as expressions; functions get it when derivatives are taken.
+    """The attributes of ``Motion`` as expressions.
 
     task: MotionTask, or a stand-in for one
     seconds: duration [s]; None for a motion with its own times, which follows no task
-    steps: intervals (time − 1,) [s] of a motion with its own times; of one sample their sum
+    steps: intervals (time − 1,) [s] of a motion with its own times; their sum if one sample is traced
+
+    Functions get this motion when derivatives are taken.
     """
 
     task: Any
@@ -84,7 +86,10 @@ class TracedMotion:
 
     @cached_property
     def velocity_bounds(self) -> TracedArray:
-        """As ``Motion.velocity_bounds``, but a sample has that of the interval after it."""
+        """As ``Motion.velocity_bounds``, but shifted by half an interval.
+
+        A sample has the bound of the interval after it.
+        """
         if self.seconds is None or self.differences != "spline":
             return self.dq
         half = np.zeros(len(self.task.instants))
@@ -141,7 +146,10 @@ class TracedMotion:
 
     @cached_property
     def manipulability(self) -> TracedArray:
-        """As ``Motion.manipulability``, but without a kink: only there rounding below 0 is cut off."""
+        """As ``Motion.manipulability``, but without a kink.
+
+        Values are cut off only if rounding makes them negative.
+        """
 
         def entries(q: list[Component], *_: object) -> list[Component]:
             if self.tasks:
@@ -200,7 +208,10 @@ class TracedMotion:
 
 @dataclass(frozen=True, eq=False)
 class OwnDuration:
-    """The duration of motions with their own times, traced at one sample: one number per motion, not per sample."""
+    """The duration of motions with their own times, traced at one sample.
+
+    There is one number per motion, not per sample.
+    """
 
     number: TracedArray | None
 
@@ -223,27 +234,33 @@ def trace_sample(
     duration: float | None = None,
     own_times: bool = False,
 ) -> TracedMotion:
-    """Return one sample of a motion of a task, for functions that depend on one sample at a time.
+    """Return one sample of a motion of a task.
 
     scales: divisors of the inputs, which are joints and their rates
     duration: divisor of means over time [s], None for the task's duration
     own_times: whether motions have only the task's arm and number of samples; the duration is then the last input
+
+    The sample is for functions that depend on one sample at a time.
     """
     seconds = float(np.ptp(task.times)) if duration is None else duration
     return _trace_inputs(task, Trace(len(task.instants)), (), scales, seconds, () if own_times else None)
 
 
 def trace_sample_again(motion: TracedMotion, scales: Float[np.ndarray, " dof"] | float = 1.0) -> TracedMotion:
-    """Return one sample of another motion of the task on the same tape, with its own inputs."""
+    """Return one sample of another motion of the task.
+
+    It is on the same tape and has its own inputs.
+    """
     return _trace_inputs(motion.task, motion.trace, (), scales, motion.seconds, None)
 
 
 def trace_motion(
     task: Any, *, scales: Float[np.ndarray, " dof"] | float = 1.0, own_times: bool = False
 ) -> TracedMotion:
-    """Return a whole motion of a task, for functions that combine several samples; see ``trace_sample``.
+    """Return a whole motion of a task.
 
-    With ``own_times`` its intervals are the last inputs.
+    It is for functions that combine several samples. Parameters are those of ``trace_sample``; with ``own_times``, the
+    intervals are the last inputs.
     """
     count = len(task.instants)
     steps = (count - 1,) if own_times else None
@@ -258,7 +275,10 @@ def _trace_inputs(
     seconds: float | None,
     steps: tuple[int, ...] | None,
 ) -> TracedMotion:
-    """Return a motion of new inputs: joints and rates of a ``shape``, then ``steps`` of its own times if any."""
+    """Return a motion of new inputs: joints and rates of a ``shape``.
+
+    If the motion has its own times, ``steps`` follow as inputs.
+    """
 
     def inputs(factor: Any, *size: int) -> TracedArray:
         return TracedArray(trace, (factor * trace.inputs(*size)).entries, shared=True)
@@ -272,9 +292,10 @@ def _trace_inputs(
 def trace_motion_function(
     motion: TracedMotion, name: str, function: Callable[[Any], Any], form: str
 ) -> list[Expression | float]:
-    """Return the values of a function of a whole motion: one, or one per sample if its form is a series.
+    """Return the values of a function of a whole motion.
 
-    Raises, by ``name``, InvalidInput for a function without derivatives, EvaluationFailed for one that raises.
+    There is one value, or one per sample if the form is a series. Raises, by ``name``, InvalidInput for a function
+    without derivatives, EvaluationFailed for one that raises.
     """
     shape = motion.time.shape if form in ("integral", "peak") else ()
     wish = f"(time,), here {shape}," if shape else "()"
@@ -292,9 +313,10 @@ def trace_motion_function(
 
 
 def trace_sample_function(motion: TracedMotion, name: str, function: Callable[[Any], Any]) -> Expression | float | None:
-    """Return the value of a function at one sample; None if it combines several samples.
+    """Return the value of a function at one sample.
 
-    Raises, by ``name``, InvalidInput for a function without derivatives, EvaluationFailed for one that raises.
+    Returns None if the function combines several samples. Raises, by ``name``, InvalidInput for a function without
+    derivatives, EvaluationFailed for one that raises.
     """
     tape = motion.trace.tape
     try:

@@ -1,4 +1,4 @@
-"""Checks of all parts of a motion problem, and the motion task made of them."""
+"""Checks of all parts of a motion problem, which make the motion task."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ from paretoik.task.path import Path
 from paretoik.task.retraction import row_scales, task_errors
 from paretoik.task.task import Task, row_units
 
-START_TOLERANCE = 1e-6  # of the arm's length, and rad: largest distance of a start that is moved onto the path
-TILT_TOLERANCE = 1e-4  # rad, of poses out of a planar arm's plane: twice the error of angles with four decimals
+START_TOLERANCE = 1e-6  # share of the arm's length, and rad: a start nearer than this is moved onto the path
+TILT_TOLERANCE = 1e-4  # rad: tilt of poses out of a planar arm's plane, twice the error of angles with four decimals
 
 
 def motion_task(
@@ -54,7 +54,7 @@ def motion_task(
 ) -> MotionTask:
     """Return the motion task of all parts of a problem, checked.
 
-    ``redundant`` refuses tasks that leave no joint free. Raises InvalidInput, naming the part, if one cannot be used.
+    If ``redundant``, tasks that leave no joint free are refused. Raises InvalidInput, naming the unusable part.
     """
     check_arm("arm", arm)
     check_flag("cyclic", cyclic)
@@ -78,7 +78,7 @@ def motion_task(
         for kind in ("torque", "power"):
             if getattr(given, kind) is not None and np.isfinite(given.bounds(arm, 3).get(kind, np.inf)).any():
                 raise InvalidInput(f"{kind} limit: the arm must have masses, got {arm.name}, which has links without")
-        bounds.pop("torque", None)  # the arm's own limit: its torques are unknown
+        bounds.pop("torque", None)  # the arm's own limit is left out: torques are unknown without masses
     task = MotionTask(
         arm=arm,
         tasks=followed,
@@ -102,9 +102,10 @@ def motion_task(
 
 
 def _check_plane(arm: Arm, task: Task) -> None:
-    """Raise InvalidInput if a path without axes leaves the plane of a planar arm, where no frame follows it.
+    """Raise InvalidInput if a path without axes leaves a planar arm's plane.
 
-    If the plane is level, poses may also be at z = 0, as ``Pose.planar`` makes them.
+    No frame of the arm follows such paths. If the plane is level, poses may also be at z = 0, as ``Pose.planar`` makes
+    them.
     """
     if not arm.is_planar:
         return
@@ -146,14 +147,17 @@ def _check_plane(arm: Arm, task: Task) -> None:
 
 
 def _coordinates(vector: Float[np.ndarray, " coordinates"]) -> str:
-    """Return coordinates as text, without a sign if they are 0 up to rounding."""
+    """Return coordinates as text, without the sign of rounded zeros."""
     return ", ".join(f"{round(value, 12) + 0.0:.6g}" for value in vector.tolist())
 
 
 def _followed_tasks(
     arm: Arm, given: Path | Task | Sequence[Path | Task], *, redundant: bool, closed: bool, rests: bool
 ) -> tuple[Task, ...]:
-    """Return the tasks, each with its axes; checked, also whether paths are ``closed`` or end at rest if required."""
+    """Return the checked tasks, each with its axes.
+
+    If required, paths must be ``closed``, or end at rest.
+    """
     every = []
     for one in given if isinstance(given, list | tuple) else [given]:
         if not isinstance(one, Path | Task):
@@ -188,7 +192,10 @@ def _followed_tasks(
 
 
 def _check_immovable_links(task: MotionTask) -> None:
-    """Raise InvalidInput if an obstacle overlaps the base, or a link that no joint moves."""
+    """Raise InvalidInput if an obstacle overlaps a link that never moves.
+
+    These links are the base and all links that no joint moves.
+    """
     if not task.obstacles:
         return
     lower, upper = task.arm.position_limits.T
@@ -219,20 +226,26 @@ def _check_decorated(kind: str, members: Sequence[Objective] | Sequence[Constrai
 
 
 def lacks_masses(arm: Arm) -> bool:
-    """Return whether an arm's torques and energies are meaningless: no link, or not each link of a URDF, has mass."""
+    """Return whether torques and energies of an arm are meaningless.
+
+    They are if no link has mass, or for a URDF if a link has none.
+    """
     masses = [body.mass for body in arm.bodies]
     return not any(masses) or (arm.source is not None and not all(masses[:-1]))
 
 
 def _check_functions_without_masses(task: MotionTask) -> None:
-    """Raise InvalidInput, naming the first objective or constraint that depends on torques or energies."""
+    """Raise InvalidInput if a function depends on torques or energies.
+
+    The error names the first such objective or constraint.
+    """
     q = np.linspace(0.1, 0.7, len(task.times) * task.arm.dof).reshape(1, len(task.times), task.arm.dof)
     if task.cyclic:
         q[:, -1] = q[:, 0]
     motion = task.motion(q)
     for name in ("torque", "power", "kinetic_energy"):
         values = np.full_like(getattr(motion, name), np.nan)
-        motion.__dict__[name] = values  # replaces the computed values
+        motion.__dict__[name] = values  # these values replace the computed ones
     for kind, members in (("objective", task.objectives), ("constraint", task.constraints)):
         for member in members:
             try:
@@ -246,7 +259,10 @@ def _check_functions_without_masses(task: MotionTask) -> None:
 
 
 def _checked_start(task: MotionTask, given: object) -> np.ndarray:
-    """Return the joint positions at the start; raises InvalidInput off the path's first sample or beyond limits."""
+    """Return the joint positions at the start.
+
+    Raises InvalidInput if the start is off the path's first sample or beyond limits.
+    """
     arm = task.arm
     if given is None or isinstance(given, str):
         raise InvalidInput(f"start must be 'free' or {arm.dof} joint positions, got {shown(given)}")

@@ -1,1 +1,1 @@
-"""Whole motions as nonlinear programs: transcription, levels, restarts, and the grid oracle with its bound."""
+"""Motions as nonlinear programs: transcription, levels, restarts, and the grid oracle."""

@@ -1,4 +1,6 @@
-"""The state of a motion's curve at its instants, and its derivatives by the spline's state; compiled.
+"""The state of a motion's curve and its derivatives; compiled.
+
+The derivatives are by the state of the motion's spline.
 
 A motion is its spline s projected onto the path (``task.joint_curve``) along the columns of D = W² J(s)ᵀ, W the joint
 scales: q = s + D λ, so that the path equations g(q, t), ġ and g̈ are 0. With G = (J D)⁻¹, K = D G, Π = I − K J,
@@ -8,12 +10,11 @@ B = ∂ġ/∂q and C = ∂g̈/∂q the implicit function theorem gives, with mul
     δq̇₀ = δṡ + δ(D λ)˙ + Ḋ δλ,           δq̇ = Π δq̇₀ − K B δq,              δλ̇ = −G (J δq̇₀ + B δq),
     δq̈₀ = δs̈ + δ(D λ)¨ + D̈ δλ + 2 Ḋ δλ̇,  δq̈ = Π δq̈₀ − K (C δq + 2 B δq̇).
 
-The derivatives by s, ṡ and s̈ are those of a function of s and t, differentiated by time: ∂q̇/∂ṡ = ∂q/∂s, and so on.
+The derivatives by s, ṡ and s̈ follow from those of a function of s and t, differentiated by time: ∂q̇/∂ṡ = ∂q/∂s, etc.
 
-Second derivatives are those of the Lagrangian, with multipliers of g, ġ and g̈ for which its gradient by λ, λ̇ and λ̈
-is 0. If r is its gradient by q, q̇ and q̈, the part that turns with s is P = Σ r · (D λ)⁽ᵒ⁾, which adds the mixed
-derivatives ∂²P/∂s∂λ δλ twice. Derivatives by s only are left out: they are proportional to λ, the spline's distance
-from the path.
+Second derivatives are those of the Lagrangian. Its multipliers of g, ġ and g̈ make its gradient by λ, λ̇ and λ̈ 0. If r
+is its gradient by q, q̇ and q̈, the directions D add the term P = Σ r · (D λ)⁽ᵒ⁾, whose mixed derivatives ∂²P/∂s∂λ δλ
+count twice. Second derivatives by s only are left out: they are proportional to λ, the spline's distance from the path.
 """
 
 from __future__ import annotations
@@ -30,30 +31,30 @@ from paretoik.task.retraction_kernel import newton, project_rates, solve, write_
 class Curve(NamedTuple):
     """Evaluators, targets and scales that project the instants of a task's spline."""
 
-    projects: bool  # False for motions of finite differences, whose state is that of their samples
-    errors: tuple[np.ndarray, ...]  # of the task errors and their Jacobian at s and targets
-    normals: tuple[np.ndarray, ...]  # of J, J̇ and J̈ at s, ṡ and s̈
-    rates: tuple[np.ndarray, ...]  # of J, ġ and g̈
-    slopes: tuple[np.ndarray, ...]  # of J, B and C
-    turns: tuple[np.ndarray, ...]  # of the slopes of Jᵀ λ, (Jᵀ λ)˙ and (Jᵀ λ)¨ by s
-    twists: tuple[np.ndarray, ...]  # of the slopes of J ρ, (J ρ)˙ and (J ρ)¨ by s
+    projects: bool  # False for finite differences: the motion's state is that of its samples
+    errors: tuple[np.ndarray, ...]  # evaluator of the task errors and their Jacobian at s and targets
+    normals: tuple[np.ndarray, ...]  # evaluator of J, J̇ and J̈ at s, ṡ and s̈
+    rates: tuple[np.ndarray, ...]  # evaluator of J, ġ and g̈
+    slopes: tuple[np.ndarray, ...]  # evaluator of J, B and C
+    turns: tuple[np.ndarray, ...]  # evaluator of the gradients of Jᵀ λ, (Jᵀ λ)˙ and (Jᵀ λ)¨ by s
+    twists: tuple[np.ndarray, ...]  # evaluator of the gradients of J ρ, (J ρ)˙ and (J ρ)¨ by s
     targets: np.ndarray  # (instants, numbers)
     inputs: np.ndarray  # (3 dof + 3 numbers, instants): space for the state, then targets and their derivatives
     row_scales: np.ndarray  # (rows,)
     scales: np.ndarray  # (dof,)
     retraction: tuple[float, float, int]  # settings of Newton's method
-    on_path: float  # largest task error of a projected instant
+    on_path: float  # largest task error at which a projected instant is on the path
 
 
 class CurveWork(NamedTuple):
     """The state of a curve at its instants, and its derivatives."""
 
-    inputs: np.ndarray  # those of the curve
+    inputs: np.ndarray  # inputs of the curve
     spline: np.ndarray  # (3, instants, dof)
     state: np.ndarray  # (3, instants, dof)
     directions: np.ndarray  # (3, instants, dof, rows): D, Ḋ and D̈
     multipliers: np.ndarray  # (3, instants, rows): λ, λ̇ and λ̈
-    on_path: np.ndarray  # (instants,): if false, the state is that of the spline
+    on_path: np.ndarray  # (instants,): whether the state is the projected one, else that of the spline
     inverse: np.ndarray  # (rows, rows, instants): G
     gains: np.ndarray  # (3, dof, rows, instants): K = D G, Ḋ G and D̈ G
     bends: np.ndarray  # (3, rows, dof, instants): J, B and C
@@ -92,7 +93,10 @@ def allocate_curve(curve, variables):
 
 @compiled
 def project_instants(curve, work, u):
-    """Overwrite the spline's state u (variables, instants) with the curve's, if the spline is near its path."""
+    """Project the spline's state u onto its path, in place.
+
+    Instants of u (variables, instants) that are too far from the path stay as they are.
+    """
     if not curve.projects:
         return
     n, instants, orders = len(curve.scales), u.shape[1], u.shape[0] // len(curve.scales)
@@ -104,7 +108,7 @@ def project_instants(curve, work, u):
                 same &= spline[o, p, j] == u[o * n + j, p] * curve.scales[j]
                 spline[o, p, j] = u[o * n + j, p] * curve.scales[j]
     if not same:
-        # the state from the spline's state, and which instants are on the path
+        # the projected state, and which instants are on the path
         spline, state = work.spline, work.state
         _, instants, n = spline.shape
         write_directions(curve.normals, spline, curve.scales, work.directions)
@@ -135,7 +139,10 @@ def project_instants(curve, work, u):
 
 @compiled
 def linearise_instants(curve, work):
-    """Write the derivatives of the last projected states; matrices have the instant as last axis."""
+    """Write the derivatives of the last projected states.
+
+    The last axis of each matrix is the instant.
+    """
     if not curve.projects:
         return
     _, instants, n, rows = work.directions.shape
@@ -177,8 +184,8 @@ def linearise_instants(curve, work):
     _add_bend(inverse, jacobian, -1.0, held[2], along, moves[2])
     _add_bend(inverse, acceleration, -1.0, rates[0], along, moves[2])
     _add_bend(inverse, velocity, -2.0, rates[1], along, moves[2])
-    # the derivatives of states from ∂q/∂s, ∂q̇/∂s and ∂q̈/∂s, joints divided by their scales. Jerks are those of the
-    # spline
+    # the derivatives of states from ∂q/∂s, ∂q̇/∂s and ∂q̈/∂s, joints divided by their scales. The jerks are those
+    # of the spline
     n, variables = len(curve.scales), len(work.chain)
     for o in range(min(variables // n, 3)):
         for k in range(o + 1):
@@ -190,7 +197,7 @@ def linearise_instants(curve, work):
         work.chain[a, a] = 1.0
     for p in range(instants):
         if not work.on_path[p]:
-            # the derivatives of an instant whose state is that of the spline
+            # the state of this instant is that of the spline
             work.gains[..., p], work.bends[..., p], work.moves[..., p], work.chain[..., p] = 0.0, 0.0, 0.0, 0.0
             for a in range(len(work.chain)):
                 work.chain[a, a, p] = 1.0
@@ -198,7 +205,7 @@ def linearise_instants(curve, work):
 
 @compiled
 def _write_gains(jacobian, directions, inverse, gains):
-    """Write G = (J D)⁻¹ and D G, Ḋ G and D̈ G."""
+    """Write G = (J D)⁻¹, D G, Ḋ G and D̈ G."""
     _, instants, n, rows = directions.shape
     matrix, right = np.empty((rows, rows)), np.empty(rows)
     for p in range(instants):
@@ -240,7 +247,10 @@ def _add_bend(gain, bend, factor, moves, along, out):
 
 @compiled
 def chain_directions(work, du):
-    """Overwrite directions (states, instants) of the spline's state with those of the curve's; later rows stay."""
+    """Overwrite directions of the spline's state with the curve's.
+
+    They are (states, instants); rows after the states stay.
+    """
     states, _, instants = work.chain.shape
     if not instants:
         return
@@ -256,7 +266,10 @@ def chain_directions(work, du):
 
 @compiled
 def chain_gradient(work, gradient, out):
-    """Write a gradient by the spline's state, from one by the curve's and, after it, by the spline's own state."""
+    """Write the gradient by the spline's state from the curve's gradient.
+
+    The given gradient is by the curve's state and, in rows after it, by the spline's own state.
+    """
     chain = work.chain
     if not chain.shape[2]:
         out[:] = gradient
@@ -272,15 +285,16 @@ def chain_gradient(work, gradient, out):
 
 @compiled
 def curve_multipliers(curve, work, gradient, multipliers):
-    """Write the multipliers (orders · rows, instants) of g, ġ and g̈ for a gradient by the curve's state.
+    """Write the multipliers of g, ġ and g̈ for a gradient.
 
-    With them the gradient by λ, λ̇ and λ̈ is 0.
+    They are (orders · rows, instants); the gradient is by the curve's state. With them the gradient by λ, λ̇ and λ̈ is
+    0.
     """
     _, instants, n, rows = work.directions.shape
     orders, left = min(gradient.shape[0] // n, 3), work.left
     for o in range(orders - 1, -1, -1):
         found = multipliers[o * rows : (o + 1) * rows]
-        for j in range(n):  # before the part of g of this order
+        for j in range(n):  # the gradient without the part of g of this order
             for p in range(instants):
                 left[o, j, p] = gradient[o * n + j, p] / curve.scales[j]
             for higher in range(o + 1, orders):
@@ -304,10 +318,11 @@ def curve_multipliers(curve, work, gradient, multipliers):
 
 @compiled
 def _write_twist(curve, work):
-    """Write the mixed derivatives of P by the spline's state and multipliers, times the multipliers' derivatives.
+    """Write the mixed derivatives of P by state and multipliers.
 
-    P is the second derivative by time of ρᵀ W² Jᵀ λ, if ρ, ρ̇ and ρ̈ are r₂, r₁ / 2 and r₀. With L = ∂λ/∂s and
-    U = ∂(J ρ)/∂s, it is the symmetric part of (2 Uᵀ L)⁽ᵒ⁾.
+    They are by the spline's state and λ, times the derivatives of λ by the spline's state. P is the second derivative
+    by time of ρᵀ W² Jᵀ λ, if ρ, ρ̇ and ρ̈ are r₂, r₁ / 2 and r₀. With L = ∂λ/∂s and U = ∂(J ρ)/∂s, it is the symmetric
+    part of (2 Uᵀ L)⁽ᵒ⁾.
     """
     _, instants, n, rows = work.directions.shape
     places, slopes = np.empty((6 * n, instants)), np.empty((3, rows, n, instants))
@@ -335,7 +350,10 @@ def _write_twist(curve, work):
 
 @compiled
 def add_twist(work, p, phi):
-    """Add the effect of turning directions to the second derivatives by the spline's state at an instant."""
+    """Add the effect of changing directions D to second derivatives.
+
+    They are the second derivatives by the spline's state at instant p.
+    """
     n = work.twist.shape[1]
     for o in range(min(len(phi) // n, 3)):
         for k in range(min(len(phi) // n, 3 - o)):

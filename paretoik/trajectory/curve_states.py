@@ -1,7 +1,7 @@
-"""The projection of a spline's instants onto the path of its task, as arrays for ``curve_state_kernel``.
+"""Arrays that project a spline's instants onto their path.
 
-Programs bound and minimise functions of the curve's state. Its first derivatives are exact; second derivatives lack the
-terms that are proportional to the spline's distance from the path.
+They are for ``curve_state_kernel``. Programs bound and minimise functions of the curve's state. Its first derivatives
+are exact; second derivatives lack the terms that are proportional to the spline's distance from the path.
 """
 
 from __future__ import annotations
@@ -24,7 +24,10 @@ from paretoik.trajectory.curve_state_kernel import Curve
 
 
 def curve_arrays(task: MotionTask) -> Curve:
-    """Return the arrays that project the instants of a task, with their own registers: one per thread."""
+    """Return the arrays that project a task's instants.
+
+    Each thread needs its own: they contain registers.
+    """
     arm, tasks, (targets, inputs) = task.arm, task.tasks, _targets(task)
     return Curve(
         projects=task.differences == "spline",
@@ -45,14 +48,17 @@ def curve_arrays(task: MotionTask) -> Curve:
 
 @lru_cache(maxsize=32)
 def _targets(task: MotionTask) -> tuple[np.ndarray, np.ndarray]:
-    """Return targets (instants, numbers), and an array with space for q, q̇ and q̈, then targets and derivatives."""
+    """Return targets (instants, numbers) and the array of inputs.
+
+    The inputs have space for q, q̇ and q̈, then targets and their derivatives.
+    """
     parts = instant_targets(task)
     room = np.zeros((3 * task.arm.dof, len(task.instants)))
     return np.ascontiguousarray(parts[0]), np.concatenate([room, *(part.T for part in parts)])
 
 
 def instant_targets(task: MotionTask) -> tuple[np.ndarray, ...]:
-    """Return the targets (instants, numbers) of all tasks and their first and second derivatives."""
+    """Return all tasks' targets (instants, numbers), with first and second derivatives."""
     targets = target_rates(task.tasks, task.instants)
     for part in targets if task.cyclic else ():
         part[-1] = part[0]
@@ -60,15 +66,19 @@ def instant_targets(task: MotionTask) -> tuple[np.ndarray, ...]:
 
 
 def _trace_gradients(arm: Arm, tasks: Sequence[Task]) -> tuple[Tape, list[int]]:
-    """Return the tape of J, B = ∂ġ/∂q and C = ∂g̈/∂q, as ``rate_evaluator``."""
+    """Return the tape of J, B = ∂ġ/∂q and C = ∂g̈/∂q.
+
+    Its inputs are those of ``rate_evaluator``.
+    """
     tape, (q, *_), parts = trace_path(arm, tasks)
     return tape, [entry for part in parts for each in part for entry in gradient(tape, each, q)]
 
 
 def _trace_slopes(arm: Arm, tasks: Sequence[Task], *, transposed: bool) -> tuple[Tape, list[int]]:
-    """Return the tape of slopes by s of J ρ, or of Jᵀ λ, and of its first and second derivatives.
+    """Return the tape of gradients by s: J ρ or Jᵀ λ.
 
-    Its inputs are s, ṡ and s̈, then ρ, ρ̇ and ρ̈, or λ, λ̇ and λ̈.
+    It also has those of their first and second derivatives by time. Its inputs are s, ṡ and s̈, then ρ, ρ̇ and ρ̈, or
+    λ, λ̇ and λ̈.
     """
     tape, n = Tape(), arm.dof
     count = sum(task.rows for task in tasks) if transposed else n

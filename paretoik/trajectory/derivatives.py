@@ -1,4 +1,4 @@
-"""First derivatives of a motion's program at one motion, along the self-motion of every sample."""
+"""First derivatives of a motion's program, along the self-motion of every sample."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class MotionLinearisation:
     Columns are steps of the self-motion, slides in arm lengths, then slack and epigraph variables of samples, peaks and
     functions of the whole motion.
 
-    normal: null space of the tasks' Jacobian; sample s moves by ``normal``[s] times its unknowns
+    normal: null space of the tasks' Jacobian; sample s moves by ``normal``[s] times the unknowns of the sample
     basis: derivatives of all variables by the columns (variables · instants, columns)
     spline: derivatives of the spline's state by the columns
     samples: derivatives of q by the columns (dof · time, columns)
@@ -58,7 +58,10 @@ class MotionLinearisation:
 
     @property
     def unit(self) -> float:
-        """Euclidean length of a step with RMS 1 over time [rad, the arm's length]."""
+        """Euclidean length of a step with RMS 1 over time.
+
+        It is in rad, slides in arm lengths.
+        """
         return float(np.sqrt(self.unknowns / self.normal.shape[2]))
 
     @property
@@ -68,7 +71,7 @@ class MotionLinearisation:
 
     @property
     def equalities(self) -> Float[np.ndarray, " equalities"]:
-        """None: the motion is on the path."""
+        """No equalities: the motion is on the path already."""
         return np.zeros(0)
 
     @property
@@ -82,16 +85,17 @@ class MotionLinearisation:
         multipliers: Float[np.ndarray, " inequalities"],
         cone_multipliers: tuple[np.ndarray, ...] = (),
     ) -> sparse.csr_array:
-        """Return the Hessian (columns, columns) of weights · F + ν · h − multipliers · c − cone_multipliers · cones.
+        """Return the Hessian (columns, columns) of the Lagrangian.
 
-        The path's multipliers ν make the gradient in the row space of its Jacobian 0. For a spline, h includes the
-        equations of its instants with their first and second derivatives.
+        The Lagrangian is weights · F + ν · h − multipliers · c − cone_multipliers · cones. The path's multipliers ν
+        make the gradient in the row space of its Jacobian 0. For a spline, h includes the equations of its instants
+        with their first and second derivatives.
         """
         p, curve, path_jacobian = self.program, self.values.curve, self.path_jacobian
         _, variables, instants = self.function_gradients.shape
         orders, n = p.stencil.orders, p.task.arm.dof
         by_limit, by_part = _part_multipliers(p, weights, multipliers, cone_multipliers)
-        # the Lagrangian's weights of all functions of an instant, and those of the variables that limits bound
+        # the Lagrangian's weights of all functions of an instant, and of the variables that limits bound
         functions, variables, instants = self.function_gradients.shape
         factors, by_variable = np.zeros((functions, instants)), np.zeros((variables, instants))
         for total, weight in zip(p.totals, weights, strict=True):
@@ -143,7 +147,10 @@ class MotionLinearisation:
         return np.einsum("tja,ta->tj", self.normal, unknowns) * joint_scales(self.program.task.arm)
 
     def retract(self, step: Float[np.ndarray, " columns"]) -> Float[np.ndarray, "time dof"] | None:
-        """Return the motion after a step, retracted to the path; None if it leaves the self-motion manifold."""
+        """Return the motion after a step, retracted to the path.
+
+        None if it leaves the self-motion manifold.
+        """
         task = self.program.task
         q = self.x + self.displacement(step)
         targets = task.targets.copy()
@@ -165,7 +172,10 @@ class MotionLinearisation:
     def corrected_inequalities(
         self, step: Float[np.ndarray, " columns"], x: Float[np.ndarray, "time dof"]
     ) -> Float[np.ndarray, " inequalities"]:
-        """Return limits and ties at the motion x, with slack and epigraph variables after the step."""
+        """Return limits and ties at the motion x after a step.
+
+        Slack and epigraph variables are those after the step.
+        """
         p, u, instants = self.program, self.unknowns, len(self.program.task.instants)
         values = p.values(x)
         inputs, column = values.inputs.copy(), u + p.slacks * instants
@@ -182,7 +192,10 @@ class MotionLinearisation:
 
 
 def linearise(program: MotionTerms, q: Float[np.ndarray, "time dof"]) -> MotionLinearisation:
-    """Return the program's values and first derivatives at a motion on the path."""
+    """Return the program's values and first derivatives at a motion.
+
+    The motion must be on the path.
+    """
     task, samples, instants, n = program.task, len(q), len(program.task.instants), q.shape[1]
     values = program.values(q)
     linearise_instants(curve_arrays(task), values.curve)
@@ -244,7 +257,10 @@ def linearise(program: MotionTerms, q: Float[np.ndarray, "time dof"]) -> MotionL
 def _basis(
     program: MotionTerms, chain: np.ndarray, normal: np.ndarray, wholes: int
 ) -> tuple[sparse.csr_array, sparse.csr_array, sparse.csr_array]:
-    """Return the derivatives of variables (variables · instants), the spline's state and q (dof · time) by columns."""
+    """Return derivatives by columns: of variables, spline state, and q.
+
+    Their rows are variables · instants, states · instants, and dof · time.
+    """
     stencil, instants, r = program.stencil, len(program.task.instants), normal.shape[2]
     columns = stencil.unknowns + program.slacks * instants + program.peaks + wholes
     begin = stencil.first_unknown[stencil.neighbours]
@@ -264,7 +280,7 @@ def _basis(
     column = stencil.unknowns + np.concatenate([np.arange(slacks), slacks + peaks // instants])
     ones = (np.ones(len(column)), (np.arange(len(column)), column))
     parts.append(sparse.coo_array(ones, shape=(len(column), columns)))
-    # of q: those of every sample by its own unknowns
+    # q of every sample depends only on the unknowns of the sample
     (samples, n, _), first = normal.shape, stencil.first_unknown
     entries = np.where((first >= 0)[:, None, None], normal, 0.0).transpose(1, 0, 2)
     rows = np.broadcast_to(np.arange(n * samples).reshape(n, samples, 1), entries.shape)
@@ -276,7 +292,10 @@ def _basis(
 def _whole_functions(
     program: MotionTerms, values: MotionValues, basis: sparse.csr_array
 ) -> tuple[np.ndarray, list[np.ndarray], list[sparse.csr_array], list[Cone]]:
-    """Return the parts of objective gradients from wholes, and the ties, their rows and the cones of wholes."""
+    """Return the parts that functions of the whole motion add.
+
+    They are parts of the objectives' gradients, then ties, rows of the ties, and cones.
+    """
     columns = basis.shape[1]
     gradients = np.zeros((len(program.totals), columns))
     ties, tie_rows, cones = list[np.ndarray](), list[sparse.csr_array](), list[Cone]()
@@ -300,7 +319,7 @@ def _whole_functions(
                 continue
             gradients[k, column] = 1.0
             ties.append(parts[group].max() - parts[group])
-            part = rows[group]  # a new last column minus the rows
+            part = rows[group]  # the new last column minus the rows
             entries = np.insert(-part.data, part.indptr[1:], 1.0)
             indices = np.insert(part.indices, part.indptr[1:], column)
             indptr = part.indptr + np.arange(len(part.indptr))
@@ -321,7 +340,10 @@ def _whole_basis(program: MotionTerms, basis: sparse.csr_array) -> sparse.csr_ar
 def _part_multipliers(
     program: MotionTerms, weights: np.ndarray, multipliers: np.ndarray, cone_multipliers: tuple[np.ndarray, ...]
 ) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Return the multipliers of limits and ties of samples, in their own units, and of the parts of every whole."""
+    """Return the multipliers of limits and ties of samples, and of wholes.
+
+    The first are in their own units; the second are those of the parts of every function of the whole motion.
+    """
     count, elastic = len(program.sides), program.elastic
     by_limit = np.concatenate([multipliers[:elastic] / program.ranges[:elastic], multipliers[elastic:count]])
     by_part, tie, cone = list[np.ndarray](), count, 0
@@ -346,7 +368,10 @@ def _part_multipliers(
 def _by_variables(
     program: MotionTerms, seconds: Float[np.ndarray, "entries instants"], variables: int, instants: int
 ) -> sparse.csr_array:
-    """Return second derivatives by the variables of all instants as one symmetric matrix."""
+    """Return second derivatives by all variables as one symmetric matrix.
+
+    The variables are those of all instants.
+    """
     i, j = program.evaluators.hessian_sparsity.rows, program.evaluators.hessian_sparsity.columns
     s = np.arange(instants)
     row, column = (i[:, None] * instants + s).ravel(), (j[:, None] * instants + s).ravel()
@@ -357,7 +382,7 @@ def _by_variables(
 
 
 def _block_diagonal(seconds: Float[np.ndarray, "blocks entries entries"]) -> sparse.csr_array:
-    """Return a block-diagonal matrix; its rows are sorted by entry, then by block."""
+    """Return a block-diagonal matrix, rows sorted by entry, then by block."""
     blocks, entries, _ = seconds.shape
     places = np.arange(entries * blocks).reshape(entries, blocks).T
     row, column = np.broadcast_arrays(places[:, :, None], places[:, None, :])

@@ -1,4 +1,4 @@
-"""Stencils of a task: positions and rates at instants from positions at samples, and their unknowns."""
+"""Stencils of a task: positions and rates at instants from samples."""
 
 from __future__ import annotations
 
@@ -11,18 +11,19 @@ from paretoik.errors import InvalidInput
 from paretoik.task.differences import evaluate_with_midpoints, first_derivative, fit_spline, second_derivative
 from paretoik.task.motion_task import MotionTask
 
-WINDOW = 6  # samples that position, rates and jerk of a spline between two samples depend on
+WINDOW = 6  # number of samples that a spline's position, rates and jerk between two samples depend on
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Stencil:
-    """u of instant i is Σ_k ``coefficients``[order, i, k] q of sample ``neighbours``[i, k].
+    """u of instant i: Σ_k ``coefficients``[order, i, k] q of ``neighbours``[i, k].
 
     first_unknown: index of the first unknown of each sample, −1 if it cannot move
-    border: number of last unknowns in the border of Newton's matrix, which couple the end of a cycle to its start
+    border: number of last unknowns, which are in the border of Newton's matrix: they couple the end of a cycle to its
+        start
 
-    On a cycle the last sample moves with the first; if the motion ends at rest, with the one before, as far as the path
-    allows.
+    On a cycle the last sample moves with the first. If the motion ends at rest, the last sample moves with the one
+    before, as far as the path allows.
     """
 
     neighbours: Int[np.ndarray, "instants width"]
@@ -38,7 +39,10 @@ class Stencil:
 
 
 def stencil(task: MotionTask, orders: int) -> Stencil:
-    """Return the stencil of a task for the first orders of position, velocity, acceleration and jerk."""
+    """Return a task's stencil for the first orders.
+
+    Orders are position, velocity, acceleration and jerk.
+    """
     neighbours, coefficients = (_spline if task.differences == "spline" else _differences)(task, orders)
     samples, width = len(task.times), neighbours.shape[1]
     fixed = int(task.start is not None)
@@ -79,9 +83,9 @@ def _differences(task: MotionTask, orders: int) -> tuple[np.ndarray, np.ndarray]
 
 
 def _spline(task: MotionTask, orders: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return neighbours and coefficients of the spline and its derivatives, from the samples around.
+    """Return neighbours and coefficients of the spline and its derivatives.
 
-    Unit samples that share no window are evaluated together.
+    They are evaluated for unit samples; unit samples that share no window are evaluated together.
     """
     samples = len(task.times)
     free = samples - task.cyclic

@@ -1,6 +1,6 @@
 """Objectives and limits of a task as expressions on a tape.
 
-Functions of one sample become sums over samples, or rows with bounds at every sample; the others are functions of the
+Functions of one sample become sums over samples, or rows with bounds at every sample. Other functions are functions of
 whole motion.
 """
 
@@ -34,19 +34,21 @@ from paretoik.task.traced_motion import (
     trace_sample_function,
 )
 
-# Functions that relate samples of a motion to one another: sums of maxima over groups of numbers, or a factor times the
-# length of a vector. The numbers, their ``parts``, are smooth. Derivatives are taken by all positions and rates of all
-# samples, second ones along directions.
+# Functions of the whole motion: they relate its samples to one another. Each is a sum of maxima over groups of
+# numbers, or a factor times the length of a vector. The numbers, ``parts``, are smooth. Derivatives are by positions
+# and rates of all samples; second derivatives are taken along directions.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WholeFunction:
-    """A function of all u (orders · time · dof), in this order: the sum of the groups' maxima, or a length.
+    """A function of all u: a sum of maxima, or a length.
+
+    u is (orders · time · dof), in this order.
 
     groups: index of each group's first part; empty if the function is ``factor`` times the length of the parts
     jacobian_evaluator: evaluator of the derivatives of parts ``rows`` by inputs ``columns``
-    hessian_evaluator: evaluator that takes u, a direction in u and one multiplier per part, and returns the entries
-        ``hessian_columns`` of the Hessian of Σ multiplier · part times the direction
+    hessian_evaluator: evaluator of the entries ``hessian_columns`` of H · direction, with H the Hessian of
+        Σ multiplier · part; it takes u, a direction in u, and one multiplier per part
     """
 
     name: str
@@ -74,7 +76,10 @@ class WholeFunction:
 
     @property
     def epigraph_columns(self) -> int:
-        """Number of epigraph variables: one per group of several parts, one for a length."""
+        """Number of epigraph variables.
+
+        Groups of several parts have one each; a length has one.
+        """
         return sum(part.stop - part.start > 1 for part in self.slices) if len(self.groups) else 1
 
     def jacobian(self, u: Float[np.ndarray, " inputs"]) -> sparse.csr_array:
@@ -85,7 +90,10 @@ class WholeFunction:
     def hessian_along(
         self, u: Float[np.ndarray, " inputs"], directions: sparse.csr_array, multipliers: Float[np.ndarray, " parts"]
     ) -> Float[np.ndarray, "columns columns"]:
-        """Return Dᵀ H D for directions D (inputs, columns), H the second derivatives of Σ multipliers · parts."""
+        """Return Dᵀ H D for directions D (inputs, columns).
+
+        H is the Hessian of Σ multipliers · parts.
+        """
         if not len(self.hessian_columns):
             return np.zeros((directions.shape[1], directions.shape[1]))
         dense = directions.toarray()
@@ -98,11 +106,11 @@ class WholeFunction:
 
 
 def whole_function(tape: Tape, name: str, value: object) -> WholeFunction:
-    """Return a function that was traced on a tape with all u as inputs."""
+    """Return the function that was traced with all u as inputs."""
     entry, count = as_entry(tape, value), len(tape.inputs)
     norm = norm_terms(tape, entry)
     if norm is None:
-        # one group of all smooth addends, then the pieces of each addend with kinks
+        # one group for all smooth addends, and one for the pieces of each addend with kinks
         smooth, groups = tape.constant(0.0), list[list[int]]()
         for term in summands(tape, entry):
             pieces = smooth_pieces(tape, term)
@@ -148,7 +156,10 @@ def whole_function(tape: Tape, name: str, value: object) -> WholeFunction:
 
 @dataclass(frozen=True, kw_only=True)
 class Total:
-    """A number of a whole motion, at most ``upper``; ``index`` is its place among those of its kind."""
+    """A number of a whole motion, at most ``upper``.
+
+    ``index`` is its place among those of its kind.
+    """
 
     name: str
     kind: Literal["sum", "peak", "whole"]
@@ -158,12 +169,14 @@ class Total:
 
 @dataclass(kw_only=True, eq=False)
 class Functions:
-    """The functions of a task: totals, objectives first, and entries on the tape of one sample.
+    """The functions of a task, as entries on one tape.
 
-    motion: instant of the motion's curve
-    spline: instant of its spline, for integrals with kinks
+    The tape is that of one sample.
+
+    motion: instant of the motion's curve on the tape
+    spline: instant of the motion's spline on the tape, for integrals with kinks
     sums: entries that are integrated
-    rows: entries by name; ``bounds`` (time, 3): lower and upper bound, and the range that violations are shares of
+    rows: entries by name; ``bounds`` (time, 3): lower bound, upper bound, and range that divides violations
     epigraph_variables: epigraph variable σ of each peak, the largest piece at any sample
     epigraph_rows: entries σ − piece ≥ 0
     epigraph_peaks: peak of each of these entries
@@ -193,7 +206,10 @@ class Functions:
 
 
 def function_names(totals: Sequence[Total], rows: Sequence[str], peaks: Iterable[int]) -> list[str]:
-    """Return the names of an instant's functions: sums, rows, then the peak of each epigraph row (``peaks``)."""
+    """Return the names of an instant's functions.
+
+    They are sums, rows, then the peak of each epigraph row (``peaks``).
+    """
     by_peak = [total.name for total in totals if total.kind == "peak"]
     return [*(total.name for total in totals if total.kind == "sum"), *rows, *(by_peak[i] for i in peaks)]
 
@@ -208,12 +224,12 @@ def trace_functions(task: MotionTask, shares: np.ndarray) -> Functions:
     functions = Functions(task=task, motion=motion, spline=trace_sample_again(motion, scales))
     for term, share in zip(task.objectives, shares, strict=True):
         _add_total(functions, f"objective {term.name}", term, term.sign * float(share), np.inf)
-    # add all limits except those on positions, and on rates at samples
+    # add all limits except those on positions, and on rates at samples: these limit variables
     motion, task = functions.motion, functions.task
     inner = ["velocity"] if task.differences == "spline" and "velocity" in task.bounds else []
     for kind in (*inner, *(load for load in ("torque", "power") if load in task.bounds)):
         limits = task.bounds_at(kind, task.instants)
-        if kind == "velocity":  # of Bernstein coefficients between samples; see ``Motion.velocity_bounds``
+        if kind == "velocity":  # limits on Bernstein coefficients between samples; see ``Motion.velocity_bounds``
             bounds, limits = limits, np.tile([-np.inf, np.inf], (len(task.instants), task.arm.dof, 1))
             limits[:-1:2] = np.broadcast_to(bounds, limits.shape)[1::2]
             values = motion.velocity_bounds.entries
@@ -256,13 +272,13 @@ def _add_total(functions: Functions, label: str, term: Objective | Constraint, f
                 total = total + factor * float(weight) * number
         else:
             total = factor * values[0]
-            for number in values[1:]:  # a peak
+            for number in values[1:]:  # the peak is the largest number
                 total = np.maximum(total, factor * number)
         whole = whole_function(whole_motion.trace.tape, term.name, total)
         functions.whole_functions.append(whole)
         return
     tape = motion.trace.tape
-    entry, share = as_entry(tape, np.sign(factor) * value), tape.input()  # for any share, the same evaluators
+    entry, share = as_entry(tape, np.sign(factor) * value), tape.input()  # one evaluator for all shares
     motion.trace.parameters[share.index] = np.full(len(motion.time), abs(factor))
     if form == "integral":
         functions.totals.append(Total(name=term.name, kind="sum", index=len(functions.sums), upper=upper))
@@ -277,7 +293,10 @@ def _add_total(functions: Functions, label: str, term: Objective | Constraint, f
 
 
 def _add_row(functions: Functions, name: str, value: Any, bounds: np.ndarray, ranges: np.ndarray) -> None:
-    """Add a function of an instant between bounds (instants or 1, 2), as smooth pieces if it has kinks."""
+    """Add a function of an instant between bounds.
+
+    ``bounds`` are (instants or 1, 2). A function with kinks is added as its smooth pieces.
+    """
     tape, instants = functions.motion.trace.tape, len(functions.task.instants)
     entry, both = as_entry(tape, value), np.broadcast_to(bounds, (instants, 2))
     below, above = smooth_pieces(tape, entry, -1), smooth_pieces(tape, entry, 1)

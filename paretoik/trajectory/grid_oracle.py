@@ -1,10 +1,13 @@
-"""The grid oracle: all motions over a grid of postures, by dynamic programming, for redundancy one.
+"""The grid oracle: the best motions over a grid of postures.
 
-The postures that reach a sample are on a few curves. These are traced and cut into evenly spaced nodes, and nodes of
-consecutive samples are joined if no joint moves too far. If objectives and limits depend only on positions and
-velocities (backward differences), the best path is exact on that grid, and ``lower_bound`` bounds all motions between
-its nodes. If they depend on accelerations, states are pairs of consecutive nodes, on fewer samples: the result,
-resampled to all samples, is a source of starts and gives no bound.
+It uses dynamic programming, for one degree of redundancy.
+
+The postures that reach a sample are on a few curves. These are traced and cut into evenly spaced nodes; two nodes of
+consecutive samples are joined if no joint moves too far.
+- If objectives and limits depend only on positions and velocities (backward differences), the best path is exact on
+  this grid, and ``lower_bound`` bounds all motions between its nodes.
+- If they depend on accelerations, states are pairs of consecutive nodes, on fewer samples. The result, resampled to all
+  samples, is a source of starts and gives no bound.
 
 Source: Bellman 1957 (dynamic programming); Burdick 1989 (self-motion curves).
 """
@@ -39,22 +42,23 @@ from paretoik.trajectory.shortest_paths import LayeredGraph, distinct_paths, sho
 
 # A lower bound on all motions, for redundancy one and without accelerations
 #
-# A motion is within cells: between two neighbouring nodes at every sample. Round every sample independently to one of
-# its two nodes, with probabilities whose mean is the motion's own place. The mean cost of the rounded paths is the sum
-# of each transition's cost interpolated between the corners of its cell, which exceeds the motion's own cost by at most
+# At every sample a motion is in a cell: between two neighbouring nodes. Round every sample independently to one of
+# these two, with probabilities that make the mean the motion's own place. The mean cost of the rounded paths is the sum
+# of each transition's cost, interpolated between the corners of its cell; it exceeds the motion's cost by at most
 # the interpolation error. Some rounded path costs at most the mean. So the best path through the grid, with that error
 # subtracted from every transition and limits relaxed by their change within a cell, is a lower bound.
 #
-# The error is estimated from second differences D between neighbouring transitions of all cells around: if costs are
-# smooth it is an eighth of the largest; if they have a kink and are convex along the curves, half of it. D then jumps
-# from node to node, so that ⅛ max D + ⅜ (max D − min D) is valid for both. The change of limits within a cell is
-# estimated from first differences.
+# The error is estimated from second differences D between neighbouring transitions of all cells around. If costs are
+# smooth, it is ⅛ max D; if they have a kink and are convex along the curves, ½ max D. At a kink D jumps from node to
+# node, so that ⅛ max D + ⅜ (max D − min D) is valid for both. The change of limits within a cell is estimated from
+# first differences.
 
 
 def lower_bound(task: MotionTask, grid: PostureGrid, terms: Terms, spacing: float) -> float:
-    """Return a lower bound on every motion within the grid's windows; infinite if limits allow none.
+    """Return a lower bound on every motion within the grid's windows.
 
-    ``grid`` has all nodes, also infeasible ones, and some beyond the joints' ranges.
+    It is infinite if limits allow no motion. ``grid`` has all nodes, also infeasible ones, and some beyond the joints'
+    ranges.
     """
     wide = replace(grid, windows=grid.windows + OPTIONS.margin * spacing * grid.scales)
     pairs, edge = transitions(task, wide)
@@ -74,11 +78,11 @@ def lower_bound(task: MotionTask, grid: PostureGrid, terms: Terms, spacing: floa
     return shortest_path(layers, task.cyclic)[0]
 
 
-Pair = tuple[np.ndarray, np.ndarray]  # indices of the neighbours on both sides, −1 for none
+Pair = tuple[np.ndarray, np.ndarray]  # indices of the neighbours on both sides, −1 without a neighbour
 
 
 def _neighbours(ahead: np.ndarray) -> Pair:
-    """Return the nodes after and before each on its curve."""
+    """Return the node after and the node before each on its curve."""
     behind = np.full(len(ahead), -1)
     inner = np.flatnonzero(ahead >= 0)
     behind[ahead[inner]] = inner
@@ -88,7 +92,10 @@ def _neighbours(ahead: np.ndarray) -> Pair:
 def _neighbouring_transitions(
     sources: np.ndarray, ends: np.ndarray, before: np.ndarray, here: np.ndarray
 ) -> list[Pair]:
-    """Return the transitions next to each: from the next and the last source, and to the next and the last end."""
+    """Return the transitions next to each.
+
+    The first pair has the next and the last source, the second pair the next and the last end.
+    """
     width = len(before)
     keys = ends * width + sources  # ascending
 
@@ -105,7 +112,10 @@ def _neighbouring_transitions(
 
 
 def _interpolation_error(values: np.ndarray, pair: Pair, around: list[Pair]) -> np.ndarray:
-    """Return the largest error of interpolation within the cells around, from second differences."""
+    """Return the largest interpolation error in cells around.
+
+    It is estimated from second differences.
+    """
     after, before = pair
     second_differences = values[after] + values[before] - 2 * values
     convex = np.maximum(np.where((after >= 0) & (before >= 0), second_differences, np.nan), 0.0)  # NaN stays NaN
@@ -114,7 +124,10 @@ def _interpolation_error(values: np.ndarray, pair: Pair, around: list[Pair]) -> 
 
 
 def _neighbourhood_max(values: np.ndarray, around: list[Pair]) -> np.ndarray:
-    """Return the largest known value among values and all those around them, NaN if all are unknown."""
+    """Return the largest known value among values and their neighbours.
+
+    It is NaN if all are unknown.
+    """
     for pair in around:
         values = np.fmax.reduce([values, *(np.where(side >= 0, values[side], np.nan) for side in pair)])
     return values
@@ -123,7 +136,7 @@ def _neighbourhood_max(values: np.ndarray, around: list[Pair]) -> np.ndarray:
 def _may_satisfy(excess: np.ndarray, around: list[Pair]) -> np.ndarray:
     """Return which transitions may satisfy limits within an adjacent cell."""
     margin: np.ndarray | float = 0.0
-    for pair in around:  # first differences from neighbours
+    for pair in around:  # first differences between neighbours
         differences = [np.where(side >= 0, np.abs(excess[side] - excess), 0.0) for side in pair]
         margin = margin + _neighbourhood_max(np.max(differences, axis=0), around)
     return np.asarray(excess <= LIMIT_TOLERANCE + margin)
@@ -134,18 +147,21 @@ def _may_satisfy(excess: np.ndarray, around: list[Pair]) -> np.ndarray:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GridOracle:
-    """Motions found on the grid: the best of each class and motions far from them, best first.
+    """Motions found on the grid, best first.
+
+    They are the best of each class, and motions far from these.
 
     q: joint positions of the motions
     labels: branch labels of the motions
     values: sums of objectives (minimised)
     violations: worst violation of limits
-    resolution: distance of nodes [rad, the arm's length]
+    resolution: distance of neighbouring nodes [rad, the arm's length]
     samples: number of samples on the grid
-    exact: whether no path through the grid is better than the first
-    lower_bound: bound of all motions on the traced curves within the same pace; NaN without ``exact`` or if ``quick``
+    exact: whether no path through the grid is better than the first motion
+    lower_bound: bound on all motions on the traced curves within the same pace; NaN if not ``exact``, or if ``quick``
 
-    The bound's error decreases with the square of the resolution, or in proportion to it if limits are active.
+    The bound's error decreases with the square of the resolution; if limits are active, in proportion to the
+    resolution.
     """
 
     q: Float[np.ndarray, "paths time dof"]
@@ -171,13 +187,15 @@ def grid_oracle(
     seed: int = 0,
     quick: bool = False,
 ) -> GridOracle:
-    """Return the best paths through a grid of all postures, one per class, for one degree of redundancy.
+    """Return the best paths through a grid of postures, one per class.
+
+    The task must have one degree of redundancy.
 
     task: motion task with integral objectives, whose sum is minimised, and backward differences
     resolution: distance [rad, the arm's length] between nodes; None for a share of the largest step of a joint between
-        samples, or more if that would give too many nodes
-    classes: largest number of motions; first one per class (bends of joints and their turns)
-    seed: seed of the first postures, with little effect on the curves through them
+        samples, or more if there were too many nodes
+    classes: largest number of motions; the first ones are one per class (bends of joints and their turns)
+    seed: seed of the first postures; it has little effect on the curves through them
     quick: whether to leave out the bound, and to refuse slow problems
 
     Joints without velocity limit may move at a few times the pace that the path needs. Raises InvalidInput if the
@@ -191,7 +209,7 @@ def grid_oracle(
         raise InvalidInput(f"grid_oracle: differences must be backward and the end free, got {wrong}")
     if resolution is not None and not resolution > 0:
         raise InvalidInput(f"resolution must be a positive distance in rad, got {resolution}")
-    # the grid: nodes on the curves of postures, and windows of steps
+    # nodes on the curves of postures, and windows of steps
     seeds, pace = postures_along_path(task, np.random.default_rng(seed))
     terms = build_terms(task, np.stack([q[0] for q in seeds])[None])
     if quick and terms.second:
@@ -216,13 +234,13 @@ def grid_oracle(
         wound = level.cyclic & level.arm.periodic & (np.abs(q[-1] - q[0]) > 1.0)
         if not wound.any():
             break
-        unrolled |= wound  # the best cycle ends whole turns away: turns of these joints must differ
+        unrolled |= wound  # the best cycle ends whole turns away from its start: keep turns of these joints apart
     paths = [states, *distinct_paths(layers, level.cyclic, round(OPTIONS.distinct / spacing))]
     motions = np.stack([grid.motion(layers.node_path(path)) for path in paths])
     selection = _select_paths(task, level, grid, terms, motions, classes)
     if not terms.second and not np.isclose(selection["values"][0], best, rtol=1e-6, atol=0):
         raise InvalidInput("grid_oracle: objectives and limits must look at the postures and rates of one sample alone")
-    bound = np.nan  # of all motions
+    bound = np.nan  # lower bound of all motions
     if not quick and not terms.second:
         every = posture_grid(level, curves, spacing, windows, unrolled, beyond=OPTIONS.margin * spacing)
         bound = lower_bound(level, every, terms, spacing)
@@ -238,7 +256,10 @@ def _node_graph(task: MotionTask, grid: PostureGrid, terms: Terms) -> LayeredGra
 
 
 def _pair_graph(task: MotionTask, grid: PostureGrid, terms: Terms) -> LayeredGraph:
-    """Return the graph of pairs of consecutive nodes; speeds change by at most half their range in a step."""
+    """Return the graph of pairs of consecutive nodes.
+
+    A joint's speed changes by at most half its range in a step.
+    """
     nodes, steps, first = grid.nodes, np.diff(task.times, prepend=np.nan), 0 if task.cyclic else 1
     pairs = [grid.edges(i) for i in range(1, len(nodes))]
     dq = [grid.step(nodes[i + 1][b], nodes[i][a]) / steps[i + 1] for i, (a, b) in enumerate(pairs)]
@@ -247,7 +268,7 @@ def _pair_graph(task: MotionTask, grid: PostureGrid, terms: Terms) -> LayeredGra
     transitions_of = [(np.zeros(0, dtype=int),) * 2]
     for i in range(1, len(nodes)):
         if i > first:
-            # all pairs (first, second) whose second begins at the end of the first, which are sorted by their ends
+            # all pairs (first, second) whose second begins at the end of the first, sorted by the first's end
             begins = pairs[i][0]
             low, high = (np.searchsorted(pairs[i - 1][1], begins, side=side) for side in ("left", "right"))
             ends = np.repeat(np.arange(len(begins)), high - low)
@@ -283,7 +304,7 @@ def _feasible_grid(task: MotionTask, grid: PostureGrid, terms: Terms) -> Posture
     def satisfies(motion: Motion) -> np.ndarray:
         satisfied = np.asarray(terms.postures(motion) <= LIMIT_TOLERANCE)
         if not task.cyclic:
-            satisfied[:, 0] &= (terms.rates(motion) <= LIMIT_TOLERANCE)[:, 0]  # a motion begins at rest
+            satisfied[:, 0] &= (terms.rates(motion) <= LIMIT_TOLERANCE)[:, 0]  # the motion begins at rest
         return satisfied
 
     feasible = [there > 0 for there in evaluate_at(task, satisfies, [len(there) for there in grid.nodes], grid.at_rest)]
@@ -300,7 +321,10 @@ def _feasible_grid(task: MotionTask, grid: PostureGrid, terms: Terms) -> Posture
 def _select_paths(
     task: MotionTask, level: MotionTask, grid: PostureGrid, terms: Terms, paths: np.ndarray, classes: int
 ) -> dict[str, Any]:
-    """Return the best motion of every class by its value on the grid, and motions far from these."""
+    """Return the best motion of every class, and distant motions.
+
+    The best is by value on the grid.
+    """
     if task.cyclic:
         paths = paths[np.abs((paths[:, -1] - paths[:, 0]) / grid.scales).max(axis=1) < 1e-6]
     motions = level.motion(paths)
@@ -308,7 +332,7 @@ def _select_paths(
     change = paths[:, -1] - paths[:, 0]
     turns = np.round((change - grid.step(paths[:, -1], paths[:, 0])) / (2 * np.pi)).astype(int)
     selected: dict[int, np.ndarray] = {}
-    for far in (False, True):  # classes first: no class is left out for a distant motion
+    for far in (False, True):  # classes first, so that no distant motion takes the place of a class
         for k in np.argsort(cost, kind="stable").tolist():
             indices = list(selected)
             is_known = any(kinds[k] == kinds[j] and (turns[k] == turns[j]).all() for j in indices)
@@ -316,8 +340,8 @@ def _select_paths(
             distance = np.sqrt(np.mean(square, axis=-1)).min(initial=np.inf)
             chosen = distance > OPTIONS.distinct if far else not is_known
             if len(indices) < classes and chosen:
-                with suppress(Infeasible):  # leaves the path between its own samples
-                    # on all samples, unless it leaves the path between its own
+                with suppress(Infeasible):  # the motion leaves the path between its samples
+                    # on all samples if possible
                     motion = motions[k]
                     if len(motion.time) == len(task.times):
                         selected[int(k)] = motion.q
@@ -339,7 +363,7 @@ def _select_paths(
 
 
 def _no_path_error(task: MotionTask, layers: LayeredGraph, spacing: float) -> Infeasible:
-    """Return the error with the sample that paths through the grid reach."""
+    """Return the error, which names the sample that paths reach."""
     reached = [np.isfinite(value).any() for value in layers.forward(layers.start)]
     if all(reached):
         return Infeasible(

@@ -1,4 +1,4 @@
-"""Limits that cannot all be satisfied: early detection, the limits that conflict, and the error text."""
+"""Limits that cannot all be satisfied: early detection, conflicts, and error text."""
 
 from __future__ import annotations
 
@@ -40,10 +40,10 @@ from paretoik.trajectory.transcription import MotionProgram, motion_program
 
 
 def warn_of_obstructed_path(task: MotionTask) -> None:
-    """Warn if an obstacle is nearer to the tool's path than links may be: no motion is feasible then.
+    """Warn if an obstacle is too near to the tool's path.
 
-    The tool is the end of the last link, at its place on the path at every sample. It is no error, because a search may
-    still look for the least-violating motion.
+    No motion is feasible then. The tool is the end of the last link. It is checked on the path at every sample. This is
+    no error, because a search may still look for the least-violating motion.
     """
     for distances in _tool_distances(task):
         obstacle, sample = np.unravel_index(int(np.argmin(distances)), distances.shape)
@@ -62,7 +62,10 @@ def warn_of_obstructed_path(task: MotionTask) -> None:
 
 
 def obstructed_sample(task: MotionTask, sample: int | None = None) -> int | None:
-    """Return the worst sample at which an obstacle is too near to the tool's path, or the given one; None if none."""
+    """Return the worst sample at which an obstacle is too near.
+
+    If ``sample`` is given, only this sample is checked. None if no obstacle is too near to the tool's path.
+    """
     worst, found = 0.0, None
     for distances in _tool_distances(task):
         excess = task.min_clearance - distances.min(axis=0)
@@ -73,7 +76,10 @@ def obstructed_sample(task: MotionTask, sample: int | None = None) -> int | None
 
 
 def _tool_distances(task: MotionTask) -> Iterator[Float[np.ndarray, "obstacles time"]]:
-    """Yield the distances of the tool from all obstacles, for every path that fixes all of the tool's position."""
+    """Yield the distances of the tool from all obstacles.
+
+    Only paths that fix the tool's whole position count.
+    """
     for followed in task.tasks if task.obstacles else ():
         follows_tool = task.arm.frame(followed.frame).pose is task.arm.tool
         if follows_tool and (task.arm.is_planar or followed.axes not in ("xy", "xy+angle")):
@@ -91,20 +97,20 @@ def _tool_distances(task: MotionTask) -> Iterator[Float[np.ndarray, "obstacles t
 class InfeasibilityOptions:
     """Settings of deciding that limits cannot all be satisfied."""
 
-    doubt: float = 1e-3  # share of a range: a smaller violation is left to the search
-    clear: float = 0.1  # share of a range: violation of rates and torques that no finer level or posture removes
-    starts: int = 24  # number of roll-outs, and of motions that travel along the self-motion
-    finer: int = 8  # number of least-violating motions that continue at a finer level, and of new starts
-    halvings: int = 6  # of the interval that contains the least violation of all limits
-    postures: int = 256  # number tried at a sample
+    doubt: float = 1e-3  # share of a range: the search handles smaller violations
+    clear: float = 0.1  # share of a range: no finer level or posture removes a larger violation of rates and torques
+    starts: int = 24  # number of roll-outs, and number of motions that travel along the self-motion
+    finer: int = 8  # number of least-violating motions that continue on a finer level, and number of new starts there
+    halvings: int = 6  # number of halvings of the interval that contains the least violation of all limits
+    postures: int = 256  # number of postures tried at a sample
     improved: int = 32  # number of best postures that are moved along the self-motion
-    moves: tuple[float, ...] = (0.3, 0.3, 0.1, 0.1, 0.03, 0.03, 0.01, 0.01)  # rad or arm lengths, standard deviations
+    moves: tuple[float, ...] = (0.3, 0.3, 0.1, 0.1, 0.03, 0.03, 0.01, 0.01)  # rad or arm lengths: standard deviations
     samples: int = 3  # largest number of samples whose postures are tested
-    apart: float = 0.1  # share of the duration between these samples
-    clear_posture: float = 0.02  # share of a range that every posture violates
+    apart: float = 0.1  # share of the duration: least time between these samples
+    clear_posture: float = 0.02  # share of a range: if every posture violates a limit by more, no motion satisfies it
     boxes: int = 10_000  # largest number of boxes of joint positions in a proof
-    proofs: int = 3  # samples along the path at which low velocities are to be proved impossible
-    inner: int = 5  # samples from the ends of a spline after which the end conditions have no effect
+    proofs: int = 3  # number of samples along the path at which a proof against low velocities is tried
+    inner: int = 5  # number of samples from a spline's end at which the end conditions have an effect
 
 
 OPTIONS = InfeasibilityOptions()
@@ -122,10 +128,11 @@ REMEDIES = {  # by kind of limit
 def require_feasible(task: MotionTask, rollouts: JointPaths, observe: ObserveLevel | None = None) -> None:
     """Raise Infeasible, with the least-violating motion, if limits clearly cannot be satisfied.
 
-    First, postures are tested at the samples that ``rollouts``, motions on the path, leave in doubt. Then the violation
-    of limits is minimised from roll-outs and motions that travel along the self-motion on the coarsest level, and from
-    the best and new ones on finer levels. Problems are left to the search if a motion satisfies the limits or nearly
-    does, or if a limited function has no value or no derivative, or is of the whole motion.
+    First, postures are tested at the samples at which no motion of ``rollouts`` (motions on the path) satisfies the
+    limits. Then the violation of limits is minimised from roll-outs and motions that travel along the self-motion on
+    the coarsest level, and from the best of these and new ones on finer levels. The search gets the problem if a motion
+    (nearly) satisfies the limits, or if a limited function has no value or no derivative, or is a function of the whole
+    motion.
 
     Raises Interrupted after a signal.
     """
@@ -157,28 +164,37 @@ def require_feasible(task: MotionTask, rollouts: JointPaths, observe: ObserveLev
             break
         try:
             q = resample(level, q, finer)
-        except Infeasible:  # the least-violating ones leave the path between samples
+        except Infeasible:  # the least-violating motions leave the path between samples
             q = rollouts[: OPTIONS.finer, np.searchsorted(task.times, finer.times)]
     raise infeasible_error(task, level, q)
 
 
 def _violations(level: MotionTask, q: JointPaths) -> Float[np.ndarray, " motions"]:
-    """Return the worst violation of each motion as a share of its range; NaN if a function has no value."""
+    """Return each motion's worst violation, as a share of its range.
+
+    It is NaN if a function has no value.
+    """
     _, violations, _ = evaluate_motions(replace(level, objectives=()), level.motion(q))
     return np.asarray(violations.max(axis=1, initial=0.0))
 
 
 def _limits_program(level: MotionTask) -> MotionProgram | None:
-    """Return the program of a task's limits; None if one has no derivative, or is of the whole motion."""
+    """Return the program of a task's limits; else None.
+
+    It does not exist if a limit has no derivative, or is a function of the whole motion.
+    """
     try:
         program = motion_program(replace(level, objectives=(squared_velocity,)))
-    except InvalidInput:  # solvers say so by name; searches need no derivatives
+    except InvalidInput:  # solvers name it in their error; searches need no derivatives
         return None
     return None if program.unsupported else program
 
 
 def _minimise_violation(program: MotionProgram, q: JointPaths, share: float = 0.0) -> Solutions:
-    """Return motions that locally violate limits least, with limits widened by a share of their ranges."""
+    """Return motions that locally violate limits least.
+
+    Limits are widened by a share of their ranges.
+    """
     limits = slice(program.elastic)
     bounds = program.bounds.copy()
     bounds[limits] -= share * program.sides[limits] * program.ranges[limits]
@@ -187,7 +203,10 @@ def _minimise_violation(program: MotionProgram, q: JointPaths, share: float = 0.
 
 
 def _least_violating(program: MotionProgram, q: JointPaths) -> Float[np.ndarray, "more time dof"]:
-    """Return motions, first a new one with the least worst violation: all limits are widened by the same share."""
+    """Return motions, first a new one with least worst violation.
+
+    To find it, all limits are widened by the same share.
+    """
     q = q[np.argsort(_violations(program.task, q))]
     low, high = 0.0, float(_violations(program.task, q[:1])[0])
     for _ in range(OPTIONS.halvings):
@@ -204,7 +223,10 @@ def _least_violating(program: MotionProgram, q: JointPaths) -> Float[np.ndarray,
 
 
 def is_clearly_infeasible(task: MotionTask, motion: Motion) -> bool:
-    """Return whether a least-violating motion shows, without proof, that no motion satisfies all limits."""
+    """Return whether clearly no motion satisfies all limits, without proof.
+
+    ``motion`` is the least-violating one.
+    """
     kind, limit, size = _worst_limit(task, motion)
     if kind in ("position", "clearance"):
         _, violation = _best_postures(task, task.worst_sample(limit, motion))
@@ -213,7 +235,10 @@ def is_clearly_infeasible(task: MotionTask, motion: Motion) -> bool:
 
 
 def explain_violation(task: MotionTask, motion: Motion) -> str:
-    """Return in words which limit a motion violates most, where, by how much, and remedies; "" if none."""
+    """Return which limit a motion violates most, in words, with remedies.
+
+    The text says where and by how much; it is "" if no limit is violated.
+    """
     return task.describe_violation(motion) + remedy_text(task, motion)
 
 
@@ -226,25 +251,25 @@ def infeasible_error(
     status: status of the solver
     sample: sample at which no posture satisfies the limits, if known
 
-    Samples have their numbers in the task.
+    Numbers of samples are those of ``task``.
     """
     motion = level.motion(q[0])
     violations = level.violations(motion)
     limit = level.limit_names[int(np.argmax(violations))] if level.limit_names else ""
     message = "no motion within the limits was found"
-    free = replace(level, obstacles=())  # whether there is a motion without obstacles
+    free = replace(level, obstacles=())  # is there a motion without obstacles?
     program = _limits_program(free) if level.obstacles and sample is None and limit != "clearance" else None
     if program is not None and _violations(free, _minimise_violation(program, q).x).min() <= OPTIONS.doubt:
         place = level.worst_instant(level.limit_names.index("clearance"), motion)
         pair = closest_pair(level.obstacles, motion.instants.links[place], level.link_radius)
         message, limit = f"{message}, though there is one without the obstacles (closest: {pair})", "clearance"
     numbers, full = np.searchsorted(task.times, level.times), at_samples(task, motion)
-    # the sample at which it is proved that no posture satisfies the limits
+    # a sample at which it is proved that no posture satisfies the limits
     kind, number, _ = _worst_limit(task, full)
     proof = ""
     if kind in ("position", "clearance", "velocity"):
         samples = [task.worst_sample(number, full) if sample is None else sample]
-        if kind == "velocity":  # limits are often too low at other samples too, first the fastest ones of the path
+        if kind == "velocity":  # velocity limits are often too low at other samples too, first at the fastest
             pace = sum(
                 np.linalg.norm(np.gradient(one.path.positions, task.times, axis=0), axis=1) for one in task.tasks
             )
@@ -266,7 +291,10 @@ def infeasible_error(
 
 
 def _worst_limit(task: MotionTask, motion: Motion) -> tuple[str, int, float]:
-    """Return kind, place and violation of the most violated limit; the kind is "" for none, or for a user's own."""
+    """Return kind, index and violation of the most violated limit.
+
+    The kind is "" if no limit is violated, or if it is a user's own.
+    """
     violations = task.violations(motion)
     if not len(violations) or not violations.max() > 0:
         return "", 0, 0.0
@@ -277,9 +305,10 @@ def _worst_limit(task: MotionTask, motion: Motion) -> tuple[str, int, float]:
 
 
 def remedy_text(task: MotionTask, motion: Motion, sample: int | None = None) -> str:
-    """Return remedies for the limit that a least-violating motion breaks: "; it may help: ...", "" for a user's own.
+    """Return remedies for the limit that a motion violates most.
 
-    It begins with the number of postures tried at the sample, or at the worst one, if none satisfies the limits.
+    The text is "; it may help: ...", or "" for a user's own limit. The motion is the least-violating one. If no posture
+    tried at the sample (or at the worst one) satisfies the limits, the text begins with their number.
     """
     kind, limit, _ = _worst_limit(task, motion)
     if not kind:
@@ -296,9 +325,10 @@ def remedy_text(task: MotionTask, motion: Motion, sample: int | None = None) -> 
 
 
 def _sample_without_posture(task: MotionTask, rollouts: JointPaths) -> int | None:
-    """Return a sample at which no posture found satisfies the limits on position, clearance and velocity.
+    """Return a sample at which no posture found satisfies the limits.
 
-    Samples are tried if no roll-out satisfies the limits there, the worst first.
+    These are limits on position, clearance and velocity; None if there is no such sample. Only samples at which no
+    roll-out satisfies the limits are tried, the worst first.
     """
     obstructed = obstructed_sample(task)
     if obstructed is not None:
@@ -321,9 +351,10 @@ def _best_postures(
     measure: Callable[[MotionTask, int, np.ndarray], np.ndarray] | None = None,
     others: Float[np.ndarray, "postures dof"] | None = None,
 ) -> tuple[Float[np.ndarray, "tried dof"], Float[np.ndarray, " tried"]]:
-    """Return postures that reach a sample, and their violations of limits on position and clearance, or ``measure``.
+    """Return postures that reach a sample, and their violations.
 
-    They are random ones and ``others``, then the best ones moved along the self-motion to smaller violations.
+    Violations are those of limits on position and clearance, or of ``measure``. The postures are random ones and
+    ``others``, then the best of these, moved along the self-motion to smaller violations.
     """
     value_of, rng = partial(measure or _posture_violation, task, sample), np.random.default_rng(0)
     if task.start is not None and sample == 0:
@@ -346,7 +377,10 @@ def _best_postures(
 
 
 def _posture_violation(task: MotionTask, sample: int, q: np.ndarray) -> np.ndarray:
-    """Return the worst violation (postures,) of position limits and of clearance, as shares of their ranges."""
+    """Return the worst violation (postures,) of position limits and clearance.
+
+    It is a share of the limit's range.
+    """
     worst = np.zeros(len(q))
     if "position" in task.bounds:
         here = _at_sample(task.bounds["position"], sample)
@@ -360,11 +394,11 @@ def _posture_violation(task: MotionTask, sample: int, q: np.ndarray) -> np.ndarr
 
 
 def _speed_violation(task: MotionTask, sample: int, q: np.ndarray) -> np.ndarray:
-    """Return the least excess (postures,) over velocity limits, as a share of their ranges.
+    """Return the least excess (postures,) over velocity limits.
 
-    The tool moves at ẋ = J q̇ on the curve of a spline for any self-motion. With |q̇ᵢ| ≤ f sᵢ, sᵢ the limits,
-    u·ẋ ≤ f Σᵢ |u·Jᵢ| sᵢ for every unit vector u. The result is 0 if a joint has no limit, and for other differences,
-    whose velocities are those of chords.
+    It is a share of their ranges. On the curve of a spline the tool moves at ẋ = J q̇ for any self-motion. If |q̇ᵢ| ≤ f
+    sᵢ, with limits sᵢ, then u·ẋ ≤ f Σᵢ |u·Jᵢ| sᵢ for every unit vector u. The result is 0 if a joint has no limit, and
+    for finite differences, because their velocities are those of chords.
     """
     fastest = np.abs(task.bounds.get("velocity", np.full((1, task.arm.dof, 2), np.inf))).max(axis=(0, 2))
     if task.differences != "spline" or not np.isfinite(fastest).all():
@@ -387,7 +421,10 @@ def _at_sample(bounds: Bounds, sample: int) -> Float[np.ndarray, "dof 2"]:
 
 
 def _overload(task: MotionTask, sample: int, q: np.ndarray) -> np.ndarray:
-    """Return the largest share (postures,) of a joint's torque limit that holds the arm at rest."""
+    """Return the largest share (postures,) of a joint's torque limit at rest.
+
+    This is the torque that gravity needs.
+    """
     lower, upper = _at_sample(task.bounds["torque"], sample).T
     torque = gravity_torques(task.arm, q)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -396,9 +433,10 @@ def _overload(task: MotionTask, sample: int, q: np.ndarray) -> np.ndarray:
 
 
 def _weight_text(task: MotionTask, motion: Motion) -> str:
-    """Return in words that torque limits cannot hold the arm at rest at a sample; "" if they can in some posture.
+    """Return that torque limits cannot hold the arm at rest, in words.
 
-    It is the sample at which the motion's posture needs the largest share of a limit.
+    The text is "" if they can in some posture. The sample is the one at which the motion's posture needs the largest
+    share of a limit.
     """
     if "torque" not in task.bounds or not task.arm.gravity.any():
         return ""
@@ -420,9 +458,9 @@ def _weight_text(task: MotionTask, motion: Motion) -> str:
 
 
 def no_posture_keeps_limits(task: MotionTask, sample: int) -> bool:
-    """Return whether it is proved that no posture that reaches a sample satisfies the limits there.
+    """Return whether provably no posture at a sample satisfies the limits.
 
-    These are the limits on position and clearance, and on velocity from the sample before to the sample after. Boxes
+    The limits are those on position and clearance, and on velocity from the sample before to the sample after. Boxes
     of joint positions are halved until each breaks one (branch and bound, Land & Doig 1960). A box of half widths w
     about c may contain a feasible posture only if, for any unit vector u, |∂²x/∂qᵢ∂qⱼ| ≤ Bᵢⱼ and links that end at most
     Rᵢ from joint i,
@@ -431,7 +469,7 @@ def no_posture_keeps_limits(task: MotionTask, sample: int) -> bool:
         d(c) + Σᵢ Rᵢ wᵢ ≥ the smallest clearance                      d: distance of a link
         u·Δx ≤ Σᵢ (|u·Jᵢ(c)| + Σⱼ Bᵢⱼ wⱼ) sᵢ + ½ Σᵢⱼ Bᵢⱼ sᵢ sⱼ          Δx: from sample to sample, s: steps of joints
 
-    It is False if more than OPTIONS.boxes boxes are needed.
+    The result is False if more than OPTIONS.boxes boxes are needed.
     """
     arm = task.arm
     limits = _at_sample(task.bounds["position"], sample) if "position" in task.bounds else arm.position_limits
@@ -443,8 +481,8 @@ def no_posture_keeps_limits(task: MotionTask, sample: int) -> bool:
         return True
     if not np.isfinite(limits).all():
         return False
-    # the largest distance of each link's end from the axis of each joint; 1 for joints that slide. The last link
-    # includes the frames of tasks. Links before a joint do not move with it: 0
+    # largest distance of each link's end from the axis of each joint; 1 for joints that slide, 0 if the link is before
+    # the joint and does not move with it. The last link includes the frames of tasks
     arm, frames = task.arm, [task.arm.frame(each.frame) for each in task.tasks]
     slides = np.where(arm.periodic, 0.0, np.abs(limits).max(axis=1))
     lengths = [float(np.linalg.norm(pose.position)) for pose in arm.placements] + slides
@@ -455,9 +493,9 @@ def no_posture_keeps_limits(task: MotionTask, sample: int) -> bool:
     reach = np.where(moves, np.where(arm.periodic[:, None], reach, 1.0), 0.0)
     first, last = np.minimum.outer(*[np.arange(arm.dof)] * 2), np.maximum.outer(*[np.arange(arm.dof)] * 2)
     bend = np.where(arm.periodic[first], np.where(arm.periodic[last], reach[last, -1], 1.0), 0.0)  # B
-    # the samples before and after one, and the largest joint steps to them within velocity limits. Steps of a spline's
-    # samples are averages of those of its control points, which are limited. There is no result for uneven times, near
-    # ends, or for central differences
+    # the neighbouring samples, and the largest joint steps to them within velocity limits. A step of a spline's samples
+    # is an average of steps of its control points, which are limited. There is no result for uneven times, near ends of
+    # a spline, or for central differences
     steps = list[tuple[int, np.ndarray]]()
     if "velocity" in task.bounds and task.differences != "central":
         times, count = task.times, len(task.times)
@@ -494,7 +532,10 @@ def _may_reach(
     bend: np.ndarray,
     steps: Sequence[tuple[int, np.ndarray]],
 ) -> np.ndarray:
-    """Return which boxes may reach a sample, and then the samples before and after by ``steps``."""
+    """Return which boxes may reach a sample and, by ``steps``, its neighbours.
+
+    The neighbours are the samples before and after.
+    """
     error, jacobian = task_errors(task.arm, task.tasks, center, task.targets[sample])
     rest, blur = np.einsum("bi,ij,bj->b", half, bend, half) / 2, half @ bend
     turning = (half * task.arm.periodic).sum(axis=1)
@@ -516,9 +557,10 @@ def _may_reach(
 
 
 def _directions(path: np.ndarray, jacobian: np.ndarray) -> list[Float[np.ndarray, "boxes axes"]]:
-    """Return unit vectors along which joints may move a tool too slowly: along the path, and normal to columns of J.
+    """Return unit vectors along which the tool may be too slow.
 
-    The possible velocities of the tool are a zonotope, whose facets are normal to columns of J.
+    They are along the path, and normal to columns of J. The possible velocities of the tool are a zonotope, whose
+    facets are normal to columns of J.
     """
     along = path / max(float(np.linalg.norm(path)), 1e-300)
     candidates = [np.broadcast_to(along, jacobian.shape[:2])]

@@ -1,4 +1,4 @@
-"""Motions as arrays for compiled code: a program, and the workspace of the interior-point method."""
+"""Motions as arrays for compiled code: program and interior-point workspace."""
 
 from __future__ import annotations
 
@@ -11,11 +11,12 @@ from paretoik.trajectory.curve_state_kernel import Curve, CurveWork, allocate_cu
 
 
 class MotionKernel(NamedTuple):
-    """A MotionProgram of sums and peaks as arrays; see there, and ``self_motion_kernel`` for the stencil.
+    """A MotionProgram of sums and peaks as arrays.
 
-    A point has a row of joint positions per sample, divided by ``scales``, then rows with the epigraph variables σ of
-    its peaks. Path equations are evaluated at the samples, functions at all instants. Functions of an instant are sums,
-    limited rows (with the rows σ − piece of peaks), then the ties of slacks v.
+    See ``MotionProgram``, and ``self_motion_kernel`` for the stencil. A point has a row of joint positions per sample,
+    divided by ``scales``, then rows with the epigraph variables σ of its peaks. Path equations are evaluated at the
+    samples, functions at all instants. Functions of an instant are sums, limited rows (with the rows σ − piece of
+    peaks), then the ties of slacks v.
     """
 
     value: tuple[np.ndarray, ...]
@@ -28,38 +29,41 @@ class MotionKernel(NamedTuple):
     track: tuple[np.ndarray, ...]
     track_curvature: tuple[np.ndarray, ...]
     curve: Curve
-    kinked: bool  # whether the spline's u are variables too, after those of the curve
+    kinked: bool  # whether the spline's u are variables too, after the curve's
     neighbours: np.ndarray
     coefficients: np.ndarray
     first_unknown: np.ndarray
     unknowns: int
     border: int  # number of last unknowns that are in the border
-    stride: int  # instants from one sample to the next
-    stops: bool  # whether the last sample is the nearest to the one before
+    stride: int  # number of instants from one sample to the next
+    stops: bool  # whether the last sample is the posture nearest to the one before
     ones: np.ndarray
     quadrature: np.ndarray
     inputs: np.ndarray
     multipliers: np.ndarray
     limited: np.ndarray  # (limits, 2): variable or row, and sample
-    factors: np.ndarray  # (limits,): one over the range of a lower limit, minus that of an upper one
+    factors: np.ndarray  # (limits,): 1 / range for a lower limit, −1 / range for an upper one
     bounds: np.ndarray  # (limits,)
     scales: np.ndarray  # (dof,): units of joints
-    totals: np.ndarray  # (totals,): index of the sum; −1 − peak for a peak
+    totals: np.ndarray  # (totals,): index of the sum, or −1 − index of the peak
     peak_inputs: np.ndarray  # (peaks,)
-    row_peaks: np.ndarray  # (rows,): the peak that a row belongs to, −1 for none
+    row_peaks: np.ndarray  # (rows,): index of the row's peak, −1 if it has none
     kinks: np.ndarray  # (kinks, 4): input, variable, sign and first tie of a slack v, innermost first
     nesting: int  # largest depth of nested kinks
-    smoothing: float  # of kinks, in barriers μ and sizes of their arguments: number of kinks at all instants
-    longest_step: float = 0.4  # [rad, arm's length] of any joint: too short to skip to another branch
-    penalty: float = 10.0  # of a violation by a whole range, in sizes of the objective
+    smoothing: float  # width of kinks, in barriers μ times sizes of arguments: number of kinks at all instants
+    longest_step: float = 0.4  # largest step of a joint [rad, arm's length]: too short to skip to another branch
+    penalty: float = 10.0  # penalty of a violation by a whole range, in sizes of the objective
     implied_slacks: bool = True
     large_multiplier: float = np.inf
-    dual_fraction: float = 0.25  # largest share of the way to its bounds that the multiplier of a kink moves
-    least_smoothing: float = 1e-9  # of these sizes: rounding error of a kink
+    dual_fraction: float = 0.25  # largest share of the way to its bounds that a kink's multiplier moves in a step
+    least_smoothing: float = 1e-9  # least width of a kink, in sizes of its argument: rounding error
 
 
 class Workspace(NamedTuple):
-    """Arrays that steps write: U variables of an instant, V slacks, K sums, G limited rows, r unknowns per sample."""
+    """Arrays that steps write.
+
+    Numbers: U variables of an instant, V slacks, K sums, G limited rows, r unknowns per sample.
+    """
 
     inputs: np.ndarray
     curve: CurveWork
@@ -72,22 +76,22 @@ class Workspace(NamedTuple):
     values: np.ndarray  # (K + G + 2V, instants)
     slopes: np.ndarray
     seconds: np.ndarray
-    gradients: np.ndarray  # (K + G + 2V, U + V + peaks, instants) of functions by variables; by u, slacks follow
-    objective_gradients: np.ndarray  # (K, time, dof) of sums by q
-    by_row: np.ndarray  # (U + G, instants): a number per variable and limited row
+    gradients: np.ndarray  # (K + G + 2V, U + V + peaks, instants): gradients of functions, by u, then v, then σ
+    objective_gradients: np.ndarray  # (K, time, dof): gradients of sums by q
+    by_row: np.ndarray  # (U + G, instants): one number per variable and limited row
     gradient_u: np.ndarray  # (U, instants)
-    gradient_spline: np.ndarray  # (states, instants): the same by the spline's state
+    gradient_spline: np.ndarray  # (states, instants): gradient by the spline's state
     gradient_q: np.ndarray  # (time, dof)
     du: np.ndarray  # (U, instants)
     projected: np.ndarray  # (unknowns,)
     widths: np.ndarray  # (V, 2): size of a kink's argument, and width of its smoothing
     arguments: np.ndarray  # (V, instants): half the difference of a kink's pieces
     arguments_at: np.ndarray  # (V, instants): arguments at the last linearisation
-    slopes_at: np.ndarray  # (V, instants): λ there, derivative of the smoothed absolute value of the argument
+    slopes_at: np.ndarray  # (V, instants): λ there, derivative of the argument's smoothed absolute value
     duals: np.ndarray  # (V, instants): λ̂, predicted by Newton's method
-    bends: np.ndarray  # (V, instants): second derivative, between λ and its dual
+    bends: np.ndarray  # (V, instants): second derivative of the smoothed absolute value, from λ and its dual
     slack_gradients: np.ndarray  # (V, U, instants)
-    slack_weights: np.ndarray  # (V, instants): the Lagrangian's weight of a kink's bend
+    slack_weights: np.ndarray  # (V, instants): weight of a kink's second derivative in the Lagrangian
 
 
 @compiled

@@ -2,15 +2,16 @@
 
 A slack v is max(a, b), or min(a, b) with sign −1; its ties are v − a and v − b, times the sign. It is eliminated by
 v = (a + b)/2 ± √(E² + ν²) with E = (a − b)/2, and its width ν decreases with the barrier. So every function of v is a
-smooth function of u and still banded in time. The slope λ = E / √(E² + ν²) solves λ √(E² + ν²) = E, and Newton's method
-iterates E and λ together: its Hessian has (1 − λ λ̂) / √(E² + ν²) instead of the second derivative
-(1 − λ²) / √(E² + ν²), with λ̂ the slope predicted in the last step. With λ² it would make very small steps if ν is
-small. A λ̂ that moves to its bounds slowly keeps a kink stiff after it is crossed, so that steps do not oscillate; with
-λ̂ = 0 the iteration is lagged diffusivity, which never does. Source: Chan, Golub & Mulet 1999, section 4; Vogel & Oman
+smooth function of u and still banded in time. The derivative λ = E / √(E² + ν²) solves λ √(E² + ν²) = E. Newton's
+method iterates E and λ together: its Hessian has (1 − λ λ̂) / √(E² + ν²) instead of the second derivative
+(1 − λ²) / √(E² + ν²), and λ̂ is the λ predicted in the last step. With λ² steps would be very small if ν is small. If
+λ̂ moves to its bounds slowly, a kink stays stiff after it is crossed, so that steps do not oscillate; with λ̂ = 0 the
+iteration is lagged diffusivity, which never oscillates. Source: Chan, Golub & Mulet 1999, section 4; Vogel & Oman
 1996 for lagged diffusivity.
 
-A slack with weight w in the objective and a barrier μ on each tie would be 2 μ / w above a kink of size 0. All kinks
-together have the objective's size, 1: so the width of each, in its own size, is μ times the number of kinks.
+With weight w in the objective and a barrier μ on each tie, a slack would be 2 μ / w above a kink of size 0. The sizes
+of all kinks add up to the size of the objective, 1. Therefore the width of each, in its own size, is μ times the number
+of kinks.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from paretoik.compilation.numba_cache import compiled
 
 @compiled
 def evaluate_functions(kernel, work):
-    """Write the functions of all samples, with slacks v at their smoothed values."""
+    """Write the functions of all samples, with smoothed slacks v."""
     inputs, values, kinks, arguments = work.inputs, work.values, kernel.kinks, work.arguments
     for j in range(len(kinks)):
         for s in range(values.shape[1]):
@@ -44,7 +45,10 @@ def evaluate_functions(kernel, work):
 
 @compiled
 def measure_kinks(kernel, work):
-    """Write the size of each kink's argument, its mean over time, from the evaluated functions."""
+    """Write the size of each kink's argument from evaluated functions.
+
+    The size is the mean over time.
+    """
     samples, largest = work.arguments.shape[1], 0.0
     for j in range(len(kernel.kinks)):
         work.widths[j, 0] = 0.0
@@ -64,9 +68,10 @@ def set_widths(kernel, work, mu):
 
 @compiled
 def linearise_kinks(kernel, work):
-    """Write slopes and second derivatives of all kinks at their arguments, and predicted duals.
+    """Write slopes and second derivatives of all kinks, and predicted duals.
 
-    A dual moves at most a share of the way to its bounds ±1, so that a crossed kink stays stiff for some steps.
+    They are taken at the arguments of the kinks. A dual moves at most a share of the way to its bounds ±1, so that a
+    crossed kink stays stiff for some steps.
     """
     share = 1.0 - kernel.dual_fraction
     for j in range(len(kernel.kinks)):
@@ -113,7 +118,10 @@ def _chain(kernel, work, f, count):
 
 @compiled
 def tie_multipliers(kernel, work, weights):
-    """Write the multipliers of ties as inputs of the Lagrangian's Hessian, and the weights of second derivatives."""
+    """Write the multipliers of ties and the kinks' second-derivative weights.
+
+    The multipliers are inputs of the Lagrangian's Hessian.
+    """
     inputs, gradients, kinks, by_row = work.inputs, work.gradients, kernel.kinks, work.by_row
     variables, samples = work.gradient_u.shape
     sums, rows, first = len(work.objective_gradients), len(kernel.row_peaks), kernel.multipliers[1]
@@ -137,7 +145,10 @@ def tie_multipliers(kernel, work, weights):
 
 @compiled
 def add_kink_hessian(kernel, work, s, row, phi):
-    """Add the entries by v and the kinks' second derivatives to the Hessian (U, U) of sample s by u."""
+    """Add derivatives by v to sample s's Hessian by u.
+
+    They are the entries by v and the second derivatives of kinks; the Hessian is (U, U).
+    """
     second_i, second_j, kinks, gradients = kernel.second_i, kernel.second_j, kernel.kinks, work.gradients
     variables = len(phi)
     other = np.empty(variables)
@@ -157,7 +168,10 @@ def add_kink_hessian(kernel, work, s, row, phi):
 
 @compiled
 def _variable_gradient(kernel, work, variable, s, row):
-    """Write the gradient by u of a variable (one of u or a slack) of sample s."""
+    """Write the gradient by u of a variable of sample s.
+
+    The variable is one of u, or a slack.
+    """
     for a in range(len(row)):
         row[a] = 1.0 if a == variable else 0.0
     for j in range(len(kernel.kinks)):

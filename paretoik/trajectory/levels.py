@@ -1,4 +1,4 @@
-"""Levels of samples, coarse to fine: local optima of the coarsest are refined to the motion's own samples.
+"""Levels of samples: refine local optima from the coarsest level upwards.
 
 Source: Tringali & Cocuzza 2020, section 3.1.4.
 """
@@ -33,10 +33,10 @@ class LevelProgress:
     """A finished level of samples.
 
     task: task on the level
-    starts: motions that it started from
+    starts: motions that the level started from
     ends: motions that the starts led to
     converged: whether the solver found each end optimal
-    optima: distinct optima, best first; if none is ``feasible``, the least-violating motions
+    optima: distinct optima, best first; if none is feasible, the least-violating motions
     """
 
     task: MotionTask
@@ -52,7 +52,10 @@ class LevelProgress:
         return len(self.task.times)
 
     def describe_violation(self, task: MotionTask) -> str:
-        """Return in words which limits the least-violating motion breaks, in samples of a task; "" if feasible."""
+        """Return in words which limits the least-violating motion breaks.
+
+        Samples are numbered as in ``task``; the text is "" if the level is feasible.
+        """
         if self.feasible or not len(self.optima):
             return ""
         motion = self.task.motion(self.optima[0])
@@ -66,10 +69,11 @@ ObserveLevel: TypeAlias = Callable[[LevelProgress], object]
 def explained_interruption(
     task: MotionTask, rollouts: JointPaths, observe: ObserveLevel | None
 ) -> Iterator[ObserveLevel]:
-    """Run a search in the body; if a signal ends it, add the motion and the violated limits to the exception.
+    """Run a search in the body; explain a signal that ends it.
 
-    The body gets a function to call after each level, which also calls ``observe``. Before the first level is done, the
-    motion is the first of ``rollouts``, which violates limits least.
+    The exception gets the least-violating motion and the violated limits. The body gets a function to call after each
+    level; this function also calls ``observe``. If no level is done yet, the motion is the first of ``rollouts``, the
+    least-violating one.
     """
     seen = list[LevelProgress]()
 
@@ -81,7 +85,7 @@ def explained_interruption(
     try:
         yield show
     except Interrupted as stop:
-        if stop.reason:  # the end of a call of a user's function
+        if stop.reason:  # a call of a user's function ended
             raise
         with suppress(ParetoikError):  # a user's constraint may fail there
             start = task.motion(rollouts[0])
@@ -92,7 +96,10 @@ def explained_interruption(
 
 
 def at_samples(task: MotionTask, motion: Motion) -> Motion:
-    """Return a motion of a coarser level at the task's own samples, as far as it stays on the path there."""
+    """Return a coarser level's motion at the task's own samples.
+
+    A motion that leaves its path there is returned as it is.
+    """
     if motion.q.shape[-2] == len(task.times):
         return motion
     try:
@@ -116,21 +123,24 @@ Disturb = Callable[[MotionProgram, Solutions], Solutions]
 
 @dataclass(frozen=True, kw_only=True)
 class LevelOptions:
-    """Settings of refinement between levels: ``cold`` on the coarsest, ``warm`` from the optima of coarser levels."""
+    """Settings of refinement between levels.
 
-    coarsest: int = 26  # samples: with half as many, the best torque optimum does not exist
-    distinct: float = 0.01  # rad or arm lengths, RMS: nearer optima are one
-    scale_share: float = 0.1  # of the lower quartile of an objective's size at starts: lower bound of its scale
-    disturbed: int = 101  # samples: on levels with more of them the best optimum stays the same
-    max_optima: int = 32  # number refined on a finer level, where their order changes
-    restored: int = 8  # motions whose violation is minimised, and half the number of starts on the first level
-    cold: tuple[InteriorPointOptions, ...] = (  # alternating: each finds basins that the other leaves
+    ``cold`` is for the coarsest level, ``warm`` for starts from optima of coarser levels.
+    """
+
+    coarsest: int = 26  # number of samples: with half as many, the best torque optimum does not exist
+    distinct: float = 0.01  # rad or arm lengths, RMS: two optima that are nearer are one
+    scale_share: float = 0.1  # least scale of an objective, as a share of the lower quartile of its sizes at starts
+    disturbed: int = 101  # number of samples: on finer levels the best optimum stays the same
+    max_optima: int = 32  # largest number of optima refined on a finer level, where their order changes
+    restored: int = 8  # number of motions whose violation is minimised; half the number of starts on the first level
+    cold: tuple[InteriorPointOptions, ...] = (  # alternating options: each finds basins that the others miss
         InteriorPointOptions(barrier=0.1, radius=0.4, iterations=300),
         InteriorPointOptions(barrier=0.01, radius=0.1, iterations=300),
         InteriorPointOptions(barrier=1e-3, radius=0.05, iterations=300),
     )
     warm: InteriorPointOptions = InteriorPointOptions(barrier=1e-4, radius=0.02)
-    restoration: tuple[InteriorPointOptions, ...] = (  # alternating, when only the violation is minimised
+    restoration: tuple[InteriorPointOptions, ...] = (  # alternating options, if only the violation is minimised
         InteriorPointOptions(barrier=0.1, radius=0.4, iterations=100),
         InteriorPointOptions(barrier=0.01, radius=0.1, iterations=100),
     )
@@ -149,7 +159,10 @@ def level_samples(samples: int) -> list[int]:
 
 
 def first_levels(samples: int) -> list[int]:
-    """Return the levels to try as first one if the level before leads to no motion; 0 is the coarsest."""
+    """Return the levels to try as first one, in order.
+
+    The next is tried if one leads to no motion; 0 is the coarsest level.
+    """
     last = len(level_samples(samples)) - 1
     return sorted({0, min(1, last), last})
 
@@ -160,15 +173,19 @@ def coarsest_level(task: MotionTask, first: int = 0) -> MotionTask:
 
 
 def level_programs(task: MotionTask, scales: Float[np.ndarray, " n_obj"], first: int = 0) -> list[MotionProgram]:
-    """Return the programs of all levels from ``first`` to the task's own, objectives divided by ``scales``."""
+    """Return the programs of all levels from ``first`` on.
+
+    The last level is the task itself. Objectives are divided by ``scales``.
+    """
     coarser = [task.subsample(samples) for samples in level_samples(len(task.times))[first:-1]]
     return [motion_program(level, scales) for level in (*coarser, task)]
 
 
 def objective_scales(task: MotionTask, q: Float[np.ndarray, "starts samples dof"]) -> Float[np.ndarray, " n_obj"]:
-    """Return the size of every objective at the best coarse start, the unit of barriers and tolerances.
+    """Return each objective's size at the best coarse start.
 
-    Optima are much better than starts; if one start is next to 0 by chance, the size is a share of the usual value.
+    It is the unit of barriers and tolerances. Optima are much better than starts. If one start is next to 0 by chance,
+    the size is a share of the usual value.
     """
     level = task.subsample(q.shape[1])
     sizes = [size[np.isfinite(size)] for size in np.abs(require_values(level, level.motion(q)).T)]
@@ -188,20 +205,23 @@ def refine_levels(
     disturb: Disturb | None = None,
     max_optima: int = OPTIONS.max_optima,
 ) -> tuple[Solutions, tuple[tuple[int, int], ...]]:
-    """Return the distinct optima of weights · F with F ≤ upper, best first, and samples and optima of each level.
+    """Return the distinct optima of weights · F with F ≤ upper.
+
+    They are sorted, the best first. The second value has the number of samples and of optima of each level.
 
     programs: programs of ``level_programs``
     q: starts of the first level
     observe: function called after each level
     restore: whether to minimise only the violation first if limits are violated at the end; if no motion of the first
         level can be restored, its least-violating motions are returned
-    further: function of a level's program, starts and optima of the level before (None on the first); its result maps
-        the solutions so far to more starts and barriers, until there are none
-    disturb: function that returns optima and those that they lead to, on one of the finer levels
+    further: function of a level's program, starts, and optima of the level before (None on the first level); its result
+        is a function from the solutions so far to more starts and barriers, until there are none
+    disturb: function that returns optima, with those that they lead to, on one of the finer levels
     max_optima: largest number of optima of a level that are refined on the next
 
-    After a signal the motions found so far are returned, at the samples of the last level. Raises Infeasible if all
-    optima of a level leave the path between its samples, Interrupted if a signal comes before there is any.
+    After a signal the motions found so far are returned, at the samples of the last level.
+    Raises Infeasible if all optima of a level leave the path between its samples; Interrupted if a signal comes before
+    there is an optimum.
     """
     levels = list[tuple[int, int]]()
     bounded = len(programs[0].upper) - len(weights)
@@ -217,7 +237,7 @@ def refine_levels(
             solutions, q = _solve_level(program, q, weights, upper, solver, barriers, more)
             ends = solutions
             restored = restore and (first or not finer) and not solutions.converged.any()
-            if restored and not solutions.violation.max() <= FEASIBLE:  # the violation alone is minimised first
+            if restored and not solutions.violation.max() <= FEASIBLE:  # first, only the violation is minimised
                 rows = distinct_rows(task, solutions, solutions.objectives @ weights, limit=OPTIONS.restored)
                 begin = np.concatenate([solutions.x[rows], q[: 2 * OPTIONS.restored * first]])
                 solutions = minimise_violation(program, begin, upper, OPTIONS.restoration)
@@ -242,7 +262,7 @@ def refine_levels(
 
 
 def level_progress(task: MotionTask, starts: np.ndarray, ends: Solutions, optima: Solutions) -> LevelProgress:
-    """Return the progress of a plan after a level whose starts led to ``ends``."""
+    """Return a plan's progress after a level; starts led to ``ends``."""
     return LevelProgress(
         task=task,
         starts=starts,
@@ -262,9 +282,11 @@ def _solve_level(
     barriers: Sequence[InteriorPointOptions],
     further: Further | None,
 ) -> tuple[Solutions, np.ndarray]:
-    """Return the solutions of starts and ``further`` ones, and all starts; Interrupted has the solutions so far.
+    """Return the solutions of starts and ``further`` ones, and all starts.
 
-    The starts alternate between options: ``barriers``, or those of ``further``, which end at the same barrier.
+    Interrupted has the solutions so far.
+
+    The starts alternate between options: ``barriers``, or the options of ``further``; all end at the same barrier.
     """
 
     def search(starts: np.ndarray, options: Sequence[InteriorPointOptions]) -> Solutions:
@@ -290,9 +312,9 @@ def _unfinished(
     weights: np.ndarray,
     *levels: tuple[MotionProgram, Solutions | None] | None,
 ) -> Solutions:
-    """Return the optima of the first of ``levels`` that has any, at the samples of the last, as not converged.
+    """Return the optima so far, at the last level's samples, unconverged.
 
-    Raises Interrupted if no level has any.
+    They are those of the first entry of ``levels`` that has some. Raises Interrupted if no entry has some.
     """
     for program, solutions in filter(None, levels):
         if solutions is None or not solutions.converged.any():
@@ -311,7 +333,10 @@ def _unfinished(
 def distinct_rows(
     task: MotionTask, solutions: Solutions, merit: Float[np.ndarray, " points"], *, limit: int
 ) -> Int[np.ndarray, " rows"]:
-    """Return one row of every optimum, best first; if none converged, the least-violating ones."""
+    """Return one row of every optimum, best first.
+
+    If no solution converged, the least-violating ones are returned.
+    """
     order = np.lexsort((merit, np.round(solutions.violation, 6)))
     if solutions.converged.any():
         order = np.argsort(np.where(solutions.converged, merit, np.inf), kind="stable")[: solutions.converged.sum()]
@@ -325,20 +350,26 @@ def distinct_rows(
 
 
 def coarse(options: InteriorPointOptions) -> InteriorPointOptions:
-    """Return options for a level before a finer one: it ends at that one's first barrier."""
+    """Return options for a level that a finer one follows.
+
+    The search ends at the first barrier of the finer level.
+    """
     return options._replace(last_barrier=OPTIONS.warm.barrier, tolerance=OPTIONS.warm.barrier)
 
 
 def on_more_samples(
     result: Result, error: Callable[[Result], float], refine: Callable[[Result], Result | None]
 ) -> Result:
-    """Return a plan or a front on more samples of its path, if values differ too much from those of the curves.
+    """Return a result on more samples, if its values are inexact.
 
-    error: function that returns the largest excessive error of a result, or 0
-    refine: function that returns the result with a sample added in every interval, None if something would be lost
+    The result is a plan or a front. Its values are inexact if they differ too much from those of the curves.
 
-    Refinement is repeated a few times while it halves the error. If it fails, or a signal or the time limit ends it,
-    the result before stays.
+    error: function that returns the largest excessive error of a result, or 0 if none is excessive
+    refine: function that returns the result with a sample added in every interval; None if an optimum or a point would
+        be lost
+
+    Refinement is repeated a few times if it halves the error. If it fails, or if a signal or the time limit ends it,
+    the result before is returned.
     """
     worst = np.inf
     for _ in range(SAMPLES.doublings):
@@ -356,7 +387,10 @@ def on_more_samples(
 def resample(
     task: MotionTask, q: Float[np.ndarray, "motions samples dof"], finer: MotionTask
 ) -> Float[np.ndarray, "resampled time dof"]:
-    """Return motions at the samples of a finer level, without those that leave the path between their own."""
+    """Return motions at the samples of a finer level.
+
+    Motions that leave the path between their own samples are left out.
+    """
     motions = task.motion(q)
     with suppress(Infeasible):
         return motions.at(finer.times)

@@ -1,8 +1,8 @@
 """The compiled kernel of motions, whose Newton matrix is banded in time.
 
-Unknowns are steps in the self-motion of every sample: q moves along the null space of the tasks' Jacobian and is then
-retracted onto the path, so that every iterate follows it. The program has (dof − task rows) unknowns per sample, and
-its exact second derivatives, with the path's curvature, are banded in time; a cycle closes in the border.
+Unknowns are steps along the self-motion of every sample: q moves along the null space of the tasks' Jacobian and is
+then retracted onto the path, so that every iterate is on the path. The program has (dof − task rows) unknowns per
+sample. Its exact second derivatives, with the path's curvature, are banded in time; the border closes a cycle.
 """
 
 from __future__ import annotations
@@ -27,7 +27,10 @@ from paretoik.trajectory.kernel_arrays import MotionKernel, allocate, sample_cou
 
 @compiled
 def limit_gradient(kernel, work, multipliers):
-    """Write the gradient of −multipliers · c by u, and multipliers of variables and rows in their own units."""
+    """Write the gradient of −multipliers · c by u.
+
+    The multipliers of variables and rows are written too, in their own units.
+    """
     gradient_u, by_row, gradients = work.gradient_u, work.by_row, work.gradients
     limited, factors = kernel.limited, kernel.factors
     variables, samples = gradient_u.shape
@@ -54,7 +57,7 @@ def sum_stiffness(kernel, work, stiffness):
 
 @compiled
 def write_rows(kernel, work, columns, entries):
-    """Write the rows of limits by the unknowns; there are no kinks and peaks."""
+    """Write limits' rows by the unknowns; without kinks and peaks only."""
     variables, instants = work.gradient_u.shape
     limited, gradients, sums = kernel.limited, work.gradients, len(work.objective_gradients)
     r, width = work.tangent.shape[2], entries.shape[1]
@@ -81,12 +84,12 @@ def write_rows(kernel, work, columns, entries):
 # Peaks of a motion: epigraph variables σ on the border of Newton's matrix; compiled
 #
 # A peak is the least σ with σ − piece ≥ 0 for every piece at every sample. The rows σ − piece are ordinary limited
-# rows; these functions add their derivatives by σ, which is in rows of a point after its samples.
+# rows. These functions add their derivatives by σ, which follows the samples in a point.
 
 
 @compiled
 def peak_rows(kernel, n):
-    """Return the number of rows of n entries for peaks in a point."""
+    """Return the number of rows (n entries each) for a point's peaks."""
     return (len(kernel.peak_inputs) + n - 1) // n
 
 
@@ -101,7 +104,10 @@ def copy_peaks(kernel, work, x):
 
 @compiled
 def lift_peaks(kernel, work, x):
-    """Write a motion's least σ into its point; functions of a sample must have been evaluated at σ = 0."""
+    """Write a motion's least σ into its point.
+
+    Functions of samples must have been evaluated at σ = 0.
+    """
     samples, n = sample_count(kernel), x.shape[1]
     sums = len(work.objective_gradients)
     for k in range(len(kernel.peak_inputs)):
@@ -115,7 +121,10 @@ def lift_peaks(kernel, work, x):
 
 @compiled
 def peak_gradient(kernel, work, weights, multipliers, out):
-    """Write the gradient of weights · F − multipliers · c by σ, from signed multipliers of rows in ``by_row``."""
+    """Write the Lagrangian's gradient by σ.
+
+    The Lagrangian is weights · F − multipliers · c. The signed multipliers of rows are those in ``by_row``.
+    """
     first, variables = kernel.unknowns, len(work.gradient_u)
     for total in range(len(weights)):
         if kernel.totals[total] < 0:
@@ -129,7 +138,7 @@ def peak_gradient(kernel, work, weights, multipliers, out):
 
 @compiled
 def assemble_peaks(kernel, work, A, B, C):
-    """Write the rows of the border for σ, from the stiffness of rows in ``by_row``."""
+    """Write the border's rows for σ, from stiffnesses in ``by_row``."""
     variables, samples = work.gradient_u.shape
     sums, size = len(work.objective_gradients), A.shape[0]
     for k in range(len(kernel.peak_inputs)):
@@ -172,7 +181,7 @@ def step_peaks(kernel, step, dx):
 
 @implement(steps.dimensions, MotionKernel)
 def dimensions(kernel, x):
-    """Return (size, band, border) of the Newton matrix and the number of limits."""
+    """Return the Newton matrix's (size, band, border), and the limits' number."""
     rows = len(kernel.curve.row_scales)
     band = kernel.coefficients.shape[2] * (x.shape[1] - rows)
     return kernel.unknowns - kernel.border, band, kernel.border + len(kernel.peak_inputs), len(kernel.factors)
@@ -192,7 +201,10 @@ def allocate_workspace(kernel, x):
 
 @implement(steps.add_auxiliary, MotionKernel)
 def add_auxiliary(kernel, work, x):
-    """Return the point of a motion with the least σ of each peak; measure kinks."""
+    """Return the point of a motion, with each peak's least σ.
+
+    The sizes of kinks are measured.
+    """
     samples, n = x.shape
     point = np.zeros((samples + peak_rows(kernel, n), n))
     for s in range(samples):
@@ -218,7 +230,10 @@ def _write_states(kernel, work, x):
 
 @compiled
 def _add_by_positions(kernel, work, gradient, scale, gradient_q):
-    """Add the gradient by q (time, dof) of one by u (variables, instants), times ``scale`` (instants,)."""
+    """Add the gradient by q from a gradient by u.
+
+    The gradients are (time, dof) and (variables, instants); the latter is multiplied by ``scale`` (instants,).
+    """
     curve_states.chain_gradient(work.curve, gradient[: len(work.gradient_u)], work.gradient_spline)
     self_motion_steps.add_transposed_stencil(
         work.gradient_spline, scale, kernel.neighbours, kernel.coefficients, gradient_q
@@ -267,7 +282,10 @@ def evaluate(kernel, work, x, F, c):
 
 @implement(steps.linearise, MotionKernel)
 def linearise(kernel, work, x):
-    """Prepare the tangent of the path and the gradients at x; return False at a singularity."""
+    """Prepare the path's tangent and the gradients at x.
+
+    Returns False at a singularity.
+    """
     slopes, gradients, instants = work.slopes, work.gradients, len(kernel.ones)
     slope_of, slope_by = kernel.slope_of, kernel.slope_by
     _write_states(kernel, work, x)
@@ -302,7 +320,10 @@ def linearise(kernel, work, x):
 
 @implement(steps.reduced_gradient, MotionKernel)
 def reduced_gradient(kernel, work, weights, multipliers, out):
-    """Write the gradient of weights · F − multipliers · c by the unknowns, and in the workspace by q."""
+    """Write the reduced gradient of weights · F − multipliers · c.
+
+    It is by the unknowns; the gradient by q is in the workspace.
+    """
     clear(work.gradient_q)
     clear(work.gradient_u)
     if len(multipliers):
@@ -317,7 +338,10 @@ def reduced_gradient(kernel, work, weights, multipliers, out):
 
 @implement(steps.prepare_multipliers, MotionKernel)
 def prepare_multipliers(kernel, work, weights):
-    """Write the multipliers of path, sums and rows as inputs of the Lagrangian's Hessian."""
+    """Write path, sum and row multipliers as inputs of the Hessian.
+
+    The Hessian is that of the Lagrangian.
+    """
     first, variables, samples = kernel.multipliers, len(work.gradient_u), work.gradient_u.shape[1]
     inputs, by_row, quadrature = work.inputs, work.by_row, kernel.quadrature
     for g in range(len(by_row) - variables):
@@ -352,10 +376,13 @@ def residual_norm(kernel, residual):
 
 @implement(steps.assemble, MotionKernel)
 def assemble(kernel, work, stiffness, A, B, C):
-    """Write Newton's matrix: second derivatives of the Lagrangian plus the limits' stiffness, by samples."""
+    """Write Newton's matrix, sample by sample.
+
+    It is the Lagrangian's second derivatives plus the stiffness of limits.
+    """
     variables, samples = work.gradient_u.shape
     states = len(work.gradient_spline)
-    behind = 2 * states if kernel.curve.projects else variables  # the spline's u, after those of the curve
+    behind = 2 * states if kernel.curve.projects else variables  # the spline's u follow those of the curve
     local = np.zeros((behind, kernel.coefficients.shape[2] * work.tangent.shape[2]))
     phi, row, half = np.zeros((behind, behind)), np.empty(variables), np.zeros(local.shape)
     run(kernel.curvature, work.inputs, work.seconds)
@@ -397,7 +424,7 @@ def assemble(kernel, work, stiffness, A, B, C):
 
 @implement(steps.expand_step, MotionKernel)
 def expand_step(kernel, work, step, dx):
-    """Write the change of q and σ; return the largest entry of that of q."""
+    """Write the change of q and σ; return q's largest change."""
     step_peaks(kernel, step, dx)
     return self_motion_steps.expand_motion_step(step, work.tangent, kernel.first_unknown, dx)
 
@@ -436,13 +463,16 @@ def row_width(kernel, work):
 
 @implement(steps.constraint_rows, MotionKernel)
 def constraint_rows(kernel, work, columns, entries):
-    """Write the rows of limits by the unknowns; there are no kinks and peaks."""
+    """Write limits' rows by the unknowns; without kinks and peaks only."""
     write_rows(kernel, work, columns, entries)
 
 
 @implement(steps.retract, MotionKernel)
 def retract(kernel, work, x, dx, length, trial):
-    """Write the motion on the path after a step; return whether the retraction succeeded."""
+    """Write the motion after a step, retracted onto the path.
+
+    Returns whether the retraction succeeded.
+    """
     samples = sample_count(kernel)
     for s in range(x.shape[0]):
         for j in range(x.shape[1]):

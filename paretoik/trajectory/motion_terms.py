@@ -1,12 +1,12 @@
-"""The nonlinear program of a motion for solvers: one evaluation of all functions at every instant.
+"""A motion's nonlinear program: one evaluation of all functions per instant.
 
-The instants are the samples, with differences="spline" also the middles between them. The variables of an instant are
-u = (q, q̇, q̈, q⃛), slides in arm lengths (``joint_scales``), and slacks v if functions have kinks; peaks have an
-epigraph variable σ for the whole motion. u is linear in the positions of a few samples (``Stencil``); that of a spline
-is then projected onto the path (``curve_states``). If integrals have kinks, the u of the spline are variables too,
-after those of the curve.
-Integral objectives are sums over instants of functions of these; limits bound u or other functions, such as torque. The
-path is an equation in q at every sample. Functions that relate samples to one another are ``WholeFunction``.
+The instants are the samples; with differences="spline" also the middles between samples. The variables of an instant
+are u = (q, q̇, q̈, q⃛), slides in arm lengths (``joint_scales``), and slacks v if functions have kinks. Each peak has
+an epigraph variable σ for the whole motion. u is linear in the positions of a few samples (``Stencil``); the u of a
+spline is then projected onto the path (``curve_states``). If integrals have kinks, the spline's own u are variables
+too, after those of the curve. Integral objectives are sums over instants of functions of these; limits bound u or other
+functions, such as torque. The path is an equation in q at every sample. Functions that relate samples to one another
+are ``WholeFunction``.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from paretoik.trajectory.curve_states import curve_arrays
 from paretoik.trajectory.discretisation import Stencil
 from paretoik.trajectory.functions import Total, WholeFunction, function_names
 
-KINK_TOLERANCE = 1e-8  # share of the largest operand of a maximum, minimum or absolute value: operands meet below it
+KINK_TOLERANCE = 1e-8  # share of the larger operand of a maximum, minimum or absolute value: nearer operands meet
 ORDERS = ("position", "velocity", "acceleration", "jerk")
 
 
@@ -41,17 +41,18 @@ class Sparsity:
 class Evaluators:
     """Compiled functions of a sample and their derivatives: sums first, then rows.
 
-    inputs: number of inputs: u, then v and σ (at ``auxiliary``), parameters, and multipliers
-    multipliers: index of the first multiplier: those of path equations (of a sample, then of a curve's instant), sums
-        and rows
-    slack: values of the ``slacks`` v at a point
-    ties: pairs of rows that bound slacks, from below if the entry of ``signs`` is 1, from above if it is −1
-    kink_operands: pairs of operands of a kink without slack, in the function ``kinked``
-    value: sums and rows
-    gradient: sums and rows, then the entries of their gradients by variables
-    hessian: entries of the Lagrangian's Hessian by u and v
-    path: path equations of a sample and their Jacobian by q
-    path_hessian: Hessian (dof, dof) by q of the sum of path equations times multipliers
+    inputs: number of inputs, in this order: u, then v and σ (at ``auxiliary``), parameters, multipliers
+    multipliers: index of the first multiplier of path equations (of a sample, then of a curve's instant), of sums, and
+        of rows
+    slack: evaluator of the values of the ``slacks`` v at a point
+    ties: number of rows that tie slacks, two per slack; they bound it from below if its entry of ``signs`` is 1, from
+        above if it is −1
+    kink_operands: evaluator of both operands of each kink without slack, which is in the function ``kinked``
+    value: evaluator of sums and rows
+    gradient: evaluator of sums and rows, then the entries of their gradients by variables
+    hessian: evaluator of the entries of the Lagrangian's Hessian by u and v
+    path: evaluator of path equations of a sample and their Jacobian by q
+    path_hessian: evaluator of the Hessian (dof, dof) by q of the sum of path equations times multipliers
     """
 
     inputs: int
@@ -95,16 +96,16 @@ class MotionValues:
 class MotionTerms:
     """The nonlinear program of a MotionTask.
 
-    totals: numbers of a whole motion: the objectives, divided by ``scales``, then bounded ones
-    inputs: inputs (inputs, instants) of the evaluators, 0 except for parameters
+    totals: numbers of the whole motion: the objectives, divided by ``scales``, then bounded ones
+    inputs: values (inputs, instants) of the evaluators' inputs, 0 except for parameters
     variables: rows of u, v and σ in the inputs
     peaks: number of σ
     limited: variable (or row, after the variables) and instant of each limit
     sides: 1 for a lower limit, −1 for an upper one
     bounds: bound of each limit
     ranges: unit of each violation
-    kinks: number of the last limits, which tie v and σ
-    epigraph_rows, epigraph_peaks: rows of peaks, and the peak of each
+    kinks: number of the ties of v and σ, which are the last entries of ``limited``
+    epigraph_rows, epigraph_peaks: rows σ − piece of peaks, and the index of the peak of each
     """
 
     task: MotionTask
@@ -138,7 +139,7 @@ class MotionTerms:
 
     @property
     def rates(self) -> int:
-        """Number of entries of u, plus those of the spline if they are variables."""
+        """Number of entries of u, with the spline's if they are variables."""
         return len(self.variables) - len(self.evaluators.auxiliary)
 
     @property
@@ -153,7 +154,10 @@ class MotionTerms:
 
     @property
     def elastic(self) -> int:
-        """Number of limits: the inequalities before the ties of slack and epigraph variables."""
+        """Number of limits, which come before the ties.
+
+        Ties are the inequalities of slack and epigraph variables.
+        """
         return len(self.sides) - self.kinks
 
     @property
@@ -175,7 +179,10 @@ class MotionTerms:
 
     @property
     def kinked(self) -> tuple[str, ...]:
-        """Names of totals with kinks, or a general name if others have kinks."""
+        """Names of totals with kinks.
+
+        If only other functions have kinks, it is a general name.
+        """
         sparsity = self.evaluators.gradient_sparsity
         by_slack = (sparsity.columns >= self.rates) & (sparsity.columns < self.rates + self.slacks)
         kinked_functions = set(sparsity.rows[by_slack].tolist())
@@ -183,7 +190,10 @@ class MotionTerms:
         return names or ("an absolute value, maximum or minimum",) * bool(self.slacks)
 
     def kinks_at(self, x: Float[np.ndarray, "time dof"]) -> tuple[str, ...]:
-        """Return the names of objectives and limits with a kink at a motion and no auxiliary variable for it."""
+        """Return the names of objectives and limits with a kink.
+
+        The kink is at this motion, and no auxiliary variable represents it.
+        """
         kinked = self.evaluators.kinked
         if not kinked:
             return ()
@@ -195,17 +205,23 @@ class MotionTerms:
 
     @property
     def unsupported(self) -> tuple[str, ...]:
-        """Names of totals that relate samples to one another, other than sums and peaks."""
+        """Names of totals that relate samples, other than sums and peaks."""
         return tuple(total.name for total in self.totals if total.kind == "whole")
 
     @property
     def rounding(self) -> float:
-        """Rounding error of stationarity: if a motion stops, its last sample is known only up to a step."""
+        """Rounding error of stationarity.
+
+        It is larger if a motion stops: its last sample is known only up to a step.
+        """
         return 1e-6 if self.task.ties_end else 0.0
 
     def project(self, x: Float[np.ndarray, "motions time dof"]) -> Float[np.ndarray, "motions time dof"]:
-        """Return motions that begin at the start and end at rest, if required."""
-        if self.task.ties_end:  # the shortest last step that the path allows, without self-motion
+        """Return motions that begin at the start and end at rest.
+
+        Each only if the task requires it.
+        """
+        if self.task.ties_end:  # the last step is the shortest that the path allows, without self-motion
             arm, tasks, target = self.task.arm, self.task.tasks, self.task.targets[-1]
             retracted = retract(arm, tasks, x[:, -2], target, normal_directions(arm, tasks, x[:, -1], target))
             ends = np.where(retracted.on_path[:, None], retracted.q, x[:, -1])
@@ -223,16 +239,22 @@ class MotionTerms:
     def evaluate(
         self, x: Float[np.ndarray, "time dof"]
     ) -> tuple[Float[np.ndarray, " objectives"], Float[np.ndarray, " equalities"], Float[np.ndarray, " inequalities"]]:
-        """Return F, h (empty, as motions are on the path), and c, the limits divided by their ranges."""
+        """Return F, h and c of a motion.
+
+        h is empty, because motions are on the path; c are the limits divided by their ranges.
+        """
         values = self.values(x)
         return values.objectives, np.zeros(0), values.inequalities
 
     def values(self, q: Float[np.ndarray, "time dof"]) -> MotionValues:
-        """Return objectives and constraints at a motion on the path, with their inputs."""
+        """Return objectives and constraints at a motion, with evaluator inputs.
+
+        The motion must be on the path.
+        """
         inputs = self.inputs.copy()
         relative = q / joint_scales(self.task.arm)
         u = np.einsum("oik,ikj->oji", self.stencil.coefficients, relative[self.stencil.neighbours])
-        for first in range(0, self.rates, self.states):  # the curve, and the spline if its u are variables
+        for first in range(0, self.rates, self.states):  # first the curve, then the spline if its u are variables
             inputs[self.variables[first : first + self.states]] = u.reshape(self.states, -1)
         arrays = curve_arrays(self.task)
         curve = allocate_curve(arrays, self.states)
@@ -267,28 +289,37 @@ class MotionTerms:
     def limit_values(
         self, inputs: Float[np.ndarray, "inputs instants"], values: Float[np.ndarray, "functions instants"]
     ) -> tuple[Float[np.ndarray, " inequalities"], Float[np.ndarray, " ties"]]:
-        """Return the limits, divided by their ranges, and the ties, from inputs and values of functions."""
+        """Return limits and ties from inputs and function values.
+
+        Limits are divided by their ranges.
+        """
         every = np.concatenate([inputs[self.variables], values[self.sums :]])
         row, sample = self.limited.T
         limits = self.sides * (every[row, sample] - self.bounds)
         return limits[: self.elastic] / self.ranges[: self.elastic], limits[self.elastic :]
 
     def whole_inputs(self, inputs: Float[np.ndarray, "inputs instants"]) -> Float[np.ndarray, " whole_inputs"]:
-        """Return the inputs of functions of the whole motion: position, ..., jerk (instants, dof) each."""
+        """Return the inputs of functions of the whole motion.
+
+        They are position, velocity, acceleration and jerk, (instants, dof) each; unused orders are 0.
+        """
         u = inputs[: self.states].reshape(self.stencil.orders, self.task.arm.dof, -1).swapaxes(1, 2)
         return np.concatenate([u.ravel(), np.zeros((4 - len(u)) * u[0].size)])
 
     def distance(
         self, x: Float[np.ndarray, "time dof"], others: Float[np.ndarray, "others time dof"]
     ) -> Float[np.ndarray, " others"]:
-        """Return the distance of a motion from others [rad, the arm's length], RMS over time, angles modulo 2π."""
+        """Return the distance of a motion from others.
+
+        It is the RMS over time [rad, the arm's length], angles modulo 2π.
+        """
         return joint_distance(self.task, x, others)
 
 
 def joint_distance(task: MotionTask, q: np.ndarray, other: np.ndarray) -> Float[np.ndarray, "*batch"]:
-    """Return the RMS over time of the joint distance between motions (..., time, dof), angles modulo 2π.
+    """Return the RMS joint distance between motions over time.
 
-    It is in rad, slides in arm lengths.
+    Motions are (..., time, dof); angles are modulo 2π. The distance is in rad, slides in arm lengths.
     """
     difference = (q - other) / joint_scales(task.arm)
     difference = np.where(task.arm.periodic, (difference + np.pi) % (2 * np.pi) - np.pi, difference)

@@ -1,4 +1,4 @@
-"""Plans: all distinct locally optimal motions of one objective that many starts lead to.
+"""Plans: all distinct local optima of one objective from many starts.
 
 Source: Tringali & Cocuzza 2020, section 3.1.
 """
@@ -61,7 +61,7 @@ from paretoik.trajectory.restarts import LevelRestarts, first_portions
 from paretoik.trajectory.tightening import feasible_motions, hold_all
 from paretoik.trajectory.transcription import MotionProgram, motion_program
 
-EXCEEDS = "limits exceeded between samples"  # status of an optimum that exceeds its limits in spite of tightening
+EXCEEDS = "limits exceeded between samples"  # status of an optimum that exceeds limits although they were tightened
 UNDER_RESOLVED = "under-resolved"  # status of an optimum whose value differs too much from that of its curve
 
 
@@ -134,21 +134,24 @@ def find_optima(
     observe: ObserveLevel | None = None,
     rollouts: JointPaths | None = None,
 ) -> Plan:
-    """Return the distinct local optima of a task with one objective that many starts lead to.
+    """Return the distinct local optima of a task with one objective.
 
-    starts: number of starts per degree of redundancy; None for up to 48, until a better optimum is unlikely
+    They are the optima that many starts lead to.
+
+    starts: number of starts per degree of redundancy; None for up to 48, fewer if a better optimum becomes unlikely
     seed: seed of random numbers
-    initial: motions on the path that are starts too, minimised at the task's own samples; the best optimum is no worse
-        than the best feasible of them
+    initial: motions on the path that are starts too, minimised at the task's own samples; the best optimum is at least
+        as good as the best feasible one of these
     solver: solver of the local searches
     observe: function called after each level
     rollouts: motions on the path, the least-violating first; if none satisfies the limits, ``require_feasible`` first
-        checks whether any motion can
+        checks whether another motion can
 
-    Starts are minimised at the coarsest level of samples that leads to an optimum. ``RestartPolicy`` adds independent
-    starts there while a better unseen optimum is likely, and on the next level too if values change much; if optima are
-    many it also perturbs the best at random while that finds better ones. The distinct optima are refined on finer
-    levels up to the task's own samples; on one of these the best of many are perturbed again.
+    - Starts are minimised at the coarsest level of samples that leads to an optimum.
+    - ``RestartPolicy`` adds independent starts there while a better unseen optimum is likely, and on the next level too
+      if values change much. If there are many optima, it also perturbs the best at random while that finds better ones.
+    - The distinct optima are refined on finer levels up to the task's own samples.
+    - On one of these levels the best are perturbed again, if optima are many.
 
     Raises InvalidInput if the objective or a limit has no derivative, or a kink and ``solver`` is "interior-point";
     OutOfReach or Infeasible if there is no motion; Infeasible with the least-violating motion if none satisfies the
@@ -156,10 +159,10 @@ def find_optima(
     search came to a motion without a value.
     """
     assert len(task.objectives) == 1, "a plan has one objective"
-    if solver != "auto":  # before any work
+    if solver != "auto":  # refuse an unsuitable solver before any work
         check_solver(motion_program(task), solver)
-    trace_functions(task, np.ones(1))  # refuses functions without a derivative
-    given: Solutions | None = None  # minimised initial motions, if some are feasible
+    trace_functions(task, np.ones(1))  # raises InvalidInput for functions without a derivative
+    given: Solutions | None = None  # minimised initial motions, if some of them are feasible
     if initial is not None and len(initial):
         program = motion_program(task, objective_scales(task, initial))
         ends = minimise_from(program, initial, np.ones(1), solver=solver)
@@ -183,11 +186,11 @@ def resolve_plan(
     solver: Solver = "auto",
     observe: ObserveLevel | None = None,
 ) -> Plan:
-    """Return a plan of a task, on more samples if an optimum is under-resolved (``on_more_samples``).
+    """Return a plan on more samples if an optimum is under-resolved.
 
-    All optima are minimised again there. The plan does not change if one of them leaves the path between its samples or
-    does not converge. An error below rounding of the objective's size at ``rollouts`` counts as none. ``given`` is the
-    user's number of samples.
+    See ``on_more_samples``. All optima are minimised again on more samples. The plan stays the same if one of them
+    leaves the path between its samples or does not converge. Errors below the rounding error of the objective's size at
+    ``rollouts`` count as 0. ``given`` is the number of samples that the user chose.
     """
 
     def error(found: tuple[MotionTask, Plan]) -> float:
@@ -222,10 +225,11 @@ def _search(
     observe: ObserveLevel | None,
     rollouts: JointPaths | None,
 ) -> tuple[Solutions, tuple[tuple[int, int], ...], int]:
-    """Return the distinct optima, samples and optima of each level, and the number of starts.
+    """Return the distinct optima, the levels, and the starts' number.
 
-    The first level is the coarsest one that leads to optima. The number of starts includes those of a level that a
-    signal interrupted. Raises Infeasible or SolverFailed if no level leads to optima.
+    Levels are pairs of the number of samples and of optima. The first level is the coarsest one that leads to optima.
+    The number of starts includes those of a level that a signal interrupted. Raises Infeasible or SolverFailed if no
+    level leads to optima.
     """
     if rollouts is not None:
         require_feasible(task, rollouts, observe)
@@ -250,13 +254,13 @@ def _search(
                 disturb=restarts.disturb if supported else None,
                 solver=solver,
             )
-        except Infeasible:  # too coarse, perhaps
+        except Infeasible:  # this level may be too coarse
             if first == stages[-1]:
                 raise
             continue
         if solutions.converged.any() or (solutions.status == INTERRUPTED).any():
             return solutions, levels, len(restarts.policies[0].independent) if restarts.policies else len(begin)
-    # no level leads to optima; a function without a value is the first cause
+    # no level leads to optima; name a function without a value first
     status, coarse = STATUSES[int(solutions.status[0])], task.subsample(solutions.x.shape[1])
     unfinished = solutions.x[solutions.status == NOT_FINITE]
     causes = evaluate_motions(coarse, coarse.motion(unfinished))[2] if len(unfinished) else ()
@@ -269,8 +273,11 @@ def _search(
 
 
 def _merge(task: MotionTask, solutions: Solutions, initial: Solutions) -> Solutions:
-    """Return the distinct optima of both, best first; the best initial motion comes first if it is better."""
-    natural = motion_program(task)  # both divide objectives by scales of their own
+    """Return the distinct optima of both, best first.
+
+    An initial motion comes first if it is better than all.
+    """
+    natural = motion_program(task)  # each has its own scales of objectives
     both = concatenate((solutions, initial))
     both = replace(both, objectives=np.stack([natural.evaluate(x)[0] for x in both.x]))
     initial = both[len(solutions) :]
@@ -287,10 +294,11 @@ def _plan(
     starts: int,
     solver: Solver,
 ) -> Plan:
-    """Return the plan of optima, best first, after tightening the limits that they exceed between samples.
+    """Return the plan of optima, with limits between samples tightened.
 
-    Optima that still exceed a limit come last. A given motion that satisfies its limits between samples and is better
-    than all optima comes first.
+    Only limits that the optima exceed between samples are tightened. Optima are sorted, the best first; those that
+    still exceed a limit come last. A given motion that satisfies its limits between samples and is better than all
+    optima comes first.
     """
     program = motion_program(task, np.maximum(np.abs(task.objectives[0](task.motion(solutions.x[:1]))), 1e-300))
     results, status = hold_all(program, solutions.x, 1, solver), solutions.status
@@ -302,7 +310,7 @@ def _plan(
     words, order = [STATUSES[int(each)] for each in status], list(range(len(solutions)))
     errors = task.discretisation_errors(motions)[:, 0]
     if task.differences == "spline":
-        exceeds = [each.violation > LIMIT_TOLERANCE for each in results]  # not known after a signal
+        exceeds = [each.violation > LIMIT_TOLERANCE for each in results]  # unknown after a signal
         resolved = errors <= CERTIFICATES.resolved * np.abs(values)
         for i in np.flatnonzero(status == CONVERGED):
             words[i] = EXCEEDS if exceeds[i] else words[i] if resolved[i] else UNDER_RESOLVED
@@ -331,7 +339,10 @@ def _plan(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MotionColdSearch:
-    """A ``ColdSearch`` that plans each objective, and minimises coarse starts below bounds, level by level."""
+    """A ``ColdSearch`` for motions.
+
+    It plans each objective, and minimises coarse starts below bounds, level by level.
+    """
 
     task: MotionTask
     rollouts: JointPaths
@@ -346,7 +357,10 @@ class MotionColdSearch:
         return self.task.redundancy > 1
 
     def optima(self, objective: int) -> Float[np.ndarray, "optima time dof"]:
-        """Return the local optima of one objective, best first; raises as ``find_optima`` does."""
+        """Return the local optima of one objective, best first.
+
+        Raises the errors of ``find_optima``.
+        """
         alone = replace(self.task, objectives=(self.task.objectives[objective],))
         names = [each.name for each in self.task.objectives]
         named = replace(self, observe=naming_objective(self.observe, names, objective))
@@ -359,16 +373,19 @@ class MotionColdSearch:
     def optima_below(
         self, program: Program, main: int, upper: Float[np.ndarray, " n_obj"], weight: float
     ) -> Solutions | None:
-        """Return the optima of one objective from half as many cold starts, others below ``upper``, best first."""
+        """Return one objective's optima with others below ``upper``, best first.
+
+        It uses half as many cold starts.
+        """
         assert isinstance(program, MotionProgram)
         weights = np.full(len(upper), weight)
         weights[main] = 1.0
         first, starts = self._coarse_starts
         programs = level_programs(self.task, program.scales, first)
         try:
-            optima = 2 * EPSILON.cold_optima  # twice as many as needed, since half may end elsewhere
+            optima = 2 * EPSILON.cold_optima  # twice as many as needed: half of them may lead elsewhere
             return refine_levels(programs, starts, weights, upper, self._show, solver=self.solver, max_optima=optima)[0]
-        except Infeasible:  # all optima leave the path between samples: there are none below this bound
+        except Infeasible:  # all optima leave the path between samples: none is below this bound
             return None
 
     def _show(self, level: LevelProgress) -> None:
@@ -384,7 +401,7 @@ class MotionColdSearch:
                 return first, initial_motions(
                     self.task, starts=-(-(self.starts or RESTARTS.starts) // 2), seed=self.seed, first=first
                 )
-            except Infeasible:  # too coarse, perhaps
+            except Infeasible:  # this level may be too coarse
                 if first == stages[-1]:
                     raise
         raise AssertionError("a level")

@@ -26,10 +26,10 @@ from paretoik.trajectory.levels import coarsest_level
 class StartOptions:
     """Numbers and kinds of starts."""
 
-    rollouts: int = 4  # tried for each start
-    travelling: int = 3  # motions tried for each start that travels
-    spacing: float = 0.15  # rad or arm lengths: of a grid's nodes, so that the grid takes the time of many starts
-    classes: int = 8  # largest number of a grid's paths
+    rollouts: int = 4  # number of roll-outs tried for each start
+    travelling: int = 3  # number of motions tried for each start that travels
+    spacing: float = 0.15  # rad or arm lengths: distance of a grid's nodes; the grid takes the time of many starts
+    classes: int = 8  # largest number of paths of a grid
 
 
 OPTIONS = StartOptions()
@@ -44,9 +44,10 @@ def squared_velocity(motion: Any) -> Any:
 def initial_motions(
     task: MotionTask, *, starts: int, seed: int, first: int = 0
 ) -> Float[np.ndarray, "starts samples dof"]:
-    """Return ``starts`` motions per degree of redundancy on the coarsest level, or on the level ``first``.
+    """Return ``starts`` motions per degree of redundancy on a coarse level.
 
-    Half are roll-outs, half travel along the self-motion, which roll-outs rarely do: the most promising of many.
+    It is the coarsest level, or the level ``first``. Half of the motions are roll-outs. The others travel along the
+    self-motion, which roll-outs rarely do. All are the most promising of many.
     """
     count = starts * max(task.redundancy, 1)
     return sample_starts(coarsest_level(task, first), count, np.random.default_rng(seed))
@@ -63,17 +64,21 @@ def sample_starts(level: MotionTask, count: int, rng: np.random.Generator) -> Fl
 def sample_travelling(
     level: MotionTask, count: int, rng: np.random.Generator
 ) -> Float[np.ndarray, "starts samples dof"]:
-    """Return at most ``count`` motions that travel along the self-motion, the most promising of more."""
+    """Return at most ``count`` motions that travel along the self-motion.
+
+    They are the most promising of more.
+    """
     return _most_promising(level, travelling_starts(level, OPTIONS.travelling * count, rng), count)
 
 
 def grid_starts(level: MotionTask) -> Float[np.ndarray, "paths samples dof"]:
-    """Return the best paths of every class through a coarse grid of postures; none if the grid would take long.
+    """Return the best path of every class through a coarse grid.
 
-    If the objective depends on accelerations, as with torques, the motions that move least are used instead, and under
-    gravity also the best ones without accelerations.
+    The grid is one of postures. Without result if the grid would take long. If the objective depends on accelerations,
+    as with torques, the motions that move least are used instead; under gravity also the motions that are best without
+    accelerations.
     """
-    with suppress(InvalidInput, Infeasible):  # no grid for the task, or no path through a coarse one
+    with suppress(InvalidInput, Infeasible):  # there is no grid for the task, or no path through a coarse one
         return _grid_paths(level, level.objectives)
     paths = [np.empty((0, len(level.times), level.arm.dof))]
     surrogates: list[tuple[Objective, ...]] = [(squared_velocity,)]
@@ -86,15 +91,18 @@ def grid_starts(level: MotionTask) -> Float[np.ndarray, "paths samples dof"]:
 
 
 def _grid_paths(level: MotionTask, objectives: tuple[Objective, ...]) -> Float[np.ndarray, "paths samples dof"]:
-    task = replace(level, objectives=objectives, differences="backward", ends_at_rest=False)  # as grids need it
+    task = replace(level, objectives=objectives, differences="backward", ends_at_rest=False)  # a grid needs these
     return grid_oracle(task, resolution=OPTIONS.spacing, classes=OPTIONS.classes, quick=True).q
 
 
 def _without_acceleration(one: Objective) -> Objective:
-    """Return an objective of the same motions at the same velocities without accelerations."""
+    """Return an objective that ignores accelerations.
+
+    Its motions have the same positions and velocities, and acceleration 0.
+    """
 
     def function(motion: Any) -> Any:
-        slow = replace(motion)  # without computed quantities
+        slow = replace(motion)  # a copy without computed quantities
         vars(slow).update(dq=motion.dq, ddq=np.zeros_like(motion.q), jerk=np.zeros_like(motion.q))
         return one.function(slow)
 
@@ -102,13 +110,16 @@ def _without_acceleration(one: Objective) -> Objective:
 
 
 def _most_promising(task: MotionTask, q: JointPaths, limit: int) -> Float[np.ndarray, "chosen time dof"]:
-    """Return the motions to start from: the best of every branch by objectives and limits, branches alternating."""
+    """Return the most promising motions, as starts.
+
+    They are the best of every branch by objectives and limits; branches alternate.
+    """
     if not len(q):
         return q
     F, limits, _ = evaluate_motions(task, task.motion(q))
     finite = np.isfinite(F.T)
     usual = np.where(finite, np.abs(F.T), 0.0).sum(axis=1) / np.maximum(finite.sum(axis=1), 1)
-    merit = np.sum(F.T / np.maximum(usual, 1e-300)[:, None], axis=0)  # NaN, and so last, if a function fails
+    merit = np.sum(F.T / np.maximum(usual, 1e-300)[:, None], axis=0)  # NaN comes last: a function fails
     violation = np.maximum(limits, 0).sum(axis=1)
     order = np.lexsort((merit, np.round(violation, 2)))
     branch = np.array(branch_labels(task.motion(q[order])))

@@ -1,4 +1,7 @@
-"""The grid of motions for redundancy one: the postures of every sample, cut into nodes."""
+"""The grid of motions for redundancy one: nodes at every sample.
+
+The nodes are postures on the curves of the sample.
+"""
 
 from __future__ import annotations
 
@@ -32,13 +35,13 @@ At = Callable[[int, np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]  # (
 class GridOptions:
     """Settings of a grid and its results."""
 
-    pace: float = 2.5  # multiple of the path's own pace for joints without velocity limit
+    pace: float = 2.5  # largest pace of joints without velocity limit, as a multiple of the path's own pace
     quick_nodes: int = 30_000  # largest number of nodes of a quick grid
-    distinct: float = 0.15  # rad or arm lengths, RMS: paths nearer to a better one count as equal to it
-    transitions: int = 40_000_000  # more do not fit the memory of a small machine
-    block: int = 200_000  # samples that are evaluated at once
-    cell: int = 2  # nodes by which steps between a cell's corners exceed those of a motion in it (for the bound)
-    margin: int = 4  # nodes beyond windows and ranges of joints with transitions (for the bound)
+    distinct: float = 0.15  # rad or arm lengths, RMS: a path nearer to a better one counts as equal to it
+    transitions: int = 40_000_000  # largest number of transitions: more do not fit the memory of a small machine
+    block: int = 200_000  # number of samples that are evaluated at once
+    cell: int = 2  # nodes by which a step between a cell's corners exceeds the step of a motion in it (for the bound)
+    margin: int = 4  # number of nodes beyond windows and ranges of joints that have transitions (for the bound)
 
 
 OPTIONS = GridOptions()
@@ -46,9 +49,12 @@ OPTIONS = GridOptions()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Terms:
-    """The cost, and the excess over the worst limit on postures and on rates, at most 0 at all samples, −1 without any.
+    """The cost of a motion, and its excess over limits.
 
-    second: whether one of them depends on accelerations
+    The excess is that of the worst limit, on postures and on rates: at most 0 if limits are satisfied, −1 without
+    limits.
+
+    second: whether a cost or a limit depends on accelerations
     """
 
     cost: Series
@@ -61,7 +67,7 @@ class Terms:
         return self.cost(motion) * motion.weights
 
     def feasible_costs(self, motion: Motion) -> np.ndarray:
-        """Return the cost of every sample, infinite if a limit on rates is violated."""
+        """Return every sample's cost, infinite if a limit on rates is violated."""
         return np.where(self.rates(motion) <= LIMIT_TOLERANCE, self.sample_costs(motion), np.inf)
 
 
@@ -105,7 +111,10 @@ def build_terms(task: MotionTask, probe: np.ndarray) -> Terms:
 
 
 def derivative_order(task: MotionTask, term: Series, q: np.ndarray) -> int:
-    """Return the highest derivative that a function of motions depends on: NaN in higher ones has no effect."""
+    """Return the highest derivative that a function of motions depends on.
+
+    A function does not depend on a derivative if NaN there has no effect.
+    """
     for order, rates in enumerate([(np.nan, np.nan), (0.1, np.nan), (0.1, 0.1)]):
         with np.errstate(all="ignore"):
             try:
@@ -120,13 +129,16 @@ def derivative_order(task: MotionTask, term: Series, q: np.ndarray) -> int:
 def instant_motions(task: MotionTask, q: np.ndarray, dq: np.ndarray | float, ddq: np.ndarray | float) -> Motion:
     """Return rows (rows, time, dof) of independent postures with given rates."""
     motion = replace(task, cyclic=False).motion(q)
-    rates = {"dq": dq, "ddq": ddq, "jerk": np.nan}  # instead of those that Motion would compute from the row
+    rates = {"dq": dq, "ddq": ddq, "jerk": np.nan}  # these replace the rates that ``Motion`` would compute from the row
     vars(motion).update({name: np.broadcast_to(values, q.shape) for name, values in rates.items()})
     return motion
 
 
 def evaluate_at(task: MotionTask, term: Series, counts: Sequence[int], at: At) -> list[np.ndarray]:
-    """Return ``term`` of every sample's instants (``counts``); ``at`` gives (q, dq, ddq) of some of them."""
+    """Return ``term`` at every sample's instants.
+
+    ``counts`` are the numbers of instants; ``at`` returns (q, dq, ddq) of some of them.
+    """
     if sum(counts) > OPTIONS.transitions:
         raise InvalidInput(
             f"resolution must give at most {OPTIONS.transitions:.3g} transitions, got {sum(counts):.3g}: make it "
@@ -149,9 +161,11 @@ def evaluate_at(task: MotionTask, term: Series, counts: Sequence[int], at: At) -
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PostureGrid:
-    """Nodes of every sample (nodes, dof), and the next node on the curve of each, −1 for none.
+    """Nodes of every sample, and each node's next on its curve.
 
-    turning: joints that are known modulo 2π
+    Nodes are (nodes, dof); the next node is −1 at the end of a curve.
+
+    turning: joints whose position is known modulo 2π
     windows: largest step (time, dof) of each joint to each sample
     scales: units of joint distances
     """
@@ -167,9 +181,10 @@ class PostureGrid:
         return wrap_difference(later - before, self.turning)
 
     def edges(self, i: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return all pairs of nodes of samples i − 1 and i whose joint steps are within their windows.
+        """Return the pairs of nodes that a step can join.
 
-        They are sorted by the second node, then by the first.
+        The nodes are those of samples i − 1 and i. Joint steps between the two nodes are at most the windows. The pairs
+        are sorted by the second node, then by the first.
         """
         box = np.where(self.turning, 2 * np.pi / self.windows[i], 0.0)
         places = [np.where(self.turning, q % (2 * np.pi), q) / self.windows[i] for q in self.nodes[i - 1 : i + 1]]
@@ -184,23 +199,23 @@ class PostureGrid:
         return q, np.zeros_like(q), np.zeros_like(q)
 
     def motion(self, nodes: Sequence[int]) -> np.ndarray:
-        """Return the motion (time, dof) through nodes, its joints continuous."""
+        """Return the motion (time, dof) through nodes, with continuous joints."""
         q = np.stack([there[k] for there, k in zip(self.nodes, nodes, strict=True)])
         return np.cumsum(np.concatenate([q[:1], self.step(q[1:], q[:-1])]), axis=0)
 
     def select(self, mask: Sequence[Bool[np.ndarray, " _"]]) -> PostureGrid:
-        """Return the grid of the nodes of ``mask``."""
+        """Return the grid with only the nodes of ``mask``."""
         next_node = []
         for ahead, k in zip(self.next_node, mask, strict=True):
-            place = np.append(np.where(k, np.cumsum(k) - 1, -1), -1)  # last entry: the next of no node is no node
+            place = np.append(np.where(k, np.cumsum(k) - 1, -1), -1)  # the last entry maps −1 (no next node) to −1
             next_node.append(place[ahead[k]])
         return replace(self, nodes=[q[k] for q, k in zip(self.nodes, mask, strict=True)], next_node=next_node)
 
 
 def step_windows(task: MotionTask, pace: float) -> Float[np.ndarray, "time dof"]:
-    """Return each joint's largest step [rad, m] to each sample, at most ``pace`` [rad, the arm's length].
+    """Return each joint's largest step [rad, m] to each sample.
 
-    It is tiny, not 0, for a joint that must not move.
+    It is at most ``pace`` [rad, the arm's length]. It is tiny instead of 0 for a joint that must not move.
     """
     limits = np.abs(task.bounds.get("velocity", np.full((1, task.arm.dof, 2), np.inf))).max(axis=-1)
     steps = np.diff(task.times)[:, None]
@@ -217,9 +232,10 @@ def posture_grid(
     unrolled: Bool[np.ndarray, " dof"],
     beyond: float = 0.0,
 ) -> PostureGrid:
-    """Return the nodes of every sample, ``spacing`` apart on its curves, joints at most ``beyond`` past their ranges.
+    """Return the nodes of every sample, ``spacing`` apart on its curves.
 
-    Both are in rad, slides in arm lengths. Turns of ``unrolled`` joints differ.
+    Joints are at most ``beyond`` past their ranges. Spacing and ``beyond`` are in rad, slides in arm lengths. Different
+    turns of ``unrolled`` joints are different nodes.
     """
     cut = [[resample_curve(task.arm, curve, spacing) for curve in here] for here in curves]
     samples = np.repeat(np.arange(len(cut)), [sum(len(q) for q, _ in here) for here in cut])
@@ -236,7 +252,7 @@ def posture_grid(
         ahead = np.concatenate([np.where(n < 0, -1, n + first) for (_, n), first in zip(here, firsts, strict=True)])
         mask = retracted.on_path[rows][which]
         nodes.append(there[mask])
-        # every node's next in the same turn: nodes are at the places ``kept``, whose next places are ``ahead``
+        # each node's next one in the same turn: ``kept`` are the nodes' places, ``ahead`` the next places of all places
         scaled, kept = nodes[i] / scales, which[mask]
         order = np.argsort(kept, kind="stable")
         low, high = (np.searchsorted(kept[order], ahead[kept], side=side) for side in ("left", "right"))
@@ -254,7 +270,10 @@ def posture_grid(
 
 
 def transitions(task: MotionTask, grid: PostureGrid) -> tuple[list[tuple[np.ndarray, np.ndarray]], At]:
-    """Return all edges to every sample, none to the first, and the function of (q, dq, ddq) at ends of edges."""
+    """Return all edges to every sample, and their (q, dq, ddq).
+
+    The first sample has no edges. The second value is the function of (q, dq, ddq) at the ends of edges.
+    """
     pairs = [(np.zeros(0, dtype=int),) * 2] + [grid.edges(i) for i in range(1, len(grid.nodes))]
     steps = np.diff(task.times, prepend=np.nan)
 

@@ -1,4 +1,4 @@
-"""Restart policy: starts that are added in batches until a better unseen optimum is unlikely."""
+"""Restart policy: starts in batches until a better optimum is unlikely."""
 
 from __future__ import annotations
 
@@ -24,29 +24,32 @@ from paretoik.trajectory.transcription import MotionProgram
 
 @dataclass(frozen=True, kw_only=True)
 class RestartOptions:
-    """Settings of adding starts, and of basin hopping: the best optima are perturbed, recombined and minimised again.
+    """Settings of adding starts, and of basin hopping.
+
+    In basin hopping the best optima are perturbed, recombined and minimised again.
 
     starts: default number of starts per degree of redundancy
-    portions: number of portions in which they are minimised, while better optima are likely unseen
-    expected: expected number of better optima in the next batch below which no independent starts are added
+    portions: number of portions in which these starts are minimised, while better unseen optima are likely
+    expected: expected number of better optima in the next batch, below which no independent starts are added
     rounds: largest number of batches of independent starts
-    many: least number of optima for basin hopping with one degree of redundancy
-    unseen: probability of a new optimum above which basin hopping is used with more degrees of redundancy
+    many: number of optima from which basin hopping is used, with one degree of redundancy
+    unseen: probability of a new optimum above which basin hopping is used, with more degrees of redundancy
     doomed: number of failed starts after which a branch is left out
-    misled: share by which the best value may change from the first level to the next; if it changes more, starts are
+    misled: largest relative change of the best value from the first level to the next; if it changes more, starts are
         sampled on the next level too
-    negligible: share of the usual value at starts that replaces a best value next to 0 for ``misled``
+    negligible: share of the usual value at starts; replaces a smaller best value in ``misled``
     centers: number of best optima that are perturbed; twice as many are recombined with others
-    copies: number of perturbed copies of each
-    crossings: number of recombinations of each
+    copies: number of perturbed copies of each best optimum
+    crossings: number of recombinations of each best optimum
     tries: number of tries for each recombination; the best is taken
-    perturbation: least and largest perturbation [rad or arm lengths, RMS]
-    patience: number of consecutive batches without improvement that end the search
-    gain: share of a value that counts as an improvement
-    barrier: first barrier of the minimisation; a high one leaves basins
-    distance, value: optima within this distance (rad or arm lengths, RMS) and share of their value count as one
-    final_rounds: largest number of batches on a finer level, where other optima may be the best; one batch without
-        improvement is enough there if the coarsest level had none
+    perturbation: smallest and largest perturbation [rad or arm lengths, RMS]
+    patience: number of consecutive batches without improvement after which the search ends
+    gain: smallest improvement that counts, as a share of the value
+    barrier: solver settings of the minimisation; a high first barrier leaves basins
+    distance, value: two optima are one within this distance (rad or arm lengths, RMS) and this share of their value
+    final_rounds: largest number of batches on a finer level, where other optima may be the best; if the coarsest level
+        had
+        no improvement, one batch without improvement ends it
     """
 
     starts: int = 48
@@ -80,7 +83,10 @@ Batch = tuple[Float[np.ndarray, "starts samples dof"], Sequence[InteriorPointOpt
 def disturb(
     task: MotionTask, q: Float[np.ndarray, "optima time dof"], rng: np.random.Generator
 ) -> Float[np.ndarray, "starts time dof"]:
-    """Return perturbed copies of the first optima, small and large ones, and recombined pairs."""
+    """Return perturbed copies of the first optima, and recombined pairs.
+
+    Perturbations are small and large.
+    """
     copies = np.repeat(q[: OPTIONS.centers], OPTIONS.copies, axis=0)
     least, largest = np.log(OPTIONS.perturbation)
     perturbed = perturbed_starts(task, copies, rng, size=np.exp(rng.uniform(least, largest, len(copies))))
@@ -90,13 +96,14 @@ def disturb(
 def _recombine(
     task: MotionTask, q: Float[np.ndarray, "optima time dof"], rng: np.random.Generator
 ) -> Float[np.ndarray, "starts time dof"]:
-    """Return the best of many motions that follow one of the first optima and for a while another.
+    """Return recombined motions, the best of many tries.
 
-    If two optima come near each other, a change costs little and may join the better parts of both.
+    They follow one of the first optima and, for a while, another optimum. If two optima come near each other, a change
+    costs little and may join the better parts of both.
     """
     count = OPTIONS.crossings * min(len(q), 2 * OPTIONS.centers)
     first = rng.integers(0, min(len(q), 2 * OPTIONS.centers), OPTIONS.tries * count)
-    second = (first + rng.integers(1, len(q), len(first))) % len(q)  # any other one
+    second = (first + rng.integers(1, len(q), len(first))) % len(q)  # any other optimum
     x = recombined_starts(task, q[first], q[second], rng)
     if not len(x):
         return x
@@ -119,10 +126,11 @@ def disturb_best(
     *,
     patience: int = OPTIONS.patience,
 ) -> Solutions:
-    """Return optima and new ones from the best, perturbed or with high barriers, while the best improves.
+    """Return optima, and new ones from the best while these improve.
 
-    If local optima are many, a neighbouring one is often better. Starts are minimised as on a coarse level, and only
-    new optima are refined. It ends after ``patience`` consecutive batches without improvement.
+    The best are perturbed, or minimised with high barriers. If local optima are many, a neighbouring optimum is often
+    better. Starts are minimised as on a coarse level, and only new optima are refined. The search ends after
+    ``patience`` consecutive batches without improvement.
     """
     task, failures, centers = program.task, 0, solutions.x[:0]
     for _ in range(OPTIONS.final_rounds):
@@ -159,13 +167,16 @@ def disturb_best(
 class RestartPolicy:
     """Starts that are added to those of the coarsest level.
 
-    - Waiting starts, one portion at a time, while a better optimum is likely unseen: the numbers of optima w and starts
-      n give the probability of a new one (Boender & Rinnooy Kan 1987).
+    - Waiting starts, one portion at a time, while a better unseen optimum is likely: the number w of optima and the
+      number
+      n of starts give the probability of a new optimum (Boender & Rinnooy Kan 1987).
     - Independent starts while they are likely to find a better optimum. The share of starts that are the only ones at
-      their optimum estimates the probability of a new optimum (Good 1953). A new optimum is also a rare one: all ranks
-      among the rare optima, and among the optima up to the best rare one, are equally likely.
-    - The best optima perturbed and recombined, while the best improves (basin hopping, Wales & Doye 1997).
-    - With one degree of redundancy, once, the best paths through a grid, if optima are rare or many.
+      their
+        optimum estimates the probability of a new optimum (Good 1953). A new optimum is a rare one, with a single
+        start. All
+        ranks among the rare optima, and among all optima up to the best rare one, are assumed to be equally likely.
+    - The best optima, perturbed and recombined, while the best improves (basin hopping, Wales & Doye 1997).
+    - The best paths through a grid, once, with one degree of redundancy, if optima are rare or many.
     """
 
     def __init__(
@@ -180,15 +191,18 @@ class RestartPolicy:
     ) -> None:
         self.level, self.count, self.rng, self.waiting = level, count, rng, list(waiting)
         self.rounds, self.failures, self.best = 0, 0, np.inf
-        self.several = self.improved = False  # whether unseen optima are likely, and whether restarts found better ones
+        self.several = self.improved = False  # unseen optima are likely; restarts found better ones
         self.grid_tried = level.redundancy > 1 or not independent
-        self.independent = np.full(len(q), independent)  # per start so far: not perturbed, of a grid or coarser
+        self.independent = np.full(len(q), independent)  # per start: not perturbed, nor from a grid or coarser level
         self.starts, self.labels = [q], list[str]()
 
     def __call__(self, solutions: Solutions) -> Batch:
-        """Return further starts, and the options that they alternate between; none if enough were tried."""
+        """Return further starts, and the options that they alternate between.
+
+        There are no starts if enough were tried.
+        """
         if self.waiting and solutions.converged.any() and self.independent.any():
-            # the next start finds a new optimum with the probability ``_unseen``; one in w + 1 of these is the best
+            # a start finds a new optimum with the probability ``_unseen``; one of w + 1 new optima is the best of all
             hits, count = self._optima(solutions)[1], sum(map(len, self.waiting))
             waiting = count * _unseen(hits) / (np.count_nonzero(hits) + 1)
             if max(waiting, _expected_better(hits, self.count, int(self.independent.sum()))) <= OPTIONS.expected:
@@ -210,7 +224,7 @@ class RestartPolicy:
         independent, perturbed = list[np.ndarray](), list[np.ndarray]()
         if self.rounds < OPTIONS.rounds:
             if _expected_better(hits, self.count, int(self.independent.sum())) > OPTIONS.expected:
-                sample = sample_starts if self.rounds % 2 else sample_travelling  # of all kinds in every other round
+                sample = sample_starts if self.rounds % 2 else sample_travelling  # all kinds in every other round
                 independent.append(self._without_doomed(sample(self.level, self.count, self.rng), solutions))
             many = len(optima) >= OPTIONS.many
             self.several = _unseen(hits) > OPTIONS.unseen if self.level.redundancy > 1 else many
@@ -228,7 +242,10 @@ class RestartPolicy:
         return q, (OPTIONS.barrier,) if len(dependent) and self.rounds else LEVELS.cold
 
     def _optima(self, solutions: Solutions) -> tuple[Int[np.ndarray, " optima"], Int[np.ndarray, " optima"]]:
-        """Return a row of every optimum, best first, and its number of independent starts."""
+        """Return a row of every optimum, best first, and its starts.
+
+        The second value is the number of its independent starts.
+        """
         values = np.where(solutions.converged, solutions.objectives[:, 0], np.inf)
         remaining, rows, hits = solutions.converged.copy(), list[int](), list[int]()
         for i in np.argsort(values, kind="stable")[: solutions.converged.sum()]:
@@ -263,11 +280,11 @@ class RestartPolicy:
 
 
 class LevelRestarts:
-    """The restarts of a plan, level by level, as ``refine_levels`` asks for them.
+    """The restarts of a plan, level by level, for ``refine_levels``.
 
-    On the first level starts are added to waiting ``portions``. If the first level misled, ``starts`` per degree of
-    redundancy are sampled on the next. On the last level with an effect the best optima are perturbed, for longer if
-    restarts found better ones.
+    On the first level starts are added to waiting ``portions``. If the first level misled, ``starts`` starts per degree
+    of redundancy are sampled on the next. On the last level on which it has an effect, the best optima are perturbed,
+    for longer if restarts found better ones.
     """
 
     def __init__(
@@ -278,8 +295,8 @@ class LevelRestarts:
         solver: Solver,
     ) -> None:
         self.portions, self.starts, self.rng, self.solver = portions, starts, rng, solver
-        self.batch = -(-starts // 2)  # number of starts that a policy adds at a time
-        self.policies = list[RestartPolicy]()  # of the first level, and of the next if that misled
+        self.batch = -(-starts // 2)  # number of starts that a policy adds at once
+        self.policies = list[RestartPolicy]()  # policy of the first level; if that misled, also of the next
         self.compared = False  # whether the first level was compared with the next
 
     def further(self, program: MotionProgram, q: np.ndarray, coarser: Solutions | None) -> Further | None:
@@ -302,7 +319,10 @@ class LevelRestarts:
         return None if self.compared else further_on_next
 
     def disturb(self, program: MotionProgram, solutions: Solutions) -> Solutions:
-        """Return optima, with those that the best lead to if many are likely unseen."""
+        """Return optima, and those found from the best.
+
+        New ones are searched only if unseen optima are likely.
+        """
         if not solutions.converged.any() or not any(policy.several for policy in self.policies):
             return solutions
         patience = OPTIONS.patience if any(policy.improved for policy in self.policies) else 1
@@ -312,13 +332,19 @@ class LevelRestarts:
 def first_portions(
     q: Float[np.ndarray, "starts samples dof"],
 ) -> list[Float[np.ndarray, "portion samples dof"]]:
-    """Return portions of starts with some of every kind; each start keeps its barrier."""
+    """Return portions of starts, each with some of every kind.
+
+    Each start keeps its barrier.
+    """
     turn = np.arange(len(q)) // len(LEVELS.cold) % OPTIONS.portions
     return [q[turn == i] for i in range(OPTIONS.portions)]
 
 
 def is_misled(coarse: Solutions, fine: Solutions) -> bool:
-    """Return whether the best values of two levels differ much; both are shares of the usual value."""
+    """Return whether the best values of two levels differ much.
+
+    Both values are shares of the usual value.
+    """
     if not (coarse.converged.any() and fine.converged.any()):
         return False
     before, now = (float(each.objectives[each.converged, 0].min()) for each in (coarse, fine))
@@ -326,14 +352,19 @@ def is_misled(coarse: Solutions, fine: Solutions) -> bool:
 
 
 def _expected_better(hits: Int[np.ndarray, " optima"], count: int, starts: int) -> float:
-    """Return the expected number of better optima from ``count`` more starts, by the share of singles (Good 1953)."""
+    """Return the expected number of better optima from ``count`` more starts.
+
+    It follows from the share of optima with a single start (Good 1953).
+    """
     alone = int(np.sum(hits == 1))
-    rank = int(np.argmax(hits <= 1)) + 1 if alone else len(hits)  # of the best rare optimum
+    rank = int(np.argmax(hits <= 1)) + 1 if alone else len(hits)  # rank of the best rare optimum
     return count * alone / starts / (alone + 1) / rank
 
 
 def _unseen(hits: Int[np.ndarray, " optima"]) -> float:
-    """Return the probability that the next start leads to a new optimum, from the number of ``hits`` of each.
+    """Return the probability that the next start finds a new optimum.
+
+    ``hits`` are the numbers of starts of each optimum.
 
     Source: Boender & Rinnooy Kan 1987, Bayesian stopping rules for multistart global optimization methods.
     """

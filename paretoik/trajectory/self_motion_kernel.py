@@ -1,8 +1,9 @@
-"""Numerical steps on motions: finite-difference stencils, bases of the self-motion, retraction onto the path; compiled.
+"""Numerical steps on motions: stencils, self-motion, retraction; compiled.
 
-The variables u of an instant, position and rates, are sums over the samples ``neighbours`` (instants, width) with
-``coefficients`` (orders, instants, width). The unknowns of a sample begin at ``first_unknown`` (time,), −1 for a fixed
-sample: steps along its ``tangent`` (time, dof, unknowns), the null space of the tasks' Jacobian.
+Stencils are finite differences; retraction moves motions onto the path. The variables u of an instant, its position and
+rates, are sums over the samples ``neighbours`` (instants, width) with ``coefficients`` (orders, instants, width). The
+unknowns of a sample are steps along its ``tangent`` (time, dof, unknowns), the null space of the tasks' Jacobian. They
+begin at ``first_unknown`` (time,); −1 is a fixed sample.
 """
 
 from __future__ import annotations
@@ -19,8 +20,8 @@ from paretoik.nlp.linear_algebra import eliminate
 class RetractionOptions(NamedTuple):
     """Settings of Newton's method back onto the path."""
 
-    tolerance: float = 1e-12  # of the path equations, in arm lengths and rad: rounding error
-    steps: int = 8  # largest number: Newton's method squares errors, and more steps mean another sheet
+    tolerance: float = 1e-12  # largest error of the path equations, in arm lengths and rad: rounding error
+    steps: int = 8  # largest number of steps: Newton's method squares errors; more steps mean another sheet
 
 
 OPTIONS = RetractionOptions()
@@ -42,7 +43,10 @@ def apply_stencil(q, neighbours, coefficients, u):
 
 @compiled
 def add_transposed_stencil(gradient_u, scale, neighbours, coefficients, gradient_q):
-    """Add the gradient by q (time, dof) of one by u (variables, instants), times ``scale`` (instants,)."""
+    """Add the gradient by q (time, dof) from one by u.
+
+    The gradient by u is (variables, instants), and is multiplied by ``scale`` (instants,).
+    """
     orders, samples, width = coefficients.shape
     n = gradient_q.shape[1]
     for o in range(orders):
@@ -69,7 +73,7 @@ def project_gradient(gradient_q, tangent, first_unknown, reduced):
 
 @compiled
 def expand_motion_step(step, tangent, first_unknown, dq):
-    """Write the change (time, dof) of q along a step of the unknowns; return its largest entry."""
+    """Write q's change (time, dof) along a step; return its largest entry."""
     samples, n, r = tangent.shape
     longest = 0.0
     for s in range(samples):
@@ -84,10 +88,10 @@ def expand_motion_step(step, tangent, first_unknown, dq):
 
 @compiled
 def local_basis(i, neighbours, coefficients, tangent, chain, local):
-    """Write the derivatives of u of instant i by its neighbours' unknowns, (variables, width · unknowns).
+    """Write the derivatives of instant i's u by its neighbours' unknowns.
 
-    ``chain`` (states, states, instants) has the derivatives of u by the spline's u, or is empty if they are equal. The
-    spline's u comes after u if there is space.
+    They are (variables, width · unknowns). ``chain`` (states, states, instants) has the derivatives of u by the
+    spline's u; it is empty if both are equal. If there is space, the spline's u follows u.
     """
     orders, _, width = coefficients.shape
     n, r = tangent.shape[1], tangent.shape[2]
@@ -111,9 +115,10 @@ def local_basis(i, neighbours, coefficients, tangent, chain, local):
 
 @compiled
 def add_hessian(i, phi, stencil, tangent, chain, local, half, matrix):
-    """Add the Hessian ``phi`` by u of instant i to that of the unknowns, ``matrix`` (A, B, C), banded with a border.
+    """Add the Hessian ``phi`` by u of instant i to ``matrix``.
 
-    ``stencil`` has ``neighbours``, ``coefficients`` and ``first_unknown``.
+    ``matrix`` is the Hessian of the unknowns, (A, B, C), banded with a border. ``stencil`` has ``neighbours``,
+    ``coefficients`` and ``first_unknown``.
     """
     (neighbours, coefficients, first_unknown), (A, B, C) = stencil, matrix
     width, r, size = coefficients.shape[2], tangent.shape[2], A.shape[0]
@@ -151,7 +156,10 @@ def add_hessian(i, phi, stencil, tangent, chain, local, half, matrix):
 
 @compiled
 def add_path_hessian(seconds, tangent, first_unknown, A, C):
-    """Add second derivatives (dof², time) by q of every sample to the Hessian of the unknowns."""
+    """Add second derivatives by q of samples to the unknowns' Hessian.
+
+    They are (dof², time).
+    """
     samples, n, r = tangent.shape
     for s in range(samples):
         begin, size = first_unknown[s], A.shape[0]
@@ -169,10 +177,10 @@ def add_path_hessian(seconds, tangent, first_unknown, A, C):
 
 @compiled
 def tangent_frames(tracked, tangent, normal, triangle):
-    """Write orthonormal bases of null space and row space of the tasks' Jacobians, and R of Jᵀ = Y R.
+    """Write orthonormal bases of the Jacobians' null and row space.
 
-    ``tracked`` has path equations and Jacobian entries (rows + rows · dof, time). Householder reflections are used.
-    Returns False at a singularity.
+    The Jacobians are those of the tasks at all samples. R of Jᵀ = Y R is written too. ``tracked`` has path equations
+    and Jacobian entries (rows + rows · dof, time). Householder reflections are used. Returns False at a singularity.
     """
     samples, n, rows = normal.shape
     work, basis, v = np.empty((n, rows)), np.empty((n, n)), np.empty(n)
@@ -212,7 +220,10 @@ def tangent_frames(tracked, tangent, normal, triangle):
 
 @compiled
 def tie_last_sample(tangent, normal):
-    """Write the tangent of a last sample that is the nearest on the path to the one before."""
+    """Write the tangent of the last sample, if it depends on another.
+
+    It is the posture on the path nearest to the sample before.
+    """
     _, n, r = tangent.shape
     for a in range(r):
         for j in range(n):
@@ -236,9 +247,10 @@ def _reflect(x, v, begin, square):
 
 @compiled
 def retract_motion(track, inputs, q, normal, triangle, tracked):
-    """Move q (time, dof) back onto the path along ``normal`` by Newton's method; return whether all samples converged.
+    """Move q (time, dof) back onto the path; return whether it succeeded.
 
-    A sample that crosses a fold to another sheet of the self-motion manifold has not converged.
+    Newton's method moves each sample along ``normal``; it must converge for all samples. If a sample crosses a fold to
+    another sheet of the self-motion manifold, it has not converged.
     """
     samples, n, rows = normal.shape
     matrix, right = np.empty((rows, rows)), np.empty(rows)
@@ -254,7 +266,7 @@ def retract_motion(track, inputs, q, normal, triangle, tracked):
         if worst <= OPTIONS.tolerance:
             return True
         if not worst < 1.0 or attempt == OPTIONS.steps - 1:
-            return worst <= 100 * OPTIONS.tolerance  # long arms have larger rounding errors
+            return worst <= 100 * OPTIONS.tolerance  # long arms have larger rounding errors than the tolerance
         for s in range(samples):
             for i in range(rows):
                 right[i] = tracked[i, s]
@@ -273,7 +285,10 @@ def retract_motion(track, inputs, q, normal, triangle, tracked):
 
 @compiled
 def path_multipliers(gradient_q, normal, triangle, multipliers):
-    """Write ν with Jᵀ ν = −(gradient in the row space), the multipliers of the path, (rows, time)."""
+    """Write the path's multipliers ν (rows, time).
+
+    They satisfy Jᵀ ν = −(gradient in the row space of J).
+    """
     samples, n, rows = normal.shape
     for s in range(samples):
         for i in range(rows - 1, -1, -1):

@@ -17,13 +17,15 @@ from paretoik.stop_flag import check_interruption
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LayeredGraph:
-    """A layered graph; transitions of a step are sorted by the state that they end in.
+    """A layered graph of states and transitions.
+
+    The transitions of a step are sorted by the state in which they end.
 
     start: costs of the first states
-    offsets: index (states + 1) of the first transition that ends in each state
-    sources: states that transitions begin in
+    offsets: index (states + 1) of the first transition to each state
+    sources: states in which transitions begin
     nodes: node of every state
-    before: node before the first layer of every state, if states are pairs
+    before: node before the first layer for every state; only if states are pairs of nodes
     """
 
     start: np.ndarray
@@ -45,7 +47,7 @@ class LayeredGraph:
         return costs_to_come
 
     def backward(self) -> list[np.ndarray]:
-        """Return the least cost from every state of every layer to the end."""
+        """Return the least cost from every state of every layer onwards."""
         costs_to_go = [np.zeros(len(self.nodes[-1]))]
         for step in reversed(range(len(self.costs))):
             value = np.full(len(self.nodes[step]), np.inf)
@@ -75,7 +77,10 @@ class LayeredGraph:
         return first + [int(nodes[state]) for nodes, state in zip(self.nodes, states, strict=True)]
 
     def prune(self, mask: list[np.ndarray], start: np.ndarray) -> LayeredGraph:
-        """Return the graph with only the transitions of ``mask``, and new costs of the first states."""
+        """Return the graph with only the transitions of ``mask``.
+
+        ``start`` are new costs of the first states.
+        """
         ends = [np.repeat(np.arange(len(o) - 1), np.diff(o))[k] for o, k in zip(self.offsets, mask, strict=True)]
         return replace(
             self,
@@ -87,9 +92,12 @@ class LayeredGraph:
 
 
 def shortest_path(layers: LayeredGraph, cyclic: bool, among: np.ndarray | None = None) -> tuple[float, list[int]]:
-    """Return the least cost and its path, closed for a cycle; an empty path without any.
+    """Return the least cost and its path.
 
-    Cycles use branch and bound over sets of first states: the shortest path from a set back to it bounds its cycles.
+    The path of a cycle is closed; without any path it is empty.
+
+    Cycles use branch and bound over sets of first states: the shortest path from a set back to this set is a lower
+    bound of its cycles.
     """
     first_states = np.arange(len(layers.start)) if among is None else among
 
@@ -107,7 +115,7 @@ def shortest_path(layers: LayeredGraph, cyclic: bool, among: np.ndarray | None =
     upper = min(relaxation(np.array([states[k]]))[0] for k in (0, -1))
     if np.isfinite(upper):
         layers = prune_costly(layers, upper)
-    queue, count = [(value, 0, first_states, states)], 1  # counted, because arrays cannot be compared
+    queue, count = [(value, 0, first_states, states)], 1  # the count breaks ties, because arrays cannot be compared
     while queue:
         value, _, first, states = heapq.heappop(queue)
         if states[0] == states[-1]:
@@ -123,7 +131,7 @@ def shortest_path(layers: LayeredGraph, cyclic: bool, among: np.ndarray | None =
 
 
 def prune_costly(layers: LayeredGraph, upper: float) -> LayeredGraph:
-    """Return the graph without transitions that only paths above a cost take."""
+    """Return the graph without transitions on paths above a cost only."""
     cost_to_come, cost_to_go, mask = layers.forward(layers.start), layers.backward(), []
     for step, offsets in enumerate(layers.offsets):
         cost = cost_to_come[step][layers.sources[step]] + layers.costs[step]
@@ -132,7 +140,10 @@ def prune_costly(layers: LayeredGraph, upper: float) -> LayeredGraph:
 
 
 def distinct_paths(layers: LayeredGraph, cyclic: bool, nearby: int, *, inspected: int = 5) -> list[list[int]]:
-    """Return the shortest path through each node of ``inspected`` layers, if none through adjacent nodes is shorter."""
+    """Return the shortest paths through distinct nodes of ``inspected`` layers.
+
+    A node counts if no path through nodes at most ``nearby`` away is shorter.
+    """
     cost_to_come, cost_to_go, paths = layers.forward(layers.start), layers.backward(), list[list[int]]()
     last = len(layers.nodes) - 1
     for layer in [0] if cyclic else np.unique(np.linspace(0, last, inspected).astype(int)).tolist():

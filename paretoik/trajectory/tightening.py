@@ -1,7 +1,7 @@
-"""Limits between samples: each is tightened by the excess of a motion's curve nearby, and the program solved again.
+"""Tighten limits by their excess between samples, and solve again.
 
-A program bounds a motion at its instants. Between them the curve may exceed a limit a little. The limit is then lowered
-there by the excess and a small margin, so that the curve is strictly within its limits.
+A program bounds a motion at its instants. Between instants the curve may exceed a limit a little. The limit is then
+lowered there by the excess and a small margin, so that the curve is strictly within its limits.
 """
 
 from __future__ import annotations
@@ -35,15 +35,15 @@ from paretoik.trajectory.transcription import MotionProgram
 class TighteningOptions:
     """Settings of tightening; shares are of a limit's range.
 
-    margin: share by which a tightened motion stays within its limits
-    rounds: largest number of times that limits are tightened
-    largest: largest share that a limit moves in a round
-    steps: number of steps of an interval at which a motion is evaluated
-    shares: shares of a limit's move that are tried; the first that leads to a motion is taken
-    weight: weight of all objectives but the first at a point without weights, as when fronts are refined
-    least_weight: least share that any objective has of a point's weights
-    warm: options of the first interior point
-    holding: options tried if it does not converge
+    margin: share by which a tightened motion is to stay within its limits
+    rounds: largest number of rounds of tightening
+    largest: largest share by which a limit moves in a round
+    steps: number of steps per interval at which a motion's curve is evaluated
+    shares: shares of a limit's move, tried in order until one leads to a motion
+    weight: weight of all objectives but the first, at a point without weights, as in refinement of fronts
+    least_weight: least weight of an objective, as a share of a point's weights
+    warm: solver settings of the first attempt
+    holding: solver settings of the second attempt, if the first does not converge
     """
 
     margin: float = 2.5e-5
@@ -62,14 +62,20 @@ OPTIONS = TighteningOptions()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class HeldMotion:
-    """A motion ``x``, the ``bounds`` of the program for which it is optimal, and its ``violation`` between samples."""
+    """A motion ``x``, optimal for a program with the ``bounds``.
+
+    ``violation`` is its violation between samples.
+    """
 
     x: Float[np.ndarray, "time dof"]
     bounds: Float[np.ndarray, " limits"]
     violation: float
 
     def program(self, natural: MotionProgram) -> MotionProgram:
-        """Return the program for which the motion is optimal, from the task's own."""
+        """Return the program for which the motion is optimal.
+
+        It is the task's program (``natural``) with other bounds.
+        """
         return replace(natural, bounds=self.bounds)
 
 
@@ -81,10 +87,11 @@ def hold_between(
     solver: Solver = "auto",
     margin: float = OPTIONS.margin,
 ) -> HeldMotion:
-    """Return an optimal motion that satisfies its limits between samples, as far as possible in a few rounds.
+    """Return an optimal motion with limits satisfied between samples.
 
-    Several objectives all get worse by the same amount (Pascoletti & Serafini 1984). Motions of finite differences,
-    motions that satisfy their limits, and motions that no round improves are returned unchanged.
+    They are satisfied as far as possible in a few rounds. If there are several objectives, all get worse by the same
+    amount (Pascoletti & Serafini 1984). Motions of finite differences, motions that satisfy their limits, and motions
+    that no round improves are returned unchanged.
     """
     best = _held(program, x)
     if program.task.differences != "spline":
@@ -93,7 +100,7 @@ def hold_between(
     for _ in range(OPTIONS.rounds):
         if current.violation <= LIMIT_TOLERANCE or not np.isfinite(current.violation):
             break
-        if not weights.any():  # of the objectives at the motion, or those of refinement if it is not critical
+        if not weights.any():  # weights of the objectives at the motion; those of refinement if it is not critical
             (found,) = weights_at(program, best.x[None], n_obj)
             weights = OPTIONS.weight + np.eye(n_obj)[0]
             if np.isfinite(found).all():
@@ -119,9 +126,10 @@ def hold_all(
     solver: Solver = "auto",
     observe: Callable[[int, int], object] | None = None,
 ) -> list[HeldMotion]:
-    """Return motions as ``hold_between`` does; after a signal the remaining ones are returned unchanged.
+    """Return motions as ``hold_between`` does.
 
-    ``observe`` is called with the number of finished motions and of all.
+    After a signal the remaining ones are returned unchanged. ``observe`` is called with the number of finished motions
+    and of all motions.
     """
     results = dict[int, HeldMotion]()
     unseen = partial(HeldMotion, bounds=program.bounds, violation=np.nan)
@@ -159,7 +167,10 @@ def _held(program: MotionProgram, x: np.ndarray) -> HeldMotion:
 
 
 def violation_between(task: MotionTask, x: Float[np.ndarray, "time dof"]) -> float:
-    """Return the worst violation of a motion between its samples; infinite if it leaves its path there."""
+    """Return a motion's worst violation between its samples.
+
+    It is infinite if the motion leaves its path there.
+    """
     return float(task.violation_between(task.motion(x[None]))[0])
 
 
@@ -168,8 +179,8 @@ def _solve_again(
 ) -> np.ndarray | None:
     """Return the optimal motion of a tighter program, or None.
 
-    Objectives have the ``weights`` of the motion before, so that it does not slide along the front. An objective may
-    have to rise so that all change equally; then the remaining gain of the others is taken.
+    Objectives have the ``weights`` of the motion before, so that the new motion does not slide along the front. An
+    objective may have to rise so that all change equally; refinement then takes the remaining gain of the others.
     """
     n_obj = len(weights)
     main = int(np.argmax(weights))
@@ -193,24 +204,25 @@ def _solve_again(
 def _tightened_bounds(
     program: MotionProgram, x: Float[np.ndarray, "time dof"], before: Float[np.ndarray, " limits"], margin: float
 ) -> Float[np.ndarray, " limits"]:
-    """Return the bounds of a program, each moved inwards by the margin and the excess within half a sample.
+    """Return a program's bounds, moved inwards by excess and margin.
 
-    If the limit is not active, the new bound is relative to the value there; if the value exceeds the limit itself, the
-    bound moves by that much less.
+    The excess is the largest within half a sample of each bound. If a limit is not active, its bound moves inwards from
+    the value there, not from the old bound. If the value already exceeds the limit itself, the bound moves by this
+    excess less.
     """
     task, bounds, elastic = program.task, before.copy(), program.elastic
     curve = finer_motion(task.motion(x), OPTIONS.steps)
     half = OPTIONS.steps // task.stride
     row, instant = program.limited[:elastic].T
-    rates = row < program.rates  # slides are in arm lengths
+    rates = row < program.rates  # slides are in arm lengths in these rows
     units = np.where(rates, joint_scales(task.arm)[row % task.arm.dof], 1.0)
     sides, ranges, names = program.sides[:elastic], program.ranges[:elastic], np.array(program.inequality_names)
     slack = program.values(x).inequalities * ranges + sides * (program.bounds - before)[:elastic]
-    after = np.char.startswith(names, "velocity of ") & (row >= len(program.variables))  # of the interval that follows
+    after = np.char.startswith(names, "velocity of ") & (row >= len(program.variables))  # of the next interval
     for name in dict.fromkeys(names.tolist()):
         for side, excess in zip((1.0, -1.0), _excess(task, name, curve), strict=True):
             chosen = np.flatnonzero((names == name) & (sides == side))
-            # values, each replaced by the peak of the parabola through it and its neighbours if that is next to it
+            # values, each replaced by the peak of the parabola through it and its neighbours if this is between them
             with np.errstate(invalid="ignore"):  # −inf is no limit
                 slope, bend = np.diff(excess), np.diff(excess, 2)
             peaks = excess.copy()

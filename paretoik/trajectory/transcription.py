@@ -1,4 +1,7 @@
-"""From a task to its nonlinear program: functions traced, kinks reformulated, derivatives compiled, limits listed."""
+"""From a task to its nonlinear program.
+
+Functions are traced, kinks reformulated, derivatives compiled, and limits listed.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +24,7 @@ from paretoik.robot.kinematics import joint_scales
 from paretoik.task.motion_task import MotionTask
 from paretoik.task.retraction import row_scales
 from paretoik.task.task import path_equations
-from paretoik.trajectory import motion_kernel as _steps  # noqa: F401  the steps of solvers on these arrays
+from paretoik.trajectory import motion_kernel as _steps  # noqa: F401  registers the steps of solvers on these arrays
 from paretoik.trajectory.curve_states import curve_arrays, instant_targets
 from paretoik.trajectory.derivatives import linearise
 from paretoik.trajectory.discretisation import stencil
@@ -34,9 +37,9 @@ from paretoik.trajectory.motion_terms import ORDERS, Evaluators, MotionTerms, Sp
 class TranscriptionOptions:
     """Settings of probing functions for kinks, and of the evaluators in memory."""
 
-    probes: int = 64  # random inputs
+    probes: int = 64  # number of random inputs
     probe_range: tuple[float, ...] = (2.0, 1.0, 3.0, 10.0)  # rad, over powers of the duration: standard deviations
-    cache_size: int = 16  # sets of evaluators; levels of samples and scales of objectives share them
+    cache_size: int = 16  # number of sets of evaluators; levels of samples and scales of objectives share them
 
 
 OPTIONS = TranscriptionOptions()
@@ -52,7 +55,10 @@ class MotionProgram(MotionTerms):
 
     @property
     def kernel(self) -> MotionKernel | None:
-        """The program for interior points, None for the SQP; each has its own registers: one per thread."""
+        """The program for interior-point methods; None if only SQP supports it.
+
+        Each call returns new registers: use one kernel per thread.
+        """
         return motion_kernel(self) if not self.unsupported else None
 
 
@@ -69,8 +75,8 @@ def motion_program(task: MotionTask, scales: Sequence[float] | np.ndarray | None
     functions = trace_functions(task, 1.0 / divisors)
     tape, parameters = functions.motion.trace.tape, functions.motion.trace.parameters
     instants, n = len(task.instants), task.arm.dof
-    # how many orders of position, velocity, acceleration and jerk functions and limits need, at least 2. The second
-    # value is whether some need those of the spline
+    # number of orders (position, velocity, acceleration, jerk) that functions and limits need, at least 2; and whether
+    # functions need those of the spline
     task, tape = functions.task, functions.motion.trace.tape
     n, kinds = task.arm.dof, [*functions.sums, *functions.rows, *functions.epigraph_rows]
     numbers = [tape.entries[i][1] for i in dependencies(tape, kinds) if tape.entries[i][0] is Op.INPUT]
@@ -87,7 +93,7 @@ def motion_program(task: MotionTask, scales: Sequence[float] | np.ndarray | None
     states = np.concatenate([np.arange(orders * n), *([4 * n + np.arange(orders * n)] if kinked else [])])
     free = len(states) - orders * n + len(evaluators.auxiliary)
     limited, sides, limits, ranges = _limits(task, orders, free, bounds)
-    # evaluators with derivatives sorted by the variables: inputs ``states``, then v and σ
+    # derivatives sorted by the variables: inputs ``states``, then v and σ
     place = np.zeros(8 * n + len(evaluators.auxiliary), dtype=np.int64)
     place[np.append(states, np.arange(8 * n, len(place)))] = np.arange(len(states) + len(evaluators.auxiliary))
     first, second = evaluators.gradient_sparsity, evaluators.hessian_sparsity
@@ -122,7 +128,10 @@ _EVALUATORS: OrderedDict[Any, Evaluators] = OrderedDict()
 
 
 def _evaluators(functions: Functions, path: list[int]) -> Evaluators:
-    """Return the evaluators of functions and path, from memory if the same was traced before."""
+    """Return the evaluators of functions and path.
+
+    They are recalled if the same functions were traced before.
+    """
     tape = functions.motion.trace.tape
     entries = functions.sums, functions.rows, functions.epigraph_rows, functions.epigraph_variables, path
     sides = [tuple(np.isfinite(bounds[:, :2]).any(axis=0)) for bounds in functions.bounds]
@@ -136,9 +145,12 @@ def _evaluators(functions: Functions, path: list[int]) -> Evaluators:
 
 
 def _differentiate(functions: Functions, path: list[int]) -> Evaluators:
-    """Return compiled values, gradients and Hessian by all four orders, v and σ."""
+    """Return compiled values, gradients and Hessian.
+
+    They are by position, velocity, acceleration and jerk, v and σ.
+    """
     tape, n = functions.motion.trace.tape, functions.motion.arm.dof
-    # sums, rows and epigraph rows without the kinks that matter
+    # sums, rows and epigraph rows, with their kinks reformulated
     tape, rng = functions.motion.trace.tape, np.random.default_rng(0)
     probes = np.zeros((len(tape.inputs), OPTIONS.probes))
     dof = functions.motion.arm.dof
@@ -193,13 +205,19 @@ def _differentiate(functions: Functions, path: list[int]) -> Evaluators:
 
 
 def _weighted_sum(tape: Tape, entries: list[int]) -> int:
-    """Return the sum of entries, each times a multiplier that is a new input."""
+    """Return the weighted sum of entries.
+
+    Each weight is a multiplier, a new input.
+    """
     factors = [tape.input() for _ in entries]
     return as_entry(tape, sum((m * Expression(tape, f) for m, f in zip(factors, entries, strict=True)), 0.0))
 
 
 def _path_equations(functions: Functions, orders: int) -> list[int]:
-    """Return the path equations of an instant; for a spline also the derivatives that functions depend on."""
+    """Return the path equations of an instant.
+
+    For a spline they include the time derivatives that functions depend on.
+    """
     motion, task = functions.motion, functions.task
     tape = motion.trace.tape
     parameters: list[list[Any]] = [[motion.trace.parameter(x) for x in part.T] for part in instant_targets(task)]
@@ -220,9 +238,11 @@ def _path_equations(functions: Functions, orders: int) -> list[int]:
 def _limits(
     task: MotionTask, orders: int, unlimited: int, rows: list[np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return ``limited``, ``sides``, ``bounds`` and ``ranges`` of a program, those of rows last.
+    """Return ``limited``, ``sides``, ``bounds`` and ``ranges`` of a program.
 
-    rows: lower and upper bounds and ranges (instants, 3) of rows
+    The limits of rows come last.
+
+    rows: lower bounds, upper bounds and ranges (instants, 3) of rows
     unlimited: number of variables without limits before the rows
     """
     instants, n = len(task.instants), task.arm.dof
@@ -232,14 +252,14 @@ def _limits(
         if kind in task.bounds:
             bounds = np.array(np.broadcast_to(task.bounds_at(kind, task.instants), (instants, n, 2)))
             bounded = np.concatenate([bounds, task.limit_ranges(kind, bounds)[..., None]], axis=-1)
-            if kind == "velocity" and task.stride > 1:  # between samples its coefficients are limited instead
+            if kind == "velocity" and task.stride > 1:  # its coefficients are limited between samples
                 bounded[1 :: task.stride, :, :2] = free[1 :: task.stride, :, :2]
             bounded /= joint_scales(task.arm)[:, None]
         simple.append(bounded)
     none = np.tile([-np.inf, np.inf, 1.0], (instants, unlimited, 1))
     table = np.concatenate([*simple, none, *(row[:, None] for row in rows)], axis=1)
     both = table[..., :2]
-    which, instant, side = np.nonzero(np.isfinite(both.transpose(1, 0, 2)))  # kinks last
+    which, instant, side = np.nonzero(np.isfinite(both.transpose(1, 0, 2)))  # variables first, kinks last
     if task.start is not None:
         moves = (instant > 0) | (which >= n)
         which, instant, side = which[moves], instant[moves], side[moves]
@@ -256,16 +276,19 @@ def _sparsity(places: list[tuple[int, int]]) -> Sparsity:
 
 
 def motion_kernel(program: MotionTerms) -> MotionKernel:
-    """Return a program of sums and peaks for interior points, with its own registers: one per thread."""
+    """Return a program of sums and peaks as arrays.
+
+    Each thread needs its own arrays: they contain registers.
+    """
     evaluators, stencil = program.evaluators, program.stencil
     variables, auxiliary = len(program.variables), len(program.variables) - program.rates
     rows = len(program.rows) + len(program.epigraph_rows)
     row = program.limited[:, 0]
-    limits = row < variables + rows  # the ties of slacks, which follow, are satisfied by definition
+    limits = row < variables + rows  # the ties of slacks, which come last, are satisfied by definition
     row = np.where(row >= variables, row - auxiliary, row)
     row_peaks = np.full(rows, -1, dtype=np.int64)
     row_peaks[program.epigraph_rows] = program.epigraph_peaks
-    # input, variable, sign and first tie of every slack, innermost first, and the depth of nested kinks
+    # table of slacks, innermost first: input, variable, sign and first tie of each; and the depth of nested kinks
     count, first_tie = program.slacks, program.sums + len(program.rows) + len(program.epigraph_rows)
     function, variable = program.evaluators.gradient_sparsity.rows, program.evaluators.gradient_sparsity.columns
     inner = [set[int]() for _ in range(count)]

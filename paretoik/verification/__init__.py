@@ -1,1 +1,4 @@
-"""An independent second opinion on the contents of a run folder: no kernel is shared with the code that it checks."""
+"""An independent check of run folders.
+
+It shares no kernel with the code that it checks.
+"""

@@ -16,10 +16,11 @@ from paretoik.errors import InvalidInput
 
 @dataclass(frozen=True, kw_only=True)
 class VerificationTolerances:
-    """Deviations that the verifier accepts, each pinned by a run that exceeds it three times.
+    """Deviations that the verifier accepts.
 
-    They are the library's claims, or the rounding between two computations of the same number. Derivatives along the
-    self-motion are differences: rounding leaves half of their digits to ``criticality``.
+    A test confirms each deviation by a run that exceeds it threefold. They are the library's claims, or the rounding
+    between two computations of the same number. Derivatives along the self-motion are differences: rounding leaves half
+    of their digits to ``criticality``.
     """
 
     times: float = 1e-9  # share of the duration: sample times compared with those of the path
@@ -37,9 +38,9 @@ class VerificationTolerances:
     criticality: float = 1e-5  # gain of all objectives at once: ten times what a certificate may leave
     weights: float = 1e-2  # share of the steepest gain: weights that others could replace
     rates: float = 1e-6  # share of an exchange rate: the ratio of the weights
-    sums: float = 1e-6  # weights: below 0, or their sum off 1
-    tightened: float = 1e-2  # share of a limit's range: refinement keeps limits inside by up to this
-    rest: float = 1e-6  # s: an interval without motion; it does not count in a duration
+    sums: float = 1e-6  # weights below 0, or a sum that differs from 1
+    tightened: float = 1e-2  # share of a limit's range by which refinement tightens limits at most
+    rest: float = 1e-6  # s: duration of an interval without motion, which is not counted
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,19 +49,19 @@ class VerificationOptions:
 
     finer: int = 50  # instants per interval at which limits are checked between samples
     nodes: int = 10  # Chebyshev points per piece of a curve that is projected onto the path
-    tail: float = 1e-12  # rad or m: last coefficients of a piece that needs no splitting
+    tail: float = 1e-12  # rad or m: a piece with smaller last coefficients is not split
     splits: int = 3  # most halvings of a piece
     step: float = 1e-6  # rad: central differences along the self-motion
-    spacing: int = 12  # samples between those that are moved at once: more than any value depends on
-    foreseen: float = 1e-3  # share of a slope by which a random direction may differ from the prediction by slopes
+    spacing: int = 12  # samples between those moved together: each value depends on fewer
+    foreseen: float = 1e-3  # share of a slope: largest difference from the predicted change in a random direction
     kink: float = 1e-3  # share by which slopes on both sides differ at a kink
-    rounds: int = 12  # times that slopes on the other side of kinks are added
+    rounds: int = 12  # number of times that slopes on the other side of kinks are added
     trials: tuple[float, ...] = (1e-4, 1e-5, 1e-6)  # rad: steps that show a gain
     probe: float = 1e-4  # rad: step to the other side of kinks
-    instants: int = 4  # distances per interval before they are bounded
+    instants: int = 4  # distances computed per interval before they are bounded
     bisections: int = 14  # halvings of an interval in which a collision cannot be excluded
     sections: int = 60  # golden sections of a link: below the rounding of its length
-    end_accelerations: int = 3  # most accelerations that the one at a free end is continued from
+    end_accelerations: int = 3  # number of accelerations from which a free end's is extrapolated
     turn: float = 1e-3  # rad, or the arm's length: largest joint motion in differences of normal directions
     newton_steps: int = 30  # steps of a projection onto the path
 
@@ -77,7 +78,10 @@ TOOL_FRAME = "<tool>"  # the arm's own name for it
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ArmModel:
-    """Pinocchio's model of an arm; joints move as the arm's, without taking angles modulo whole turns."""
+    """Pinocchio's model of an arm, with the arm's joint coordinates.
+
+    Angles are not reduced modulo whole turns.
+    """
 
     arm: Any
     pin: Any
@@ -143,7 +147,10 @@ class ArmModel:
         return rotations, positions
 
     def jacobian(self, q: np.ndarray, frame: str = TOOL_FRAME) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return rotation (3, 3), position (3,) and Jacobian (6, dof) in world axes of a frame in one posture."""
+        """Return rotation, position and Jacobian of a frame in one posture.
+
+        Shapes are (3, 3), (3,) and (6, dof); axes are those of the world.
+        """
         number = self.frame_number(frame)
         world = self.pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         jacobian = self.pin.computeFrameJacobian(self.model, self.data, q, number, world)
@@ -170,7 +177,10 @@ class ArmModel:
         return nodes
 
     def reaches(self, q: np.ndarray) -> np.ndarray:
-        """Return how far any node moves at most with each joint (dof,) [m per rad, m per m], slides as at ``q``."""
+        """Return the largest move of any node per joint move.
+
+        The moves (dof,) are in [m per rad, m per m], with slides as at ``q``.
+        """
         lengths = np.array([np.linalg.norm(pose.position) for pose in (*self.arm.placements[1:], self.arm.tool)])
         travel = np.where(self.turning, 0.0, np.abs(q).max(axis=0))
         after = np.cumsum((lengths + np.append(travel[1:], 0.0))[::-1])[::-1]

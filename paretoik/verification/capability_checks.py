@@ -1,4 +1,4 @@
-"""Checks of runs about an arm's capability: postures at rest, motions from point to point, and polygons."""
+"""Checks of capability runs: postures, point-to-point motions, polygons."""
 
 from __future__ import annotations
 
@@ -14,7 +14,10 @@ from paretoik.verification.run_contents import Check, RunContents, demand, judge
 
 
 def check_standing(run: RunContents, problem: Any, model: ArmModel) -> Iterator[Check]:
-    """Check a front of directional maxima: postures at their position, speeds that motors at joints can reach."""
+    """Check a front of directional maxima.
+
+    Postures must be at their position, and motors at joints must reach the speeds.
+    """
     size = len(problem.position)
     bare = not hasattr(problem.actuation, "rod")
     for row, q in enumerate(run.motions["q"]):
@@ -36,7 +39,10 @@ def check_standing(run: RunContents, problem: Any, model: ArmModel) -> Iterator[
 
 
 def check_point_to_point(run: RunContents, problem: Any, model: ArmModel) -> Iterator[Check]:
-    """Check motions between two points: their ends, joint limits, and durations compared with their own times."""
+    """Check motions between two points.
+
+    The checks are of ends, joint limits, and durations compared with the motions' own times.
+    """
     size, names = len(problem.start), [str(each["name"]) for each in run.objectives]
     for row, (time, q) in enumerate(zip(run.motions["time"], run.motions["q"], strict=True)):
         point = int(run.ids[row])
@@ -57,7 +63,7 @@ def check_point_to_point(run: RunContents, problem: Any, model: ArmModel) -> Ite
 
 
 def _check_work(run: RunContents, problem: Any, row: int, q: np.ndarray, effort: np.ndarray) -> Iterator[Check]:
-    """Check the work of motors at the joints, given or taken, in one motion."""
+    """Check the work of joint motors, given or taken, in one motion."""
     point = int(run.ids[row])
     for k, entry in enumerate(run.objectives):
         name = str(entry["name"])
@@ -73,7 +79,10 @@ def _check_work(run: RunContents, problem: Any, row: int, q: np.ndarray, effort:
 
 
 def check_tool_path(run: RunContents) -> Iterator[Check]:
-    """Check both ends of a tool path, that it stays in its box, and that its times increase."""
+    """Check the ends, the box and the times of a tool path.
+
+    The path must stay in the box, and times must increase.
+    """
     arrays = run.arrays["tool_path.npz"]
     tool = np.asarray(arrays["positions" if "positions" in arrays else "points"], dtype=float)
     settings = dict(run.entries.get("settings", {}))
@@ -116,7 +125,10 @@ def check_polygon(run: RunContents, model: ArmModel | None, reason: str = "") ->
 
 
 def _position_limits(model: ArmModel, time: np.ndarray, q: np.ndarray, point: int) -> Check:
-    """Return whether the arm's own limits are satisfied: excesses are shares of a joint's range, or of 1 rad or m."""
+    """Return the check of the arm's own position limits.
+
+    An excess is a share of a joint's range, or of 1 rad or m.
+    """
     limits = np.array(model.arm.position_limits, dtype=float)
     width = limits[:, 1] - limits[:, 0]
     size = np.where(np.isfinite(width) & (width > 0), width, 1.0)
@@ -125,7 +137,10 @@ def _position_limits(model: ArmModel, time: np.ndarray, q: np.ndarray, point: in
 
 
 def _highest_speed(actuation: Any, model: ArmModel, q: np.ndarray, direction: np.ndarray) -> float:
-    """Return the most speed along a direction that motors at the joints allow, by a linear program."""
+    """Return the highest speed along a direction, by a linear program.
+
+    It is the highest that motors at the joints allow.
+    """
     columns = model.jacobian(q)[2][: len(direction)]
     speeds = _motor_speeds(actuation.motors, model.torques(q[None], 0 * q[None], 0 * q[None])[0])
     rows = np.column_stack([columns, -np.asarray(direction)])
@@ -137,7 +152,10 @@ def _highest_speed(actuation: Any, model: ArmModel, q: np.ndarray, direction: np
 
 
 def _motor_speeds(motors: Any, effort: np.ndarray) -> np.ndarray:
-    """Return the speeds (..., 2) of motors under efforts, lowest and highest, by their curve; NaN past stall."""
+    """Return the lowest and highest speeds (..., 2) of motors under efforts.
+
+    They follow from the motors' curve, and are NaN past stall.
+    """
     share = effort / np.asarray(motors.stall)
     if motors.shape == "diamond":
         ahead = back = 1.0 - np.abs(share)
@@ -153,7 +171,10 @@ def _motor_speeds(motors: Any, effort: np.ndarray) -> np.ndarray:
 def _check_motors(
     problem: Any, model: ArmModel, time: np.ndarray, q: np.ndarray, effort: np.ndarray, point: int
 ) -> Check:
-    """Check that motors at the joints can follow, each within its curve under the load of gravity."""
+    """Check that motors at the joints can follow a motion.
+
+    Each motor must be within its curve under the load of gravity.
+    """
     if hasattr(problem.actuation, "rod"):
         return leave_out("motors", "rods and sliders are not modelled a second time", point=point)
     motors, halfway = problem.actuation.motors, (time[1:] + time[:-1]) / 2

@@ -1,6 +1,6 @@
 """Certificates by differences: no direction along the self-motion improves all objectives at once.
 
-Among directions d that keep the path, a point is critical if no d lowers all objectives while limits are satisfied, to
+Among directions d that stay on the path, a point is critical if no d lowers all objectives within limits, to
 first order: a linear program over the box |d| ≤ r inside the unit ball,
 
     maximise    t
@@ -10,7 +10,7 @@ first order: a linear program over the box |d| ≤ r inside the unit ball,
                 −r ≤ d ≤ r
 
 The value is a lower bound of the criticality χ, and 0 if and only if χ is. Derivatives are central differences of the
-definitions. A user's function may have unknown kinks: the direction found is then tried, and if objectives do not fall
+definitions. A user's function may have unknown kinks, so the direction found is tried. If objectives do not fall
 along it, their slopes there become further pieces, until a better motion is shown or no direction is left.
 """
 
@@ -37,7 +37,7 @@ from paretoik.verification.run_contents import Check, RunContents, demand, first
 # The table and the arrays of a run, without the problem.
 
 
-EXCEEDS = "limits exceeded between samples"  # status of an optimum that no tightening brings within its limits
+EXCEEDS = "limits exceeded between samples"  # status of an optimum that exceeds limits in spite of tightening
 
 
 def check_tables(run: RunContents) -> Iterator[Check]:
@@ -58,7 +58,10 @@ def check_tables(run: RunContents) -> Iterator[Check]:
 
 
 def _check_order(run: RunContents, values: np.ndarray) -> Iterator[Check]:
-    """Check that no point dominates another; for a plan, that the best comes first."""
+    """Check that no point dominates another.
+
+    The points of a plan must be in order, the best first.
+    """
     F = values * run.signs
     if run.is_plan:
         exceeds = run.table.get("status", np.zeros(len(F), dtype=np.str_)) == EXCEEDS  # these come last
@@ -96,7 +99,7 @@ def _check_arrays(run: RunContents) -> Iterator[Check]:
 
 
 def _check_rates(run: RunContents) -> Iterator[Check]:
-    """Check that exchange rates follow from the weights, and are in their intervals."""
+    """Check that exchange rates follow from weights and are in their intervals."""
     arrays, size = run.motions, run.ranges
     for name in ("weights", "exchange_rates", "exchange_intervals"):
         if name not in arrays or len(arrays[name]) != len(run.ids):
@@ -138,7 +141,7 @@ CRITICAL = ("minimum", "saddle", "converged", "under-resolved")  # statuses that
 def check_certificate(
     run: RunContents, task: Any, model: ArmModel, objectives: Any, row: int, time: np.ndarray, q: np.ndarray
 ) -> Iterator[Check]:
-    """Check the criticality of a point if the run claims it, and its weights if it has any."""
+    """Check the criticality of a point, if claimed, and its weights."""
     point, status = int(run.ids[row]), run.status(row)
     stated = not run.is_plan and "criticality" in run.table
     residual = float(run.table["criticality"][row]) if stated else np.nan
@@ -180,15 +183,22 @@ def check_certificate(
 
 
 class UndecidedError(Exception):
-    """Differences cannot decide whether a point is critical; the text has the reason."""
+    """Error if differences cannot decide whether a point is critical.
+
+    The text has the reason.
+    """
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Pieces:
-    """Pieces of an objective's terms to first order: their ``values``, and ``slopes`` (pieces, directions).
+    """Pieces of an objective's terms to first order.
 
-    ``terms`` (pieces,) are the terms that they belong to, ``weights`` those of the terms. If the largest term counts,
-    all are pieces of one term.
+    terms: index (pieces,) of the term of each piece
+    values: values (pieces,)
+    slopes: slopes (pieces, directions)
+    weights: weights of the terms
+
+    If only the largest term counts, all pieces belong to one term.
     """
 
     terms: np.ndarray
@@ -199,7 +209,10 @@ class Pieces:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FirstOrder:
-    """Objectives and limits to first order; ``bounds`` are the values of limits, shares of ranges that must be ≤ 0."""
+    """Objectives and limits to first order.
+
+    The ``bounds`` are the values of limits, as shares of ranges that must be ≤ 0.
+    """
 
     objectives: tuple[Pieces, ...]
     limits: np.ndarray
@@ -208,10 +221,14 @@ class FirstOrder:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Neighbours:
-    """Motions near one on its path, by coordinates along the self-motion of each sample that may move.
+    """Motions near a given motion, by coordinates along the self-motion.
 
-    ``frames`` (samples, redundancy, dof) are the directions of each of the ``samples``. ``factors`` (n_obj,) divide
-    objectives by their sizes, negative if they are maximised; ``own_kinks``: users' integrals have kinks.
+    samples: samples that may move
+    frames: directions (samples, redundancy, dof) of self-motion
+    factors: divisors (n_obj,) of objectives, their sizes, negative for maximised objectives
+    own_kinks: whether users' integrals have kinks
+
+    All motions are on the path.
     """
 
     task: Any
@@ -251,15 +268,18 @@ class Neighbours:
         return [*terms, _limit_terms(self.task, motion)]
 
     def limits_between(self, d: np.ndarray) -> np.ndarray:
-        """Return all limits of the motion at coordinates on the finer grid, as shares of their ranges."""
+        """Return all limits on the finer grid, as shares of their ranges.
+
+        The motion is that at coordinates d.
+        """
         curve = project_curve(self.task, self.model, self.time, self.move(d))
         return _limit_terms(self.task, finer_motion(self.task, self.model, curve, self.time)).pieces.ravel()
 
 
 def _gains(near: Neighbours, weights: np.ndarray, accepted: float) -> tuple[float, float, float]:
-    """Return the gain of all objectives at once, of their weighted sum, and of the steepest one.
+    """Return the gains of all objectives, of their weighted sum, of the steepest.
 
-    Raises UndecidedError if kinks leave it open.
+    The first is the gain of all objectives at once. Raises UndecidedError if kinks make the result uncertain.
     """
     box = 1.0 / np.sqrt(near.frames.shape[1])
     gain, at = _shown_gain(near, _linearise(near, np.zeros(near.size)), box, accepted)
@@ -272,7 +292,10 @@ def _gains(near: Neighbours, weights: np.ndarray, accepted: float) -> tuple[floa
 def _neighbours(
     task: Any, model: ArmModel, objectives: Any, factors: np.ndarray, time: np.ndarray, q: np.ndarray
 ) -> Neighbours:
-    """Return the motions near one; raises UndecidedError if a tied end is not the posture nearest to the one before."""
+    """Return the motions near a given motion.
+
+    Raises UndecidedError if a tied end is not the posture nearest to the sample before it.
+    """
     targets = path_targets(task.tasks, time)
     jacobians = [task_errors(model, targets, q[k], k)[1] for k in range(len(time))]
     frames = [(null_space(jacobian * model.scales) * model.scales[:, None]).T for jacobian in jacobians]
@@ -295,10 +318,11 @@ def _neighbours(
 
 
 def _linearise(near: Neighbours, d: np.ndarray) -> FirstOrder:
-    """Return objectives and limits to first order at coordinates, by central differences.
+    """Return objectives and limits to first order, by central differences.
 
-    Terms of an instant depend only on samples near it, so that samples far apart are moved at once. If that does not
-    predict the change in a random direction, each sample is moved alone. Raises UndecidedError at a concave kink.
+    They are at coordinates d. Terms of an instant depend only on samples near it, so samples far apart are moved at
+    once. If the result does not predict the change in a random direction, each sample is moved alone. Raises
+    UndecidedError at a concave kink.
     """
     terms = near.terms(d)
     instants = np.concatenate([np.tile(each.instants, len(each.pieces)) for each in terms])
@@ -338,7 +362,10 @@ def _slopes(
     spacing: int,
     step: float = OPTIONS.step,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the derivatives (values, coordinates), and the least curvature (values,) along any coordinate."""
+    """Return the derivatives (values, coordinates), and the least curvature.
+
+    The curvature (values,) is the least along any coordinate.
+    """
     count, redundancy = near.frames.shape[:2]
     stride = 2 if near.task.differences == "spline" else 1
     cycle = len(near.time) - 1 if near.task.cyclic else 0
@@ -365,7 +392,10 @@ def _flat(terms: Sequence[Terms]) -> np.ndarray:
 
 
 def _limit_terms(task: Any, motion: MeasuredMotion) -> Terms:
-    """Return all limits as shares of their ranges, negative if satisfied; −inf without a limit."""
+    """Return all limits as shares of their ranges, negative if satisfied.
+
+    The share is −inf without a limit.
+    """
     count = motion.time.shape[1]
     shares = [limit_shares(values, limits, size) for _, values, limits, size in joint_limits(task, motion)]
     if task.obstacles:
@@ -390,22 +420,26 @@ def _limit_terms(task: Any, motion: MeasuredMotion) -> Terms:
 
 
 def _totals(terms: Sequence[Terms]) -> np.ndarray:
-    """Return the values of objectives (n_obj,); the last terms are limits."""
+    """Return the values of objectives (n_obj,).
+
+    The last of the ``terms`` are limits and are left out.
+    """
     largest = [(each.pieces.max(axis=0), each.weights) for each in terms[:-1]]
     return np.array([values.max() if weights is None else values @ weights for values, weights in largest])
 
 
 def _shown_gain(near: Neighbours, at: FirstOrder, box: float, accepted: float) -> tuple[float, FirstOrder]:
-    """Return the first-order gain of all objectives at once, and its linearisation.
+    """Return the first-order gain of all objectives, and its linearisation.
 
-    A gain above ``accepted`` is returned only if a motion along its direction confirms it: all objectives fall with at
-    least half of the predicted slope, and no limit is exceeded more than at the start, at instants or between them.
-    Raises UndecidedError if kinks or limits between samples leave it open.
+    All objectives must gain at once. A gain above ``accepted`` is returned only if a motion along its direction
+    confirms it: all objectives fall with at least half of the predicted slope, and no limit is exceeded more than at
+    the start, at instants or between them. Raises UndecidedError if kinks or limits between samples make the result
+    uncertain.
     """
     task, origin = near.task, np.zeros(near.size)
     start, between = _totals(near.terms(origin)), np.zeros(0)
     if task.differences == "spline" and (task.bounds or task.obstacles or task.constraints):
-        # Refined motions keep limits between samples too: those with a small slack after refinement count as active.
+        # Refined motions satisfy limits between samples too: limits with a small slack after refinement are active.
         between = np.maximum(near.limits_between(origin), -TOLERANCES.tightened)
     reason = ""
     for _ in range(OPTIONS.rounds):
@@ -429,7 +463,10 @@ def _shown_gain(near: Neighbours, at: FirstOrder, box: float, accepted: float) -
 
 
 def _with_pieces(at: Pieces, there: Pieces, d: np.ndarray) -> Pieces:
-    """Return the pieces of an objective with those of another slope from a near motion, at coordinates."""
+    """Return an objective's pieces, with pieces of a near motion added.
+
+    A piece of the motion at coordinates d is added if its slope differs.
+    """
     values = there.values - there.slopes @ d
     own = at.slopes[: len(there.slopes)]
     other = np.abs(there.slopes - own).max(axis=1) > OPTIONS.kink * np.abs(own).max(axis=1)
@@ -442,7 +479,10 @@ def _with_pieces(at: Pieces, there: Pieces, d: np.ndarray) -> Pieces:
 
 
 def _best_gain(at: FirstOrder, box: float, mixtures: np.ndarray) -> tuple[float, np.ndarray]:
-    """Return the most that all mixtures (rows, n_obj) of objectives fall at once, and the direction in the box."""
+    """Return the largest gain of all mixtures of objectives, and its direction.
+
+    Mixtures are rows (rows, n_obj); the direction is in the box.
+    """
     n_obj, directions = len(at.objectives), at.limits.shape[1]
     linear, rows, right, columns = np.zeros((n_obj, directions)), [np.zeros((0, directions))], [], list[int]()
     epigraphs = list[np.ndarray]()  # for each e: its weights in the objectives (n_obj,)

@@ -1,4 +1,7 @@
-"""The limits of a motion measured again: their excesses as shares of ranges, and where they are worst."""
+"""The limits of a motion, measured again: excesses and worst places.
+
+Excesses are shares of ranges.
+"""
 
 from __future__ import annotations
 
@@ -12,9 +15,9 @@ from paretoik.verification.measured_motion import MeasuredMotion, nearest_pair
 from paretoik.verification.objectives import form_value
 from paretoik.verification.run_contents import Worst, first_line
 
-LIMITED = {  # by kind: the bounded attribute of a motion, its unit for joints that turn, and for those that slide
+LIMITED = {  # by kind: bounded attribute of a motion, unit for rotational joints, unit for prismatic joints
     "position": ("q", "rad", "m"),
-    "velocity": ("velocity_bounds", "rad/s", "m/s"),  # for a spline Bernstein points at the middles of intervals
+    "velocity": ("velocity_bounds", "rad/s", "m/s"),  # for a spline, Bernstein coefficients in the middles of intervals
     "acceleration": ("ddq", "rad/s²", "m/s²"),
     "jerk": ("jerk", "rad/s³", "m/s³"),
     "torque": ("torque", "N m", "N"),
@@ -23,7 +26,10 @@ LIMITED = {  # by kind: the bounded attribute of a motion, its unit for joints t
 
 
 def excesses(task: Any, motion: MeasuredMotion) -> Iterator[tuple[str, float, Worst | None, str]]:
-    """Yield every limit's subject, worst excess as a share of its range, and place, or why these are unknown."""
+    """Yield every limit's subject, worst excess and place, or a reason.
+
+    The excess is a share of the limit's range; the reason tells why excess and place are unknown.
+    """
     for kind, values, limits, size in joint_limits(task, motion):
         units = LIMITED[kind][1:]
         yield f"{kind} limits", *worst_joint(motion.model, kind, motion.time[0], values, limits, size, units), ""
@@ -50,7 +56,10 @@ def worst_joint(
     size: np.ndarray,
     units: tuple[str, str] = ("", ""),
 ) -> tuple[float, Worst]:
-    """Return the excess, as a share of ``size``, and place of the value (time, dof) farthest beyond its limits."""
+    """Return the largest excess over limits, and its place.
+
+    The excess is a share of ``size``; values are (time, dof).
+    """
     limits = np.broadcast_to(limits, (*values.shape, 2))
     share = limit_shares(values, limits, size)
     instant, joint = np.unravel_index(int(share.argmax()), share.shape)
@@ -66,14 +75,18 @@ def worst_joint(
 
 
 def limit_shares(values: np.ndarray, limits: np.ndarray, size: np.ndarray) -> np.ndarray:
-    """Return how much limits (..., 2) are exceeded, as shares of ``size``; −inf without a limit."""
+    """Return the excesses over limits (..., 2), as shares of ``size``.
+
+    An excess is −inf without a limit.
+    """
     return np.asarray(np.maximum(values - limits[..., 1], limits[..., 0] - values) / size)
 
 
 def joint_limits(task: Any, motion: MeasuredMotion) -> Iterator[tuple[str, np.ndarray, np.ndarray, np.ndarray]]:
-    """Yield for each kind of limit the bounded values (time, dof), limits (time, dof, 2) and ranges (time, dof).
+    """Yield each kind of limit with values, limits and ranges.
 
-    A range is the width of limits, the size of a single one, or a usual size for an arm.
+    Values and ranges are (time, dof), limits (time, dof, 2). A range is the width of limits, the size of a single one,
+    or a usual size for an arm.
     """
     model, duration = motion.model, float(np.ptp(motion.time))
     force = sum(float(body.mass) for body in model.arm.bodies)
@@ -98,7 +111,10 @@ def joint_limits(task: Any, motion: MeasuredMotion) -> Iterator[tuple[str, np.nd
 
 
 def limits_at(bounds: np.ndarray, samples: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Return limits (1 or time, dof, 2) at times (time, dof, 2), linear between the samples."""
+    """Return limits at times (time, dof, 2), linear between the samples.
+
+    The given limits are (1 or time, dof, 2).
+    """
     if len(bounds) == 1:
         return np.broadcast_to(bounds, (len(t), *bounds.shape[1:]))
     if len(bounds) == len(t) and np.array_equal(samples, t):
@@ -111,20 +127,24 @@ def limits_at(bounds: np.ndarray, samples: np.ndarray, t: np.ndarray) -> np.ndar
             column = bounds[:, joint, side]
             finite = np.isfinite(column)
             between = np.interp(t, samples, np.where(finite, column, 0.0))
-            bounded = finite[after] & (exact | finite[np.maximum(after - 1, 0)])  # at both ends of an interval
+            bounded = finite[after] & (exact | finite[np.maximum(after - 1, 0)])  # finite at both ends of an interval
             limits[:, joint, side] = np.where(bounded, between, none)
     return limits
 
 
 def clearance_range(task: Any, model: ArmModel) -> float:
-    """Return the scale of violations of clearance [m]: its limit, at least 1 % of the arm's length."""
+    """Return the scale of violations of clearance [m].
+
+    It is the required clearance, at least 1 % of the arm's length.
+    """
     return max(float(task.min_clearance), 0.01 * model.length)
 
 
 def _worst_of_constraint(constraint: Any, motion: MeasuredMotion) -> tuple[float, Worst]:
-    """Return the excess of a user's own limit, as a share of its scale, and its place.
+    """Return the excess of a user's own limit, and its place.
 
-    An integral may have kinks, and is then limited on the spline: the smaller excess of spline and curve counts.
+    The excess is a share of the limit's scale. An integral may have kinks, and is then limited on the spline: the
+    smaller excess of spline and curve counts.
     """
     if constraint.form == "peak":
         values = np.asarray(constraint.function(motion), dtype=float)

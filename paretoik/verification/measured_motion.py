@@ -1,4 +1,7 @@
-"""A motion measured a second time: the input of objectives, from joint positions, Pinocchio and the rebuilt curve."""
+"""A motion measured a second time, as input of objectives.
+
+It is computed from joint positions, Pinocchio's model and the rebuilt curve.
+"""
 
 from __future__ import annotations
 
@@ -22,21 +25,24 @@ from paretoik.verification.path_targets import (
 
 # The curve of a motion, rebuilt from its samples with SciPy, and its finite differences.
 #
-# With differences="spline" the control point of a sample is the blossom, at its three times, of the parabola through
+# With differences="spline", the control point of a sample is the blossom, at three knots, of the parabola through
 # the sample and its neighbours. At a free end the curve passes through the sample and its acceleration continues the
 # polynomial of the next ones; at an end at rest it passes through the sample with velocity 0. These are linear
-# equations for the control points, solved here with SciPy's B-splines. The other curves are splines through the
-# samples.
+# equations for the control points, solved here with SciPy's B-splines. With other differences, curves are splines
+# through the samples.
 
 
 def rebuild(time: np.ndarray, q: np.ndarray, *, differences: str, cyclic: bool, ends_at_rest: bool) -> Any:
-    """Return the curve (time, dof) through or near samples: SciPy's, with ``derivative``."""
+    """Return SciPy's curve (time, dof) through or near samples.
+
+    The curve has a method ``derivative``.
+    """
     if differences != "spline":
         degree = min(3, len(time) - 1)
         return make_interp_spline(time, q, k=degree, bc_type="periodic" if cyclic else None)
     if not cyclic and len(time) < 5 - ends_at_rest:
         return _polynomial(time, q, ends_at_rest=ends_at_rest)
-    # Knots: the times, with three more at each end: those of the cycle, or mirrored ones.
+    # Knots: the times and three more at each end, from the cycle or mirrored.
     step, count = np.diff(time), len(time)
     ahead, behind = (step[-1:-4:-1], step[:3]) if cyclic else (step[:3], step[-1:-4:-1])
     ahead, behind = (np.cumsum(np.resize(each, 3)) for each in (ahead, behind))
@@ -57,7 +63,10 @@ def rebuild(time: np.ndarray, q: np.ndarray, *, differences: str, cyclic: bool, 
 
 
 def instants_of(time: np.ndarray, differences: str) -> np.ndarray:
-    """Return the times of limits and objectives: samples, for splines also the middles between them."""
+    """Return the times at which limits and objectives are evaluated.
+
+    They are the samples, for splines also the middles between samples.
+    """
     if differences != "spline":
         return time
     return np.sort(np.concatenate([time, (time[1:] + time[:-1]) / 2]))
@@ -66,7 +75,10 @@ def instants_of(time: np.ndarray, differences: str) -> np.ndarray:
 def rates(
     curve: Any, time: np.ndarray, q: np.ndarray, *, differences: str, cyclic: bool
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return velocity, acceleration and jerk at the instants of a motion, as its differences define them."""
+    """Return velocity, acceleration and jerk at the instants of a motion.
+
+    They follow the definition of its ``differences``.
+    """
     if differences == "spline":
         t = instants_of(time, differences)
         third = curve.derivative(3)
@@ -82,7 +94,10 @@ def rates(
 
 
 def quadrature(time: np.ndarray, differences: str) -> np.ndarray:
-    """Return the weights [s] of integrals over the instants: Simpson's, the rectangle's or the trapezoid's."""
+    """Return the weights [s] of integrals over the instants.
+
+    The rule is Simpson's, the rectangle or the trapezoid rule.
+    """
     step = np.diff(time)
     if differences == "backward":
         return np.append(0.0, step)
@@ -102,7 +117,10 @@ def _blossom(t: np.ndarray, q: np.ndarray) -> np.ndarray:
 
 
 def _free_row(basis: BSpline, time: np.ndarray) -> np.ndarray:
-    """Return the equation that the first acceleration continues the polynomial through the next ones."""
+    """Return the equation of the first acceleration at a free end.
+
+    The acceleration continues the polynomial through the next accelerations.
+    """
     count = min(OPTIONS.end_accelerations, len(time) - 3)
     second = basis.derivative(2)
     others = time[1 : count + 1] - time[0]
@@ -114,7 +132,10 @@ def _free_row(basis: BSpline, time: np.ndarray) -> np.ndarray:
 
 
 def _polynomial(time: np.ndarray, q: np.ndarray, *, ends_at_rest: bool) -> PPoly:
-    """Return the polynomial through a few samples, with its end at rest if necessary."""
+    """Return the polynomial through a few samples.
+
+    Its end is at rest if ``ends_at_rest``.
+    """
     times, values = (np.append(time, time[-1]), np.concatenate([q, 0 * q[:1]])) if ends_at_rest else (time, q)
     polynomial = KroghInterpolator(times, values)
     degree = len(times) - 1
@@ -130,7 +151,10 @@ def _backward(values: np.ndarray, time: np.ndarray, *, cyclic: bool) -> np.ndarr
 
 
 def _central(values: np.ndarray, time: np.ndarray, order: int, *, cyclic: bool) -> np.ndarray:
-    """Return derivatives of the parabolas through three samples each; an end uses the nearest parabola."""
+    """Return derivatives of the parabolas through three samples each.
+
+    At an end, the nearest parabola is used.
+    """
     if cyclic:
         last = len(time) - 1
         time = np.concatenate([[time[0] - time[last] + time[last - 1]], time, [time[last] + time[1] - time[0]]])
@@ -159,7 +183,10 @@ GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
 
 
 def point_distances(obstacle: Any, points: np.ndarray) -> np.ndarray:
-    """Return signed distances [m] of points (..., 3) from an obstacle's surface, negative inside."""
+    """Return signed distances [m] of points (..., 3) from an obstacle.
+
+    They are negative inside the obstacle.
+    """
     kind = type(obstacle).__name__
     if kind == "Circle":
         return np.hypot(*np.moveaxis(points[..., :2] - obstacle.center, -1, 0)) - obstacle.radius
@@ -198,12 +225,18 @@ def segment_distances(obstacle: Any, starts: np.ndarray, ends: np.ndarray) -> np
 
 
 def pair_distances(obstacles: Sequence[Any], nodes: np.ndarray) -> np.ndarray:
-    """Return the least distances (time, links, obstacles) [m] of the center lines of links; nodes (time, nodes, 3)."""
+    """Return the least distances (time, links, obstacles) [m] of links.
+
+    The distances are from the center lines; nodes are (time, nodes, 3).
+    """
     return np.stack([segment_distances(each, nodes[:, :-1], nodes[:, 1:]) for each in obstacles], axis=-1)
 
 
 def nearest_pair(obstacles: Sequence[Any], nodes: np.ndarray) -> str:
-    """Return in words which link of a posture (nodes, 3) is nearest to which obstacle."""
+    """Return in words the link and the obstacle nearest to each other.
+
+    The posture is (nodes, 3).
+    """
     distances = pair_distances(obstacles, nodes[None])[0]
     link, number = np.unravel_index(int(distances.argmin()), distances.shape)
     obstacle = obstacles[int(number)]
@@ -212,7 +245,10 @@ def nearest_pair(obstacles: Sequence[Any], nodes: np.ndarray) -> str:
 
 
 def clearances(obstacles: Sequence[Any], nodes: np.ndarray, radius: float) -> np.ndarray:
-    """Return the least distances (time,) [m] of links, capsules of a radius, from obstacles; nodes (time, nodes, 3)."""
+    """Return the least distances (time,) [m] of links from obstacles.
+
+    Links are capsules of a radius; nodes are (time, nodes, 3).
+    """
     return np.asarray(pair_distances(obstacles, nodes).min(axis=(1, 2)) - radius)
 
 
@@ -221,10 +257,10 @@ def clearances(obstacles: Sequence[Any], nodes: np.ndarray, radius: float) -> np
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MeasuredMotion:
-    """One motion (1, time, dof) at the instants at which its problem has limits and objectives.
+    """One motion (1, time, dof) at the instants of its problem.
 
-    It has the attributes of a ``Motion`` that user functions read, batch first. ``task`` is the problem's: its arm,
-    tasks, obstacles.
+    Limits and objectives are evaluated at the instants. It has the attributes of a ``Motion`` that user functions read,
+    batch first. ``task`` is the problem's: its arm, tasks, obstacles.
     """
 
     model: ArmModel
@@ -241,12 +277,15 @@ class MeasuredMotion:
 
     @property
     def spline(self) -> MeasuredMotion:
-        """The motion of the spline without projection: integrals with kinks are minimised on it."""
+        """The motion of the spline, not projected onto the path.
+
+        Integrals with kinks are minimised on it.
+        """
         return self if self.of_spline is None else self.of_spline
 
     @property
     def velocity_bounds(self) -> np.ndarray:
-        """Velocities; for a spline its Bernstein coefficients at the middles of intervals."""
+        """Velocities, for a spline with Bernstein coefficients in the middles of intervals."""
         return self.dq if self.coefficients is None else self.coefficients
 
     @property
@@ -356,7 +395,10 @@ class MeasuredMotion:
 
 
 def measure(model: ArmModel, task: Any, time: np.ndarray, q: np.ndarray) -> MeasuredMotion:
-    """Return joint positions (time, dof) at times as a motion of a task, at its instants."""
+    """Return the measured motion of joint positions (time, dof).
+
+    It is a motion of a task, at the instants.
+    """
     kind = {"differences": task.differences, "cyclic": task.cyclic}
     curve = rebuild(time, q, **kind, ends_at_rest=task.ends_at_rest)
     dq, ddq, jerk = rates(curve, time, q, **kind)

@@ -1,4 +1,4 @@
-"""Checks of closed loops: the run's statements about the tool's error, the drift, steps and objectives of the paper."""
+"""Checks of tuned methods, resolved motions and closed loops."""
 
 from __future__ import annotations
 
@@ -17,17 +17,20 @@ from paretoik.verification.objectives import objective_size, objective_value
 from paretoik.verification.path_targets import frame_errors, sample_points, tracking_errors
 from paretoik.verification.run_contents import Check, RunContents, Worst, demand, first_line, judge, leave_out
 
-# Parameters of a method from a search: bounds for the table from the one stored motion of each point.
+# Tuned methods: each point has one stored motion, which gives bounds for the values in the table.
 #
 # The table has the worst, or the mean, of motions from several starts; only the first of them is stored. The method
-# is not run a second time, so that a worst value is bounded by the stored motion's from one side.
+# is not run a second time, so the stored motion bounds a worst value from one side only.
 
 
 MEASURES = "paretoik.resolution.measures"  # defines objectives of resolved motions
 
 
 def check_tuning(run: RunContents, problem: Any, model: ArmModel) -> Iterator[Check]:
-    """Check the stored motions of tuned methods: times, starts, distance from the path, and objectives as bounds."""
+    """Check the stored motions of tuned methods.
+
+    The checks are of times, starts, distance from the path, and objectives as bounds.
+    """
     task = problem.task
     listed = [str(each["name"]) for each in run.objectives]
     names = [each.name for each in task.objectives]
@@ -67,7 +70,10 @@ def _has_times(time: np.ndarray, task: Any) -> bool:
 
 
 def _check_start(run: RunContents, problem: Any, posture: np.ndarray, row: int, point: int) -> Check:
-    """Check that a motion begins in its own start: the one that its gene chooses among several, else the first."""
+    """Check that a motion begins at its own start.
+
+    If there are several starts, its gene chooses one; otherwise it is the first.
+    """
     starts = np.asarray(problem.starts)
     names = [each.name for each in problem.parameters]
     if "start" not in names:
@@ -84,7 +90,10 @@ def _check_start(run: RunContents, problem: Any, posture: np.ndarray, row: int, 
 def _check_objectives(
     run: RunContents, problem: Any, motion: MeasuredMotion, errors: np.ndarray, row: int, point: int
 ) -> Iterator[Check]:
-    """Check the table's objectives: equal to the stored motion's if only that counts, else no better."""
+    """Check the table's objectives against the stored motion's.
+
+    They must be equal if only this motion counts; otherwise they must not be better.
+    """
     alone = problem.judged_starts == 1
     for objective, entry, value in zip(problem.task.objectives, run.objectives, run.values[row], strict=True):
         subject = f"objective {objective.name}"
@@ -109,7 +118,10 @@ def _check_objectives(
 
 
 def _value(objective: Any, motion: MeasuredMotion, errors: np.ndarray) -> float | None:
-    """Return an objective of a stored motion; None if only the method knows it."""
+    """Return an objective of a stored motion, None if unknown.
+
+    Some objectives are known only to the method.
+    """
     function = objective.function
     if getattr(function, "__module__", None) != MEASURES:
         return objective_value(objective, motion)
@@ -140,11 +152,14 @@ DEFINITIONS: dict[str, Callable[[MeasuredMotion, np.ndarray], float]] = {
 }
 
 
-# Resolved motions: the statements of the files about themselves, and, with the problem, about the path.
+# Resolved motions: what the files state about the motion, and, if the problem is known, about the path.
 
 
 def check_resolution(run: RunContents, task: Any, model: ArmModel | None, reason: str = "") -> Iterator[Check]:
-    """Check the errors that a resolved motion states; ``task`` has the path that it followed, None if unknown."""
+    """Check the errors that a resolved motion states.
+
+    The ``task`` has the followed path, None if it is unknown.
+    """
     traces = run.arrays.get("traces.npz", {})
     errors = np.asarray(traces.get("errors", np.empty(0)))
     stated = float(run.entries.get("largest_error", np.nan))
@@ -183,7 +198,10 @@ LIBRARY = "paretoik.closed_loop.objectives"
 
 
 def check_loop(run: RunContents, loop: Any, model: ArmModel) -> Iterator[Check]:
-    """Check the one motion of a closed loop, which follows its path as closely as its choices allow."""
+    """Check the motion of a closed loop.
+
+    The motion follows its path as closely as its choices allow.
+    """
     point, q, time = int(run.ids[0]), run.motions["q"][0], run.motions["time"][0]
     task = loop.task.truncate(len(q))
     times, step = np.asarray(task.times), float(loop.task.times[1] - loop.task.times[0])

@@ -1,4 +1,7 @@
-"""Checks of stored motions with their problem: path, limits and obstacles at samples and between, objectives."""
+"""Checks of stored motions: path, limits, obstacles and objectives.
+
+Limits are checked at samples and between them.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +27,7 @@ from paretoik.verification.run_contents import Check, RunContents, Worst, first_
 
 
 def check_path(task: Any, model: ArmModel) -> Iterator[Check]:
-    """Check that the samples of every path are on its curve, which is computed again."""
+    """Check that the samples of every path are on its recomputed curve."""
     for each in task.tasks:
         positions, rotations = path_points(each.path, np.asarray(each.path.times))
         listed, turned = sample_points(each.path)
@@ -65,7 +68,10 @@ def check_samples(task: Any, model: ArmModel, time: np.ndarray, q: np.ndarray, p
 
 
 def check_limits(task: Any, motion: MeasuredMotion, violation: float | None, point: int) -> Iterator[Check]:
-    """Check limits, clearance and a user's constraints at the instants of the problem, and the table's violation."""
+    """Check limits, clearance and constraints, and the table's violation.
+
+    The limits are checked at the instants of the problem.
+    """
     largest = 0.0
     for subject, excess, place, fault in excesses(task, motion):
         if place is None:
@@ -129,9 +135,10 @@ def check_errors(
 def project(
     model: ArmModel, tasks: Any, q: np.ndarray, t: np.ndarray, normal_at: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return postures moved onto the path along the normal directions, and how far they are off it then.
+    """Return postures moved onto the path, and their remaining errors.
 
-    The normal directions are those at the postures ``normal_at`` (time, dof), by default ``q``.
+    The postures move along the normal directions. The normal directions are those at the postures ``normal_at`` (time,
+    dof), by default ``q``.
     """
     targets = path_targets(tasks, t)
     result, error = np.array(q), np.zeros(len(t))
@@ -151,9 +158,10 @@ def project(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ProjectedCurve:
-    """A motion's curve on its path: in each piece between ``edges`` a Chebyshev series (pieces, nodes, dof).
+    """A motion's curve on its path, as Chebyshev series.
 
-    ``error`` is the largest distance from the path [share of the arm's length, rad] at its nodes, ``at`` its time [s].
+    Each piece between ``edges`` has a series (pieces, nodes, dof). ``error`` is the largest distance from the path
+    [share of the arm's length, rad] at its nodes, ``at`` its time [s].
     """
 
     edges: np.ndarray
@@ -162,7 +170,10 @@ class ProjectedCurve:
     at: float
 
     def __call__(self, t: np.ndarray, order: int = 0) -> np.ndarray:
-        """Return positions (times, dof), or their derivatives of an order, at times [s]."""
+        """Return positions (times, dof) or their derivatives at times [s].
+
+        The derivatives are of the given order.
+        """
         piece = np.clip(np.searchsorted(self.edges, t, side="right") - 1, 0, len(self.series) - 1)
         low, high = self.edges[piece], self.edges[piece + 1]
         place = 2 * (t - low) / (high - low) - 1
@@ -173,7 +184,10 @@ class ProjectedCurve:
 
 
 def project_curve(task: Any, model: ArmModel, time: np.ndarray, q: np.ndarray) -> ProjectedCurve:
-    """Return the curve of samples (time, dof) on the path; pieces are halved until they are smooth."""
+    """Return the curve of samples (time, dof) on the path.
+
+    Pieces are halved until they are smooth.
+    """
     options = {"differences": task.differences, "cyclic": task.cyclic, "ends_at_rest": task.ends_at_rest}
     curve = rebuild(time, q, **options)
     nodes = chebyshev.chebpts1(OPTIONS.nodes)
@@ -198,7 +212,10 @@ def project_curve(task: Any, model: ArmModel, time: np.ndarray, q: np.ndarray) -
 
 
 def finer_motion(task: Any, model: ArmModel, curve: ProjectedCurve, time: np.ndarray) -> MeasuredMotion:
-    """Return the curve of a motion at many instants per interval, with Simpson's weights for its integrals."""
+    """Return the curve of a motion at many instants per interval.
+
+    The motion has Simpson's weights for its integrals.
+    """
     count = OPTIONS.finer
     step, t = np.repeat(np.diff(time) / count, count), divided(time, count)
     weights = np.zeros(len(t))
@@ -225,7 +242,7 @@ def check_between(
 ) -> Iterator[Check]:
     """Check one motion between its samples, against the limits of the problem.
 
-    ``stated`` is the table's bound of the violation there; ``promised`` says whether there must be no violation.
+    The table states the bound ``stated`` of the violation. If ``promised``, there must be no violation.
     """
     task = samples.task
     detail = f"it leaves its path by {curve.error:.3g} at {curve.at:.4g} s"
@@ -236,7 +253,7 @@ def check_between(
             yield leave_out(f"{subject} between samples", fault, point=point)
         else:
             found.append((np.inf if np.isnan(excess) else excess, where))
-    kept = [each for each in found if each[1].what != "clearance"]  # distances are bounded everywhere below
+    kept = [each for each in found if each[1].what != "clearance"]  # clearance is checked below, at every time
     if kept:
         excess, place = max(kept, key=lambda each: each[0])
         excess = float(max(excess, 0.0))
@@ -257,7 +274,10 @@ def check_between(
 
 
 def _check_clearance(curve: ProjectedCurve, samples: MeasuredMotion, *, promised: bool, point: int) -> Iterator[Check]:
-    """Check distances on the whole way: an interval is done if its ends and its length exclude a collision."""
+    """Check distances from obstacles at all times.
+
+    An interval is done if its ends and its length exclude a collision.
+    """
     task, model = samples.task, samples.model
     smallest, at, proven = least_clearance(samples, curve, samples.time[0])
     size, short = clearance_range(task, model), max(float(task.min_clearance) - smallest, 0.0)
@@ -275,7 +295,10 @@ def _check_clearance(curve: ProjectedCurve, samples: MeasuredMotion, *, promised
 def least_clearance(
     samples: MeasuredMotion, postures: Callable[[np.ndarray], np.ndarray], time: np.ndarray
 ) -> tuple[float, float, bool]:
-    """Return the least clearance if it may be below the limit, its time, and whether all intervals are resolved."""
+    """Return the least clearance, its time, and whether it is proven.
+
+    The clearance is searched only if it may be below the limit. It is proven if all intervals are resolved.
+    """
     task, model = samples.task, samples.model
     t = divided(time, OPTIONS.instants)
     q = postures(t)
@@ -309,10 +332,10 @@ def least_clearance(
 
 
 def _grazing(samples: MeasuredMotion) -> float:
-    """Return how deep [m] links may dip between samples that are clear, on their way along an obstacle.
+    """Return how deep [m] links may dip into obstacles between clear samples.
 
-    Half an interval h of speed v along a round of radius R dips v²h²/8R, one of acceleration a, a h²/8; never as deep
-    as half the smallest obstacle, which would be through it.
+    The links move along an obstacle. In an interval h, a link with speed v on a curve of radius R dips by v²h²/8R; a
+    link with acceleration a dips by a h²/8. The result is at most half the smallest obstacle size.
     """
     sizes = [getattr(each, "half_sizes", getattr(each, "radius", np.inf)) for each in samples.obstacles]
     round_ = min(float(np.min(each)) for each in sizes)

@@ -1,4 +1,4 @@
-"""The library's objectives from their definitions, on motions measured again; a user's by their own functions."""
+"""Objectives computed again: the library's from definitions, users' by functions."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ def objective_value(objective: Any, motion: MeasuredMotion) -> float:
 
 
 def stated_value(objective: Any, motion: MeasuredMotion, stated: float) -> float:
-    """Return an objective of a motion, in its own sign, as a table states it.
+    """Return an objective of a motion as a table states it.
 
-    Integrals with kinks are stated for the spline before its projection onto the path. A user's integral may have
-    kinks: of both values, the one nearer to ``stated`` counts.
+    The value has its own sign. Integrals with kinks are stated for the spline before its projection onto the path. A
+    user's integral may have kinks: the value on the spline or on the curve that is nearer to ``stated`` counts.
     """
     name, value = _library_name(objective), objective_value(objective, motion)
     if objective.form != "integral" or (name and name not in KINKED_INTEGRALS):
@@ -32,28 +32,37 @@ def stated_value(objective: Any, motion: MeasuredMotion, stated: float) -> float
 
 
 def objective_size(entry: Mapping[str, Any], value: float) -> float:
-    """Return the size of an objective: its value, or the range of its entry in `run.json` if that is larger."""
+    """Return the size of an objective: its value or its range.
+
+    The range is that of its entry in `run.json`; the larger one counts.
+    """
     low, high = entry.get("range", (0.0, 0.0))
     return max(abs(value), abs(float(high) - float(low)), 1e-12)
 
 
 def objective_function(objective: Any) -> Callable[[Any], Any]:
-    """Return an objective's function: the definition below for the library's own, else the user's."""
+    """Return the function of an objective.
+
+    For the library's objectives it is the definition below, otherwise the user's function.
+    """
     return DEFINITIONS.get(_library_name(objective), objective.function)
 
 
 def _library_name(objective: Any) -> str:
-    """Return the name of one of the library's own objectives; "" for a user's."""
+    """Return the name of a library objective, "" for a user's."""
     own = getattr(objective.function, "__module__", None) == LIBRARY
     return str(objective.function.__name__) if own else ""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Terms:
-    """A function as a weighted sum of terms, or the largest of them, each the largest of its ``pieces``.
+    """A function as a weighted sum, or the maximum, of terms.
 
-    ``pieces`` (pieces, terms) are smooth if the function is a library's own. ``instants`` (terms,) are those of the
-    terms, −1 for the whole motion. ``weights`` (terms,) are None if the largest term counts.
+    pieces: pieces (pieces, terms); a term is its largest piece
+    instants: instants (terms,), −1 for the whole motion
+    weights: weights (terms,), None if the largest term counts
+
+    Pieces are smooth if the function is the library's.
     """
 
     pieces: np.ndarray
@@ -62,14 +71,15 @@ class Terms:
 
 
 def is_own_integral(objective: Any) -> bool:
-    """Return whether an objective is a user's integral: it may have kinks."""
+    """Return whether an objective is a user's integral, with possible kinks."""
     return bool(objective.form == "integral") and not _library_name(objective)
 
 
 def objective_terms(objective: Any, motion: MeasuredMotion, factor: float, *, own_kinks: bool = False) -> Terms:
-    """Return an objective times a factor, which is negative if it is maximised, as terms to minimise.
+    """Return an objective times a factor, as terms to minimise.
 
-    Integrals with kinks are those of the spline; users' too if ``own_kinks`` says that they have kinks.
+    The factor is negative if the objective is maximised. Integrals with kinks are those of the spline; users' too if
+    ``own_kinks`` says that they have kinks.
     """
     name, count = _library_name(objective), motion.time.shape[1]
     if objective.form == "integral" and (name in KINKED_INTEGRALS or (own_kinks and not name)):
@@ -92,7 +102,7 @@ def objective_terms(objective: Any, motion: MeasuredMotion, factor: float, *, ow
 
 
 def form_value(form: str, values: Any, motion: MeasuredMotion, *, maximise: bool) -> float:
-    """Return the objective that a function's values give in its form."""
+    """Return the objective's value from a function's values and form."""
     array = np.asarray(values, dtype=float)
     if form == "integral":
         return float(motion.integral(array)[0])

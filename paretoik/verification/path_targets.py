@@ -1,4 +1,4 @@
-"""Positions that the tool must have, computed again from the numbers of a path, and the errors of postures."""
+"""Tool targets, computed again from a path, and errors of postures."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ TURNING_AXES = {"xyz+z-axis": (0, 1), "xy+angle": (2,), "pose": (0, 1, 2)}  # eq
 
 
 def covered(law: str, fraction: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return how much of a path is covered at fractions of its duration, by its time law, and two derivatives.
+    """Return the fraction of a path covered, and two derivatives.
 
-    The raised cosine is integrated from its acceleration a(τ) = ±4 (1 − cos 4πτ), + in the first half.
+    They are at fractions of the duration, by the time law. The raised cosine is integrated from its acceleration a(τ) =
+    ±4 (1 − cos 4πτ), + in the first half.
     """
     if law == "uniform":
         return fraction, np.ones_like(fraction), np.zeros_like(fraction)
@@ -32,7 +33,10 @@ def covered(law: str, fraction: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.
 
 
 def _shape(path: Any, t: np.ndarray) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray]:
-    """Return the curve of a path without its timing, its parameter at times [s], and two derivatives."""
+    """Return a path's curve without timing, its parameter, and two derivatives.
+
+    The parameter and its derivatives are at times [s].
+    """
     curve, t = path.curve, np.asarray(t, dtype=float)
     if type(curve).__name__ != "TimedCurve":
         return curve, t, np.ones_like(t), np.zeros_like(t)
@@ -41,9 +45,10 @@ def _shape(path: Any, t: np.ndarray) -> tuple[Any, np.ndarray, np.ndarray, np.nd
 
 
 def path_points(path: Any, t: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
-    """Return positions (time, 2 or 3) [m] and rotations (time, 3, 3), or None, of a path at times [s].
+    """Return positions and rotations of a path at times [s].
 
-    Lines and circles are computed from their numbers; splines are SciPy's own, other curves the user's function.
+    Positions are (time, 2 or 3) [m], rotations (time, 3, 3) or None. Lines and circles are computed from their numbers;
+    splines are SciPy's own, other curves the user's function.
     """
     curve, parameter, _, _ = _shape(path, t)
     kind, share = type(curve).__name__, parameter[:, None]
@@ -66,7 +71,10 @@ def path_points(path: Any, t: np.ndarray) -> tuple[np.ndarray, np.ndarray | None
 
 
 def path_rates(path: Any, t: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Return velocities and accelerations of a path at times, then those of its orientation about world axes, or 0."""
+    """Return velocities and accelerations of a path at times.
+
+    Those of the orientation follow, about world axes, or 0.
+    """
     curve, parameter, *factors = _shape(path, t)
     speed, bend = (factor[:, None] for factor in factors)
     kind, none = type(curve).__name__, np.zeros((len(t), 3))
@@ -100,10 +108,10 @@ def path_rates(path: Any, t: np.ndarray) -> tuple[np.ndarray, ...]:
 def curve_states(
     model: ArmModel, tasks: Any, spline: tuple[np.ndarray, np.ndarray, np.ndarray], t: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return positions and rates (time, dof) of a spline's projection along its own normal directions.
+    """Return positions and rates (time, dof) of a spline's projection.
 
-    Their derivatives are differences of the fourth order. If the spline is too far from the path, its own state is
-    returned.
+    The projection is along the spline's own normal directions. Their derivatives are differences of the fourth order.
+    If the spline is too far from the path, its own state is returned.
     """
     targets, rates = path_targets(tasks, t), [path_rates(task.path, t) for task in tasks]
     states = np.array(spline)
@@ -141,7 +149,10 @@ def curve_states(
 def _task_rates(
     model: ArmModel, tasks: Any, rates: list[tuple[np.ndarray, ...]], q: np.ndarray, dq: np.ndarray | None, k: int
 ) -> np.ndarray:
-    """Return the tasks' Jacobian times velocities, or with given velocities times accelerations."""
+    """Return the tasks' Jacobian times velocities or accelerations.
+
+    They are accelerations if velocities ``dq`` are given.
+    """
     rows = []
     for task, parts in zip(tasks, rates, strict=True):
         v, a, turn, bend = (part[k] for part in parts)
@@ -162,17 +173,23 @@ def path_targets(tasks: Any, t: np.ndarray) -> Targets:
 
 
 def sample_points(path: Any) -> tuple[np.ndarray, np.ndarray | None]:
-    """Return the positions and rotations of a path at its samples, as it lists them."""
+    """Return the positions and rotations that a path lists for its samples."""
     return np.asarray(path.positions), _matrices(path.quaternions)
 
 
 def task_axes(task: Any, arm: Any) -> tuple[int, tuple[int, ...]]:
-    """Return how many coordinates of position a task has, and which of orientation, in the frame."""
+    """Return the number of position coordinates, and orientation axes, of a task.
+
+    The axes are those of the frame.
+    """
     return 2 if task.axes in ("xy", "xy+angle") else 3, TURNING_AXES.get(task.axes, ())
 
 
 def task_errors(model: ArmModel, targets: Targets, q: np.ndarray, k: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return all tasks' errors [share of the arm's length, rad] of a posture at time k, and their Jacobian."""
+    """Return all tasks' errors, and their Jacobian, at time k.
+
+    Errors of a posture are in shares of the arm's length and rad.
+    """
     errors, rows = list[np.ndarray](), list[np.ndarray]()
     for task, positions, rotations in targets:
         size, turning = task_axes(task, model.arm)
@@ -188,7 +205,10 @@ def task_errors(model: ArmModel, targets: Targets, q: np.ndarray, k: int) -> tup
 
 
 def orientation_errors(axes: str, here: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """Return the rotation vectors (time, 3) [rad], in the frame, to the target; or those of its z axis only."""
+    """Return the rotation vectors (time, 3) [rad] to the target.
+
+    They are given in the frame. For some axes they are those of the z axis only.
+    """
     between = here.swapaxes(-1, -2) @ target
     if axes != "xyz+z-axis":
         return np.asarray(Rotation.from_matrix(between).as_rotvec())
@@ -202,7 +222,10 @@ def orientation_errors(axes: str, here: np.ndarray, target: np.ndarray) -> np.nd
 def frame_errors(
     model: ArmModel, task: Any, q: np.ndarray, positions: np.ndarray, rotations: np.ndarray | None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the errors of a task's frame at every sample: (time, 2 or 3) [m] and (time, 0 to 3) [rad]."""
+    """Return the errors of a task's frame at every sample.
+
+    They are (time, 2 or 3) [m] and (time, 0 to 3) [rad].
+    """
     size, turning = task_axes(task, model.arm)
     here, place = model.poses(q, task.frame)
     vectors = np.zeros((len(q), 0))
@@ -214,7 +237,10 @@ def frame_errors(
 def tracking_errors(
     model: ArmModel, task: Any, q: np.ndarray, positions: np.ndarray, rotations: np.ndarray | None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return how far a task's frame is off at every sample: distances [m] and angles [rad] (time,)."""
+    """Return the distances [m] and angles [rad] from the target (time,).
+
+    They are those of a task's frame at every sample.
+    """
     offsets, vectors = frame_errors(model, task, q, positions, rotations)
     return np.linalg.norm(offsets, axis=1), np.linalg.norm(vectors, axis=1)
 

@@ -1,4 +1,7 @@
-"""The files of a run as the verifier reads them: every fault becomes a row, and all readable files are read."""
+"""The files of a run, as the verifier reads them.
+
+Every fault becomes a row, and all readable files are read.
+"""
 
 from __future__ import annotations
 
@@ -24,9 +27,10 @@ MOST_FAILURES = 12  # lines of failures on a screen
 
 @dataclass(frozen=True, kw_only=True)
 class Worst:
-    """The worst value that a check met: ``value`` of ``what``, in the ``unit`` of its ``limit``.
+    """The worst value that a check found.
 
-    ``joint`` is a joint, a frame, or a link with its obstacle; "" and NaN stand for parts that a check does not have.
+    It is the ``value`` of ``what``, in the ``unit`` of its ``limit``. ``joint`` is a joint, a frame, or a link with its
+    obstacle; "" and NaN stand for parts that a check does not have.
     """
 
     what: str
@@ -46,11 +50,12 @@ class Worst:
 
 @dataclass(frozen=True, kw_only=True)
 class Check:
-    """One thing that was checked of one point, or of the whole run (``point`` None).
+    """One check of a point, or of the whole run.
 
-    ``deviation`` is the largest one found, in the unit of ``tolerance``; both are NaN if nothing is measured.
-    ``verdict`` is "passed", "failed", "noted" (measured, but the library promises nothing) or "not checked". ``detail``
-    has in one line the failure, or the reason why nothing was checked. ``worst`` has its joint, time, value and limit.
+    A check of the whole run has no ``point`` (None). ``deviation`` is the largest one found, in the unit of
+    ``tolerance``; both are NaN if nothing is measured. ``verdict`` is "passed", "failed", "noted" (measured, but the
+    library promises nothing) or "not checked". ``detail`` has in one line the failure, or the reason why nothing was
+    checked. ``worst`` has its joint, time, value and limit.
     """
 
     subject: str
@@ -79,7 +84,7 @@ class Verification:
 
     @property
     def verified(self) -> bool:
-        """Whether every check was made and passed, so that no part of the run is unverified."""
+        """Whether every check was made and passed."""
         return not (self.failures or self.unchecked or self.exceeded)
 
     @property
@@ -94,12 +99,15 @@ class Verification:
 
     @property
     def exceeded(self) -> tuple[Check, ...]:
-        """The rows of limits that are exceeded at places for which the library promises nothing."""
+        """The rows of exceeded limits that the library does not guarantee."""
         return tuple(row for row in self.rows if row.verdict == "noted" and row.deviation > row.tolerance)
 
     @property
     def headline(self) -> str:
-        """One line: the checks that failed or passed, those not made with their reasons, limits exceeded."""
+        """One line: checks failed or passed, checks not made, limits exceeded.
+
+        It has the reasons for checks that were not made.
+        """
         made = len(self.rows) - len(self.unchecked)
         text = f"{len(self.failures)} of {made} checks fail" if self.failures else f"{made} checks passed"
         text = f"verified, all {text}" if self.verified else text
@@ -132,13 +140,16 @@ def judge(
     point: int | None = None,
     worst: Worst | None = None,
 ) -> Check:
-    """Return the row of a deviation, which fails if it is above the tolerance or not a number."""
+    """Return the row of a deviation.
+
+    The check fails if the deviation is above the tolerance or NaN.
+    """
     row = demand(subject, deviation <= tolerance, detail, point=point)
     return replace(row, deviation=float(deviation), tolerance=float(tolerance), worst=worst)
 
 
 def demand(subject: str, holds: object, detail: str, *, point: int | None = None) -> Check:
-    """Return the row of a condition that is met or fails, without a measure."""
+    """Return the row of a condition without a measured deviation."""
     return Check(subject=subject, point=point, verdict="passed" if holds else "failed", detail="" if holds else detail)
 
 
@@ -148,7 +159,7 @@ def leave_out(subject: str, reason: str, *, point: int | None = None) -> Check:
 
 
 def first_line(fault: Exception) -> str:
-    """Return the first line of an error's text, its type if it has none."""
+    """Return the first line of an error's text, else its type."""
     return (str(fault).splitlines() or [type(fault).__name__])[0]
 
 
@@ -194,7 +205,10 @@ RESULTS = (TABLE, OPTIMA, MOTIONS, "polygon.npz", "traces.npz", "tool_path.npz")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RunContents:
-    """Contents of a run folder: entries of `run.json`, columns of its table, and arrays by file, each by name."""
+    """Contents of a run folder.
+
+    They are entries of `run.json`, columns of its table, and arrays by file, each by name.
+    """
 
     folder: Path
     entries: Mapping[str, Any]
@@ -232,7 +246,10 @@ class RunContents:
 
     @property
     def ids(self) -> np.ndarray:
-        """The id of every row of the table; without a table those of the motions."""
+        """The id of every row of the table.
+
+        Without a table they are the ids of the motions.
+        """
         return np.asarray(self.table["id"] if "id" in self.table else self.motions.get("id", np.arange(0)))
 
     @property
@@ -247,7 +264,10 @@ class RunContents:
 
 
 def read_contents(folder: Path) -> RunContents:
-    """Read a run folder; raises InvalidRun if it is not a run with a result."""
+    """Return the contents of a run folder.
+
+    Raises InvalidRun if the folder is not a run with a result.
+    """
     entries = dict(read_run(folder / RUN))
     if not isinstance(entries.get("files"), dict):
         raise InvalidRun(f"{folder} must be a run with a result, got one of status {entries.get('status')!r} without")
@@ -277,7 +297,10 @@ def read_contents(folder: Path) -> RunContents:
 
 
 def _column(name: str, column: Any) -> np.ndarray:
-    """Return a column of a table: integer ids, text, or numbers, NaN if one is missing."""
+    """Return a column of a table: integer ids, text, or numbers.
+
+    Missing numbers are NaN.
+    """
     if name == "id":
         return np.asarray(column.cast("int64").to_numpy())
     if name in TEXTS:

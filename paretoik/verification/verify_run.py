@@ -32,10 +32,11 @@ Show: TypeAlias = Callable[[int, int], object]  # gets the number of checked poi
 def verify_run(
     run: RunContents, problem: Any, *, reason: str = "", same: bool | None = None, show: Show | None = None
 ) -> Verification:
-    """Return the rows of all checks of a run, also of those that were not made.
+    """Return the rows of all checks of a run.
 
-    Without ``problem``, for a ``reason``, motions are not checked against it. ``same`` says whether its fingerprint is
-    the run's, None if that is unknown; ``show`` learns the progress.
+    They include checks that were not made. Without ``problem``, for a ``reason``, motions are not checked against
+    the problem. ``same`` says whether its fingerprint is the run's, None if that is unknown; ``show`` learns the
+    progress.
     """
     rows = [*run.checks]
     if words := computed_text(run.entries.get("computed")):
@@ -67,7 +68,10 @@ STRUCTURE = ("files", "shapes", "ids", "objectives' names", "finite motions", "t
 
 
 def _collect(checks: Iterator[Check]) -> list[Check]:
-    """Return the rows of checks; if the files' contents make one fail with an error, that is the last row."""
+    """Return the rows of checks.
+
+    If the contents of files make a check fail with an error, the last row has this error.
+    """
     rows = list[Check]()
     try:
         for each in checks:
@@ -79,9 +83,9 @@ def _collect(checks: Iterator[Check]) -> list[Check]:
 
 
 def _count_points(checks: Iterator[Check], total: int, show: Show | None) -> Iterator[Check]:
-    """Yield checks, which come point by point, and show how many points are completely checked.
+    """Yield checks, and show the number of completely checked points.
 
-    Raises Interrupted if ``show`` asks to stop.
+    Checks are in order of points. Raises Interrupted if ``show`` asks to stop.
     """
     seen = set[int]()
     for each in checks:

@@ -140,7 +140,10 @@ class Classify:
         return [name for field in CLASSES for name in getattr(self, field)]
 
     def _check_values(self, front: FrontData, start: int, values: Mapping[str, float]) -> None:
-        """Raise InvalidInput if a value to improve or relax to, minimised, is on the wrong side of the current one."""
+        """Raise InvalidInput if a value is on the wrong side of the current one.
+
+        ``values`` are minimised: those to improve to must be better, those to relax to no better.
+        """
         for field, side in (("improve_to", -1.0), ("relax_to", 1.0)):
             for name, value in getattr(self, field).items():
                 axis = front.names.index(name)
@@ -168,9 +171,10 @@ class Aspiration:
 
     The chosen point has the least achievement function of Wierzbicki (1980; Miettinen 1999, section 3.5.2):
     max (Z_i − a_i) over the named objectives + 1e-4 Σ (Z_i − a_i) over all; a_i is the aspiration as a share of the
-    stored range, 0 for other objectives. Within reach this point exceeds the wishes the most, out of reach it misses
-    them the least, each measured by its worst objective. Every point can be reached whose gains, compared with each
-    other point, are at least a ten-thousandth of its losses. An objective without a range has no effect.
+    stored range, 0 for other objectives. If the wishes are within reach, this point exceeds them the most; if not, it
+    misses them the least; each point counts by its worst objective. Aspirations can reach every point whose gains,
+    compared with each other point, are at least a ten-thousandth of its losses. An objective without a range has no
+    effect.
 
     ``Aspiration(kinetic_energy=0.05, torque_norm=0.1)``, or a mapping if a name is no identifier. Raises InvalidInput
     if a value is no finite number, no objective is named, or a name is given twice.

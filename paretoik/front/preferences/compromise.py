@@ -1,4 +1,4 @@
-"""Preferences for one point, for the knee and for the compromise, as this project means them everywhere."""
+"""Preferences for one point, the knee and the compromise; the whole project uses these definitions."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ class Knee:
     With more it is the point with the largest least trade-off: exchanging p for q costs Σ max(0, Z_q − Z_p) in shares
     and gains Σ max(0, Z_p − Z_q); the least ratio of the two over all q is the least trade-off of p (Rachmawati and
     Srinivasan 2009, IEEE Trans. Evolutionary Computation 13(4), μ(x_i, S)). If points are dense, the nearest exchange
-    gains about what it costs, so that ratios are near 1 or below: the knee has the largest, of any size. A point that
-    is the best in every objective, within rounding, is the knee.
+    gains about as much as it costs, so that ratios are near 1 or below; the knee has the largest, however small. A
+    point that is the best in every objective, within rounding, is the knee.
 
     ``choose`` raises InvalidInput if there is no knee: with one objective, and with two if no point is below the line
-    (a straight or hollow front).
+    (a straight or concave front).
     """
 
     _repr_html_ = html_representation
@@ -120,7 +120,7 @@ class Compromise:
     """The compromise: the point whose hardest-hit objective gives up the least, as a share of its range.
 
     It has the least max Z + 1e-4 ΣZ, Z = (f − ideal)/(nadir − ideal) on the stored ranges: compromise programming with
-    the Chebyshev distance (Yu 1973; Zeleny 1973). Unlike the point of equal weights it exists on hollow fronts too, on
+    the Chebyshev distance (Yu 1973; Zeleny 1973). Unlike the point of equal weights it exists on concave fronts too, on
     which weights reach only the ends, and naming an objective twice does not move it (except for the augmentation).
     With one objective it is the best point.
     """
@@ -160,7 +160,7 @@ def compromise(front: FrontData) -> Choice:
 def marked_rows(F: Objectives, ids: Ids) -> list[tuple[int, int | None]]:
     """Return (row, axis) of the best of every objective, minimised, and (row, None) of the compromise.
 
-    The compromise is that on the points' own ranges; with one objective it is the best point, and the only entry.
+    The compromise uses the points' own ranges; with one objective it is the best point, and the only entry.
     """
     shares = np.array(F.T, order="C")  # a copy, changed in place: a search does this in every generation
     shares -= shares.min(axis=1, keepdims=True)

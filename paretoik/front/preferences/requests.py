@@ -1,4 +1,4 @@
-"""Preferences that users ask for, and their answers, checked."""
+"""Checks of preferences that users ask for, and of their choices; the preference ``Bounds``."""
 
 from __future__ import annotations
 
@@ -46,8 +46,9 @@ class Bounds:
         identifiers need a mapping
     then: preference that chooses, by default the compromise (``Compromise``); ranges stay those of the whole front
 
-    ``Bounds(kinetic_energy=(None, 0.05), then=Weights(torque_norm=1))``. Raises InvalidInput for other bounds than
-    pairs. ``choose`` raises Infeasible if no point satisfies them, and says which point is nearest and what it misses.
+    ``Bounds(kinetic_energy=(None, 0.05), then=Weights(torque_norm=1))``. Raises InvalidInput if a bound is not a
+    pair. ``choose`` raises Infeasible if no point satisfies the bounds; its message gives the nearest point
+    and what this misses.
     """
 
     bounds: Mapping[str, Bound]
@@ -70,7 +71,7 @@ class Bounds:
     _repr_html_ = html_representation
 
     def choose(self, front: Front) -> Choice:
-        """Return what the named preference chooses within bounds.
+        """Return the choice of ``then`` among the points within bounds.
 
         Raises InvalidInput if a name is no objective, and Infeasible if no point satisfies the bounds.
         """
@@ -90,7 +91,10 @@ class Bounds:
 
 
 def _out_of_bounds(front: FrontData, limits: Float[np.ndarray, "n_obj 2"]) -> Infeasible:
-    """Return the error with the point nearest to the bounds, by the largest share of a range that it misses."""
+    """Return the error with the point that is nearest to the bounds.
+
+    The distance is the largest share of a range by which a point misses a bound.
+    """
     low, high = limits.T
     missed = np.maximum(np.maximum(low - front.objectives, front.objectives - high), 0.0)
     width = np.ptp(front.ranges, axis=1)

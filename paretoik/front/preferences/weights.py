@@ -30,9 +30,9 @@ from paretoik.tables import html_representation
 class Lexicographic:
     """Objectives in the order of their importance, each with a tolerance around its best value.
 
-    Points within the tolerance of the best first objective remain, among these the points within that of the best
-    second one, and so on; if several remain, the one with the lowest sum of shares is chosen. Source: Miettinen 1999,
-    section 4.2; tolerances as in its section 4.2.2.
+    Points within the tolerance of the best first objective remain, then among these the points within the tolerance of
+    the best second one, and so on; if several remain, the one with the lowest sum of shares is chosen. Source:
+    Miettinen 1999, section 4.2; tolerances as in its section 4.2.2.
 
     ``Lexicographic("kinetic_energy", "torque_norm", tolerances={"kinetic_energy": 0.01})``: ``tolerances`` are in the
     objective's own units, ``tolerance_shares`` are shares of its stored range. An objective has one of them, or else
@@ -178,7 +178,7 @@ class Robust:
     """Weights that may each be wrong by a share ``uncertainty``; the largest regret is minimised.
 
     The regret of a point under weights v is how much less v·Z another point has. Weights w (their sum 1) are in the box
-    w(1 ± uncertainty). The regret is convex in them, so that it is largest at a vertex; the point with the least
+    w(1 ± uncertainty). The regret is convex in the weights, so that it is largest at a vertex; the point with the least
     largest regret is chosen (min-max regret; Savage 1951; Kouvelis and Yu 1997).
 
     ``Robust(kinetic_energy=0.3, torque_norm=0.7, uncertainty=0.2)``. Raises InvalidInput for weights as ``Weights``

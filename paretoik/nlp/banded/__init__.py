@@ -1,1 +1,4 @@
-"""The compiled interior-point method: the protocol of kernels and a Newton matrix that is banded with a border."""
+"""The compiled interior-point method.
+
+It contains the protocol of kernels, and a Newton matrix that is banded with a border.
+"""

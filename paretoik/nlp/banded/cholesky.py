@@ -1,4 +1,6 @@
-"""Linear systems with a banded matrix and a border, [[A, B], [Bᵀ, C]], compiled: Newton's method over time.
+"""Linear systems with a banded matrix and a border, compiled.
+
+The matrix is [[A, B], [Bᵀ, C]]; Newton's method over time needs it.
 
 A (size, band) contains its lower half: A[i, d] is entry (i, i − d). The border couples unknowns that are far apart in
 time: the periodic boundary of a cycle, bounds on sums over all samples. If the band is as wide as its size, A is dense.
@@ -11,14 +13,15 @@ import numpy as np
 from paretoik.compilation.numba_cache import compiled
 from paretoik.nlp.linear_algebra import substitute_lu
 
-PIVOT_TOLERANCE = 1e-14  # least pivot, as a share of its diagonal entry
+PIVOT_TOLERANCE = 1e-14  # smallest pivot, as a share of its diagonal entry
 
 
 @compiled
 def factorise(A, B, C, L, X, S, negative):
-    """Write L of A = L Lᵀ, X = A⁻¹ B and the factors of S = C − Bᵀ X; return whether the inertia is right.
+    """Factorise the matrix; return whether its inertia is right.
 
-    The inertia is right if A is positive definite and S has exactly ``negative`` negative eigenvalues.
+    L of A = L Lᵀ, X = A⁻¹ B and the factors of S = C − Bᵀ X are written. The inertia is right if A is positive definite
+    and S has exactly ``negative`` negative eigenvalues.
     """
     if not _cholesky(A, L):
         return False
@@ -33,7 +36,7 @@ def factorise(A, B, C, L, X, S, negative):
             for i in range(size):
                 total -= B[e, i] * X[b, i]
             S[e, b] = total
-    count = 0  # no pivoting: the border is definite block by block if the inertia is right
+    count = 0  # without pivoting: the border is definite block by block if the inertia is right
     for e in range(borders):
         if not abs(S[e, e]) > 0.0:
             return False
@@ -48,7 +51,10 @@ def factorise(A, B, C, L, X, S, negative):
 
 @compiled
 def solve(L, B, X, S, x):
-    """Overwrite x (banded part, then border) with the solution of the factorised system."""
+    """Overwrite x with the solution of the factorised system.
+
+    x has the banded part, then the border.
+    """
     size, borders = L.shape[0], S.shape[0]
     if borders:
         corner = np.empty(borders)
@@ -66,7 +72,10 @@ def solve(L, B, X, S, x):
 
 @compiled(level=3)  # this level vectorises over several columns
 def solve_columns(L, B, X, S, columns, count):
-    """Overwrite the first columns of a matrix; each result equals that of ``solve`` to the bit."""
+    """Overwrite the first columns of a matrix with their solutions.
+
+    Each equals the result of ``solve`` bit for bit.
+    """
     size, borders = L.shape[0], S.shape[0]
     corner = np.empty((borders, count))
     for e in range(borders):
@@ -111,7 +120,7 @@ def _divide(row, divisor, count):
 
 @compiled
 def _cholesky(A, L):
-    """Write L of A = L Lᵀ; return whether A is positive definite."""
+    """Write L of A = L Lᵀ; return whether A is definite."""
     size, band = A.shape
     for i in range(size):
         for d in range(min(i, band - 1), -1, -1):

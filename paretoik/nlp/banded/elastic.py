@@ -4,7 +4,7 @@
     subject to  c(x) − s + t = r,  s, t > 0,  and the residual r vanishes
 
 The multiplier of s is z, that of t is penalty − z. For a given c the best s and t are known (``slacks``). If they are
-used at every c, r = 0, and the constraints only add a smooth function of c, which tends to penalty · max(0, −c) as μ
+used at every c, r = 0, and the constraints add only a smooth function of c, which tends to penalty · max(0, −c) as μ
 falls. Source: Nocedal & Wright, Numerical Optimization, section 17.2 (exact penalty) and chapter 19 (barrier).
 """
 
@@ -15,7 +15,7 @@ import numpy as np
 from paretoik.compilation.numba_cache import compiled
 
 ASYMPTOTE = 1e6  # |penalty · c| / μ above which the exact root loses its digits to cancellation
-MULTIPLIER_ROUNDING = 1e-15  # of the penalty: the least distance of z from 0 and from the penalty
+MULTIPLIER_ROUNDING = 1e-15  # least distance of z from 0 and from the penalty, as a share of the penalty
 
 
 @compiled
@@ -48,7 +48,10 @@ def begin_slacks(c, mu, penalty, shortest, s, t, r):
 
 @compiled
 def step_slacks(c, s, t, ds, dt, length, trial_s, trial_t, trial_r):
-    """Write slacks after a step and their residuals (negative if too long); none is shorter than c allows."""
+    """Write slacks after a step and their residuals.
+
+    If the step is too long, they are negative. No slack becomes shorter than c allows.
+    """
     for i in range(len(c)):
         trial_s[i], trial_t[i] = s[i] + length * ds[i], t[i] + length * dt[i]
         trial_r[i] = c[i] - trial_s[i] + trial_t[i]
@@ -59,7 +62,10 @@ def step_slacks(c, s, t, ds, dt, length, trial_s, trial_t, trial_r):
 
 @compiled
 def merit_terms(s, t, mu, penalty):
-    """Return the slacks' part of the merit function; far from its bound, c adds only the barrier."""
+    """Return the slacks' part of the merit function.
+
+    Far from its bound, c adds only the barrier.
+    """
     total = 0.0
     for i in range(len(s)):
         total += penalty * t[i] - mu * np.log(s[i]) - mu * np.log(t[i] * penalty / mu)
@@ -75,9 +81,9 @@ def central_multipliers(s, mu, penalty, z):
 
 @compiled
 def approach_central_path(s, mu, penalty, factor, z):
-    """Bring multipliers within a factor of the central path; those within keep their digits.
+    """Bring multipliers within a factor of the central path.
 
-    This is for an x that rounding does not let improve.
+    Multipliers within it do not change. Use this if rounding errors prevent a better x.
     """
     for i in range(len(s)):
         central = mu / s[i]
@@ -96,7 +102,10 @@ def complementarity_and_violation(c, s, z, mu):
 
 @compiled
 def barrier_terms(s, t, r, z, mu, penalty, stiffness, force):
-    """Write each constraint's stiffness Σ in Newton's system and the force that replaces z on its right side."""
+    """Write each constraint's stiffness Σ and force in Newton's system.
+
+    The force replaces z on the right side.
+    """
     for i in range(len(s)):
         w = penalty - z[i]
         stiffness[i] = 1.0 / (s[i] / z[i] + t[i] / w)
@@ -105,9 +114,10 @@ def barrier_terms(s, t, r, z, mu, penalty, stiffness, force):
 
 @compiled
 def newton_slacks(s, t, r, z, dz, dc, mu, penalty, ds, dt):
-    """Write Newton's steps of the slacks: s z = μ and t (penalty − z) = μ, linearised.
+    """Write Newton's steps of the slacks.
 
-    The step of the longer slack follows from dc − ds + dt = −r, which rounds less.
+    They linearise s z = μ and t (penalty − z) = μ. The step of the longer slack follows from dc − ds + dt = −r, which
+    has smaller rounding errors.
     """
     for i in range(len(s)):
         w = penalty - z[i]
@@ -121,9 +131,10 @@ def newton_slacks(s, t, r, z, dz, dc, mu, penalty, ds, dt):
 
 @compiled
 def limit_implied_step(c, s, dc, mu, length, fraction):
-    """Return the merit terms' slope along dc and the step length, at most ``length``, that keeps all s positive.
+    """Return the merit terms' slope along dc, and the step length.
 
-    This is for slacks that follow c. Fraction to the boundary: Nocedal & Wright, Eq. 19.9.
+    The length is at most ``length`` and keeps all s positive. This is for slacks that follow c. Fraction to the
+    boundary: Nocedal & Wright, Eq. 19.9.
     """
     slope = 0.0
     for i in range(len(c)):
@@ -135,7 +146,7 @@ def limit_implied_step(c, s, dc, mu, length, fraction):
 
 @compiled
 def limit_step(s, t, ds, dt, mu, penalty, length, fraction):
-    """Return the same as ``limit_implied_step`` for slacks with their own steps."""
+    """Return what ``limit_implied_step`` returns, for slacks with own steps."""
     slope = 0.0
     for i in range(len(s)):
         slope += penalty * dt[i] - mu * ds[i] / s[i] - mu * dt[i] / t[i]
@@ -148,7 +159,9 @@ def limit_step(s, t, ds, dt, mu, penalty, length, fraction):
 
 @compiled
 def step_multipliers(dz, s, t, mu, penalty, options, z):
-    """Move multipliers by Newton's step; they stay positive and near the central path of the new slacks.
+    """Move multipliers by Newton's step.
+
+    They stay positive and near the central path of the new slacks.
 
     Source: Wächter & Biegler 2006, Eq. 16.
     """

@@ -65,7 +65,7 @@ class Iteration(NamedTuple):
     bounds: np.ndarray  # (bounds,) rows with a finite bound
     objectives: np.ndarray  # (objectives,)
     trial_objectives: np.ndarray
-    objective_changes: np.ndarray  # along the step
+    objective_changes: np.ndarray  # changes of the objectives along the step
     c: np.ndarray  # (constraints,)
     trial_c: np.ndarray
     dc: np.ndarray
@@ -84,17 +84,17 @@ class Iteration(NamedTuple):
     objective_weights: np.ndarray
     residual: np.ndarray  # (unknowns,) reduced gradient of the Lagrangian
     step: np.ndarray  # (unknowns + bounds,)
-    A: np.ndarray  # Newton's matrix, its factors below
+    A: np.ndarray  # Newton's matrix; its factors follow
     B: np.ndarray
     C: np.ndarray
     L: np.ndarray
     X: np.ndarray
     S: np.ndarray
-    filter: np.ndarray  # (iterations + 1, 2) residual and merit pairs: a step must be better in one of the two
+    filter: np.ndarray  # (iterations + 1, 2): pairs of residual and merit; a step must be better in one of the two
 
 
 class GoalArrays(NamedTuple):
-    """Minimise weights · F subject to rows · F ≤ upper."""
+    """The goal: minimise weights · F with rows · F ≤ upper."""
 
     weights: np.ndarray
     rows: np.ndarray
@@ -102,9 +102,11 @@ class GoalArrays(NamedTuple):
 
 
 class Line(NamedTuple):
-    """A line to search: its largest step, and at its begin the merit's slope, merit, and residual θ.
+    """A line to search.
 
-    large_residual: largest θ for which only the merit decides
+    It has its largest step and, at its start, the merit's slope, the merit, and the residual θ.
+
+    large_residual: largest θ at which only the merit decides
     """
 
     length: float
@@ -115,7 +117,10 @@ class Line(NamedTuple):
 
 
 class Barrier(NamedTuple):
-    """The subproblem: barrier μ and penalty; the violation when last halved, and the penalty that halved it."""
+    """The subproblem: barrier μ and penalty.
+
+    It has the violation when it was last halved, and the penalty at that time.
+    """
 
     mu: float
     penalty: float
@@ -125,7 +130,10 @@ class Barrier(NamedTuple):
 
 @compiled
 def allocate_iteration(size, band, border, inequalities, objectives, bounds, iterations):
-    """Return the arrays of an iteration; ``bounds`` are the rows with a finite bound."""
+    """Return the arrays of an iteration.
+
+    ``bounds`` are the rows with a finite bound.
+    """
     constraints, borders = inequalities + len(bounds), border + len(bounds)
     by_objective, by_constraint = np.zeros((4, objectives)), np.zeros((16, constraints))
     F, trial_F, dF, objective_weights = by_objective[0], by_objective[1], by_objective[2], by_objective[3]
@@ -179,7 +187,10 @@ def accept_trial(it):
 
 @compiled
 def weigh_objectives(goal, bounds, multipliers, out):
-    """Write weights + rowsᵀ · (multipliers of the bounds, which are the last multipliers)."""
+    """Write weights + rowsᵀ · (multipliers of the bounds).
+
+    The bounds' multipliers come last.
+    """
     inequalities = len(multipliers) - len(bounds)
     for k in range(len(goal.weights)):
         out[k] = goal.weights[k]
@@ -204,7 +215,10 @@ def residual_sum(r, options):
 
 @compiled
 def newton_step(kernel, work, it, options, goal, barrier, border, delta):
-    """Write Newton's step; return the next regularisation δ, inf if no matrix has the right inertia."""
+    """Write Newton's step; return the next regularisation δ.
+
+    It is inf if no matrix has the right inertia.
+    """
     unknowns, inequalities = len(it.residual), len(it.c) - len(it.bounds)
     barrier_terms(it.s, it.t, it.r, it.z, barrier.mu, barrier.penalty, it.stiffness, it.force)
     clear(it.A)
@@ -212,7 +226,7 @@ def newton_step(kernel, work, it, options, goal, barrier, border, delta):
     clear(it.C)
     largest = assemble(kernel, work, it.stiffness, it.A, it.B, it.C)
     size = it.A.shape[0]
-    for e in range(len(it.bounds)):  # a bound stays an equation, a row [rows ∂F, −1 / stiffness] of the border
+    for e in range(len(it.bounds)):  # a bound stays an equation: a row [rows ∂F, −1 / stiffness] of the border
         reduced_gradient(kernel, work, goal.rows[it.bounds[e]], it.force[:0], it.residual)
         for i in range(size):
             it.B[border + e, i] = it.residual[i]
@@ -231,10 +245,10 @@ def newton_step(kernel, work, it, options, goal, barrier, border, delta):
 
 @compiled
 def _factorise_definite(A, B, C, L, X, S, border, largest, least, delta):
-    """Factorise with the first of growing multiples δ of the identity that gives the right inertia; return δ.
+    """Factorise with the smallest tried δ I that gives the right inertia.
 
-    The first δ is a share ``least`` of ``largest``, or a quarter of the last one (Nocedal & Wright, algorithm 3.3).
-    Returns a 16th of the last δ if none is needed, inf if none serves: the matrix is not finite.
+    Returns δ. The first δ is a share ``least`` of ``largest``, or a quarter of the last one (Nocedal & Wright,
+    algorithm 3.3). Returns a 16th of the last δ if none is needed, inf if none serves: the matrix is not finite.
     """
     added, largest_entry = 0.0, largest
     for i in range(A.shape[0]):
@@ -253,7 +267,10 @@ def _factorise_definite(A, B, C, L, X, S, border, largest, least, delta):
 
 @compiled
 def search_direction(kernel, work, it, options, goal, barrier, dx):
-    """Write the step in x and the changes along it; return its largest length and the merit's slope."""
+    """Write the step in x and the changes along it.
+
+    Returns its largest length and the merit's slope.
+    """
     largest = expand_step(kernel, work, it.step, dx)
     length = min(1.0, kernel.longest_step / max(largest, 1e-300))
     directional_derivatives(kernel, work, dx, it.objective_changes, it.dc)
@@ -280,9 +297,10 @@ def search_direction(kernel, work, it, options, goal, barrier, dx):
 
 @compiled
 def search_line(kernel, work, it, options, goal, barrier, points, dx, line, entries):
-    """Write the trial point of the longest accepted step; return (whether one is, merit, filter entries).
+    """Write the trial point of the longest accepted step.
 
-    ``points`` are x and the trial point. A step whose predicted decrease is rounding is tried at full length only.
+    Returns (whether there is one, merit, number of filter entries). ``points`` are x and the trial point. A step with a
+    predicted decrease below rounding is tried only at full length.
     """
     (x, trial), (length, slope, before, theta, infeasible) = points, line
     after, mu, penalty = before, barrier.mu, barrier.penalty
@@ -312,9 +330,9 @@ def is_negligible(slope, before, options):
 
 @compiled
 def _filter_accepts(theta, before, trial_theta, after, slope, length, infeasible, filter_, entries, options):
-    """Return whether a step is accepted, and the number of filter entries (Wächter & Biegler 2006, section 2.3).
+    """Return whether a step is accepted, and the number of filter entries.
 
-    If there are no residuals, this is Armijo's condition.
+    Source: Wächter & Biegler 2006, section 2.3. Without residuals, this is Armijo's condition.
     """
     margin, rounding = options.filter_margin, options.merit_rounding * abs(before)
     if not np.isfinite(after + trial_theta):
@@ -336,10 +354,10 @@ def _filter_accepts(theta, before, trial_theta, after, slope, length, infeasible
 
 @compiled(what="the interior-point method", seconds=25)
 def minimise(kernel, x, weights, rows, upper, options, stop):
-    """Minimise weights · F from x subject to rows · F ≤ upper, until ``stop[0]`` is not 0.
+    """Minimise weights · F from x with rows · F ≤ upper.
 
-    An infinite bound is no bound. Returns (x, status, iterations, F, multipliers of c, then of the finite bounds,
-    stationarity, worst violation).
+    It stops when ``stop[0]`` is not 0. An infinite bound is no bound. Returns (x, status, iterations, F, multipliers of
+    c, then of the finite bounds, stationarity, worst violation).
     """
     weights, problem = weights.copy(), refer(kernel)
     size, band, border, inequalities = dimensions(problem, x)
@@ -414,7 +432,7 @@ def _iterate(kernel, work, it, options, goal, x, border, stop):
                 status = NO_PROGRESS
                 break
             approach_central_path(it.s, barrier.mu, barrier.penalty, options.barrier_tolerance, it.z)
-        else:  # in place of a restoration phase: clear the filter, or recentre the slacks
+        else:  # instead of a restoration phase: clear the filter, or recentre the slacks
             restorations, lowest, delta = (0, theta, 0.0) if theta < 0.5 * lowest else (restorations + 1, lowest, 0.0)
             if entries == 0:
                 _recentre(it, barrier.mu, barrier.penalty)
@@ -424,7 +442,10 @@ def _iterate(kernel, work, it, options, goal, x, border, stop):
 
 @compiled
 def _begin(kernel, work, it, options, goal, barrier, x):
-    """Restore and evaluate x; return (status, violation, largest residual for which only the merit decides)."""
+    """Restore and evaluate x.
+
+    Returns (status, violation, largest residual at which only the merit decides).
+    """
     set_smoothing(kernel, work, barrier.mu)
     violation = restore(kernel, work, x)
     evaluate_all(kernel, work, x, goal, it.bounds, it.objectives, it.c)
@@ -451,7 +472,10 @@ def _recentre(it, mu, penalty):
 
 @compiled
 def _smooth(kernel, work, it, goal, barrier, x):
-    """Smooth kinks for the current barrier, then evaluate and linearise again; do nothing without kinks."""
+    """Smooth kinks for the current barrier, then evaluate and linearise again.
+
+    Without kinks nothing is done.
+    """
     if set_smoothing(kernel, work, barrier.mu):
         evaluate_all(kernel, work, x, goal, it.bounds, it.objectives, it.c)
         reset_slacks(it.c, barrier.mu, barrier.penalty, it.s, it.t, it.r)
@@ -461,14 +485,20 @@ def _smooth(kernel, work, it, goal, barrier, x):
 
 @compiled
 def _is_flat(slope, before, barrier, stalled, options):
-    """Return whether a step's predicted decrease is small relative to rounding or μ, or several steps stalled."""
+    """Return whether a step can gain next to nothing.
+
+    Its predicted decrease is small relative to rounding or μ, or several steps stalled.
+    """
     negligible = is_negligible(slope, before, options) or -slope <= options.flat_barrier * barrier.mu
     return negligible or stalled >= options.stalled_steps
 
 
 @compiled
 def _multiplier_scale(kernel, z):
-    """Return the scale of errors: the mean of large multipliers (Wächter & Biegler 2006, Eq. 6)."""
+    """Return the scale of errors: the mean of large multipliers.
+
+    Source: Wächter & Biegler 2006, Eq. 6.
+    """
     total = 0.0
     for i in range(len(z)):
         total += z[i]
@@ -486,10 +516,10 @@ def _stationarity(kernel, work, it, goal):
 
 @compiled
 def _subproblem_solved(barrier, stationarity, complementarity, flat, it, options):
-    """Return whether the barrier subproblem is solved (Wächter & Biegler 2006, Eq. 5).
+    """Return whether the barrier subproblem is solved.
 
-    Its errors must be within tolerances. Stationarity is not checked if the merit is ``flat``: it could only decrease
-    by rounding errors.
+    Source: Wächter & Biegler 2006, Eq. 5. Its errors must be within tolerances. Stationarity is not checked if the
+    merit is ``flat``: it could only decrease by rounding errors.
     """
     tolerance, largest = options.barrier_tolerance * barrier.mu, 0.0
     for i in range(len(it.r)):
@@ -500,7 +530,7 @@ def _subproblem_solved(barrier, stationarity, complementarity, flat, it, options
 
 @compiled
 def _soft_violation(barrier, options):
-    """Return the largest violation that a barrier which is not yet low explains."""
+    """Return the largest violation that the barrier explains: proportional to μ."""
     return options.soft_violation * barrier.mu / barrier.penalty
 
 
@@ -511,7 +541,10 @@ def _final_status(barrier, violation, options):
 
 @compiled
 def _next_subproblem(kernel, barrier, stationarity, complementarity, violation, it, options):
-    """Return whether the constraints cannot all be satisfied, and the next subproblem (penalty up or barrier down)."""
+    """Return whether constraints are infeasible, and the next subproblem.
+
+    The penalty grows or the barrier falls. Constraints are infeasible if they cannot all be satisfied.
+    """
     mu, penalty, before, helpful = barrier
     if mu <= options.penalty_barrier and violation > _soft_violation(barrier, options):
         if violation <= 0.5 * before:

@@ -1,6 +1,7 @@
-"""The program-dependent steps of the interior-point method; every class of kernels implements all of them.
+"""The interior-point method's steps that depend on the program.
 
-A kernel is a NamedTuple of arrays, passed by reference, that describes one program to compiled code:
+Every class of kernels implements all of them. A kernel is a NamedTuple of arrays, passed by reference, that describes
+one program to compiled code:
 
     minimise    weights · F(x)
     subject to  h(x) = 0,  c(x) ≥ 0,  rows · F(x) ≤ upper
@@ -30,7 +31,7 @@ JIT_OPTIONS = {"nogil": True, "error_model": "numpy", "no_cpython_wrapper": True
 
 
 def implement(step: Callable[..., Any], kernel_class: type) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Register the decorated function as a step's implementation for a class of kernels."""
+    """Register the decorated function as a step for a class of kernels."""
 
     def register(function: Callable[..., Any]) -> Callable[..., Any]:
         def choose(kernel: Any, *others: Any) -> Callable[..., Any] | None:
@@ -44,11 +45,14 @@ def implement(step: Callable[..., Any], kernel_class: type) -> Callable[[Callabl
 
 
 def dimensions(kernel: Any, x: Any) -> Any:
-    """Return (size, band, border) of the Newton matrix and the number of inequalities c."""
+    """Return the Newton matrix's (size, band, border) and c's number of entries."""
 
 
 def objective_scale(kernel: Any, weights: Any) -> Any:
-    """Return the size of weights · F; penalty, barrier and tolerances are relative to it."""
+    """Return the size of weights · F.
+
+    Penalty, barrier and tolerances are relative to it.
+    """
 
 
 def allocate_workspace(kernel: Any, x: Any) -> Any:
@@ -56,7 +60,10 @@ def allocate_workspace(kernel: Any, x: Any) -> Any:
 
 
 def add_auxiliary(kernel: Any, work: Any, x: Any) -> Any:
-    """Return a copy of x with the auxiliary unknowns, if any, that follow from it."""
+    """Return a copy of x with auxiliary unknowns, if there are any.
+
+    They follow from x.
+    """
 
 
 def remove_auxiliary(kernel: Any, x: Any) -> Any:
@@ -64,11 +71,17 @@ def remove_auxiliary(kernel: Any, x: Any) -> Any:
 
 
 def set_smoothing(kernel: Any, work: Any, mu: Any) -> Any:
-    """Smooth kinks for a barrier μ; return whether objectives and constraints depend on it."""
+    """Smooth kinks for a barrier μ.
+
+    Returns whether objectives and constraints depend on it.
+    """
 
 
 def restore(kernel: Any, work: Any, x: Any) -> Any:
-    """Move x onto h(x) = 0, in place; return the largest |h| that is left, 0 on success."""
+    """Move x onto h(x) = 0, in place.
+
+    Returns the largest |h| that is left, 0 on success.
+    """
 
 
 def evaluate(kernel: Any, work: Any, x: Any, F: Any, c: Any) -> Any:
@@ -76,23 +89,35 @@ def evaluate(kernel: Any, work: Any, x: Any, F: Any, c: Any) -> Any:
 
 
 def linearise(kernel: Any, work: Any, x: Any) -> Any:
-    """Prepare first derivatives and the basis Z at x; return False if ∂h/∂x lacks full rank."""
+    """Prepare first derivatives and the basis Z at x.
+
+    Returns False if ∂h/∂x lacks full rank.
+    """
 
 
 def reduced_gradient(kernel: Any, work: Any, weights: Any, multipliers: Any, out: Any) -> Any:
-    """Write Zᵀ ∇(weights · F − multipliers · c); c is left out if there are no multipliers."""
+    """Write Zᵀ ∇(weights · F − multipliers · c).
+
+    Without multipliers c is left out.
+    """
 
 
 def prepare_multipliers(kernel: Any, work: Any, weights: Any) -> Any:
-    """Prepare the Hessian's weights and the multipliers of h for the gradient that was reduced last."""
+    """Prepare weights of the Hessian and multipliers of h.
+
+    They belong to the gradient that was reduced last.
+    """
 
 
 def residual_norm(kernel: Any, residual: Any) -> Any:
-    """Return the norm of a reduced gradient; the stationarity tolerance bounds it."""
+    """Return a reduced gradient's norm, which the stationarity tolerance bounds."""
 
 
 def assemble(kernel: Any, work: Any, stiffness: Any, A: Any, B: Any, C: Any) -> Any:
-    """Write Zᵀ (∇²L + ∂cᵀ diag(stiffness) ∂c) Z; return its diagonal's size, the scale of δ I."""
+    """Write Zᵀ (∇²L + ∂cᵀ diag(stiffness) ∂c) Z; return its diagonal's size.
+
+    The size is the scale of δ I.
+    """
 
 
 def expand_step(kernel: Any, work: Any, step: Any, dx: Any) -> Any:
@@ -108,8 +133,14 @@ def row_width(kernel: Any, work: Any) -> Any:
 
 
 def constraint_rows(kernel: Any, work: Any, columns: Any, entries: Any) -> Any:
-    """Write the rows of ∂c Z at the linearised x: ``entries`` and their ``columns``; unused ones are 0 at column 0."""
+    """Write the rows of ∂c Z at the linearised x.
+
+    A row has ``entries`` at ``columns``; unused entries are 0 at column 0.
+    """
 
 
 def retract(kernel: Any, work: Any, x: Any, dx: Any, length: Any, trial: Any) -> Any:
-    """Write the point on h = 0 from x + length · dx; return whether it was reached."""
+    """Write the retraction of x + length · dx onto h = 0.
+
+    Returns whether it was reached.
+    """

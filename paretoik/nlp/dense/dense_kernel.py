@@ -1,7 +1,8 @@
-"""The kernel with a dense Newton matrix, for small programs (``dense_program``), and the evaluation of their rows.
+"""The kernel with a dense Newton matrix, for small programs.
 
-A program consists of parts. Each part is a few functions of a few unknowns, the same at several places
-(``AssembledRows``). Objectives are linear: F(x) = objectives · x. Derivatives are lists of entries, one per place.
+See ``dense_program``. It evaluates their rows. A program consists of parts. Each part is a few functions of a few
+unknowns, the same at several places (``AssembledRows``). Objectives are linear: F(x) = objectives · x. Derivatives are
+lists of entries, one per place.
 """
 
 from __future__ import annotations
@@ -36,10 +37,10 @@ VALUE, FIRST, SECOND = 0, 1, 2
 class DenseKernel(NamedTuple):
     """A program of parts; its rows are h, then c.
 
-    programs: (parts, 3, 10) for values, first and second derivatives: beginnings and ends of code, constants, inputs
-        and outputs, then numbers of registers and outputs
-    parts: (parts, 8) places, unknowns, parameters, rows, whether it has equalities, and where its ``where``,
-        ``parameters`` and rows begin
+    programs: (parts, 3, 10) one program each for values, first and second derivatives: beginnings and ends of code,
+        constants, inputs and outputs, then numbers of registers and outputs
+    parts: (parts, 8) numbers of places, unknowns, parameters and rows, whether there are equalities, and first index in
+        ``where``, ``parameters`` and ``row``
     """
 
     unknowns: int
@@ -52,21 +53,21 @@ class DenseKernel(NamedTuple):
     outputs: np.ndarray
     programs: np.ndarray
     parts: np.ndarray
-    where: np.ndarray  # unknowns of all parts, (unknowns, places) each
-    parameters: np.ndarray  # likewise
-    row: np.ndarray  # of the program, for the rows (rows, places) of each part
-    begin_first: np.ndarray  # (parts + 1,) where its entries begin
+    where: np.ndarray  # (unknowns, places) of each part: indices of its unknowns
+    parameters: np.ndarray  # (parameters, places) of each part
+    row: np.ndarray  # (rows, places) of each part: row of the program
+    begin_first: np.ndarray  # (parts + 1,): index of each part's first entry
     first_row: np.ndarray
     first_column: np.ndarray
     begin_second: np.ndarray
     second_row: np.ndarray
     second_column: np.ndarray
-    by_row: np.ndarray  # the entries of first derivatives of c, row by row
+    by_row: np.ndarray  # the entries of first derivatives of c, sorted by row
     begin_row: np.ndarray  # (inequalities + 1,)
-    equality_tolerance: float = 1e-12  # of h(x) = 0
-    retractions: int = 10  # Newton steps at most
-    far: float = 1e3  # violation of h that no retraction starts from
-    restorations: int = 400  # Levenberg–Marquardt steps at most
+    equality_tolerance: float = 1e-12  # tolerance of h(x) = 0
+    retractions: int = 10  # largest number of Newton steps
+    far: float = 1e3  # largest violation of h from which a retraction starts
+    restorations: int = 400  # largest number of Levenberg–Marquardt steps
     longest_step: float = np.inf
     penalty: float = 100.0
     implied_slacks: bool = False
@@ -77,28 +78,29 @@ class DenseWorkspace(NamedTuple):
     """Arrays that the steps write."""
 
     inputs: np.ndarray  # inputs of a part's program
-    space: np.ndarray  # its registers
-    outputs: np.ndarray  # rows, as parts give them
+    space: np.ndarray  # registers of a part's program
+    outputs: np.ndarray  # rows of a part
     first: np.ndarray
     second: np.ndarray
     values: np.ndarray  # (rows,)
-    multipliers: np.ndarray  # (rows,) of h, then negative ones of c
+    multipliers: np.ndarray  # (rows,): multipliers of h, then those of c with negative sign
     reflectors: np.ndarray  # (equalities, unknowns)
     triangle: np.ndarray  # (equalities, equalities): R of ∂hᵀ = Y R
     jacobian: np.ndarray  # (equalities, unknowns)
     matrix: np.ndarray  # (equalities, equalities)
     gradient: np.ndarray  # (unknowns,), rotated by the reflections
     vector: np.ndarray  # (unknowns,)
-    point: np.ndarray  # (unknowns,) where derivatives are taken
+    point: np.ndarray  # (unknowns,): point at which derivatives are taken
     right: np.ndarray  # (equalities,)
     hessian: np.ndarray  # (unknowns, unknowns)
 
 
 @compiled
 def run_part(kernel, work, x, p, which, out):
-    """Write values, first or second derivatives (``which``) of part p at x into ``out``.
+    """Write values, first or second derivatives of part p at x.
 
-    The program of second derivatives also reads the multipliers.
+    They are written into ``out``; ``which`` is their order. The program of second derivatives also reads the
+    multipliers.
     """
     places, unknowns, parameters, rows = kernel.parts[p, 0], kernel.parts[p, 1], kernel.parts[p, 2], kernel.parts[p, 3]
     where, parameter, first = kernel.parts[p, 5], kernel.parts[p, 6], kernel.parts[p, 7]
@@ -151,7 +153,10 @@ def equality_error(kernel, work):
 
 @compiled
 def first_derivatives(kernel, work, x, equalities_only):
-    """Write the entries of ∂h and ∂c (or only of parts with equalities) and ∂h as a matrix."""
+    """Write the entries of ∂h and ∂c, and ∂h as a matrix.
+
+    If ``equalities_only``, only parts with equalities are evaluated.
+    """
     for p in range(len(kernel.parts)):
         if not equalities_only or kernel.parts[p, 4]:
             run_part(kernel, work, x, p, FIRST, work.first[kernel.begin_first[p] : kernel.begin_first[p + 1]])
@@ -172,7 +177,10 @@ def first_derivatives(kernel, work, x, equalities_only):
 
 @compiled
 def restore_equalities(kernel, work, x):
-    """Move x onto h(x) = 0 (Nocedal & Wright, section 10.3); return the largest |h| left, 0 on success."""
+    """Move x onto h(x) = 0; return the largest |h| left.
+
+    It is 0 on success. Source: Nocedal & Wright, section 10.3.
+    """
     damping = 0.0
     evaluate_rows(kernel, work, x, True)
     error = equality_error(kernel, work)
@@ -211,7 +219,10 @@ def restore_equalities(kernel, work, x):
 
 @compiled
 def _damped_step(kernel, work, damping):
-    """Write ∂hᵀ (∂h ∂hᵀ + damping · I)⁻¹ h, damping relative to the mean diagonal; False if singular."""
+    """Write ∂hᵀ (∂h ∂hᵀ + damping · I)⁻¹ h.
+
+    The damping is relative to the mean diagonal. Returns False if singular.
+    """
     m, n = kernel.equalities, kernel.unknowns
     trace = 0.0
     for i in range(m):
@@ -261,7 +272,10 @@ def dimensions(kernel, x):
 
 @implement(steps.objective_scale, DenseKernel)
 def objective_scale(kernel, weights):
-    """Return the length of the gradient of weights · F, or 1 if that is 0."""
+    """Return the length of the gradient of weights · F.
+
+    It is 1 if the length is 0.
+    """
     total = 0.0
     for j in range(kernel.unknowns):
         slope = 0.0
@@ -339,7 +353,10 @@ def evaluate(kernel, work, x, F, c):
 
 @implement(steps.linearise, DenseKernel)
 def linearise(kernel, work, x):
-    """Write first derivatives and the reflections that triangularise ∂hᵀ; False if rank is deficient."""
+    """Write first derivatives and the reflections that triangularise ∂hᵀ.
+
+    Returns False if the rank is deficient.
+    """
     for j in range(kernel.unknowns):
         work.point[j] = x[j]
     first_derivatives(kernel, work, x, False)
@@ -351,7 +368,10 @@ def linearise(kernel, work, x):
 
 @implement(steps.reduced_gradient, DenseKernel)
 def reduced_gradient(kernel, work, weights, multipliers, out):
-    """Write ∇(weights · F − multipliers · c) along the null space; the workspace has all of it, rotated."""
+    """Write ∇(weights · F − multipliers · c) along the null space.
+
+    The workspace has the whole gradient, rotated.
+    """
     n, m = kernel.unknowns, kernel.equalities
     for j in range(n):
         work.gradient[j] = 0.0
@@ -372,7 +392,10 @@ def reduced_gradient(kernel, work, weights, multipliers, out):
 
 @implement(steps.prepare_multipliers, DenseKernel)
 def prepare_multipliers(kernel, work, weights):
-    """Write the multipliers ν of h: ∂hᵀ ν = −(gradient across the null space)."""
+    """Write the multipliers ν of h.
+
+    They satisfy ∂hᵀ ν = −(gradient across the null space).
+    """
     for i in range(kernel.equalities):
         work.multipliers[i] = -work.gradient[i]
     back_substitute(work.triangle, work.multipliers)
@@ -465,7 +488,10 @@ def constraint_rows(kernel, work, columns, entries):
 
 @implement(steps.retract, DenseKernel)
 def retract(kernel, work, x, dx, length, trial):
-    """Write the point on h = 0 from a step, by Newton steps across the null space at x."""
+    """Write the point on h = 0 after a step.
+
+    Newton steps go across the null space at x.
+    """
     m, n = kernel.equalities, kernel.unknowns
     for j in range(n):
         trial[j] = x[j] + length * dx[j]
@@ -498,7 +524,10 @@ def retract(kernel, work, x, dx, length, trial):
 
 
 def dense_kernel(program: AssembledRows, costs: Float[np.ndarray, "objectives unknowns"]) -> DenseKernel:
-    """Return rows and linear objectives for compiled code; raise EvaluationFailed for too few unknowns."""
+    """Return rows and linear objectives for compiled code.
+
+    Raises EvaluationFailed if there are too few unknowns.
+    """
     kernel = _kernel(program)
     if kernel.equalities > kernel.unknowns:
         raise EvaluationFailed(f"program must have at least {kernel.equalities} unknowns, got {kernel.unknowns}")
@@ -556,7 +585,10 @@ def _kernel(whole: AssembledRows) -> DenseKernel:
 
 
 def _concatenate_evaluators(parts: Sequence[Part]) -> dict[str, Any]:
-    """Return the joined arrays of all evaluators and a table of where each one begins and ends."""
+    """Return the joined arrays of all evaluators.
+
+    A table has the beginning and the end of each.
+    """
     arrays: list[list[np.ndarray]] = [[], [], [], []]
     ends, programs = np.zeros(4, dtype=np.int64), []
     for part in parts:

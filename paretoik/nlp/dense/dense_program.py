@@ -21,12 +21,15 @@ from paretoik.errors import EvaluationFailed
 from paretoik.nlp.dense.traced_rows import AssembledRows
 from paretoik.nlp.program import dense_rows
 
-EQUALITY_TOLERANCE = 1e-13  # of a satisfied equality
+EQUALITY_TOLERANCE = 1e-13  # largest error of a satisfied equality
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DenseProgram:
-    """A program with equalities and inequalities of unknowns z and objectives F = costs · z."""
+    """A program with equalities, inequalities and objectives F = costs · z.
+
+    z are the unknowns.
+    """
 
     rows: AssembledRows
     costs: Float[np.ndarray, "objectives unknowns"]
@@ -99,7 +102,10 @@ class DenseProgram:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DenseLinearisation:
-    """A dense program to first order at z: a step y leads to z + basis · y."""
+    """A dense program to first order at z.
+
+    A step y leads to z + basis · y.
+    """
 
     program: DenseProgram
     x: Float[np.ndarray, " unknowns"]
@@ -143,7 +149,10 @@ class DenseLinearisation:
         return dense_rows(self.basis.T @ hessian @ self.basis)
 
     def retract(self, step: Float[np.ndarray, " columns"]) -> Float[np.ndarray, " unknowns"] | None:
-        """Return the point that a step leads to, on or nearer to the equalities; None if not finite."""
+        """Return the point that a step leads to.
+
+        It is on the equalities or nearer to them; None if it is not finite.
+        """
         x = self.x + self.basis @ step
         for _ in range(6):  # Gauss–Newton steps with one Jacobian
             equalities = self.program.rows.rows(x)[0]

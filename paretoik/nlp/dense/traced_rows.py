@@ -1,6 +1,6 @@
 """Equalities and inequalities of smooth programs with their first and second derivatives.
 
-Small programs are traced once; large ones are assembled from them, each a function of a few of the unknowns.
+Small programs are traced once. Large programs are assembled from small ones, each a function of a few of the unknowns.
 """
 
 from __future__ import annotations
@@ -82,7 +82,10 @@ def _pattern(entries: Iterable[tuple[int, int]]) -> tuple[np.ndarray, np.ndarray
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Part:
-    """Rows in several lanes, each of the unknowns ``where`` and with its own parameters."""
+    """Rows in several lanes, each with own unknowns and parameters.
+
+    ``where`` has the indices of the unknowns.
+    """
 
     program: TracedRows
     where: Int[np.ndarray, "lanes unknowns"]
@@ -97,7 +100,9 @@ class Part:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AssembledRows:
-    """Equalities h(z) = 0 and inequalities c(z) ≥ 0 with derivatives; unknowns are of the order of 1.
+    """Equalities h(z) = 0 and inequalities c(z) ≥ 0 with derivatives.
+
+    The unknowns are of the order of 1.
 
     Rows come from the parts: first the equalities of all parts, then the inequalities of all, lane by lane.
     """

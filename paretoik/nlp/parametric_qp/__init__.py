@@ -1,1 +1,4 @@
-"""Optima that follow a parameter, compiled: quadratic programs, second-order models, predictor and corrector."""
+"""Optima that follow a parameter, compiled.
+
+Quadratic programs, second-order models, predictor and corrector.
+"""

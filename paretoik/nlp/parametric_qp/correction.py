@@ -1,4 +1,6 @@
-"""The optimum of a goal from that of a similar goal, predicted and then corrected; compiled.
+"""The optimum of a goal from a similar goal's optimum; compiled.
+
+It is predicted, then corrected.
 
     minimise    weights · F(x)
     subject to  h(x) = 0,  c(x) ≥ 0,  rows · F(x) ≤ upper
@@ -50,7 +52,9 @@ class CorrectionOptions(NamedTuple):
 
 @compiled(what="the continuation of optima", seconds=20)
 def correct(kernel, x, multipliers, weights, rows, upper, options):
-    """Return (point, multipliers, F, corrections, changes, whether it was found): the optimum near a guess.
+    """Return the optimum of a goal near a guess.
+
+    The result is (point, multipliers, F, corrections, changes, whether it was found).
 
     The goal: minimise weights · F subject to rows · F ≤ upper. Multipliers are those of c, then of these bounds.
     """
@@ -67,7 +71,10 @@ def correct(kernel, x, multipliers, weights, rows, upper, options):
 
 @compiled
 def _correct(kernel, work, model, x, y, weights, rows, upper, options):
-    """Correct x in place; return multipliers, corrections, changes and whether the optimum was found."""
+    """Correct x in place.
+
+    Returns multipliers, corrections, changes and whether the optimum was found.
+    """
     trial, dx, factors, changes, last_length = x.copy(), np.zeros(x.shape), np.zeros(len(weights)), 0, np.inf
     if not to_first_order(kernel, work, x, model):
         return y, 0, changes, False

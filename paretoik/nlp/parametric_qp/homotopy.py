@@ -1,4 +1,4 @@
-"""A parametric quadratic program: its optimum is followed from a guess of multipliers; compiled.
+"""A parametric quadratic program, followed from guessed multipliers; compiled.
 
     minimise    ½ dᵀH d + gᵀd
     subject to  c + A d ≥ 0
@@ -37,7 +37,9 @@ from paretoik.nlp.parametric_qp.working_set import (
 
 
 class QpOptions(NamedTuple):
-    """Tolerances without unit: rows of A have length one; H and g are divided by ‖g‖.
+    """Tolerances without unit.
+
+    Rows of A have length one; H and g are divided by ‖g‖.
 
     changes: largest number of changes of the active set; more count as cycling
     updates: number of updates before the matrix is factorised again
@@ -46,9 +48,9 @@ class QpOptions(NamedTuple):
     changes: int = 100
     updates: int = 24
     dependent: float = 1e-10  # largest share of a row outside the span of active rows that counts as 0
-    rate: float = 1e-13  # at which a slack or a multiplier falls: a lower rate is rounding
-    lift: float = 1e-4  # of the first slacks, each by its own multiple from 1 to 2: ties could cycle
-    end: float = 1e-9  # of the homotopy: a smaller remaining share counts as 0
+    rate: float = 1e-13  # largest rate of fall of a slack or a multiplier that is rounding
+    lift: float = 1e-4  # first value of slacks, each times its own factor from 1 to 2: ties could cycle
+    end: float = 1e-9  # largest remaining share of the homotopy that counts as 0
 
 
 class QpHomotopy(NamedTuple):
@@ -66,7 +68,9 @@ class QpHomotopy(NamedTuple):
 
 @compiled(what="the parametric quadratic program", seconds=5)
 def solve_from(A, B, C, gradient, columns, entries, dense, values, multipliers, options):
-    """Return (step, multipliers, share of the homotopy, changes of the active set) of a quadratic program.
+    """Return the solution of a quadratic program.
+
+    It is (step, multipliers, share of the homotopy, changes of the active set).
 
         minimise    ½ dᵀH d + gᵀd,  H = [[A, Bᵀ], [B, C]] with A banded (``banded.cholesky``)
         subject to  values + [rows] d ≥ 0
@@ -121,7 +125,10 @@ def _begin(program, lengths, multipliers, scale, options):
 
 @compiled
 def _follow(program, work, homotopy, scale, options):
-    """Follow the optimum to the true data or its end; return the homotopy's share and the changes."""
+    """Follow the optimum to the true data or its end.
+
+    Returns the share of the homotopy and the number of changes.
+    """
     share, changes = 0.0, 0
     for i in range(len(homotopy.multipliers)):
         work.is_active[i] = homotopy.multipliers[i] > 0.0
@@ -177,7 +184,10 @@ def _drop(work, homotopy, row):
 
 @compiled
 def _add(program, work, homotopy, row, options):
-    """Add a constraint, replacing one if it depends on active ones; return whether all can be satisfied."""
+    """Add a constraint; return whether all can be satisfied.
+
+    If it depends on active constraints, it replaces one of them.
+    """
     remainder = project_row(program, work, row, homotopy.multiplier_rates)
     homotopy.slacks[row] = 0.0
     if remainder <= options.dependent:

@@ -1,9 +1,9 @@
-"""A second-order model of a kernel's program at a point, along h(x) = 0; compiled.
+"""A second-order model of a kernel's program, along h(x) = 0; compiled.
 
     Fₖ(d) ≈ Fₖ + ∂Fₖ d + ½ dᵀ Fₖ'' d for every objective k,  c(d) ≈ c + ∂c d
 
-The second derivatives of an objective include the curvature of h(x) = 0 with the objective's own multipliers, so they
-are those of F at the point that a step leads to.
+The second derivatives of an objective include the curvature of h(x) = 0, with the objective's own multipliers.
+Therefore they are those of F at the point that a step leads to.
 """
 
 from __future__ import annotations
@@ -31,7 +31,10 @@ from paretoik.nlp.parametric_qp.homotopy import solve_from
 
 
 class LocalModel(NamedTuple):
-    """The program at a point; in each matrix [[A, Bᵀ], [B, C]], A is banded (``banded.cholesky``)."""
+    """The program at a point.
+
+    In each matrix [[A, Bᵀ], [B, C]], A is banded (``banded.cholesky``).
+    """
 
     objectives: np.ndarray  # (objectives,)
     gradients: np.ndarray  # (objectives, unknowns)
@@ -68,7 +71,10 @@ def allocate_model(kernel, work, x, objectives):
 
 @compiled
 def to_first_order(kernel, work, x, model):
-    """Write values and first derivatives at x; return whether they are finite and h has full rank."""
+    """Write values and first derivatives at x.
+
+    Returns whether they are finite and h has full rank.
+    """
     evaluate(kernel, work, x, model.objectives, model.c)
     if not linearise(kernel, work, x):
         return False
@@ -90,7 +96,10 @@ def to_first_order(kernel, work, x, model):
 
 @compiled
 def lagrangian_hessian(kernel, work, weights, multipliers, model):
-    """Write the Hessian of weights · F − multipliers · c at the linearised x."""
+    """Write the Hessian of weights · F − multipliers · c.
+
+    It is taken at the linearised x.
+    """
     _hessian(kernel, work, weights, multipliers, 0, model)
 
 
@@ -121,7 +130,10 @@ def _hessian(kernel, work, weights, multipliers, which, model):
 
 @compiled
 def add_product(model, which, factor, vector, out):
-    """Add factor · matrix · vector to ``out``, for one matrix of the model."""
+    """Add factor · matrix · vector to ``out``.
+
+    The matrix is one of the model's.
+    """
     A, B, C = model.A[which], model.B[which], model.C[which]
     (size, band), border = A.shape, len(C)
     for i in range(size):
@@ -140,7 +152,10 @@ def add_product(model, which, factor, vector, out):
 
 @compiled(what="the derivatives of a program", seconds=10)
 def first_order(kernel, x, objectives):
-    """Return (F, ∂F, c, columns and entries of ∂c, whether finite and ∂h of full rank) at x."""
+    """Return values and first derivatives at x.
+
+    They are (F, ∂F, c, columns and entries of ∂c, whether finite with ∂h of full rank).
+    """
     problem = refer(kernel)
     work = allocate_workspace(problem, x)
     point = add_auxiliary(problem, refer(work), x)
@@ -163,10 +178,11 @@ def first_order(kernel, x, objectives):
 
 @compiled
 def lead_to_optimum(model, initial, step, y, weights, rows, upper, predictions, options):
-    """Move a step to the optimum of the model, in place; return (multipliers, whether there is one, changes).
+    """Move a step to the optimum of the model, in place.
 
-    ``model`` has the Hessian of the Lagrangian for ``initial`` weights of the objectives; if the weights stay the same,
-    Newton's first step uses only that. ``predictions``: largest number of Newton steps.
+    Returns (multipliers, whether there is an optimum, changes). ``model`` has the Hessian of the Lagrangian for
+    ``initial`` weights of the objectives. If the weights stay the same, Newton's first step uses only this Hessian.
+    ``predictions`` is the largest number of Newton steps.
     """
     n, limits = model.gradients.shape[1], len(model.c)
     changes, last_multipliers = 0, y
@@ -226,7 +242,7 @@ def lead_to_optimum(model, initial, step, y, weights, rows, upper, predictions, 
 
 @compiled
 def weigh(weights, rows, y, factors):
-    """Write weights + rowsᵀ y, the weights of the objectives in the Lagrangian."""
+    """Write the Lagrangian's weights of objectives, weights + rowsᵀ y."""
     limits = len(y) - len(rows)
     for k in range(len(weights)):
         factors[k] = weights[k]
@@ -245,7 +261,10 @@ def _entry(entries, weighed, initial):
 
 @compiled
 def move_objectives(model, step, gradients, objectives):
-    """Write gradients and values of the objectives' models at a step; on input, values are those at 0."""
+    """Write gradients and values of the objectives' models at a step.
+
+    On input, the values are those at step 0.
+    """
     moved = norm(step) > 0.0
     for k in range(len(objectives)):
         for j in range(len(step)):

@@ -1,4 +1,6 @@
-"""The optimum of a goal, predicted from derivatives at the optimum of another goal; compiled.
+"""The optimum of a goal, predicted from another goal's optimum; compiled.
+
+The prediction uses derivatives at that optimum.
 
     minimise    weights · F(d)                                 F(d): quadratic models, each with its own Hessian
     subject to  c(d) ≥ 0,  rows · F(d) ≤ upper                 c(d): linear models of the limits
@@ -51,9 +53,10 @@ class PredictionOptions(NamedTuple):
 
 @compiled(what="the prediction of optima", seconds=20)
 def predict(kernel, x, multipliers, weights, rows, upper, options):
-    """Return (point, multipliers, whether it exists): a goal's optimum by models at another goal's optimum.
+    """Return a goal's optimum, predicted by models at another's optimum.
 
-    Arguments are those of ``correct``. Values are taken at predicted points, derivatives only at x.
+    The result is (point, multipliers, whether it exists). Arguments are those of ``correct``. Values are taken at
+    predicted points, derivatives only at x.
     """
     problem = refer(kernel)
     work = allocate_workspace(problem, x)
@@ -112,7 +115,10 @@ def _bounds_missed(objectives, rows, upper):
 
 @compiled
 def _limits_missed(model, c, step, options):
-    """Return whether a limit is exceeded by more than a share of its largest change."""
+    """Return whether a limit is exceeded by too much.
+
+    The allowed excess is a share of the limit's largest change.
+    """
     worst, length = 0.0, norm(step)
     for i in range(len(c)):
         worst = max(worst, -c[i] - options.missed * length * norm(model.entries[i]))

@@ -19,12 +19,15 @@ from paretoik.nlp.linear_algebra import clear, factorise_lu, solve_lu
 
 
 class AugmentationOptions(NamedTuple):
-    """How K becomes definite; ρ and the regularisation are relative to the largest diagonal entry of H."""
+    """Settings that make K definite.
+
+    ρ and the regularisation are relative to the largest diagonal entry of H.
+    """
 
     stiffness: tuple[float, ...] = (1.0, 1e3, 1e3, 1e6, 1e6)  # ρ, tried in order: a larger one costs digits
     dense: int = 2  # index of the first ρ with all rows
     flat: int = 4  # index of the ρ with a regularised H
-    regularisation: float = 1e-6  # then added to the diagonal of H: far below any curvature that counts
+    regularisation: float = 1e-6  # added to H's diagonal from then on: far below any curvature that counts
 
 
 HESSIAN_OPTIONS = AugmentationOptions()
@@ -66,7 +69,10 @@ def allocate_augmented_hessian(n, band, border):
 
 @compiled
 def factorise_augmented_hessian(program, hessian, is_active, scale):
-    """Factorise K for H / ``scale`` with the first ρ that makes it definite; return ρ, or −1 if none does."""
+    """Factorise K for H / ``scale``; return the first ρ that serves.
+
+    K must be definite. The result is −1 if no ρ makes K definite.
+    """
     size = 0.0
     for i in range(len(program.A)):
         size = max(size, abs(program.A[i, 0]) / scale)
@@ -85,7 +91,10 @@ def factorise_augmented_hessian(program, hessian, is_active, scale):
 
 @compiled
 def _factorise(program, hessian, is_active, rho, delta, is_dense, scale):
-    """Factorise K with ``delta`` on its diagonal, banded or dense; return whether it is positive definite."""
+    """Factorise K, banded or dense; return whether it is positive definite.
+
+    ``delta`` is added to the diagonal.
+    """
     size, band = program.A.shape
     matrix, border, none = hessian.full if is_dense else hessian.A, len(program.C), hessian.no_border
     for part in (matrix, hessian.B, hessian.C):
@@ -134,7 +143,10 @@ def _has_all_columns(columns):
 
 @compiled(level=3)
 def _add_square(matrix, rho, row):
-    """Add ρ aaᵀ of a row over the first unknowns to a K without border."""
+    """Add ρ aaᵀ of a row to a K without border.
+
+    The row has the first unknowns.
+    """
     for i in range(len(row)):
         factor = rho * row[i]
         for d in range(i + 1):
@@ -178,7 +190,10 @@ def solve_augmented_hessian(hessian, x):
 
 
 class QuadraticProgram(NamedTuple):
-    """Minimise ½ dᵀH d + gᵀd subject to c + A d ≥ 0: sparse rows, then dense ones, all of length one."""
+    """The program min ½ dᵀHd + gᵀd with c + Ad ≥ 0.
+
+    The rows of A have length one: sparse rows, then dense ones.
+    """
 
     A: np.ndarray  # (size, band), lower half of H
     B: np.ndarray  # (border, size)
@@ -235,7 +250,10 @@ def write_column(program, i, matrix, column):
 
 @compiled(level=3)
 def column_products(program, i, matrix, first, count, products):
-    """Write the products of row i with columns ``first`` to ``count`` − 1 of a matrix."""
+    """Write the products of row i with some columns of a matrix.
+
+    These are the columns ``first`` to ``count`` − 1.
+    """
     limits = len(program.entries)
     for w in range(first, count):
         products[w] = 0.0
@@ -266,7 +284,7 @@ def _add_products(factor, row, first, count, products):
 class WorkingSetOptions(NamedTuple):
     """Tolerance of the test whether a row may be dropped."""
 
-    curvature: float = 1e-13  # along the row, as a share of its ρ: less is rounding
+    curvature: float = 1e-13  # least curvature along the row, as a share of its ρ: less is rounding
 
 
 OPTIONS = WorkingSetOptions()
@@ -314,7 +332,10 @@ def allocate_working_set(n, band, border, constraints, updates):
 
 @compiled
 def factorise_working_set(program, work, scale):
-    """Factorise K (for H / ``scale``) and the Schur complement of the active rows; return whether K is definite."""
+    """Factorise K and the Schur complement of the active rows.
+
+    K is for H / ``scale``. Returns whether K is definite.
+    """
     count = 0
     for i in range(len(work.is_active)):
         work.position[i] = -1
@@ -325,7 +346,7 @@ def factorise_working_set(program, work, scale):
     rho = factorise_augmented_hessian(program, work.hessian, work.is_active, scale)
     if rho < 0.0:
         return False
-    # all active rows enter an empty Schur complement at a time
+    # active rows enter the empty Schur complement one by one
     place = 0
     for i in range(len(work.is_active)):
         if work.is_active[i]:
@@ -358,7 +379,10 @@ def _factorise_schur(work):
 
 @compiled
 def solve_working_set(program, work, gradient_rate, value_rate, step_rate, multiplier_rates):
-    """Write d and y for r = −``gradient_rate`` and b = −``value_rate``; y of inactive rows is 0."""
+    """Write d and y for the given rates.
+
+    r = −``gradient_rate`` and b = −``value_rate``; y of inactive rows is 0.
+    """
     count, vector = work.counts[ROWS], work.vector
     for j in range(len(vector)):
         vector[j] = -gradient_rate[j]
@@ -382,7 +406,10 @@ def solve_working_set(program, work, gradient_rate, value_rate, step_rate, multi
 
 @compiled
 def project_row(program, work, row, multipliers):
-    """Write y with A_activeᵀ y nearest to a row in the K⁻¹ norm; return the rest's share."""
+    """Write y with A_activeᵀ y nearest to a row.
+
+    The norm is that of K⁻¹. Returns the share of the row that is left.
+    """
     count, vector = work.counts[ROWS], work.vector
     write_row(program, row, vector)
     solve_augmented_hessian(work.hessian, vector)
@@ -411,7 +438,10 @@ def is_definite_without(work, row):
 
 @compiled
 def regularise_without(work, row):
-    """Drop an active constraint and regularise H at the update; return False if H is regularised already."""
+    """Drop an active constraint and regularise H at the update.
+
+    Returns False if H is regularised already.
+    """
     if work.hessian.flags[IS_REGULARISED]:
         return False
     work.is_active[row], work.hessian.flags[IS_REGULARISED] = False, True
@@ -461,7 +491,10 @@ def drop_constraint(work, row):
 
 @compiled
 def update_working_set(program, work, updates, scale):
-    """Factorise the system after changes, also K after more than ``updates``; return whether it is definite."""
+    """Factorise the system after changes; return whether it is definite.
+
+    After more than ``updates`` changes, K is factorised too.
+    """
     if work.counts[CHANGES] <= updates and _factorise_schur(work):
         return True
     return factorise_working_set(program, work, scale)
