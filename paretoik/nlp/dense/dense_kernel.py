@@ -219,10 +219,7 @@ def restore_equalities(kernel, work, x):
 
 @compiled
 def _damped_step(kernel, work, damping):
-    """Write ∂hᵀ (∂h ∂hᵀ + damping · I)⁻¹ h.
-
-    The damping is relative to the mean diagonal. Returns False if singular.
-    """
+    """Write ∂hᵀ (∂h ∂hᵀ + damping · mean diagonal · I)⁻¹ h; False if singular."""
     m, n = kernel.equalities, kernel.unknowns
     trace = 0.0
     for i in range(m):
@@ -272,10 +269,7 @@ def dimensions(kernel, x):
 
 @implement(steps.objective_scale, DenseKernel)
 def objective_scale(kernel, weights):
-    """Return the length of the gradient of weights · F.
-
-    It is 1 if the length is 0.
-    """
+    """Return the length of the gradient of weights · F, 1 instead of 0."""
     total = 0.0
     for j in range(kernel.unknowns):
         slope = 0.0
@@ -353,10 +347,7 @@ def evaluate(kernel, work, x, F, c):
 
 @implement(steps.linearise, DenseKernel)
 def linearise(kernel, work, x):
-    """Write first derivatives and the reflections that triangularise ∂hᵀ.
-
-    Returns False if the rank is deficient.
-    """
+    """Write first derivatives and reflections of ∂hᵀ; False if rank is deficient."""
     for j in range(kernel.unknowns):
         work.point[j] = x[j]
     first_derivatives(kernel, work, x, False)
