@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from paretoik.api.session import RunRequest, Session, computing, open_session, surroundings
 from paretoik.arrays import Objectives, Points
@@ -233,14 +234,14 @@ def resolve_front(refined: RefinedFront, certifier: Certifier, before: Front | N
         )
         return None if finer.ended else finer
 
-    def largest_error(coarse: RefinedFront) -> float:
-        """Return the largest error of under-resolved values, relative to the objective's range."""
+    def errors(coarse: RefinedFront) -> Float[np.ndarray, " points"]:
+        """Return the errors of under-resolved points, relative to the objectives' ranges."""
         certificates = coarse.front.certificates
         assert certificates is not None
-        errors = certificates.discretisation_error[certificates.status == "under-resolved"]
-        return float((errors / ranges_of(coarse.front.minimised)).max(initial=0.0))
+        inexact = certificates.discretisation_error[certificates.status == "under-resolved"]
+        return (inexact / ranges_of(coarse.front.minimised)).max(axis=1)
 
-    return on_more_samples(refined, largest_error, refine)
+    return on_more_samples(refined, errors, refine)
 
 
 def _curves_at_samples(front: Front, before: Front | None, problem: Any) -> Points:

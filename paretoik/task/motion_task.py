@@ -170,7 +170,7 @@ class SampleOptions:
 
     steps: number of steps between samples on the grid of the curve
     doublings: largest number of times that the intervals of a path are doubled if a value is under-resolved
-    helped: largest share of the error after doubling for which intervals are doubled again
+    helped: largest share of the median error after doubling for which intervals are doubled again
     """
 
     steps: int = 50

@@ -358,26 +358,27 @@ def coarse(options: InteriorPointOptions) -> InteriorPointOptions:
 
 
 def on_more_samples(
-    result: Result, error: Callable[[Result], float], refine: Callable[[Result], Result | None]
+    result: Result, errors: Callable[[Result], Float[np.ndarray, " inexact"]], refine: Callable[[Result], Result | None]
 ) -> Result:
     """Return a result on more samples, if its values are inexact.
 
     The result is a plan or a front. Its values are inexact if they differ too much from those of the curves.
 
-    error: function that returns the largest excessive error of a result, or 0 if none is excessive
-    refine: function that returns the result with a sample added in every interval; None if an optimum or a point would
-        be lost
+    errors: function that returns the relative errors of the inexact values
+    refine: function that returns the result with a sample added in every interval; None if too much would be lost
 
-    Refinement is repeated a few times if it halves the error. If it fails, or if a signal or the time limit ends it,
-    the result before is returned.
+    Refinement is repeated a few times if it leaves fewer inexact values, or halves their median error. If it fails, or
+    if a signal or the time limit ends it, the result before is returned.
     """
-    worst = np.inf
+    count, median = np.inf, np.inf
     for _ in range(SAMPLES.doublings):
         finer = None
         with suppress(ParetoikError, Interrupted):
-            present = error(result)
-            if present and present <= SAMPLES.helped * worst and not time_is_up():
-                finer, worst = refine(result), present
+            present = errors(result)
+            helped = len(present) < count or (len(present) and np.median(present) <= SAMPLES.helped * median)
+            if len(present) and helped and not time_is_up():
+                count, median = len(present), float(np.median(present))
+                finer = refine(result)
         if finer is None or time_is_up():
             break
         result = finer

@@ -188,24 +188,25 @@ def resolve_plan(
 ) -> Plan:
     """Return a plan on more samples if an optimum is under-resolved.
 
-    See ``on_more_samples``. All optima are minimised again on more samples. The plan stays the same if one of them
-    leaves the path between its samples or does not converge. Errors below the rounding error of the objective's size at
-    ``rollouts`` count as 0. ``given`` is the number of samples that the user chose.
+    See ``on_more_samples``. All optima are minimised again on more samples, and keep their status if they do not
+    converge there. Those that leave the path between their samples are dropped; if the best one does, the plan stays
+    the same. Errors below the rounding error of the objective's size at ``rollouts`` count as 0. ``given`` is the
+    number of samples that the user chose.
     """
 
-    def error(found: tuple[MotionTask, Plan]) -> float:
-        errors = [each.discretisation_error for each in found[1].optima if each.status == UNDER_RESOLVED]
-        rounding = INDICATORS.rounding * objective_scales(task, rollouts)[0] if errors else 0.0
-        return max((each for each in errors if each > rounding), default=0.0)
+    def errors(found: tuple[MotionTask, Plan]) -> Float[np.ndarray, " inexact"]:
+        inexact = [each for each in found[1].optima if each.status == UNDER_RESOLVED]
+        rounding = INDICATORS.rounding * objective_scales(task, rollouts)[0] if inexact else 0.0
+        sizes = [(each.discretisation_error, abs(each.objective)) for each in inexact]
+        return np.array([error / max(size, 1e-300) for error, size in sizes if error > rounding])
 
-    def refine(found: tuple[MotionTask, Plan]) -> tuple[MotionTask, Plan] | None:
+    def refine(found: tuple[MotionTask, Plan]) -> tuple[MotionTask, Plan]:
         former, plan = found
-        finer = former.with_midpoints()
-        starts = resample(former, np.stack([each.motion.q for each in plan.optima]), finer)
+        finer, q = former.with_midpoints(), np.stack([each.motion.q for each in plan.optima])
+        former.motion(q[:1]).at(finer.times)  # raises Infeasible if the best motion leaves the path
+        starts = resample(former, q, finer)
         ends = minimise_from(motion_program(finer, objective_scales(finer, starts)), starts, np.ones(1), solver=solver)
-        if len(ends) < len(plan.optima) or not (ends.converged & (ends.violation <= FEASIBLE)).all():
-            return None
-        solutions = _merge(finer, ends[:0], ends)
+        solutions = concatenate((_merge(finer, ends[ends.converged], ends[:0]), ends[~ends.converged]))
         if observe is not None:
             observe(level_progress(finer, starts, ends, solutions))
         resolved = _plan(finer, solutions, None, plan.levels, plan.starts, solver)
@@ -213,7 +214,7 @@ def resolve_plan(
         samples = {ADDED_SAMPLES: {"path": given, "used": len(finer.times)}}
         return finer, replace(resolved, levels=levels, provenance={**resolved.provenance, **samples})
 
-    return on_more_samples((task, plan), error, refine)[1]
+    return on_more_samples((task, plan), errors, refine)[1]
 
 
 def _search(

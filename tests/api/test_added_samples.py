@@ -158,3 +158,22 @@ def test_a_value_that_stays_off_its_curve_stays_under_resolved(monkeypatch):
     plan = pk.plan(problem, starts=3)
     assert "under-resolved" in {each.status for each in plan.optima}
     assert "samples" not in plan.provenance
+
+
+def test_an_optimum_that_does_not_converge_on_more_samples_keeps_none_from_the_others():
+    rng = np.random.default_rng(9)
+    arm = pk.Arm.planar(lengths=rng.uniform(0.2, 0.5, 4), masses=rng.uniform(0.5, 2.0, 4))
+    path = pk.line([-0.650, -0.202], [-0.205, -0.595], duration=1.0, samples=8)
+    plan = pk.plan(pk.Tracking(arm, path, objectives=[pk.torque_norm]), starts=3)
+    statuses = [each.status for each in plan.optima]
+    assert len(plan.levels) == 1 + SAMPLES.doublings
+    assert statuses.count("converged") > len(statuses) / 2
+
+
+@pytest.mark.parametrize(("good", "stuck", "steps"), [(3, 0, 3), (3, 1, 3), (0, 2, 1)])
+def test_samples_are_added_while_they_help_most_values(good, stuck, steps):
+    def errors(step):
+        each = np.append(np.array([0.1, 0.2, 0.4])[:good] / 16.0**step, np.full(stuck, 1e6))
+        return each[each > 1e-3]
+
+    assert LEVELS.on_more_samples(0, errors, lambda step: step + 1) == steps
