@@ -11,6 +11,7 @@ columns, slack and epigraph variables that follow from x, so that every function
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -297,63 +298,43 @@ class Goal:
     upper: Float[np.ndarray, " bounds"]
 
 
-@runtime_checkable
-class Linearisation(Protocol):
-    """A program to first order at a point.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Linearisation(ABC):
+    """A program to first order at a point x.
 
     Its columns are a step along the equalities, then auxiliary variables. Every step of a solver satisfies the
     inequalities that tie auxiliary columns exactly.
+
+    unknowns: number of columns of a step along the equalities; the others are auxiliary
+    elastic: number of elastic inequalities, which come first: steps may violate them
+    unit: Euclidean length of a step with RMS length one
+    inequalities: c, divided by their ranges, then those that tie auxiliary columns
+    jacobian: Jacobian of the inequalities (inequalities, columns)
+    cones: cones that tie auxiliary columns to lengths
     """
 
-    @property
-    def x(self) -> Point:
-        """The point."""
+    x: Point
+    unknowns: int
+    elastic: int
+    unit: float = 1.0
+    objectives: Float[np.ndarray, " objectives"]
+    equalities: Float[np.ndarray, " equalities"]
+    inequalities: Float[np.ndarray, " inequalities"]
+    gradients: Float[np.ndarray, "objectives columns"]
+    jacobian: sparse.csr_array
+    cones: tuple[Cone, ...] = ()
 
     @property
     def columns(self) -> int:
         """Number of columns."""
+        return self.gradients.shape[1]
 
-    @property
-    def unknowns(self) -> int:
-        """Number of columns of a step along the equalities; the others are auxiliary."""
-
-    @property
-    def unit(self) -> float:
-        """Euclidean length of a step with RMS length one."""
-
-    @property
-    def objectives(self) -> Float[np.ndarray, " objectives"]:
-        """The objectives F."""
-
-    @property
-    def equalities(self) -> Float[np.ndarray, " equalities"]:
-        """The equalities h."""
-
-    @property
-    def inequalities(self) -> Float[np.ndarray, " inequalities"]:
-        """The inequalities c, divided by their ranges, then those that tie auxiliary columns."""
-
-    @property
-    def elastic(self) -> int:
-        """Number of elastic inequalities, which come first: steps may violate them."""
-
-    @property
-    def gradients(self) -> Float[np.ndarray, "objectives columns"]:
-        """The gradients of F."""
-
-    @property
-    def jacobian(self) -> sparse.csr_array:
-        """The Jacobian of the inequalities (inequalities, columns)."""
-
-    @property
-    def cones(self) -> tuple[Cone, ...]:
-        """The cones that tie auxiliary columns to lengths."""
-
+    @abstractmethod
     def hessian(
         self,
         weights: Float[np.ndarray, " objectives"],
         multipliers: Float[np.ndarray, " inequalities"],
-        cone_multipliers: tuple[np.ndarray, ...],
+        cone_multipliers: tuple[np.ndarray, ...] = (),
     ) -> sparse.csr_array:
         """Return the Hessian (columns, columns) of the Lagrangian.
 
@@ -361,9 +342,11 @@ class Linearisation(Protocol):
         gradient across the tangent space.
         """
 
+    @abstractmethod
     def retract(self, step: Float[np.ndarray, " columns"]) -> Point | None:
-        """Return the point on the equalities after a step; else None."""
+        """Return the point on the equalities after a step; None if it is not reached."""
 
+    @abstractmethod
     def corrected_inequalities(
         self, step: Float[np.ndarray, " columns"], x: Point
     ) -> Float[np.ndarray, " inequalities"]:
@@ -392,17 +375,11 @@ class Program(Protocol):
 
     @property
     def kernel(self) -> Any:
-        """The program for compiled solvers.
-
-        None if they do not support a part of F or c.
-        """
+        """The program for compiled solvers; None if they do not support a part of F or c."""
 
     @property
     def kinked(self) -> tuple[str, ...]:
-        """Names of functions with kinks.
-
-        Compiled solvers smooth them, so F must be evaluated again.
-        """
+        """Names of functions with kinks: compiled solvers smooth them, so F must be evaluated again."""
 
     @property
     def unsupported(self) -> tuple[str, ...]:
@@ -413,10 +390,7 @@ class Program(Protocol):
         """Stationarity that rounding cannot distinguish from 0."""
 
     def project(self, x: Points) -> Points:
-        """Return starts with their fixed parts corrected.
-
-        Fixed parts are a given start and a last step at rest.
-        """
+        """Return starts with their fixed parts corrected: a given start, a last step at rest."""
 
     def pin(self, x: Points) -> Points:
         """Return points with their given parts restored to the bit."""
@@ -430,16 +404,10 @@ class Program(Protocol):
         """Return the program to first order at a point."""
 
     def kinks_at(self, x: Point) -> tuple[str, ...]:
-        """Return the names of functions with a kink at a point.
-
-        Kinks that an auxiliary variable represents do not count.
-        """
+        """Return the names of functions with a kink at a point that no auxiliary variable represents."""
 
     def distance(self, x: Point, others: Points) -> np.ndarray:
-        """Return RMS distances from others, in rad or similar.
-
-        Optima nearer than 0.01 are one.
-        """
+        """Return RMS distances from others, in rad or similar; optima nearer than 0.01 are one."""
 
 
 def bounded(at: Linearisation, goal: Goal) -> tuple[Constraints, int]:

@@ -527,43 +527,32 @@ def dense_kernel(program: AssembledRows, costs: Float[np.ndarray, "objectives un
 
 @lru_cache(maxsize=64)
 def _kernel(whole: AssembledRows) -> DenseKernel:
-    unknowns, parts = whole.unknowns, whole.parts
-    equalities = sum(part.program.equalities * len(part.where) for part in parts)
-    inequalities = sum(part.program.inequalities * len(part.where) for part in parts)
-    first_h, first_c = 0, equalities
-    tables, rows, first, second = [], [], [], []
+    """Return the kernel without objectives."""
+    parts, equalities = whole.parts, whole.equalities
+    tables, first, second = [], [], []
     begin = np.zeros(3, dtype=np.int64)
-    for part in parts:
-        program, places = part.program, len(part.where)
-        lane = np.arange(places)
-        row = np.concatenate(
-            [
-                first_h + np.arange(program.equalities)[:, None] + program.equalities * lane,
-                first_c + np.arange(program.inequalities)[:, None] + program.inequalities * lane,
-            ]
-        )
-        first_h, first_c = first_h + program.equalities * places, first_c + program.inequalities * places
-        counts = [places, part.where.shape[1], part.parameters.shape[1], len(row)]
+    for part, row in zip(parts, whole.places, strict=True):
+        program, where = part.program, part.where.T
+        counts = [where.shape[1], len(where), part.parameters.shape[1], len(row)]
         tables.append([*counts, program.equalities > 0, *begin])
-        begin += part.where.size, part.parameters.size, row.size
-        rows.append(row.ravel())
+        begin += where.size, part.parameters.size, row.size
         (i, j), (a, b) = program.jacobian_pattern, program.hessian_pattern
-        first.append((row[i].ravel(), part.where.T[j].ravel()))
-        second.append((part.where.T[a].ravel(), part.where.T[b].ravel()))
+        first.append((row[i].ravel(), where[j].ravel()))
+        second.append((where[a].ravel(), where[b].ravel()))
     first_row, first_column = np.concatenate(first, axis=1).astype(np.int64)
     second_row, second_column = np.concatenate(second, axis=1).astype(np.int64)
     order = np.lexsort((first_column, first_row))
     by_row = order[first_row[order] >= equalities]
     return DenseKernel(
-        unknowns=unknowns,
+        unknowns=whole.unknowns,
         equalities=equalities,
-        inequalities=inequalities,
-        objectives=np.zeros((0, unknowns)),
+        inequalities=whole.inequalities,
+        objectives=np.zeros((0, whole.unknowns)),
         **_concatenate_evaluators(parts),
         parts=np.array(tables, dtype=np.int64),
         where=np.concatenate([part.where.T.ravel() for part in parts]).astype(np.int64),
         parameters=np.concatenate([part.parameters.T.ravel() for part in parts]),
-        row=np.concatenate(rows).astype(np.int64),
+        row=np.concatenate([row.ravel() for row in whole.places]).astype(np.int64),
         begin_first=np.cumsum([0, *(len(pair[0]) for pair in first)]),
         first_row=first_row,
         first_column=first_column,
@@ -571,27 +560,20 @@ def _kernel(whole: AssembledRows) -> DenseKernel:
         second_row=second_row,
         second_column=second_column,
         by_row=by_row,
-        begin_row=np.searchsorted(first_row[by_row], equalities + np.arange(inequalities + 1)),
+        begin_row=np.searchsorted(first_row[by_row], equalities + np.arange(whole.inequalities + 1)),
     )
 
 
 def _concatenate_evaluators(parts: Sequence[Part]) -> dict[str, Any]:
-    """Return the joined arrays of all evaluators.
-
-    A table has the beginning and the end of each.
-    """
-    arrays: list[list[np.ndarray]] = [[], [], [], []]
-    ends, programs = np.zeros(4, dtype=np.int64), []
-    for part in parts:
-        table = []
-        for evaluator in (part.program.values, part.program.jacobian_entries, part.program.hessian_entries):
-            each = (evaluator.code, evaluator.constants, evaluator.inputs, evaluator.outputs)
-            sizes = np.array([len(array) for array in each])
-            table.append([*np.stack([ends, ends + sizes], axis=1).ravel(), evaluator.registers, len(evaluator.outputs)])
-            ends = ends + sizes
-            for collected, array in zip(arrays, each, strict=True):
-                collected.append(array)
-        programs.append(table)
+    """Return the joined arrays of all evaluators, with a table of where each begins and ends."""
     names = ("code", "constants", "inputs", "outputs")
-    joined = {name: np.concatenate(collected) for name, collected in zip(names, arrays, strict=True)}
-    return joined | {"programs": np.array(programs, dtype=np.int64)}
+    orders = [(part.program.values, part.program.jacobian_entries, part.program.hessian_entries) for part in parts]
+    flat = [evaluator for each in orders for evaluator in each]
+    sizes = np.array([[len(getattr(each, name)) for name in names] for each in flat])
+    ends = np.cumsum(sizes, axis=0)
+    table = np.concatenate(
+        [np.stack([ends - sizes, ends], axis=2).reshape(len(flat), -1), [[e.registers, len(e.outputs)] for e in flat]],
+        axis=1,
+    )
+    joined = {name: np.concatenate([getattr(each, name) for each in flat]) for name in names}
+    return joined | {"programs": table.reshape(len(parts), 3, -1).astype(np.int64)}
