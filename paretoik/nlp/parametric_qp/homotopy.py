@@ -26,10 +26,9 @@ from paretoik.nlp.parametric_qp.working_set import (
     add_row,
     allocate_working_set,
     drop_constraint,
+    drop_or_regularise,
     factorise_working_set,
-    is_definite_without,
     project_row,
-    regularise_without,
     row_product,
     solve_working_set,
     update_working_set,
@@ -37,9 +36,7 @@ from paretoik.nlp.parametric_qp.working_set import (
 
 
 class QpOptions(NamedTuple):
-    """Tolerances without unit.
-
-    Rows of A have length one; H and g are divided by ‖g‖.
+    """Tolerances without unit: rows of A have length one; H and g are divided by ‖g‖.
 
     changes: largest number of changes of the active set; more count as cycling
     updates: number of updates before the matrix is factorised again
@@ -68,9 +65,7 @@ class QpHomotopy(NamedTuple):
 
 @compiled(what="the parametric quadratic program", seconds=5)
 def solve_from(A, B, C, gradient, columns, entries, dense, values, multipliers, options):
-    """Return the solution of a quadratic program.
-
-    It is (step, multipliers, share of the homotopy, changes of the active set).
+    """Return (step, multipliers, share of the homotopy, changes of the active set) of a quadratic program's solution.
 
         minimise    ½ dᵀH d + gᵀd,  H = [[A, Bᵀ], [B, C]] with A banded (``banded.cholesky``)
         subject to  values + [rows] d ≥ 0
@@ -89,55 +84,42 @@ def solve_from(A, B, C, gradient, columns, entries, dense, values, multipliers, 
         for j in range(len(row)):
             row[j] /= lengths[i]
         values[i] /= lengths[i]
-    program = QuadraticProgram(A, B, C, gradient, columns, entries, dense, values)
+    arrays = QuadraticProgram(A, B, C, gradient, columns, entries, dense, values)
+    program = refer(arrays)
     work = allocate_working_set(len(gradient), A.shape[1], len(C), len(values), options.updates)
-    homotopy = _begin(refer(program), lengths, multipliers, scale, options)
-    share, changes = _follow(refer(program), refer(work), refer(homotopy), scale, options)
-    for i in range(len(values)):
-        homotopy.multipliers[i] *= scale / lengths[i]
-    keep(program)
-    keep(work)
-    return homotopy.step, homotopy.multipliers, share, changes
-
-
-@compiled
-def _begin(program, lengths, multipliers, scale, options):
-    """Return the homotopy; it begins at the data for which the guess is optimal."""
-    n, count = len(program.gradient), len(lengths)
+    # the homotopy begins at the data for which the guess is optimal
+    n, count = len(gradient), len(values)
     homotopy = QpHomotopy(
         np.zeros(n), np.zeros(count), np.zeros(count), np.zeros(n), np.zeros(count), np.zeros(n), np.zeros(count),
         np.zeros(count),
     )  # fmt: skip
     for j in range(n):
-        homotopy.gradient_rate[j] = program.gradient[j] / scale
+        homotopy.gradient_rate[j] = gradient[j] / scale
     for i in range(count):
         if multipliers[i] > 0.0:
             homotopy.multipliers[i] = multipliers[i] * lengths[i] / scale
+            add_row(program, i, -homotopy.multipliers[i], homotopy.gradient_rate)
         else:
             lift = 1.0 + i * (np.sqrt(5.0) - 1.0) / 2 % 1.0
-            homotopy.slacks[i] = max(program.values[i], 0.0) + options.lift * lift
-        homotopy.value_rate[i] = program.values[i] - homotopy.slacks[i]
+            homotopy.slacks[i] = max(values[i], 0.0) + options.lift * lift
+        homotopy.value_rate[i] = values[i] - homotopy.slacks[i]
+        work.is_active[i] = homotopy.multipliers[i] > 0.0
+    share, changes = _follow(program, refer(work), refer(homotopy), scale, options)
     for i in range(count):
-        if homotopy.multipliers[i] > 0.0:
-            add_row(program, i, -homotopy.multipliers[i], homotopy.gradient_rate)
-    return homotopy
+        homotopy.multipliers[i] *= scale / lengths[i]
+    keep(arrays)
+    keep(work)
+    return homotopy.step, homotopy.multipliers, share, changes
 
 
 @compiled
 def _follow(program, work, homotopy, scale, options):
-    """Follow the optimum to the true data or its end.
-
-    Returns the share of the homotopy and the number of changes.
-    """
+    """Follow the optimum to the true data or its end; return the homotopy's share and the number of changes."""
     share, changes = 0.0, 0
-    for i in range(len(homotopy.multipliers)):
-        work.is_active[i] = homotopy.multipliers[i] > 0.0
     if not factorise_working_set(program, work, scale):
         return share, changes
     while changes <= options.changes:
-        solve_working_set(
-            program, work, homotopy.gradient_rate, homotopy.value_rate, homotopy.step_rate, homotopy.multiplier_rates
-        )
+        solve_working_set(program, work, homotopy)
         for i in range(len(homotopy.slacks)):
             homotopy.slack_rates[i] = 0.0
             if not work.is_active[i]:
@@ -165,29 +147,19 @@ def _follow(program, work, homotopy, scale, options):
         if row < 0 or share > 1.0 - options.end:
             return 1.0, changes
         changes += 1
-        if not (_drop(work, homotopy, row) if dropped else _add(program, work, homotopy, row, options)):
-            return share, changes
-        if not update_working_set(program, work, options.updates, scale):
+        if dropped:
+            homotopy.multipliers[row], homotopy.slacks[row] = 0.0, 0.0
+            continues = drop_or_regularise(work, row)
+        else:
+            continues = _add(program, work, homotopy, row, options)
+        if not continues or not update_working_set(program, work, options.updates, scale):
             return share, changes
     return share, changes
 
 
 @compiled
-def _drop(work, homotopy, row):
-    """Drop an active constraint; return whether the optimum continues without it."""
-    homotopy.multipliers[row], homotopy.slacks[row] = 0.0, 0.0
-    if is_definite_without(work, row):
-        drop_constraint(work, row)
-        return True
-    return regularise_without(work, row)  # no or negative curvature: the regularised K decides
-
-
-@compiled
 def _add(program, work, homotopy, row, options):
-    """Add a constraint; return whether all can be satisfied.
-
-    If it depends on active constraints, it replaces one of them.
-    """
+    """Add a constraint, in place of one that it depends on if any; return whether all can be satisfied."""
     remainder = project_row(program, work, row, homotopy.multiplier_rates)
     homotopy.slacks[row] = 0.0
     if remainder <= options.dependent:

@@ -7,8 +7,16 @@ from typing import NamedTuple
 import numpy as np
 
 from paretoik.compilation.numba_cache import compiled
-from paretoik.nlp.banded.cholesky import factorise, solve, solve_columns
-from paretoik.nlp.linear_algebra import clear, factorise_lu, solve_lu
+from paretoik.nlp.banded.cholesky import (
+    BorderedMatrix,
+    add_entry,
+    allocate_matrix,
+    clear_matrix,
+    factorise,
+    solve,
+    solve_columns,
+)
+from paretoik.nlp.linear_algebra import factorise_lu, solve_lu
 
 # The Hessian of a quadratic program, made definite by its active rows, and its factors; compiled.
 #
@@ -19,10 +27,7 @@ from paretoik.nlp.linear_algebra import clear, factorise_lu, solve_lu
 
 
 class AugmentationOptions(NamedTuple):
-    """Settings that make K definite.
-
-    ρ and the regularisation are relative to the largest diagonal entry of H.
-    """
+    """Settings that make K definite; ρ and the regularisation are relative to the largest diagonal entry of H."""
 
     stiffness: tuple[float, ...] = (1.0, 1e3, 1e3, 1e6, 1e6)  # ρ, tried in order: a larger one costs digits
     dense: int = 2  # index of the first ρ with all rows
@@ -35,118 +40,66 @@ IS_DENSE, IS_REGULARISED = 0, 1  # places in the flags
 
 
 class AugmentedHessian(NamedTuple):
-    """K and its factors, banded with a border (``banded.cholesky``) and dense."""
+    """K, banded with a border and dense; only the one that the flags name is factorised."""
 
-    A: np.ndarray
-    B: np.ndarray
-    C: np.ndarray
-    L: np.ndarray
-    X: np.ndarray
-    S: np.ndarray
-    full: np.ndarray  # (unknowns, unknowns): the band is as wide as the matrix
-    full_factor: np.ndarray
-    no_border: np.ndarray  # (0, unknowns): border of the dense matrix
+    banded: BorderedMatrix
+    full: BorderedMatrix  # its band is as wide as the matrix
     flags: np.ndarray
 
 
 @compiled
-def allocate_augmented_hessian(n, band, border):
-    """Return the arrays for n unknowns."""
-    size = n - border
-    return AugmentedHessian(
-        np.zeros((size, band)),
-        np.zeros((border, size)),
-        np.zeros((border, border)),
-        np.zeros((size, band)),
-        np.zeros((border, size)),
-        np.zeros((border, border)),
-        np.zeros((n, n)),
-        np.zeros((n, n)),
-        np.zeros((0, n)),
-        np.zeros(2, dtype=np.bool_),
-    )
-
-
-@compiled
 def factorise_augmented_hessian(program, hessian, is_active, scale):
-    """Factorise K for H / ``scale``; return the first ρ that serves.
-
-    K must be definite. The result is −1 if no ρ makes K definite.
-    """
-    size = 0.0
-    for i in range(len(program.A)):
-        size = max(size, abs(program.A[i, 0]) / scale)
-    size += size == 0.0
+    """Factorise K for H / ``scale``; return the first ρ that makes K definite, −1 if none does."""
+    (size, band), border, limits, n = program.A.shape, len(program.C), len(program.entries), len(program.gradient)
+    largest = 0.0
+    for i in range(size):
+        largest = max(largest, abs(program.A[i, 0]) / scale)
+    largest += largest == 0.0
     for attempt in range(HESSIAN_OPTIONS.flat if hessian.flags[IS_REGULARISED] else 0, len(HESSIAN_OPTIONS.stiffness)):
         is_dense, is_regularised = attempt >= HESSIAN_OPTIONS.dense, attempt == HESSIAN_OPTIONS.flat
-        rho, delta = (
-            HESSIAN_OPTIONS.stiffness[attempt] * size,
-            HESSIAN_OPTIONS.regularisation * size if is_regularised else 0.0,
-        )
         hessian.flags[IS_DENSE], hessian.flags[IS_REGULARISED] = is_dense, is_regularised
-        if _factorise(program, hessian, is_active, rho, delta, is_dense, scale):
+        rho = HESSIAN_OPTIONS.stiffness[attempt] * largest
+        delta = HESSIAN_OPTIONS.regularisation * largest if is_regularised else 0.0
+        # H / scale + delta I
+        K = hessian.full if is_dense else hessian.banded
+        clear_matrix(K)
+        for i in range(size):
+            for d in range(min(band, i + 1)):
+                K.A[i, d] = program.A[i, d] / scale
+            K.A[i, 0] += delta
+        for e in range(border):
+            for j in range(size):
+                add_entry(K, size + e, j, program.B[e, j] / scale)
+            for f in range(e + 1):
+                add_entry(K, size + e, size + f, program.C[e, f] / scale)
+            add_entry(K, size + e, size + e, delta)
+        # ρ aaᵀ of the active rows; dense rows only if K is dense
+        for i in range(limits):
+            in_order = K.A.shape[1] == n  # whether the row's entries are those of the first unknowns of a dense K
+            for k in range(program.columns.shape[1]):
+                in_order &= program.columns[i, k] == k
+            if is_active[i] and in_order:
+                _add_square(K.A, rho, program.entries[i])
+            elif is_active[i]:
+                for a in range(program.columns.shape[1]):
+                    for b in range(program.columns.shape[1]):
+                        row, column = program.columns[i, a], program.columns[i, b]
+                        value = rho * program.entries[i, a] * program.entries[i, b]
+                        if row >= column and value != 0.0:
+                            add_entry(K, row, column, value)
+        for e in range(len(program.dense) if is_dense else 0):
+            if is_active[limits + e]:
+                for i in range(n):
+                    for j in range(i + 1):
+                        K.A[i, i - j] += rho * program.dense[e, i] * program.dense[e, j]
+        if factorise(K, 0):
             return rho
     return -1.0
 
 
 @compiled
-def _factorise(program, hessian, is_active, rho, delta, is_dense, scale):
-    """Factorise K, banded or dense; return whether it is positive definite.
-
-    ``delta`` is added to the diagonal.
-    """
-    size, band = program.A.shape
-    matrix, border, none = hessian.full if is_dense else hessian.A, len(program.C), hessian.no_border
-    for part in (matrix, hessian.B, hessian.C):
-        clear(part)
-    for i in range(size):
-        for d in range(min(band, i + 1)):
-            matrix[i, d] = program.A[i, d] / scale
-        matrix[i, 0] += delta
-    for e in range(border):
-        for j in range(size):
-            _add_entry(hessian, is_dense, size, size + e, j, program.B[e, j] / scale)
-        for f in range(e + 1):
-            _add_entry(hessian, is_dense, size, size + e, size + f, program.C[e, f] / scale)
-        _add_entry(hessian, is_dense, size, size + e, size + e, delta)
-    # add ρ aaᵀ of the active rows; dense rows only if K is dense
-    size, limits = len(program.A), len(program.entries)
-    matrix = hessian.full if is_dense else hessian.A
-    for i in range(limits):
-        if is_active[i] and matrix.shape[1] == len(hessian.full) and _has_all_columns(program.columns[i]):
-            _add_square(matrix, rho, program.entries[i])
-        elif is_active[i]:
-            for a in range(program.columns.shape[1]):
-                for b in range(program.columns.shape[1]):
-                    row, column = program.columns[i, a], program.columns[i, b]
-                    value = rho * program.entries[i, a] * program.entries[i, b]
-                    if row >= column and value != 0.0:
-                        _add_entry(hessian, is_dense, size, row, column, value)
-    for e in range(len(program.dense) if is_dense else 0):
-        if is_active[limits + e]:
-            for i in range(len(hessian.full)):
-                for j in range(i + 1):
-                    hessian.full[i, i - j] += rho * program.dense[e, i] * program.dense[e, j]
-    if is_dense:
-        return factorise(hessian.full, none, none, hessian.full_factor, none, none, 0)
-    return factorise(hessian.A, hessian.B, hessian.C, hessian.L, hessian.X, hessian.S, 0)
-
-
-@compiled
-def _has_all_columns(columns):
-    """Return whether a row's entries are those of the first unknowns in order."""
-    in_order = True
-    for k in range(len(columns)):
-        in_order &= columns[k] == k
-    return in_order
-
-
-@compiled(level=3)
 def _add_square(matrix, rho, row):
-    """Add ρ aaᵀ of a row to a K without border.
-
-    The row has the first unknowns.
-    """
+    """Add ρ aaᵀ of a row to a dense matrix; the row has the first unknowns."""
     for i in range(len(row)):
         factor = rho * row[i]
         for d in range(i + 1):
@@ -154,46 +107,16 @@ def _add_square(matrix, rho, row):
 
 
 @compiled
-def _add_entry(hessian, is_dense, size, row, column, value):
-    """Add a value to an entry of the lower half of K."""
-    if is_dense:
-        hessian.full[row, row - column] += value
-    elif row < size:
-        hessian.A[row, row - column] += value
-    elif column < size:
-        hessian.B[row - size, column] += value
-    else:
-        hessian.C[row - size, column - size] += value
-        if row != column:
-            hessian.C[column - size, row - size] += value
-
-
-@compiled
-def solve_augmented_columns(hessian, columns, count):
-    """Overwrite the first columns of a matrix with K⁻¹ · columns."""
-    if hessian.flags[IS_DENSE]:
-        solve_columns(hessian.full_factor, hessian.no_border, hessian.no_border, hessian.no_border, columns, count)
-    else:
-        solve_columns(hessian.L, hessian.B, hessian.X, hessian.S, columns, count)
-
-
-@compiled
-def solve_augmented_hessian(hessian, x):
-    """Overwrite x with K⁻¹ x."""
-    if hessian.flags[IS_DENSE]:
-        solve(hessian.full_factor, hessian.no_border, hessian.no_border, hessian.no_border, x)
-    else:
-        solve(hessian.L, hessian.B, hessian.X, hessian.S, x)
+def factorised(hessian):
+    """Return K as it is factorised."""
+    return hessian.full if hessian.flags[IS_DENSE] else hessian.banded
 
 
 # A quadratic program in arrays, and its rows; compiled.
 
 
 class QuadraticProgram(NamedTuple):
-    """The program min ½ dᵀHd + gᵀd with c + Ad ≥ 0.
-
-    The rows of A have length one: sparse rows, then dense ones.
-    """
+    """The program min ½ dᵀHd + gᵀd with c + Ad ≥ 0; its rows have length one: sparse rows, then dense ones."""
 
     A: np.ndarray  # (size, band), lower half of H
     B: np.ndarray  # (border, size)
@@ -248,12 +171,9 @@ def write_column(program, i, matrix, column):
         matrix[program.columns[i, k], column] += program.entries[i, k]
 
 
-@compiled(level=3)
+@compiled
 def column_products(program, i, matrix, first, count, products):
-    """Write the products of row i with some columns of a matrix.
-
-    These are the columns ``first`` to ``count`` − 1.
-    """
+    """Write the products of row i with the columns ``first`` to ``count`` − 1 of a matrix."""
     limits = len(program.entries)
     for w in range(first, count):
         products[w] = 0.0
@@ -265,7 +185,7 @@ def column_products(program, i, matrix, first, count, products):
         _add_products(program.entries[i, k], matrix[program.columns[i, k]], first, count, products)
 
 
-@compiled(level=3)
+@compiled
 def _add_products(factor, row, first, count, products):
     for w in range(first, count):
         products[w] += factor * row[w]
@@ -314,7 +234,9 @@ def allocate_working_set(n, band, border, constraints, updates):
     """Return the arrays for n unknowns."""
     capacity = n + updates + 4
     return WorkingSet(
-        allocate_augmented_hessian(n, band, border),
+        AugmentedHessian(
+            allocate_matrix(n - border, band, border), allocate_matrix(n, n, 0), np.zeros(2, dtype=np.bool_)
+        ),
         np.zeros(capacity, dtype=np.int64),
         np.zeros(capacity),
         np.zeros((capacity, n)),
@@ -332,10 +254,7 @@ def allocate_working_set(n, band, border, constraints, updates):
 
 @compiled
 def factorise_working_set(program, work, scale):
-    """Factorise K and the Schur complement of the active rows.
-
-    K is for H / ``scale``. Returns whether K is definite.
-    """
+    """Factorise K, for H / ``scale``, and the Schur complement of the active rows; return whether K is definite."""
     count = 0
     for i in range(len(work.is_active)):
         work.position[i] = -1
@@ -355,7 +274,7 @@ def factorise_working_set(program, work, scale):
             write_column(program, i, work.columns, place)
             place += 1
     work.counts[ROWS] = place
-    solve_augmented_columns(work.hessian, work.columns, place)
+    solve_columns(factorised(work.hessian), work.columns, place)
     for w in range(place):
         column_products(program, work.rows[w], work.columns, w, place, work.right)
         for v in range(w, place):
@@ -378,15 +297,17 @@ def _factorise_schur(work):
 
 
 @compiled
-def solve_working_set(program, work, gradient_rate, value_rate, step_rate, multiplier_rates):
-    """Write d and y for the given rates.
+def solve_working_set(program, work, homotopy):
+    """Write the rates d and y of the optimum for the rates of the data; y of inactive rows is 0.
 
-    r = −``gradient_rate`` and b = −``value_rate``; y of inactive rows is 0.
+    r = −(rate of the gradient) and b = −(rate of the values).
     """
+    gradient_rate, value_rate = homotopy.gradient_rate, homotopy.value_rate
+    step_rate, multiplier_rates = homotopy.step_rate, homotopy.multiplier_rates
     count, vector = work.counts[ROWS], work.vector
     for j in range(len(vector)):
         vector[j] = -gradient_rate[j]
-    solve_augmented_hessian(work.hessian, vector)
+    solve(factorised(work.hessian), vector)
     for w in range(count):
         i = work.rows[w]
         b = -value_rate[i] if work.is_active[i] else 0.0
@@ -406,13 +327,10 @@ def solve_working_set(program, work, gradient_rate, value_rate, step_rate, multi
 
 @compiled
 def project_row(program, work, row, multipliers):
-    """Write y with A_activeᵀ y nearest to a row.
-
-    The norm is that of K⁻¹. Returns the share of the row that is left.
-    """
+    """Write y with A_activeᵀ y nearest to a row in the norm of K⁻¹; return the share of the row that is left."""
     count, vector = work.counts[ROWS], work.vector
     write_row(program, row, vector)
-    solve_augmented_hessian(work.hessian, vector)
+    solve(factorised(work.hessian), vector)
     length = remainder = row_product(program, row, vector)
     for w in range(count):
         work.right[w] = -row_product(program, work.rows[w], vector)
@@ -427,21 +345,19 @@ def project_row(program, work, row, multipliers):
 
 
 @compiled
-def is_definite_without(work, row):
-    """Return whether curvature stays positive without an active row (Haynsworth's inertia formula)."""
+def drop_or_regularise(work, row):
+    """Drop an active constraint; return whether the optimum continues without it.
+
+    It does if curvature stays positive (Haynsworth's inertia formula). Else K with a regularised H decides at the next
+    update, unless H is regularised already.
+    """
     place = work.position[row]
     for w in range(work.counts[ROWS]):
         work.right[w] = w == place
     solve_lu(work.factors, work.exchanges, work.counts[ROWS], work.right)
-    return work.right[place] - work.stiffness[place] > OPTIONS.curvature * work.stiffness[place]
-
-
-@compiled
-def regularise_without(work, row):
-    """Drop an active constraint and regularise H at the update.
-
-    Returns False if H is regularised already.
-    """
+    if work.right[place] - work.stiffness[place] > OPTIONS.curvature * work.stiffness[place]:
+        drop_constraint(work, row)
+        return True
     if work.hessian.flags[IS_REGULARISED]:
         return False
     work.is_active[row], work.hessian.flags[IS_REGULARISED] = False, True
@@ -459,7 +375,7 @@ def add_constraint(program, work, row):
         count = work.counts[ROWS]
         vector = work.solved[count]
         write_row(program, row, vector)
-        solve_augmented_hessian(work.hessian, vector)
+        solve(factorised(work.hessian), vector)
         work.rows[count], work.position[row], work.stiffness[count] = row, count, 0.0
         for w in range(count + 1):
             work.schur[count, w] = work.schur[w, count] = row_product(program, work.rows[w], vector)
@@ -491,10 +407,7 @@ def drop_constraint(work, row):
 
 @compiled
 def update_working_set(program, work, updates, scale):
-    """Factorise the system after changes; return whether it is definite.
-
-    After more than ``updates`` changes, K is factorised too.
-    """
+    """Factorise the system after changes, K too after more than ``updates``; return whether it is definite."""
     if work.counts[CHANGES] <= updates and _factorise_schur(work):
         return True
     return factorise_working_set(program, work, scale)
