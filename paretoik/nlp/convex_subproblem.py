@@ -53,10 +53,7 @@ class Pattern(NamedTuple):
 
 
 class Statement(NamedTuple):
-    """A statement in cvxpy.
-
-    parameters: vectors of numbers, in the order of ``parameter_values``
-    """
+    """A statement in cvxpy; its ``parameters`` are those of ``parameter_values``, in the same order."""
 
     problem: Any
     parameters: list[Any]
@@ -118,9 +115,7 @@ def parameter_values(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Step:
-    """A step d, its violation t, and its multipliers.
-
-    The multipliers are those of inequalities and of vectors in cones.
+    """A step d, its violation t, and the multipliers of inequalities and of vectors in cones.
 
     In the criticality t may be negative: −t is the gain of all elastic inequalities.
     """
@@ -154,11 +149,10 @@ def solve_subproblem(
 
 
 def convexify(hessian: sparse.csr_array, unknowns: int, flattening: float) -> sparse.csr_array:
-    """Return the Hessian with negative eigenvalues raised to nearly 0.
+    """Return the Hessian with negative eigenvalues raised to nearly 0; the trust region bounds steps along them.
 
-    The trust region bounds steps along them. Reflecting them, or stiffening the Hessian across active inequalities,
-    took two to five times as many steps if curvature comes from kinks; the latter took 1.2 times as many on small dense
-    programs.
+    Reflecting them, or stiffening the Hessian across active inequalities, took two to five times as many steps if
+    curvature comes from kinks; the latter took 1.2 times as many on small dense programs.
     """
     dense = hessian.toarray()
     indices = np.flatnonzero(np.any(dense != 0, axis=1) | (np.arange(len(dense)) < unknowns))
@@ -182,10 +176,7 @@ def is_positive_definite(matrix: Float[np.ndarray, "size size"]) -> bool:
 
 
 class ConvexSubproblem:
-    """The canonicalised subproblem of one pattern.
-
-    With a ``ball`` it is the subproblem of the criticality.
-    """
+    """The canonicalised subproblem of one pattern; with a ``ball`` it is that of the criticality."""
 
     def __init__(self, pattern: Pattern, elastic: int, *, ball: bool = False) -> None:
         import cvxpy  # here: importing it takes two seconds
@@ -214,10 +205,9 @@ class ConvexSubproblem:
         near: Int[np.ndarray, " near"] | None = None,
         tolerance: float = CLARABEL_TOLERANCE,
     ) -> Step:
-        """Return the solution for these numbers.
+        """Return the solution for these numbers; with a ball there is no Hessian.
 
-        With a ball there is no Hessian. Only inequalities ``near`` count, by default those within reach. Raises
-        SolverFailed if Clarabel finds none.
+        Only inequalities ``near`` count, by default those within reach. Raises SolverFailed if Clarabel finds none.
         """
         scales = constraints.row_norms.copy()
         scales[: self._elastic] = 1.0  # not scaled: their units determine the cost of a violation
@@ -263,10 +253,7 @@ class ConvexSubproblem:
         )
 
     def _quadratic(self, hessian: sparse.csr_array | None) -> sparse.csc_matrix:
-        """Return P: the Hessian's upper triangle in d's rows and columns.
-
-        Without a Hessian P has no entries.
-        """
+        """Return P: the Hessian's upper triangle in d's rows and columns, no entries without a Hessian."""
         shape = (self._variables, self._variables)
         if hessian is None:
             return sparse.csc_matrix(shape)

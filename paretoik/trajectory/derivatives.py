@@ -176,8 +176,7 @@ def linearise(program: MotionTerms, q: Float[np.ndarray, "time dof"]) -> MotionL
     functions = len(slopes) - len(sparsity.rows)
     function_gradients = np.zeros((functions, len(program.variables), instants))
     function_gradients[sparsity.rows, sparsity.columns] = slopes[functions:]
-    wholes = sum(each.epigraph_columns for each in program.whole_functions)
-    basis, spline, by_samples = _basis(program, values.curve.chain, normal, wholes)
+    basis, spline, by_samples = _basis(program, values.curve.chain, normal)
     gradients, ties, tie_rows, cones = _whole_functions(program, values, basis)
     for k, total in enumerate(program.totals):
         if total.kind == "sum":
@@ -206,7 +205,6 @@ def linearise(program: MotionTerms, q: Float[np.ndarray, "time dof"]) -> MotionL
         elastic=program.elastic,
         unit=float(np.sqrt(program.stencil.unknowns / normal.shape[2])),  # rad, slides in arm lengths
         objectives=values.objectives,
-        equalities=np.zeros(0),  # the motion is on the path already
         normal=normal,
         path_jacobian=path_jacobian,
         basis=basis,
@@ -222,13 +220,14 @@ def linearise(program: MotionTerms, q: Float[np.ndarray, "time dof"]) -> MotionL
 
 
 def _basis(
-    program: MotionTerms, chain: np.ndarray, normal: np.ndarray, wholes: int
+    program: MotionTerms, chain: np.ndarray, normal: np.ndarray
 ) -> tuple[sparse.csr_array, sparse.csr_array, sparse.csr_array]:
     """Return derivatives by columns: of variables, spline state, and q.
 
     Their rows are variables · instants, states · instants, and dof · time.
     """
     stencil, instants, r = program.stencil, len(program.task.instants), normal.shape[2]
+    wholes = sum(each.epigraph_columns for each in program.whole_functions)
     columns = stencil.unknowns + program.slacks * instants + program.peaks + wholes
     begin = stencil.first_unknown[stencil.neighbours]
     moves = np.einsum("oik,ikja->ojika", stencil.coefficients, normal[stencil.neighbours])

@@ -7,9 +7,8 @@ one program to compiled code:
     subject to  h(x) = 0,  c(x) ≥ 0,  rows · F(x) ≤ upper
 
 The method moves along h(x) = 0: ``linearise`` finds a basis Z of the null space of ∂h/∂x, steps are Z · (reduced
-step), and ``retract`` leads back. The Newton matrix, reduced to Z, is a banded block with a border, [[A, B], [Bᵀ, C]]:
-A (size, band) contains entry (i, i − d) at [i, d]; the band of a dense matrix is as wide as its size. numba chooses
-the implementation by the kernel's class when it compiles the method (``implement``), so no call is indirect.
+step), and ``retract`` leads back. The Newton matrix, reduced to Z, is banded with a border (``cholesky``). numba
+chooses the implementation by the kernel's class when it compiles the method (``implement``), so no call is indirect.
 Every kernel also has these fields:
 
 longest_step      longest step, in units of x

@@ -25,10 +25,7 @@ EQUALITY_TOLERANCE = 1e-13  # largest error of a satisfied equality
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DenseProgram:
-    """A program with equalities, inequalities and objectives F = costs · z.
-
-    z are the unknowns.
-    """
+    """A program of unknowns z with equalities, inequalities and objectives F = costs · z."""
 
     rows: AssembledRows
     costs: Float[np.ndarray, "objectives unknowns"]
@@ -124,10 +121,7 @@ class DenseLinearisation(Linearisation):
         return dense_rows(self.basis.T @ hessian @ self.basis)
 
     def retract(self, step: Float[np.ndarray, " columns"]) -> Float[np.ndarray, " unknowns"] | None:
-        """Return the point that a step leads to.
-
-        It is on the equalities or nearer to them; None if it is not finite.
-        """
+        """Return the point on the equalities, or nearer to them, that a step leads to; None if it is not finite."""
         x = self.x + self.basis @ step
         for _ in range(6):  # Gauss–Newton steps with one Jacobian
             equalities = self.program.rows.rows(x)[0]
