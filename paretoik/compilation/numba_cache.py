@@ -18,7 +18,7 @@ import pickle
 import stat
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from types import CodeType, FunctionType
@@ -325,15 +325,12 @@ def _cache(function: Any, what: str, seconds: float | None) -> Any:
 @cache
 def _temporary_folder() -> Path:
     """Return a folder that only this user can write: code is loaded from it."""
-    folder = Path(tempfile.gettempdir()) / f"paretoik-{os.getuid() if hasattr(os, 'getuid') else 'cache'}"
-    try:
+    folder = Path(tempfile.gettempdir()) / f"paretoik-{os.getuid()}"
+    with suppress(OSError):
         folder.mkdir(mode=0o700, exist_ok=True)
         status = folder.lstat()
-        private = stat.S_ISDIR(status.st_mode) and not status.st_mode & 0o077
-        if not hasattr(os, "getuid") or (private and status.st_uid == os.getuid()):
+        if stat.S_ISDIR(status.st_mode) and not status.st_mode & 0o077 and status.st_uid == os.getuid():
             return folder
-    except OSError:
-        pass
     return Path(tempfile.mkdtemp(prefix="paretoik-"))
 
 
