@@ -32,7 +32,7 @@ class Evaluator:
     registers: int
 
     def __call__(self, inputs: Float[np.ndarray, "inputs points"]) -> Float[np.ndarray, "outputs points"]:
-        """Return the outputs at all inputs of the tape."""
+        """Return the outputs at points, from all inputs of the tape."""
         from paretoik.autodiff.interpreter import run  # here: numba is slow to import
 
         rows = np.ascontiguousarray(inputs, dtype=float)

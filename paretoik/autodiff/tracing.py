@@ -320,7 +320,7 @@ def apply_function(trace: Trace, function: Callable[..., Any], args: Any, settin
 
 
 def reduce_ufunc(ufunc: np.ufunc, array: TracedArray, *, axis: Any = None, keepdims: bool = False) -> TracedArray:
-    """Return an array reduced along axes, the first one first."""
+    """Return an array reduced along axes, its elements in order."""
     trace, entries = array.source, array.entries
     if ufunc.identity is None and 0 in entries.shape:
         raise InvalidInput(f"np.{ufunc.__name__} of nothing has no value")

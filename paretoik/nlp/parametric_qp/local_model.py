@@ -179,7 +179,6 @@ def lead_to_optimum(model, initial, step, y, weights, rows, upper, predictions, 
                     C[e, f] = _entry(model.C[:, e, f], weighed, initial)
         # objectives' gradients, the goal's gradient, and values of limits and bounds of the model at a step. The goal's
         # gradient includes the curvature of limits: the Lagrangian's Hessian less the objectives' Hessians
-        n, limits = len(step), len(model.c)
         objectives, moved = model.objectives.copy(), norm(step) > 0.0
         move_objectives(model, step, gradients, objectives)
         for j in range(n):
@@ -197,7 +196,6 @@ def lead_to_optimum(model, initial, step, y, weights, rows, upper, predictions, 
             values[limits + e] = upper[e]
             for k in range(len(weights)):
                 values[limits + e] -= rows[e, k] * objectives[k]
-        for e in range(len(rows)):
             for j in range(n):
                 dense[e, j] = 0.0
                 for k in range(len(weights)):
