@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 
-SILENT = 1.0  # s: shorter compilations, estimated or measured, are not announced
+SILENT = 1.0  # s: compilations with shorter estimates are not announced
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,6 +27,7 @@ class CompilationNotice:
 
 
 Observer = Callable[[CompilationNotice], object]
+Listener = Callable[[str, float], object]  # takes the name of a compiled function, and its compile time [s]
 
 
 def print_line(text: object) -> None:
@@ -34,6 +35,12 @@ def print_line(text: object) -> None:
     if sys.stderr is not None:
         with suppress(OSError, ValueError):
             print(text, file=sys.stderr, flush=True)
+
+
+_OBSERVERS: list[Observer] = [print_line]
+_LISTENERS: list[Listener] = []
+_TIME: list[tuple[float, float | None]] = [(0.0, None)]
+"""Seconds of finished compilations, and the start of the present one: one pair, as other threads read both."""
 
 
 @contextmanager
@@ -46,17 +53,6 @@ def observe_compilation(observer: Observer) -> Iterator[None]:
         _OBSERVERS.remove(observer)
 
 
-def announce(notice: CompilationNotice) -> None:
-    """Pass a notice to the last observer."""
-    _OBSERVERS[-1](notice)
-
-
-_OBSERVERS: list[Observer] = [print_line]
-
-
-Listener = Callable[[str, float], object]  # takes the name of a compiled function, and its compile time [s]
-
-
 @contextmanager
 def list_compiled(listener: Listener) -> Iterator[None]:
     """Call ``listener`` after each function that the body compiles."""
@@ -67,18 +63,18 @@ def list_compiled(listener: Listener) -> Iterator[None]:
         _LISTENERS.remove(listener)
 
 
-_LISTENERS: list[Listener] = []
+def announce(notice: CompilationNotice) -> None:
+    """Pass a notice to the last observer."""
+    _OBSERVERS[-1](notice)
 
 
-_TIME: list[tuple[float, float | None]] = [(0.0, None)]
-"""Seconds of finished compilations, and the start of the present one: one pair, as other threads read both."""
-
-
-def begin_compilation() -> None:
-    """Stop the clock, unless a compilation is under way."""
+def begin_compilation(notice: CompilationNotice | None = None) -> None:
+    """Stop the clock, unless a compilation is under way; announce it if it takes long."""
     seconds, since = _TIME[0]
     if since is None:
         _TIME[0] = seconds, time.monotonic()
+    if notice is not None and (notice.seconds or 0.0) >= SILENT:
+        announce(notice)
 
 
 def end_compilation(what: str = "") -> None:

@@ -19,8 +19,7 @@ import paretoik.closed_loop.engine
 import paretoik.closed_loop.open_loop_engine
 import paretoik.nlp.banded.interior_point  # before the hook: numba compiles functions, not wrappers
 import paretoik.nlp.dense.dense_kernel
-import paretoik.nlp.parametric_qp.correction
-import paretoik.nlp.parametric_qp.prediction
+import paretoik.nlp.parametric_qp.predictor_corrector
 import paretoik.resolution.horizon_newton
 import paretoik.resolution.step_kernels
 import paretoik.robot.components  # before the hook: sums and products, millions of them, without shapes

@@ -55,10 +55,7 @@ def partial_derivatives(tape: Tape, i: int, wrt: Container[int] | None = None) -
 
 
 def unary_derivative(tape: Tape, op: Op, i: int, a: int) -> int:
-    """Return the derivative of a one-operand function at its operand a.
-
-    The function is entry i.
-    """
+    """Return the derivative of entry i, a function of one operand, at its operand a."""
     apply, constant = tape.apply, tape.constant
     if op is Op.NEGATE:
         return constant(-1.0)
@@ -117,10 +114,7 @@ def gradient(tape: Tape, output: int, wrt: Sequence[int]) -> list[int]:
 
 
 def tangents(tape: Tape, outputs: Sequence[int], direction: Mapping[int, int]) -> list[int]:
-    """Return the entries of directional derivatives of outputs.
-
-    ``direction`` is the tangent of each input.
-    """
+    """Return the entries of directional derivatives of outputs; ``direction`` has the tangent of each input."""
     zero = tape.constant(0.0)
     tangent: dict[int, int] = dict(direction)
     for i in dependencies(tape, outputs):
@@ -143,10 +137,7 @@ def tangents(tape: Tape, outputs: Sequence[int], direction: Mapping[int, int]) -
 
 
 def hessian(tape: Tape, output: int, wrt: Sequence[int]) -> dict[tuple[int, int], int]:
-    """Return the nonzero entries of ∂²output/∂wrt[i]∂wrt[j], for i ≥ j.
-
-    Entries that are always 0 are left out.
-    """
+    """Return the nonzero entries of ∂²output/∂wrt[i]∂wrt[j], for i ≥ j."""
     zero = tape.constant(0.0)
     first, one = gradient(tape, output, wrt), tape.constant(1.0)
     second = {}

@@ -23,10 +23,7 @@ BLOCK_SIZE = 128  # points: smaller blocks spend more time reading instructions,
 
 @dataclass(frozen=True, eq=False)
 class Evaluator:
-    """Instructions (op, target, operands) on registers.
-
-    The first registers are the used ``inputs``, then the constants.
-    """
+    """Instructions (op, target, operands) on registers: first the used ``inputs``, then the constants."""
 
     code: Int[np.ndarray, "instructions 5"]
     constants: Float[np.ndarray, " constants"]
@@ -35,7 +32,7 @@ class Evaluator:
     registers: int
 
     def __call__(self, inputs: Float[np.ndarray, "inputs points"]) -> Float[np.ndarray, "outputs points"]:
-        """Return the outputs at all inputs of the tape."""
+        """Return the outputs at points, from all inputs of the tape."""
         from paretoik.autodiff.interpreter import run  # here: numba is slow to import
 
         rows = np.ascontiguousarray(inputs, dtype=float)
@@ -90,10 +87,7 @@ def compile_evaluator(tape: Tape, outputs: Sequence[int]) -> Evaluator:
 def _fuse(
     tape: Tape, order: Sequence[int], outputs: Sequence[int]
 ) -> tuple[dict[int, tuple[int, list[int]]], dict[int, tuple[int, int]]]:
-    """Return every entry's instruction in order, and shared instructions.
-
-    Instructions are (op, operands); the second value has pairs of entries that share one.
-    """
+    """Return every entry's instruction (op, operands) in order, and pairs of entries that share one."""
     operands = {
         i: [k for k in tape.entries[i][1:] if k != NO_OPERAND]
         for i in order

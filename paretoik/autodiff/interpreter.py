@@ -101,10 +101,7 @@ ARC_TANGENT, ARC_SINE, ARC_COSINE = int(Op.ARC_TANGENT), int(Op.ARC_SINE), int(O
 
 @compiled
 def run(arrays, inputs, outputs):
-    """Evaluate at all points.
-
-    It reads ``inputs`` (inputs, points) and writes ``outputs`` (outputs, points).
-    """
+    """Evaluate ``inputs`` (inputs, points) into ``outputs`` (outputs, points)."""
     run_first(arrays, inputs, outputs, inputs.shape[1])
 
 
@@ -142,10 +139,7 @@ def run_block(code, registers, n):
 
 @compiled
 def _piecewise_operation(op, to, a, b, c, registers, n):
-    """Execute a choice, maximum, minimum or comparison.
-
-    Each is a loop without branches (vectorised).
-    """
+    """Execute a choice, maximum, minimum or comparison: loops without branches, which are vectorised."""
     if op == WHERE:
         for k in range(n):
             registers[to, k] = registers[b, k] if registers[a, k] != 0.0 else registers[c, k]

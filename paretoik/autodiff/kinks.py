@@ -26,10 +26,7 @@ from paretoik.errors import InvalidInput
 
 
 def substitute(tape: Tape, outputs: Sequence[int], replacements: Mapping[int, int]) -> list[int]:
-    """Return outputs with some entries replaced by others of the tape.
-
-    They are replaced everywhere.
-    """
+    """Return outputs with some entries of the tape replaced by others, everywhere."""
     new = dict(replacements)
     for i in dependencies(tape, outputs):
         op, *operands = tape.entries[i]
@@ -42,10 +39,7 @@ def substitute(tape: Tape, outputs: Sequence[int], replacements: Mapping[int, in
 
 
 def copy_entries(source: Tape, outputs: Sequence[int], target: Tape, inputs: Mapping[int, int]) -> list[int]:
-    """Return outputs of one tape as entries of another.
-
-    ``inputs`` maps the first tape's inputs to entries of the other.
-    """
+    """Return outputs of one tape as entries of another; ``inputs`` maps the first one's inputs to entries."""
     copies = dict(inputs)
     for i in dependencies(source, outputs):
         op, *operands = source.entries[i]
@@ -59,10 +53,9 @@ def copy_entries(source: Tape, outputs: Sequence[int], target: Tape, inputs: Map
 
 
 def smooth_pieces(tape: Tape, i: int, sense: int = 1) -> list[int]:
-    """Return entries whose maximum or minimum is entry i.
+    """Return entries whose maximum, for ``sense`` 1, or minimum, for −1, is entry i; only i if it is smooth.
 
-    It is the maximum for ``sense`` 1, the minimum for −1. If entry i is smooth, only i is returned. Maxima, minima and
-    absolute values are expanded, also within sums and multiples, up to 64 pieces of a sum.
+    Maxima, minima and absolute values are expanded, also within sums and multiples, up to 64 pieces of a sum.
     """
     op, a, b, _ = tape.entries[i]
     pieces = [i]
@@ -84,10 +77,7 @@ def smooth_pieces(tape: Tape, i: int, sense: int = 1) -> list[int]:
 
 
 def summands(tape: Tape, i: int) -> list[int]:
-    """Return entries whose sum is entry i.
-
-    Sums, differences and multiples are expanded.
-    """
+    """Return entries whose sum is entry i: sums, differences and multiples are expanded."""
     op, a, b, _ = tape.entries[i]
     if (multiple := _as_multiple(tape, i)) is not None:
         factor, other = multiple
@@ -102,10 +92,7 @@ def summands(tape: Tape, i: int) -> list[int]:
 
 
 def norm_terms(tape: Tape, i: int) -> tuple[float, list[int]] | None:
-    """Return (factor, entries) of a norm factor · √Σ entries²; else None.
-
-    The factor is positive.
-    """
+    """Return (factor, entries) of a norm factor · √Σ entries² with a positive factor; else None."""
     op, a, _, _ = tape.entries[i]
     if op is Op.SQUARE_ROOT:
         terms = [tape.entries[k] for k in _flatten(tape, a, Op.ADD)]
@@ -231,10 +218,9 @@ def reformulate_choices(
     probes: Float[np.ndarray, "inputs points"],
     excluded: Collection[int] = (),
 ) -> list[int]:
-    """Return functions with choices replaced by equal maxima or minima.
+    """Return functions with choices (np.where) replaced by equal maxima or minima.
 
-    Choices are those of np.where. Raises InvalidInput, naming the function, if the pieces do not meet where the
-    condition changes.
+    Raises InvalidInput, naming the function, if the pieces do not meet where the condition changes.
     """
     replacements: dict[int, int] = {}
     for name, function in zip(names, functions, strict=True):
@@ -270,10 +256,9 @@ def reformulate_choices(
 def remaining_kinks(
     tape: Tape, reformulation: Reformulation, excluded: Collection[int] = ()
 ) -> list[tuple[int, int, int]]:
-    """Return the remaining kinks: function's number, two entries that meet.
+    """Return the kinks that a reformulation did not replace: function's number, two entries that meet.
 
-    Kinks that a reformulation replaced are left out. Kinks of constraints count for every function that contains their
-    variables.
+    Kinks of constraints count for every function that contains their variables.
     """
     smooth = reformulation
     reached = [set(dependencies(tape, [entry])) for entry in (*smooth.functions, *smooth.constraints)]
@@ -300,7 +285,7 @@ def _is_convex_kink(
 ) -> bool:
     """Return whether a node's kink is convex for functions.
 
-    No function may improve if the node's variable grows, and they must worsen at places at which the operands meet.
+    No function may improve if the node's variable grows, and one must worsen if the variable equals an operand.
     """
     op, a, b, _ = tape.entries[node]
     operands = [a, b] if b >= 0 else [tape.constant(0.0)]

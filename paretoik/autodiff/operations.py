@@ -42,10 +42,7 @@ class Op(IntEnum):
 
 
 class Fused(IntEnum):
-    """Additional instructions.
-
-    They are a product in a sum or a difference, and a sine with its cosine.
-    """
+    """Additional instructions: a product in a sum or a difference, and a sine with its cosine."""
 
     MULTIPLY_ADD = len(Op)  # first · second + third
     MULTIPLY_SUBTRACT = len(Op) + 1  # first · second − third

@@ -8,7 +8,9 @@ extend the tape instead of computing.
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Callable, Sequence
+from functools import reduce
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -121,10 +123,7 @@ class Tape:
 
 
 def _operator(op: Op, *, reflected: bool = False) -> Callable[[Expression, Any], Any]:
-    """Return the method of an operation on an expression.
-
-    The expression is the first operand, or the second if ``reflected``.
-    """
+    """Return the method of an operation on an expression as first operand, or second if ``reflected``."""
 
     def operate(self: Expression, other: Any) -> Any:
         if isinstance(other, np.ndarray) and other.ndim:
@@ -150,10 +149,7 @@ class Expression:
         self.index = index
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **settings: Any) -> Any:
-        """Apply a NumPy function of numbers on the tape.
-
-        Arrays of objects are handled element by element.
-        """
+        """Apply a NumPy function of numbers on the tape, element by element for arrays of objects."""
         if method != "__call__" or settings:
             raise InvalidInput(f"np.{ufunc.__name__}.{method} must be a plain call where derivatives are taken")
         if any(isinstance(value, np.ndarray) and value.ndim for value in inputs):
@@ -188,10 +184,7 @@ class Expression:
 
 
 def as_entry(tape: Tape, value: Any) -> int:
-    """Return the entry of an expression or number on a tape.
-
-    Raises InvalidInput for anything else.
-    """
+    """Return the entry of an expression or number on a tape; raise InvalidInput for anything else."""
     if isinstance(value, np.ndarray):
         value = value[()]
     if isinstance(value, Expression):
@@ -203,10 +196,7 @@ def as_entry(tape: Tape, value: Any) -> int:
 
 
 def where(condition: Any, first: Any, second: Any) -> Any:
-    """Return ``first`` if the condition is true, else ``second``.
-
-    This is np.where of numbers and expressions.
-    """
+    """Return ``first`` if the condition is true, else ``second``: np.where of numbers and expressions."""
     tapes = [value.tape for value in (condition, first, second) if isinstance(value, Expression)]
     if not tapes:
         return first if condition else second
@@ -261,15 +251,22 @@ BOOLEAN = COMPARISONS | {"logical_and", "logical_or", "logical_not", "bitwise_an
 
 
 def apply_ufunc(tape: Tape, name: str, operands: Sequence[Any]) -> Any:
-    """Apply NumPy's function ``name`` to numbers and expressions on a tape.
+    """Return the result of NumPy's function ``name`` of numbers and expressions on a tape.
 
-    Returns the result. Raises InvalidInput, naming the function, if its derivative is not known.
+    Raises InvalidInput, naming the function, if its derivative is not known.
     """
     arguments = [Expression(tape, as_entry(tape, value)) for value in operands]
     if name in COMPOSED:
         return COMPOSED[name](*arguments)
     if name in ("power", "float_power"):
-        return _power(tape, *arguments)
+        base, exponent = arguments
+        number = tape.values.get(exponent.index, math.nan)
+        if number.is_integer() and 0 < abs(number) <= 8:  # short enough for a product
+            product = reduce(operator.mul, [base] * abs(int(number)))
+            return product if number > 0 else 1.0 / product
+        if number == 0:
+            return Expression(tape, tape.constant(1.0))
+        return np.sqrt(base) if number == 0.5 else Expression(tape, tape.apply(Op.POWER, base.index, exponent.index))
     op = ELEMENTARY.get(name)
     if op is None:
         raise InvalidInput(f"np.{name} has no derivative here; those that have: {', '.join(differentiable_ufuncs())}")
@@ -279,21 +276,3 @@ def apply_ufunc(tape: Tape, name: str, operands: Sequence[Any]) -> Any:
 def differentiable_ufuncs() -> list[str]:
     """Return the names of differentiable NumPy functions of numbers."""
     return sorted({*ELEMENTARY, *COMPOSED, "power"})
-
-
-def _power(tape: Tape, base: Expression, exponent: Expression, *, largest_product: int = 8) -> Any:
-    """Return a power.
-
-    Whole exponents up to ``largest_product`` give a product.
-    """
-    number = tape.values.get(exponent.index, math.nan)
-    if number.is_integer() and 0 < abs(number) <= largest_product:
-        result = base
-        for _ in range(abs(int(number)) - 1):
-            result = result * base
-        return result if number > 0 else 1.0 / result
-    if number == 0:
-        return Expression(tape, tape.constant(1.0))
-    if number == 0.5:
-        return np.sqrt(base)
-    return Expression(tape, tape.apply(Op.POWER, base.index, exponent.index))

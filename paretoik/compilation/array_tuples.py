@@ -53,10 +53,7 @@ def _load(context: Any, builder: Any, reference: Any, pointer: Any, name: str) -
 
 @intrinsic
 def refer(typing_context: Any, target: Any) -> Any:
-    """Return a reference to a named tuple.
-
-    It is valid in the function that makes it, and in the functions that this one calls.
-    """
+    """Return a reference to a named tuple, valid in this function and in those that it calls."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         return cgutils.alloca_once_value(builder, arguments[0])

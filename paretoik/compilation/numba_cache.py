@@ -1,10 +1,10 @@
 """Compiles functions with numba and caches them on disk.
 
 Compilation happens once per machine, does not stop other threads, and is announced if it takes long. A function with
-``@compiled`` has two variants with the same bits: one for calls from Python, and one for calls from compiled functions,
-which has no wrappers and is not specialised by literal arguments. Each is compiled at its first call and cached in the
-package's folder, else in the user's, else in a temporary one. A function with ``@c_function`` is linked by its address:
-its callers do not optimise its code again.
+``@compiled`` has two variants with the same bits: one for calls from compiled functions, which has no wrappers and is
+not specialised by literal arguments, and one for calls from Python. This one is compiled at its first call, with all
+functions that it calls, and cached in the package's folder, else in the user's, else in a temporary one. A function
+with ``@c_function`` is linked by its address: its callers do not optimise its code again.
 
 Several classes below inherit from private classes of numba: pyproject.toml has the newest tested version.
 """
@@ -17,9 +17,8 @@ import os
 import pickle
 import stat
 import tempfile
-import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from types import CodeType, FunctionType
@@ -31,12 +30,11 @@ from numba.core import config, types
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, NullCache, UserWideCacheLocator
 from numba.core.ccallback import CFunc
 from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import Flags
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher
 from numba.core.sigutils import normalize_signature
 
-from paretoik.compilation_notices import SILENT, CompilationNotice, announce, begin_compilation, end_compilation
+from paretoik.compilation_notices import CompilationNotice, begin_compilation, end_compilation
 
 # Whole-program compilation with numba: a function and all functions that it calls are optimised and emitted once.
 #
@@ -46,6 +44,8 @@ from paretoik.compilation_notices import SILENT, CompilationNotice, announce, be
 
 
 class _Library(JITCodeLibrary):
+    _linking_libraries: list[Any]
+
     def _optimize_functions(self, ll_module: Any) -> None:
         ll_module.data_layout = self._codegen._data_layout  # optimised later with the linked code
 
@@ -54,7 +54,6 @@ class InnerLibrary(_Library):
     """LLVM code of a function that other compiled functions call."""
 
     _shared_module: Any
-    _linking_libraries: list[Any]
 
     def __init__(self, codegen: Any, name: str) -> None:
         super().__init__(codegen, name)
@@ -79,10 +78,7 @@ class InnerLibrary(_Library):
         return 0
 
     def _get_module_for_linking(self) -> Any:
-        """Return the code linked with all functions that it calls.
-
-        Libraries that this file does not define link this code.
-        """
+        """Return the code linked with all functions that it calls, for libraries of numba's own."""
         self._ensure_finalized()
         if self._shared_module is None:
             module = self.module_alone().clone()
@@ -105,7 +101,6 @@ class InnerLibrary(_Library):
 class EntryLibrary(_Library):
     """Machine code of a function and of all that it calls."""
 
-    _linking_libraries: list[Any]
     level = 1
 
     def finalize(self) -> None:
@@ -122,10 +117,7 @@ class EntryLibrary(_Library):
                     self._codegen.set_env(name, environment)
 
     def _optimize_final_module(self) -> None:
-        """Run LLVM's passes once.
-
-        Numba runs them twice to remove reference counts, which are rare in inner code.
-        """
+        """Run LLVM's passes once; numba's second run removes reference counts, which are rare in inner code."""
         passes, builder = self._codegen._module_pass_manager(opt=self.level)
         passes.run(self._final_module, builder)
 
@@ -144,9 +136,7 @@ class _DeferredCodegen:
 
 
 def linked_libraries(libraries: list[Any]) -> list[Any]:
-    """Return libraries and all that they call, callers first.
-
-    Only calls of inner libraries are followed. Each library occurs once.
+    """Return libraries and all that inner ones call, callers first, each once.
 
     LLVM links a function with several definitions only if code that was linked before refers to it.
     """
@@ -175,7 +165,6 @@ def compilation_unit(codegen: Any, entry: str = "", *, level: int = 1) -> Iterat
     LLVM optimises ``entry`` at ``level``, at most 3. Level 1 compiles in two thirds of the time of level 3, and most
     code runs as fast.
     """
-    before = codegen.__dict__.get("_library_class")
 
     def create(codegen: Any, name: str) -> Any:
         if name != entry:
@@ -185,14 +174,12 @@ def compilation_unit(codegen: Any, entry: str = "", *, level: int = 1) -> Iterat
         return library
 
     create._unserialize = JITCodeLibrary._unserialize  # called when the cache is loaded
+    before = codegen.__dict__.get("_library_class", JITCodeLibrary)
     codegen._library_class = create
     try:
         yield
     finally:
-        if before is None:
-            del codegen._library_class
-        else:
-            codegen._library_class = before
+        codegen._library_class = before
 
 
 # Compilation of functions at their first call, and its cache.
@@ -212,28 +199,28 @@ inlined = numba.njit(inline="always", nogil=True, error_model="numpy")
 
 
 def compiled(function: Any = None, *, what: str = "", seconds: float | None = None, level: int = 1) -> Any:
-    """Return a function that is compiled at its first call.
+    """Return a function that is compiled at its first call with each combination of argument types.
 
-    Each combination of argument types is compiled separately. Before a compilation a notice names its purpose,
-    ``what``, and its approximate time, ``seconds``. ``level``: optimisation level of LLVM, at most 3
+    Before a compilation a notice names its purpose, ``what``, and its approximate time, ``seconds``. ``level`` is the
+    optimisation level of LLVM, at most 3, if Python calls the function.
     """
     if function is None:
         return lambda decorated: compiled(decorated, what=what, seconds=seconds, level=level)
     entry = _Entry(function, targetoptions=dict(OPTIONS))
     entry.level = level
-    entry._cache = _cache(function, CompilationNotice(what=what or function.__name__, seconds=seconds))
+    entry._cache = _cache(function, what, seconds)
     return entry
 
 
 def c_function(signature: Any, *, what: str = "", seconds: float | None = None) -> Callable[[Any], Any]:
-    """Return a function as an external one for compiled callers.
+    """Return a function as an external one for compiled callers; it is compiled now, or loaded from the cache.
 
-    It is compiled now, or loaded from the cache. ``signature`` may have only numbers and pointers.
+    ``signature`` may have only numbers and pointers.
     """
 
     def decorate(function: Any) -> Any:
         callback = CFunc(function, normalize_signature(signature), locals={}, options={"error_model": "numpy"})
-        callback._cache = _cache(function, CompilationNotice(what=what or function.__name__, seconds=seconds))
+        callback._cache = _cache(function, what, seconds)
         codegen = callback._targetdescr.target_context.codegen()
         with _compiling(function), compilation_unit(codegen, function.__qualname__):
             callback.compile()
@@ -244,30 +231,7 @@ def c_function(signature: Any, *, what: str = "", seconds: float | None = None) 
     return decorate
 
 
-class _Flags(Flags):
-    """The flags of a compilation, cached.
-
-    Numba lists and compares all flags at every look-up of an operator.
-    """
-
-    def __init__(self, copy_from: Any = None) -> None:
-        super().__init__(copy_from)
-        self._listed: dict[str, Any] = {}
-
-    def values(self) -> dict[str, Any]:
-        """Return the flags by name."""
-        if not self._listed:
-            self._listed = super().values()
-        return self._listed
-
-
-class _Dispatcher(CPUDispatcher):
-    def __init__(self, *args: Any, **settings: Any) -> None:
-        super().__init__(*args, **settings)
-        self._compiler._customize_flags = _Flags
-
-
-class _Inner(_Dispatcher):
+class _Inner(CPUDispatcher):
     """The variant of a function that compiled functions call."""
 
     def compile(self, sig: Any) -> Any:
@@ -281,7 +245,7 @@ class _Inner(_Dispatcher):
         return super().get_call_template(tuple(types.unliteral(arg) for arg in args), variables)
 
 
-class _Entry(_Dispatcher):
+class _Entry(CPUDispatcher):
     """The variant of a function that Python calls."""
 
     level = 1
@@ -303,10 +267,7 @@ class _Entry(_Dispatcher):
 
 @contextmanager
 def _compiling(function: Any) -> Iterator[None]:
-    """Hold the compiler's lock, and pause garbage collection.
-
-    Garbage collections take up to a quarter of the compile time.
-    """
+    """Hold the compiler's lock, and pause garbage collections, which take up to a quarter of the compile time."""
     with global_compiler_lock:
         collects = gc.isenabled()
         gc.disable()
@@ -318,57 +279,26 @@ def _compiling(function: Any) -> Iterator[None]:
                 gc.enable()
 
 
-class _Announcer:
-    """Announces compilations that take long.
-
-    A compilation is announced at once if its estimate is long, else once it has taken long. The compiler's lock must be
-    held.
-    """
-
-    def __init__(self) -> None:
-        self.notice: CompilationNotice | None = None
-        self.start = 0.0
-
-    def miss(self, notice: CompilationNotice | None) -> None:
-        """Note that a function is not cached and is compiled now.
-
-        ``notice``: None for an inner function
-        """
-        begin_compilation()
-        if notice is not None:
-            self.notice, self.start = notice, time.perf_counter()
-        elapsed = time.perf_counter() - self.start
-        if self.notice is not None and max(self.notice.seconds or 0.0, elapsed) >= SILENT:
-            announce(self.notice)
-            self.notice = None
-
-
-_ANNOUNCER = _Announcer()
-
-
 class _TemporaryLocator(UserWideCacheLocator):
-    """The user's folder among temporary files.
-
-    It is used if neither the package's folder nor the user's own can be written.
-    """
+    """The user's folder among temporary files, used if no other folder can be written."""
 
     def __init__(self, py_func: Any, py_file: str) -> None:
         super().__init__(py_func, py_file)
         self._cache_path = str(_temporary_folder() / self.get_suitable_cache_subpath(py_file))
 
 
-class _EntryCacheImpl(CompileResultCacheImpl):
+class _CacheImpl(CompileResultCacheImpl):
     _locator_classes = (*CompileResultCacheImpl._locator_classes, _TemporaryLocator)
 
 
-class _InnerCacheImpl(_EntryCacheImpl):
-    def get_filename_base(self, fullname: str, abiflags: str) -> str:
-        return super().get_filename_base(f"{fullname}.inner", abiflags)
+class _Cache(FunctionCache):
+    """The cache of a function with all that it calls."""
 
+    _impl_class = _CacheImpl
 
-class _EntryCache(FunctionCache):
-    _impl_class = _EntryCacheImpl
-    notice: CompilationNotice | None = None
+    def __init__(self, function: Any, notice: CompilationNotice) -> None:
+        super().__init__(function)
+        self.notice = notice
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         try:
@@ -377,55 +307,35 @@ class _EntryCache(FunctionCache):
             self.flush()
             overload = None
         if overload is None:
-            _ANNOUNCER.miss(self.notice)
+            begin_compilation(self.notice)
         return overload
 
     def _index_key(self, sig: Any, codegen: Any) -> Any:
         return *super()._index_key(sig, codegen), _fingerprint(self._py_func)
 
 
-class _InnerCache(_EntryCache):
-    _impl_class = _InnerCacheImpl
-
-
-def _cache(function: Any, notice: CompilationNotice | None = None) -> Any:
-    """Return the cache of a function.
-
-    Without ``notice`` this is the cache of its inner variant.
-
-    It stores nothing (``NullCache``) if no folder can be written.
-    """
+def _cache(function: Any, what: str, seconds: float | None) -> Any:
+    """Return the cache of a function; it stores nothing (``NullCache``) if no folder can be written."""
     try:
-        created = _InnerCache(function) if notice is None else _EntryCache(function)
+        return _Cache(function, CompilationNotice(what=what or function.__name__, seconds=seconds))
     except RuntimeError:  # no locator available
         return NullCache()
-    created.notice = notice
-    return created
 
 
 @cache
 def _temporary_folder() -> Path:
-    """Return a folder that only this user can write.
-
-    Others must not write there, since code is loaded from it.
-    """
-    folder = Path(tempfile.gettempdir()) / f"paretoik-{os.getuid() if hasattr(os, 'getuid') else 'cache'}"
-    try:
+    """Return a folder that only this user can write: code is loaded from it."""
+    folder = Path(tempfile.gettempdir()) / f"paretoik-{os.getuid()}"
+    with suppress(OSError):
         folder.mkdir(mode=0o700, exist_ok=True)
         status = folder.lstat()
-        private = stat.S_ISDIR(status.st_mode) and not status.st_mode & 0o077
-        if not hasattr(os, "getuid") or (private and status.st_uid == os.getuid()):
+        if stat.S_ISDIR(status.st_mode) and not status.st_mode & 0o077 and status.st_uid == os.getuid():
             return folder
-    except OSError:
-        pass
     return Path(tempfile.mkdtemp(prefix="paretoik-"))
 
 
-def _fingerprint(function: Any) -> str:
-    """Return a digest of the code and constants of a function.
-
-    It covers all files whose code is in the function's machine code.
-    """
+def _fingerprint(function: FunctionType) -> str:
+    """Return a digest of the code and constants of a function and of all that its machine code contains."""
     reachable, pending = {function}, [function]
     while pending:
         for value in _globals(pending.pop()):

@@ -90,9 +90,7 @@ def fit_inverse_squares(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Pieces:
-    """Vectors whose lengths are the pieces' times.
-
-    They are linear in the moves of their ends.
+    """Vectors whose lengths are the pieces' times; they are linear in the moves of their ends.
 
     values: vectors of the path as it is [s]
     before, after: derivatives by the first and the last point of a piece [s/m]
@@ -105,20 +103,14 @@ class Pieces:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Moves:
-    """Moves of the points between the ends, and intervals.
-
-    Moves are in m; each piece has an interval [s].
-    """
+    """Moves [m] of the points between the ends, and the interval [s] of every piece."""
 
     moves: Float[np.ndarray, "between task"]
     intervals: Float[np.ndarray, " pieces"]
 
 
 class IntervalSolver:
-    """The program for at least 2 pieces; its solver is reused.
-
-    ``task`` is the number of task coordinates.
-    """
+    """The program for at least 2 pieces and ``task`` task coordinates; its solver is reused."""
 
     def __init__(self, pieces: int, task: int, *, common: bool = True) -> None:
         self._pieces, self._task, self._unknowns = pieces, task, (pieces - 1) * task
@@ -147,9 +139,9 @@ class IntervalSolver:
     def solve(
         self, pieces: Pieces, lower: Float[np.ndarray, "between task"], upper: Float[np.ndarray, "between task"]
     ) -> Moves:
-        """Return the best moves between ``lower`` and ``upper`` [m].
+        """Return the best moves between ``lower`` ≤ 0 and ``upper`` ≥ 0 [m], which are finite.
 
-        Bounds are finite; ``lower`` ≤ 0 ≤ ``upper``. Raises SolverFailed if Clarabel finds none.
+        Raises SolverFailed if Clarabel finds none.
         """
         # in these units values and derivatives are about 1
         time = max(float(np.abs(pieces.values).max()), 1e-300)
@@ -186,9 +178,7 @@ def furthest(
     high: Float[np.ndarray, " columns"],
     direction: Float[np.ndarray, " task"],
 ) -> tuple[float, Float[np.ndarray, " columns"]]:
-    """Return the directional maximum v of sums of columns.
-
-    The second value is x, the multiples that reach it.
+    """Return the directional maximum v of sums of columns, and the multiples x that reach it.
 
         maximise    v
         subject to  columns · x = v · direction,  low ≤ x ≤ high,  v ≥ 0

@@ -25,7 +25,6 @@ Source: Nocedal & Wright, Numerical Optimization, section 18.5, with the largest
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -53,92 +52,47 @@ class Pattern(NamedTuple):
         return cls(constraints.unknowns, Structure.of(constraints.jacobian), cones)
 
 
-class Parameters:
-    """The parameters of a statement in order of creation.
-
-    Sparse ones have a Structure.
-    """
-
-    def __init__(self) -> None:
-        self._parameters = list[tuple[Any, Structure | None, int]]()  # each with its number of values
-
-    def dense(self, *shape: int) -> Any:
-        """Return a new parameter of this shape."""
-        import cvxpy  # here: importing it takes two seconds
-
-        parameter = cvxpy.Parameter(shape)
-        self._parameters.append((parameter, None, parameter.size))
-        return parameter
-
-    def sparse(self, structure: Structure) -> Any:
-        """Return a new parameter with the entries of a structure.
-
-        It is zero if the structure has no entries.
-        """
-        import cvxpy  # here: importing it takes two seconds
-
-        if not structure.indices:
-            return np.zeros(structure.shape)
-        row, column = structure.places
-        parameter = cvxpy.Parameter(structure.shape, sparsity=(row, column))
-        self._parameters.append((parameter, structure, len(row)))
-        return parameter
-
-    @property
-    def size(self) -> int:
-        """Total number of values of the parameters."""
-        return sum(count for _, _, count in self._parameters)
-
-    def assign(self, numbers: Float[np.ndarray, " numbers"]) -> None:
-        """Assign all parameters.
-
-        Dense ones are assigned by rows, sparse ones as compressed sparse rows.
-        """
-        first = 0
-        for parameter, structure, count in self._parameters:
-            values = numbers[first : first + count]
-            first += count
-            if structure is None:
-                parameter.value = values.reshape(parameter.shape)
-            else:
-                entries = sparse.csr_array((values, structure.places), shape=structure.shape)
-                ordered = np.asarray(entries[parameter.sparse_idx]).ravel()  # cvxpy has its own order
-                parameter.value_sparse = sparse.coo_array((ordered, parameter.sparse_idx), shape=structure.shape)
-
-
 class Statement(NamedTuple):
-    """A statement in cvxpy.
-
-    Its constraints are the inequalities, if any, the trust region, and the cones.
-    """
+    """A statement in cvxpy; its ``parameters`` are those of ``parameter_values``, in the same order."""
 
     problem: Any
-    parameters: Parameters
+    parameters: list[Any]
     d: Any
     t: Any
 
 
 def state(pattern: Pattern, elastic: int, hessian: sparse.csr_array | None) -> Statement:
-    """Return the statement for a pattern and a constant Hessian.
-
-    H is no Parameter: dᵀHd allows none.
-    """
+    """Return the statement for a pattern and a constant Hessian: dᵀHd allows no Parameter H."""
     import cvxpy  # here: importing it takes two seconds
 
-    (rows, columns), unknowns, parameters = pattern.jacobian.shape, pattern.unknowns, Parameters()
+    (rows, columns), unknowns, parameters = pattern.jacobian.shape, pattern.unknowns, list[Any]()
     d, t = cvxpy.Variable(columns), cvxpy.Variable()
-    radius, penalty = parameters.dense(), parameters.dense()
+
+    def numbers(*shape: int) -> Any:
+        parameters.append(cvxpy.Parameter(shape))
+        return parameters[-1]
+
+    def product(structure: Structure) -> Any:
+        """Return matrix · d; the matrix has a Parameter's numbers at the places of a structure."""
+        row, column = structure.places
+        if not len(row):
+            return np.zeros(structure.shape[0])
+        places = (row + structure.shape[0] * column, np.arange(len(row)))  # in the matrix by columns
+        spread = sparse.csc_array((np.ones(len(row)), places), shape=(structure.shape[0] * columns, len(row)))
+        return cvxpy.reshape(spread @ numbers(len(row)), structure.shape, order="F") @ d
+
+    radius, penalty = numbers(), numbers()
     constraints, objective = [], penalty * t
     if hessian is not None:
-        objective += parameters.dense(columns) @ d + cvxpy.quad_form(d, cvxpy.psd_wrap(hessian)) / 2
+        objective += numbers(columns) @ d + cvxpy.quad_form(d, cvxpy.psd_wrap(hessian)) / 2
     if rows:
-        c, J = parameters.dense(rows), parameters.sparse(pattern.jacobian)
-        constraints = [c + J @ d + (np.arange(rows) < elastic).astype(float) * t >= 0]
+        c = numbers(rows)
+        constraints = [c + product(pattern.jacobian) + (np.arange(rows) < elastic).astype(float) * t >= 0]
     step = d[:unknowns]
     constraints += [cvxpy.SOC(radius, step)] if hessian is None else [step <= radius, step >= -radius, t >= 0]
     for column, structure in pattern.cones:
-        length, values = parameters.dense(), parameters.dense(structure.shape[0])
-        constraints.append(cvxpy.SOC(d[column] + length, values + parameters.sparse(structure) @ d))
+        length, values = numbers(), numbers(structure.shape[0])
+        constraints.append(cvxpy.SOC(d[column] + length, values + product(structure)))
     return Statement(cvxpy.Problem(cvxpy.Minimize(objective), constraints), parameters, d, t)
 
 
@@ -149,24 +103,19 @@ def parameter_values(
     radius: float,
     penalty: float,
     scales: np.ndarray,
-) -> Float[np.ndarray, " numbers"]:
-    """Return all parameters' values in the statement's order.
-
-    ``scales`` divide inequalities.
-    """
+) -> list[np.ndarray]:
+    """Return the values of a statement's parameters, in its order; ``scales`` divide inequalities."""
     linear = gradient[: 0 if hessian is None else len(gradient)]
-    numbers = [[radius, penalty], linear, constraints.values / scales]
-    numbers.append(constraints.jacobian.data / scales[constraints.entries.row])
+    parts = [np.array(radius), np.array(penalty), linear, constraints.values / scales]
+    parts.append(constraints.jacobian.data / scales[constraints.entries.row])
     for cone in constraints.cones:
-        numbers += [[np.linalg.norm(cone.values)], cone.values, cone.rows.data]
-    return np.concatenate(numbers)
+        parts += [np.array(np.linalg.norm(cone.values)), cone.values, cone.rows.data]
+    return [part for part in parts if part.size]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Step:
-    """A step d, its violation t, and its multipliers.
-
-    The multipliers are those of inequalities and of vectors in cones.
+    """A step d, its violation t, and the multipliers of inequalities and of vectors in cones.
 
     In the criticality t may be negative: −t is the gain of all elastic inequalities.
     """
@@ -200,11 +149,10 @@ def solve_subproblem(
 
 
 def convexify(hessian: sparse.csr_array, unknowns: int, flattening: float) -> sparse.csr_array:
-    """Return the Hessian with negative eigenvalues raised to nearly 0.
+    """Return the Hessian with negative eigenvalues raised to nearly 0; the trust region bounds steps along them.
 
-    The trust region bounds steps along them. Reflecting them, or stiffening the Hessian across active inequalities,
-    took two to five times as many steps if curvature comes from kinks; the latter took 1.2 times as many on small dense
-    programs.
+    Reflecting them, or stiffening the Hessian across active inequalities, took two to five times as many steps if
+    curvature comes from kinks; the latter took 1.2 times as many on small dense programs.
     """
     dense = hessian.toarray()
     indices = np.flatnonzero(np.any(dense != 0, axis=1) | (np.arange(len(dense)) < unknowns))
@@ -228,28 +176,18 @@ def is_positive_definite(matrix: Float[np.ndarray, "size size"]) -> bool:
 
 
 class ConvexSubproblem:
-    """The canonicalised subproblem of one pattern.
-
-    With a ``ball`` it is the subproblem of the criticality.
-    """
+    """The canonicalised subproblem of one pattern; with a ``ball`` it is that of the criticality."""
 
     def __init__(self, pattern: Pattern, elastic: int, *, ball: bool = False) -> None:
         import cvxpy  # here: importing it takes two seconds
-        from cvxpy.cvxcore.python.canonInterface import get_parameter_vector
 
         (self._rows, columns), self._elastic = pattern.jacobian.shape, elastic
         hessian = None if ball else sparse.eye_array(columns, format="csr")  # replaced at every solution
         problem, parameters, d, t = state(pattern, elastic, hessian)
-        # Entries of all parameters get the numbers 2, 3, ... (1 is the constant), to find them in cvxpy's own vector.
-        parameters.assign(np.arange(2.0, parameters.size + 2.0))
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RuntimeWarning)  # cvxpy reads its own sparse parameters as dense ones
-            canonical = problem.get_problem_data(cvxpy.CLARABEL)[0]["param_prob"]
-        values = {parameter.id: np.asarray(parameter.value) for parameter in canonical.parameters}
-        numbers = get_parameter_vector(
-            canonical.total_param_size, canonical.param_id_to_col, canonical.param_id_to_size, values.__getitem__
-        )
-        self._order = np.round(numbers).astype(int) - 1
+        canonical = problem.get_problem_data(cvxpy.CLARABEL)[0]["param_prob"]
+        # places of all parameters in cvxpy's own vector, whose other entry is 1
+        places = [canonical.param_id_to_col[each.id] + np.arange(each.size) for each in parameters]
+        self._places, self._size = np.concatenate(places), canonical.total_param_size + 1
         self._linear, self._matrix = sparse.csr_array(canonical.q)[:-1], canonical.reduced_A.reduced_mat
         self._indices, self._indptr, (self._all_rows, width) = canonical.reduced_A.problem_data_index
         self._variables, self._equalities = width - 1, canonical.cone_dims.zero
@@ -267,10 +205,9 @@ class ConvexSubproblem:
         near: Int[np.ndarray, " near"] | None = None,
         tolerance: float = CLARABEL_TOLERANCE,
     ) -> Step:
-        """Return the solution for these numbers.
+        """Return the solution for these numbers; with a ball there is no Hessian.
 
-        With a ball there is no Hessian. Only inequalities ``near`` count, by default those within reach. Raises
-        SolverFailed if Clarabel finds none.
+        Only inequalities ``near`` count, by default those within reach. Raises SolverFailed if Clarabel finds none.
         """
         scales = constraints.row_norms.copy()
         scales[: self._elastic] = 1.0  # not scaled: their units determine the cost of a violation
@@ -279,7 +216,8 @@ class ConvexSubproblem:
         mask = np.ones(self._all_rows, dtype=bool)  # which rows of A are used
         mask[: self._rows] = False
         mask[near] = True
-        vector = np.append(1.0, numbers)[self._order]
+        vector = np.ones(self._size)
+        vector[self._places] = np.hstack(numbers)
         # a and b of the rows in a ``mask``; cvxpy's rows are A x + b
         entries = self._matrix @ vector
         chosen = mask[self._indices]
@@ -315,10 +253,7 @@ class ConvexSubproblem:
         )
 
     def _quadratic(self, hessian: sparse.csr_array | None) -> sparse.csc_matrix:
-        """Return P: the Hessian's upper triangle in d's rows and columns.
-
-        Without a Hessian P has no entries.
-        """
+        """Return P: the Hessian's upper triangle in d's rows and columns, no entries without a Hessian."""
         shape = (self._variables, self._variables)
         if hessian is None:
             return sparse.csc_matrix(shape)

@@ -57,9 +57,7 @@ OPTIONS = CriticalityOptions()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Elimination:
-    """Rows after elimination.
-
-    Each eliminated column has an entry only in its pivot row.
+    """Rows after elimination: each eliminated column has an entry only in its pivot row.
 
     pivots, columns: pivot row and column of every elimination
     remaining, free: which rows are no pivots, and which columns stay
@@ -78,10 +76,9 @@ class Elimination:
 
 
 def eliminate(rows: Float[np.ndarray, "rows columns"], unknowns: int, pivot_rows: int | None = None) -> Elimination:
-    """Eliminate the columns from ``unknowns`` on (Gauss–Jordan).
+    """Eliminate the columns from ``unknowns`` on (Gauss–Jordan); a column without a pivot stays.
 
-    Pivots are among the first ``pivot_rows`` rows, or all. Pivots are the largest entries; a column without a pivot
-    stays.
+    Pivots are the largest entries among the first ``pivot_rows`` rows, or all.
     """
     table, (count, size) = rows.copy(), rows.shape
     remaining, free = np.ones(count, dtype=bool), np.ones(size, dtype=bool)
@@ -122,10 +119,9 @@ def share_ranges(
     active: Float[np.ndarray, "rows columns"],
     unknowns: int | None = None,
 ) -> Float[np.ndarray, "n_obj n_obj 2"] | None:
-    """Return the ranges of λᵢ / (λᵢ + λⱼ) over all multipliers.
+    """Return the ranges of λᵢ / (λᵢ + λⱼ) over all multipliers of a critical point; None if λ is unique.
 
-    They are those of a critical point; None if λ is unique. Columns from ``unknowns`` on, if any, are auxiliary. Raises
-    SolverFailed if HiGHS ends without a solution.
+    Columns from ``unknowns`` on, if any, are auxiliary. Raises SolverFailed if HiGHS ends without a solution.
     """
     scaled = gradients / max(float(np.linalg.norm(gradients, axis=1).max()), 1e-300)
     rows = unit_rows(active, OPTIONS.negligible)
@@ -139,7 +135,14 @@ def share_ranges(
     if np.count_nonzero(small) <= 1:
         return None
     weights = left[:, small]
-    return _extreme_shares(weights, *_by_parameters(along.T @ weights, triangle, order))
+    # all solutions μ = M y + N z of triangle · μ[order] = target · y
+    target, count = along.T @ weights, len(order)
+    particular, kernel = np.zeros((count, target.shape[1])), np.zeros((count, count - rank))
+    if rank:
+        particular[order[:rank]] = solve_triangular(triangle[:, :rank], target)
+        kernel[order[:rank]] = -solve_triangular(triangle[:, :rank], triangle[:, rank:])
+    kernel[order[rank:]] = np.eye(count - rank)
+    return _extreme_shares(weights, particular, kernel)
 
 
 def _are_unique(
@@ -167,29 +170,10 @@ def unit_rows(rows: Float[np.ndarray, "rows columns"], shortest: float) -> Float
 def factorise_rows(
     rows: Float[np.ndarray, "rows columns"], dependent: float, mode: str = "economic"
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
-    """Return Q, R, an order and the rank of rows.
-
-    rows[order]ᵀ = Q R; the first columns of Q span the rows.
-    """
+    """Return Q, R, an order and the rank of rows: rows[order]ᵀ = Q R, and the first columns of Q span the rows."""
     basis, triangle, order = qr(rows.T, pivoting=True, mode=mode)
     sizes = np.abs(np.diagonal(triangle))
     return basis, triangle, order, int(np.count_nonzero(sizes > dependent * sizes.max(initial=0.0)))
-
-
-def _by_parameters(
-    target: Float[np.ndarray, "rank y"], triangle: Float[np.ndarray, "rank rows"], order: np.ndarray
-) -> tuple[Float[np.ndarray, "rows y"], Float[np.ndarray, "rows z"]]:
-    """Return M and N of all solutions.
-
-    μ = M y + N z solve triangle · μ[order] = target · y.
-    """
-    rank, count = triangle.shape
-    particular, kernel = np.zeros((count, target.shape[1])), np.zeros((count, count - rank))
-    if rank:
-        particular[order[:rank]] = solve_triangular(triangle[:, :rank], target)
-        kernel[order[:rank]] = -solve_triangular(triangle[:, :rank], triangle[:, rank:])
-    kernel[order[rank:]] = np.eye(count - rank)
-    return particular, kernel
 
 
 def _extreme_shares(
@@ -228,10 +212,7 @@ def _extreme_shares(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Criticality:
-    """The value χ and its step and multipliers.
-
-    The weights λ of the objectives satisfy Σλ = 1; μ are the other multipliers.
-    """
+    """The value χ and its step; the weights λ of the objectives, Σλ = 1, and the other multipliers μ."""
 
     value: float
     step: Float[np.ndarray, " columns"]
@@ -262,10 +243,7 @@ def criticality(
 def quick_criticality(
     gradients: Float[np.ndarray, "objectives columns"], constraints: Constraints, radius: float
 ) -> Criticality:
-    """Return the bound from active inequalities, else the criticality.
-
-    Raises the errors of ``criticality``.
-    """
+    """Return the bound from active inequalities, else the criticality, with its errors."""
     check_interruption()
     return active_set_criticality(gradients, constraints, radius) or criticality(gradients, constraints, radius)
 
@@ -273,15 +251,12 @@ def quick_criticality(
 def active_set_criticality(
     gradients: Float[np.ndarray, "objectives columns"], constraints: Constraints, radius: float
 ) -> Criticality | None:
-    """Return a bound of the criticality from active inequalities.
-
-    It contains their unique multipliers.
+    """Return a bound of the criticality from active inequalities, with their unique multipliers.
 
         minimise    ‖Σ λᵢ ∇fᵢ − Aᵀμ‖² + (Σλ + Σμ − 1)²
         subject to  λ ≥ 0,  μ ≥ 0
 
-    Returns None if the bound is not almost 0, if other multipliers are as good, or if there are auxiliary
-    columns.
+    Returns None if the bound is not almost 0, if other multipliers are as good, or if there are auxiliary columns.
     """
     if constraints.cones or gradients.shape[1] > constraints.unknowns:
         return None
@@ -312,10 +287,7 @@ def active_set_criticality(
 def _solve_near(
     gradients: np.ndarray, constraints: Constraints, radius: float, near: Int[np.ndarray, " near"]
 ) -> Criticality:
-    """Return the criticality with only the inequalities ``near``.
-
-    The first tolerance that Clarabel reaches is used.
-    """
+    """Return the criticality with only the inequalities ``near``, at the first tolerance that Clarabel reaches."""
     (count, columns), scale = gradients.shape, _scale(gradients)
     statement = Constraints(
         unknowns=constraints.unknowns,

@@ -11,10 +11,7 @@ from paretoik.compilation.numba_cache import compiled
 
 @compiled
 def cholesky(A, factor):
-    """Write A's lower factor; return whether A is positive definite.
-
-    The diagonal of the factor is inverted.
-    """
+    """Write A's lower factor with an inverted diagonal; return whether A is positive definite."""
     rows, largest = A.shape[0], 0.0
     tolerance = 1e-13  # share of the largest diagonal entry: a matrix with a smaller pivot counts as singular
     for i in range(rows):
@@ -67,10 +64,7 @@ RANK_TOLERANCE = 1e-11  # least part of a row that is independent of the rows be
 
 @compiled
 def triangularise(rows, triangle):
-    """Overwrite rows (m, n) with reflections of rowsᵀ = Q [R; 0].
-
-    R is written; False if rows are dependent.
-    """
+    """Overwrite rows (m, n) with reflections of rowsᵀ = Q [R; 0], write R; return False if rows are dependent."""
     m, n = rows.shape
     for i in range(m):
         whole, size = 0.0, 0.0
@@ -109,10 +103,7 @@ def reflect(v, x):
 
 @compiled
 def rotate(reflectors, x):
-    """Overwrite x with Qᵀ x.
-
-    The part across the null space comes first, then the part along it.
-    """
+    """Overwrite x with Qᵀ x: the part across the null space, then the part along it."""
     for i in range(len(reflectors)):
         reflect(reflectors[i], x)
 
@@ -153,10 +144,9 @@ def back_substitute(triangle, x):
 
 @compiled
 def eliminate(matrix, right, triangle):
-    """Overwrite right with matrix⁻¹ right.
+    """Overwrite right with matrix⁻¹ right; return False beyond a fold of the equations.
 
-    Returns False beyond a fold of the equations. At the start of the step the matrix was the transpose of ``triangle``.
-    Its pivots keep their signs up to a fold.
+    At the start of the step the matrix was the transpose of ``triangle``. Its pivots keep their signs up to a fold.
     """
     size = len(triangle)
     for i in range(size):
@@ -180,10 +170,7 @@ def eliminate(matrix, right, triangle):
 
 @compiled
 def factorise_lu(matrix, exchanges, count):
-    """Overwrite the first rows and columns with their LU factors.
-
-    ``count`` is their number. Returns whether the matrix is regular.
-    """
+    """Overwrite the first ``count`` rows and columns with their LU factors; return whether they are regular."""
     for k in range(count):
         pivot = k
         for i in range(k + 1, count):

@@ -1,7 +1,4 @@
-"""Local minima of a program from a batch of points.
-
-The solver is a suitable one or a chosen one.
-"""
+"""Local minima of a program from a batch of points, by a suitable or a chosen solver."""
 
 from __future__ import annotations
 
@@ -66,8 +63,8 @@ def minimise(
     interior-point method if the program has a kernel, else SQP. ``observe`` gets the number of points that workers have
     finished.
 
-    Raises InvalidInput if the interior-point method is chosen for a program without a kernel, and Interrupted, with
-    the solutions so far, after a signal.
+    Raises InvalidInput if the interior-point method is chosen for a program without a kernel, and Interrupted, with the
+    solutions so far, after a signal.
     """
     check_interruption()
     check_solver(program, solver)
@@ -92,18 +89,12 @@ def minimise(
 
 
 def chosen_solver(program: Program, solver: Solver) -> Solver:
-    """Return the program's solver.
-
-    "auto" is "interior-point" if it has a kernel, else "sqp".
-    """
+    """Return the program's solver: for "auto" the interior-point method if it has a kernel, else SQP."""
     return "sqp" if solver == "sqp" or program.unsupported else "interior-point"
 
 
 def check_solver(program: Program, solver: str) -> None:
-    """Raise InvalidInput if ``solver`` cannot solve the program.
-
-    The error names the unsupported functions.
-    """
+    """Raise InvalidInput, naming the unsupported functions, if ``solver`` cannot solve the program."""
     check_solver_name(solver)
     if solver == "interior-point" and program.kernel is None:
         names = ", ".join(program.unsupported)
@@ -120,12 +111,9 @@ def _solve(
     options: Sequence[InteriorPointOptions],
     observe: Callable[[int], object] | None = None,
 ) -> Solutions:
-    """Return the solutions from all points.
-
-    They are those of the SQP if there is no kernel.
-    """
-    count = len(x)
-    if kernel is not None and program.kinked:
+    """Return the solutions from all points, by the SQP if there is no kernel."""
+    count, smooths = len(x), kernel is not None and bool(program.kinked)
+    if smooths:
         options = [
             each._replace(
                 iterations=each.kink_iterations * each.iterations,
@@ -140,8 +128,7 @@ def _solve(
     else:
         inputs = [(start, rows, factors, *others) for start, factors, _, *others in items]
         keys = [program_key("interior-point minimum", program, *each) for each in inputs]
-    ends = [_unknown_end(program, start, INTERRUPTED) for start in x]
-    remaining = iter(range(count))
+    ends, remaining = [_unknown_end(program, start, INTERRUPTED) for start in x], iter(range(count))
 
     def work(kernel: Any) -> None:
         for i in remaining:  # a free thread takes the next point
@@ -149,25 +136,27 @@ def _solve(
                 return
             ends[i] = remembered(keys[i], partial(_search, program, kernel, items[i]))
 
+    # Python handles signals in the main thread, between its own instructions: not while it runs compiled code.
+    hears_signals = stop_flag.watched or threading.current_thread() is not threading.main_thread()
     if count > 1 and workers() > 1:
         if kernel is not None:
             _compile_method(kernel, items[0])
-        in_worker = _sqp_in_worker if kernel is None else _interior_point_in_worker
+        shared = program, kernel is not None
         with suppress(Interrupted):
-            for done, (i, values) in enumerate(distribute_remembered(in_worker, program, items, keys), start=1):
+            for done, (i, values) in enumerate(distribute_remembered(_search_in_worker, shared, items, keys), start=1):
                 if isinstance(values, Lost):
                     warn_user(f"start {i}: {values.cause}; the others go on")
                     values = _unknown_end(program, x[i], LOST)
                 ends[i] = values
                 if observe is not None:
                     observe(done)
-    elif kernel is None or (count == 1 and type(kernel) in _COMPILED and _hears_signals()):
+    elif kernel is None or (count == 1 and type(kernel) in _COMPILED and hears_signals):
         work(kernel)
     elif count:
         kernels = [kernel, *(program.kernel for _ in range(1, min(count, threads())))]  # one per thread
         _join([_pool().submit(work, each) for each in kernels])
         _COMPILED.add(type(kernel))
-    for i in range(count if kernel is not None and program.kinked else 0):  # the solver smoothed these functions
+    for i in range(count if smooths else 0):
         if int(ends[i]["status"]) not in (NOT_FINITE, INTERRUPTED, LOST):
             F, equalities, inequalities = program.evaluate(ends[i]["x"])
             violation = violation_of(program, F, equalities, inequalities, rows, upper[i])
@@ -176,10 +165,7 @@ def _solve(
 
 
 def _search(program: Program, kernel: Any, item: Item) -> Values:
-    """Return the result of one search as plain arrays by name.
-
-    Unknown multipliers are left out.
-    """
+    """Return the result of one search as plain arrays by name, without multipliers if they are unknown."""
     start, weights, rows, upper, options = item
     if kernel is None:
         settings = sqp.SqpOptions(radius=options.radius, iterations=options.iterations, tolerance=options.tolerance)
@@ -193,12 +179,9 @@ def _search(program: Program, kernel: Any, item: Item) -> Values:
     return {name: np.asarray(value) for name, value in zip(END, end, strict=True) if value is not None}
 
 
-def _sqp_in_worker(program: Program, item: Item) -> Values:
-    return _search(program, None, item)
-
-
-def _interior_point_in_worker(program: Program, item: Item) -> Values:
-    return _search(program, program.kernel, item)
+def _search_in_worker(shared: tuple[Program, bool], item: Item) -> Values:
+    program, is_compiled = shared
+    return _search(program, program.kernel if is_compiled else None, item)
 
 
 def _unknown_end(program: Program, start: Point, status: int) -> Values:
@@ -210,10 +193,7 @@ def _unknown_end(program: Program, start: Point, status: int) -> Values:
 def _collect(
     ends: Sequence[Values], shape: tuple[int, ...], objectives: int, upper: Float[np.ndarray, "points bounds"]
 ) -> Solutions:
-    """Return results of searches as a batch of points with this ``shape``.
-
-    The last multipliers of a result are those of the finite bounds.
-    """
+    """Return results of searches as a batch; the last multipliers of a result are those of the finite bounds."""
 
     def column(name: str, kind: type = float) -> np.ndarray:
         return np.array([end[name] for end in ends], dtype=kind)
@@ -242,10 +222,7 @@ def compile_method(
     *,
     solver: Solver,
 ) -> None:
-    """Compile the method for a program if necessary.
-
-    Workers then load it from the disk.
-    """
+    """Compile the method for a program if necessary: workers then load it from the disk."""
     kernel = None if solver == "sqp" else program.kernel
     if kernel is not None:
         size = len(program.upper)
@@ -264,19 +241,8 @@ def _compile_method(kernel: Any, item: Item) -> None:
 _COMPILED: set[type] = set()  # kernels whose interior-point method is compiled: no signal ends a compilation
 
 
-def _hears_signals() -> bool:
-    """Return whether a signal is noticed while this thread runs compiled code.
-
-    Python handles signals in the main thread, between its own instructions.
-    """
-    return stop_flag.watched or threading.current_thread() is not threading.main_thread()
-
-
 def _join(futures: list[Future[None]], *, interval: float = 0.25) -> None:
-    """Wait for all; after a signal wait only ``interval`` [s] longer.
-
-    Code may still compile. Raises Interrupted if some have not finished by then.
-    """
+    """Wait for all; after a signal only ``interval`` [s] longer: code may still compile. Then raise Interrupted."""
     pending = set(futures)
     while pending:
         stopping = bool(STOP[0])
@@ -289,10 +255,7 @@ def _join(futures: list[Future[None]], *, interval: float = 0.25) -> None:
 
 @cache
 def _pool() -> ThreadPoolExecutor:
-    """Return threads, one per core, for the life of the process.
-
-    Compiled code releases Python's lock.
-    """
+    """Return threads, one per core, for the life of the process: compiled code releases Python's lock."""
     return ThreadPoolExecutor(threads())
 
 
@@ -321,10 +284,7 @@ def minimise_violation(
 
 
 def _finished(solutions: Solutions) -> Solutions:
-    """Return solutions; raise Interrupted if a signal ended some searches.
-
-    Interrupted has the solutions.
-    """
+    """Return solutions; raise Interrupted, with them, if a signal ended some searches."""
     if (solutions.status == INTERRUPTED).any():
         raise Interrupted(solutions)
     return solutions

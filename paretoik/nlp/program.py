@@ -11,9 +11,10 @@ columns, slack and epigraph variables that follow from x, so that every function
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import Any, Literal, NamedTuple, Protocol, TypeAlias, get_args, runtime_checkable
 
@@ -34,10 +35,7 @@ FEASIBLE = 1e-8  # largest violation of a feasible point, as a share of a limit'
 
 
 class Structure(NamedTuple):
-    """The shape of a sparse matrix and the places of its entries.
-
-    They are in compressed sparse rows.
-    """
+    """The shape of a sparse matrix and the places of its entries, in compressed sparse rows."""
 
     shape: tuple[int, int]
     indptr: bytes
@@ -67,10 +65,7 @@ def structural_product(left: sparse.csr_array, right: sparse.csr_array) -> spars
 
 @lru_cache(maxsize=16)
 def _product_plan(left: Structure, right: Structure) -> tuple[np.ndarray, ...]:
-    """Return the plan of a structural product.
-
-    It is the factors of each product, the entry that it adds to, and the result's structure.
-    """
+    """Return the factors of each product, the entry that it adds to, and the result's structure."""
     row, inner = left.places
     starts = np.frombuffer(right.indptr, dtype=np.int32)
     counts = np.diff(starts)[inner]
@@ -84,10 +79,7 @@ def _product_plan(left: Structure, right: Structure) -> tuple[np.ndarray, ...]:
 
 
 def dense_rows(matrix: Float[np.ndarray, "rows columns"]) -> sparse.csr_array:
-    """Return a dense matrix as a sparse one with all entries.
-
-    Its shape determines its pattern.
-    """
+    """Return a dense matrix as a sparse one with all entries: its shape determines its structure."""
     rows, columns = matrix.shape
     return sparse.csr_array(
         (matrix.ravel(), np.tile(np.arange(columns), rows), columns * np.arange(rows + 1)), shape=matrix.shape
@@ -95,10 +87,7 @@ def dense_rows(matrix: Float[np.ndarray, "rows columns"]) -> sparse.csr_array:
 
 
 def stack_rows(parts: Sequence[sparse.csr_array]) -> sparse.csr_array:
-    """Return matrices stacked by rows, as SciPy's vstack does.
-
-    Small ones take a tenth of its time.
-    """
+    """Return matrices stacked by rows, as SciPy's vstack does; small ones take a tenth of its time."""
     starts = np.cumsum([0, *(part.indptr[-1] for part in parts)])
     pointers = [part.indptr[1:] + start for part, start in zip(parts, starts[:-1], strict=True)]
     return sparse.csr_array(
@@ -113,10 +102,7 @@ def stack_rows(parts: Sequence[sparse.csr_array]) -> sparse.csr_array:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Cone:
-    """The cone d[column] + ‖values‖ ≥ ‖values + rows d‖.
-
-    The column is the change of the length.
-    """
+    """The cone d[column] + ‖values‖ ≥ ‖values + rows d‖; the column is the change of the length."""
 
     column: int
     values: Float[np.ndarray, " parts"]
@@ -125,10 +111,7 @@ class Cone:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Constraints:
-    """Constraints values + jacobian d ≥ 0, and cones.
-
-    ‖d‖ is the length of the first ``unknowns`` entries.
-    """
+    """Constraints values + jacobian d ≥ 0, and cones; a ball bounds the first ``unknowns`` entries of d."""
 
     unknowns: int
     values: Float[np.ndarray, " inequalities"]
@@ -149,8 +132,8 @@ class Constraints:
     def within_reach(self, radius: float, *, order: int) -> Int[np.ndarray, " rows"]:
         """Return the inequalities that a step within a ball can reach.
 
-        ``order`` is the dual of the ball's norm. Inequalities with an auxiliary column, which no ball bounds,
-        always count.
+        ``order`` is the dual of the ball's norm. Inequalities with an auxiliary column, which no ball bounds, always
+        count.
         """
         bounded, count = self.entries.col < self.unknowns, len(self.values)
         row, value = self.entries.row[bounded], np.abs(self.entries.data[bounded])
@@ -160,10 +143,7 @@ class Constraints:
         return reachable
 
     def cone_multipliers(self, dual: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Return the multipliers of every cone's vector.
-
-        ``dual`` are the dual variables of all cone rows.
-        """
+        """Return the multipliers of every cone's vector from the dual variables of all cone rows."""
         multipliers, first = [], 0
         for cone in self.cones:
             multipliers.append(-dual[first + 1 : first + 1 + len(cone.values)])
@@ -175,10 +155,7 @@ class Constraints:
 
 
 class InteriorPointOptions(NamedTuple):
-    """Settings of the interior-point method.
-
-    They have no unit, except ``radius``. Each kernel has further settings.
-    """
+    """Settings of the interior-point method, without unit except ``radius``; each kernel has further settings."""
 
     barrier: float = 0.1  # μ of the first subproblem
     last_barrier: float = 1e-13  # μ of the last
@@ -287,90 +264,67 @@ def check_solver_name(solver: object) -> None:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Goal:
-    """Minimise ``weights`` · F with ``rows`` · F ≤ ``upper``.
-
-    A bound of inf does not count.
-    """
+    """Minimise ``weights`` · F with ``rows`` · F ≤ ``upper``; a bound of inf does not count."""
 
     weights: Float[np.ndarray, " objectives"]
     rows: Float[np.ndarray, "bounds objectives"]
     upper: Float[np.ndarray, " bounds"]
 
 
-@runtime_checkable
-class Linearisation(Protocol):
-    """A program to first order at a point.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Linearisation(ABC):
+    """A program to first order at a point x.
 
     Its columns are a step along the equalities, then auxiliary variables. Every step of a solver satisfies the
     inequalities that tie auxiliary columns exactly.
+
+    unknowns: number of columns of a step along the equalities; the others are auxiliary
+    elastic: number of elastic inequalities, which come first: steps may violate them
+    unit: Euclidean length of a step with RMS length one
+    inequalities: c, divided by their ranges, then those that tie auxiliary columns
+    jacobian: Jacobian of the inequalities (inequalities, columns)
+    cones: cones that tie auxiliary columns to lengths
     """
 
-    @property
-    def x(self) -> Point:
-        """The point."""
+    x: Point
+    unknowns: int
+    elastic: int
+    unit: float = 1.0
+    objectives: Float[np.ndarray, " objectives"]
+    equalities: Float[np.ndarray, " equalities"] = field(default_factory=lambda: np.zeros(0))
+    inequalities: Float[np.ndarray, " inequalities"]
+    gradients: Float[np.ndarray, "objectives columns"]
+    jacobian: sparse.csr_array
+    cones: tuple[Cone, ...] = ()
 
     @property
     def columns(self) -> int:
         """Number of columns."""
+        return self.gradients.shape[1]
 
-    @property
-    def unknowns(self) -> int:
-        """Number of columns of a step along the equalities; the others are auxiliary."""
-
-    @property
-    def unit(self) -> float:
-        """Euclidean length of a step with RMS length one."""
-
-    @property
-    def objectives(self) -> Float[np.ndarray, " objectives"]:
-        """The objectives F."""
-
-    @property
-    def equalities(self) -> Float[np.ndarray, " equalities"]:
-        """The equalities h."""
-
-    @property
-    def inequalities(self) -> Float[np.ndarray, " inequalities"]:
-        """The inequalities c, divided by their ranges, then those that tie auxiliary columns."""
-
-    @property
-    def elastic(self) -> int:
-        """Number of elastic inequalities, which come first: steps may violate them."""
-
-    @property
-    def gradients(self) -> Float[np.ndarray, "objectives columns"]:
-        """The gradients of F."""
-
-    @property
-    def jacobian(self) -> sparse.csr_array:
-        """The Jacobian of the inequalities (inequalities, columns)."""
-
-    @property
-    def cones(self) -> tuple[Cone, ...]:
-        """The cones that tie auxiliary columns to lengths."""
-
+    @abstractmethod
     def hessian(
         self,
         weights: Float[np.ndarray, " objectives"],
         multipliers: Float[np.ndarray, " inequalities"],
-        cone_multipliers: tuple[np.ndarray, ...],
+        cone_multipliers: tuple[np.ndarray, ...] = (),
     ) -> sparse.csr_array:
-        """Return the Hessian (columns, columns) of the Lagrangian.
+        """Return the Hessian (columns, columns) of the Lagrangian weights · F + ν · h − multipliers · c − cones.
 
-        The Lagrangian is weights · F + ν · h − multipliers · c − cones. The multipliers ν of the equalities cancel the
-        gradient across the tangent space.
+        The multipliers ν of the equalities cancel the gradient across the tangent space.
         """
 
+    @abstractmethod
     def retract(self, step: Float[np.ndarray, " columns"]) -> Point | None:
-        """Return the point on the equalities after a step; else None."""
+        """Return the point on the equalities after a step; None if it is not reached."""
 
+    @abstractmethod
     def corrected_inequalities(
         self, step: Float[np.ndarray, " columns"], x: Point
     ) -> Float[np.ndarray, " inequalities"]:
-        """Return c at the point x that a step led to.
+        """Return c at the point x that a step led to; auxiliary columns are those of the step.
 
-        Auxiliary columns are those of the step. The difference from the part linear in the step is the curvature, for a
-        second-order correction.
+        The difference from the part linear in the step is the curvature, for a second-order correction.
         """
 
 
@@ -392,17 +346,11 @@ class Program(Protocol):
 
     @property
     def kernel(self) -> Any:
-        """The program for compiled solvers.
-
-        None if they do not support a part of F or c.
-        """
+        """The program for compiled solvers; None if they do not support a part of F or c."""
 
     @property
     def kinked(self) -> tuple[str, ...]:
-        """Names of functions with kinks.
-
-        Compiled solvers smooth them, so F must be evaluated again.
-        """
+        """Names of functions with kinks: compiled solvers smooth them, so F must be evaluated again."""
 
     @property
     def unsupported(self) -> tuple[str, ...]:
@@ -413,10 +361,7 @@ class Program(Protocol):
         """Stationarity that rounding cannot distinguish from 0."""
 
     def project(self, x: Points) -> Points:
-        """Return starts with their fixed parts corrected.
-
-        Fixed parts are a given start and a last step at rest.
-        """
+        """Return starts with their fixed parts corrected: a given start, a last step at rest."""
 
     def pin(self, x: Points) -> Points:
         """Return points with their given parts restored to the bit."""
@@ -430,23 +375,16 @@ class Program(Protocol):
         """Return the program to first order at a point."""
 
     def kinks_at(self, x: Point) -> tuple[str, ...]:
-        """Return the names of functions with a kink at a point.
-
-        Kinks that an auxiliary variable represents do not count.
-        """
+        """Return the names of functions with a kink at a point that no auxiliary variable represents."""
 
     def distance(self, x: Point, others: Points) -> np.ndarray:
-        """Return RMS distances from others, in rad or similar.
-
-        Optima nearer than 0.01 are one.
-        """
+        """Return RMS distances from others, in rad or similar; optima nearer than 0.01 are one."""
 
 
 def bounded(at: Linearisation, goal: Goal) -> tuple[Constraints, int]:
-    """Return inequalities to first order, and the number of elastic ones.
+    """Return inequalities to first order with the goal's bounds, and the number of elastic ones.
 
-    They include the goal's bounds. The elastic inequalities come first, then the goal's bounds (also elastic), then
-    those that tie auxiliary columns.
+    The elastic inequalities come first, then the goal's bounds (also elastic), then those that tie auxiliary columns.
     """
     finite = np.isfinite(goal.upper)
     rows, elastic = goal.rows[finite], at.elastic
@@ -465,10 +403,7 @@ def bounded(at: Linearisation, goal: Goal) -> tuple[Constraints, int]:
 
 
 def violation_at(program: Program, at: Linearisation) -> float:
-    """Return the worst violation of all constraints at a point.
-
-    These are equalities, limits and bounds; it is a share of their ranges.
-    """
+    """Return the worst violation of equalities, limits and bounds at a point, as a share of their ranges."""
     return violation_of(program, at.objectives, at.equalities, at.inequalities[: at.elastic])
 
 
@@ -480,9 +415,9 @@ def violation_of(
     rows: Float[np.ndarray, "bounds n_obj"] | None = None,
     upper: Float[np.ndarray, " bounds"] | None = None,
 ) -> float:
-    """Return the worst violation of these F, h and elastic c.
+    """Return the worst violation of these F, h and elastic c, NaN if one is NaN.
 
-    It is NaN if one is NaN. The bounds are rows · F ≤ ``upper``; without rows, the program's own bounds of F.
+    The bounds are rows · F ≤ ``upper``; without rows, the program's own bounds of F.
     """
     if rows is None or upper is None:
         rows, upper = np.eye(len(objectives)), program.upper
@@ -495,9 +430,7 @@ def violation_of(
 
 
 def program_key(kind: str, program: Program, x: Point, *inputs: object) -> bytes | None:
-    """Return the journal's key of a result.
-
-    It is for a program, a point and inputs; None if there is no journal.
+    """Return the journal's key of a result for a program, a point and inputs; None if there is no journal.
 
     Names and values at the point identify the program: other limits have other inequalities there.
     """

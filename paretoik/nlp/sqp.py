@@ -118,9 +118,7 @@ class _Iterate:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Attempt:
-    """A tried step.
-
-    It has its trial point, its predicted and actual gain in merit, and its length before any correction.
+    """A tried step: its trial point, predicted and actual gain in merit, and its length before any correction.
 
     settled: whether nothing was tried because the predicted gain was only rounding
     """
@@ -134,9 +132,7 @@ class _Attempt:
 
 
 def minimise(program: Program, x: Point, goal: Goal, options: SqpOptions = OPTIONS) -> Solution:
-    """Return the local minimum of a goal that a point leads to.
-
-    The point is on or near the equalities.
+    """Return the local minimum of a goal that a point on or near the equalities leads to.
 
         minimise    weights · F(x)
         subject to  h(x) = 0,  c(x) ≥ 0,  rows · F(x) ≤ upper
@@ -152,10 +148,9 @@ def minimise(program: Program, x: Point, goal: Goal, options: SqpOptions = OPTIO
 
 
 class _Search:
-    """The state of a search.
+    """The state of a search: iterate, trust region, penalty, and multipliers of the last step.
 
-    It has the iterate, trust region, penalty, and multipliers of the last step. The goal and its bounds are divided by
-    the goal's size, so the cost of a violation does not depend on units of F.
+    The goal and its bounds are divided by the goal's size, so the cost of a violation does not depend on units of F.
     """
 
     def __init__(self, program: Program, x: Point, goal: Goal, options: SqpOptions) -> None:
@@ -195,7 +190,15 @@ class _Search:
         self.gradient = self.goal.weights @ self.at.gradients
         self.hessian = self.share * convexify(hessian, self.constraints.unknowns, options.flattening)
         # its step, in smaller and smaller trust regions
-        attempt = self._accepted_step()
+        attempt: _Attempt | None = None
+        while self.radius > options.smallest_radius and attempt is None:
+            step = self._solve(self.constraints)
+            if step is None:
+                self.radius /= 4
+                continue
+            attempt = self._attempt(step)
+            if not attempt.settled and not attempt.gain >= options.acceptance * attempt.predicted:
+                self.radius, attempt = min(self.radius, attempt.length) / 4, None
         if attempt is None or attempt.trial is None:
             self._end(settled=attempt is not None and attempt.settled)
             return
@@ -251,27 +254,8 @@ class _Search:
         parts = np.split(self.last.multipliers, [elastic, elastic + bounds])
         return np.concatenate([parts[0], parts[2]]), parts[1]
 
-    def _accepted_step(self) -> _Attempt | None:
-        """Return the first attempt that is accepted; else None.
-
-        Trust regions shrink until an attempt gains enough or is settled.
-        """
-        while self.radius > self.options.smallest_radius:
-            step = self._solve(self.constraints)
-            if step is None:
-                self.radius /= 4
-                continue
-            attempt = self._attempt(step)
-            if attempt.settled or attempt.gain >= self.options.acceptance * attempt.predicted:
-                return attempt
-            self.radius = min(self.radius, attempt.length) / 4
-        return None
-
     def _attempt(self, step: Step) -> _Attempt:
-        """Try a step, and its correction if it gains too little.
-
-        Nothing is tried if no gain is predicted.
-        """
+        """Try a step, and its correction if it gains too little; nothing is tried if no gain is predicted."""
         options, d = self.options, step.step
         before, curvature = self.iterate.merit(self.penalty), self.hessian @ d
         linear = float(self.gradient @ d) + 0.5 * float(d @ curvature)
@@ -319,10 +303,7 @@ class _Search:
             return None
 
     def _end(self, *, settled: bool) -> None:
-        """End the search, or raise the penalty of violations.
-
-        ``settled`` is whether no reduction is predicted.
-        """
+        """End the search, or raise the penalty of violations; ``settled`` is whether no reduction is predicted."""
         options = self.options
         if settled and self.tolerance > options.last_tolerance:
             self.tolerance = options.last_tolerance

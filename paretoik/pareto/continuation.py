@@ -154,13 +154,11 @@ def correct(program: Program, start: Optimum, goal: Goal, kernel: Any = None) ->
     The second value is the number of corrections. None if too many corrections are needed. ``kernel`` is the program's
     kernel, if the caller has it already.
     """
-    from paretoik.nlp.parametric_qp.correction import CorrectionOptions
-    from paretoik.nlp.parametric_qp.correction import correct as search
+    from paretoik.nlp.parametric_qp.predictor_corrector import correct as search  # here: numba
 
-    options = _compiled_options(CorrectionOptions)
     kernel = program.kernel if kernel is None else kernel
     x, multipliers, _, corrections, _, converged = search(
-        kernel, start.x, start.multipliers, goal.weights, *_bounds(program, goal), options
+        kernel, start.x, start.multipliers, goal.weights, *_bounds(program, goal), _step_options()
     )
     return (Optimum(x=program.pin(x[None])[0], multipliers=multipliers), corrections) if converged else None
 
@@ -174,10 +172,9 @@ def predict(program: Program, start: Optimum, goal: Callable[[float], Goal]) -> 
     of the fourth power of the step. If the step is too long for the models at the start, it is halved and new models
     are made on the way.
     """
-    from paretoik.nlp.parametric_qp.prediction import PredictionOptions
-    from paretoik.nlp.parametric_qp.prediction import predict as search
+    from paretoik.nlp.parametric_qp.predictor_corrector import predict as search  # here: numba
 
-    options, optimum, share, step = _compiled_options(PredictionOptions), start, 0.0, 1.0
+    options, optimum, share, step = _step_options(), start, 0.0, 1.0
     for remaining in range(OPTIONS.attempts, 0, -1):
         if share + step * (2**remaining - 1) < 1.0:
             return None
@@ -195,14 +192,12 @@ def predict(program: Program, start: Optimum, goal: Callable[[float], Goal]) -> 
     return None
 
 
-def _compiled_options(kind: type[Any]) -> Any:
-    """Return the settings of compiled code, a named tuple.
+def _step_options() -> Any:
+    """Return the settings of compiled code: values of ``OPTIONS`` by name, defaults of quadratic programs."""
+    from paretoik.nlp.parametric_qp.homotopy import QpOptions  # here: numba
+    from paretoik.nlp.parametric_qp.predictor_corrector import StepOptions
 
-    Values of ``OPTIONS`` are copied by name; ``qp`` gets its defaults.
-    """
-    from paretoik.nlp.parametric_qp.homotopy import QpOptions
-
-    return kind(**{name: getattr(OPTIONS, name) for name in kind._fields if name != "qp"}, qp=QpOptions())
+    return StepOptions(**{name: getattr(OPTIONS, name) for name in StepOptions._fields if name != "qp"}, qp=QpOptions())
 
 
 def _bounds(

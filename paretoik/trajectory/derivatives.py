@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy import sparse
 
-from paretoik.nlp.program import Cone, stack_rows, structural_product
+from paretoik.nlp.program import Cone, Linearisation, stack_rows, structural_product
 from paretoik.robot.kinematics import joint_scales
 from paretoik.task.retraction import retract, row_space_basis
 from paretoik.trajectory.curve_state_kernel import add_twist, chain_gradient, curve_multipliers, linearise_instants
@@ -17,8 +17,8 @@ from paretoik.trajectory.motion_terms import MotionTerms, MotionValues
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class MotionLinearisation:
-    """A program at a motion ``x``, to first order; see ``Linearisation``.
+class MotionLinearisation(Linearisation):
+    """A program at a motion ``x``, to first order.
 
     Columns are steps of the self-motion, slides in arm lengths, then slack and epigraph variables of samples, peaks and
     functions of the whole motion.
@@ -33,7 +33,6 @@ class MotionLinearisation:
 
     program: MotionTerms
     values: MotionValues
-    x: Float[np.ndarray, "time dof"]
     normal: Float[np.ndarray, "time dof redundancy"]
     path_jacobian: Float[np.ndarray, "time rows dof"]
     basis: sparse.csr_array
@@ -41,43 +40,6 @@ class MotionLinearisation:
     samples: sparse.csr_array
     function_gradients: Float[np.ndarray, "functions variables instants"]
     sample_inputs: Float[np.ndarray, "inputs time"]
-    gradients: Float[np.ndarray, "objectives columns"]
-    inequalities: Float[np.ndarray, " inequalities"]
-    jacobian: sparse.csr_array
-    cones: tuple[Cone, ...]
-
-    @property
-    def columns(self) -> int:
-        """Number of columns."""
-        return self.gradients.shape[1]
-
-    @property
-    def unknowns(self) -> int:
-        """Number of unknowns of the self-motion."""
-        return self.program.stencil.unknowns
-
-    @property
-    def unit(self) -> float:
-        """Euclidean length of a step with RMS 1 over time.
-
-        It is in rad, slides in arm lengths.
-        """
-        return float(np.sqrt(self.unknowns / self.normal.shape[2]))
-
-    @property
-    def objectives(self) -> Float[np.ndarray, " objectives"]:
-        """F at the motion."""
-        return self.values.objectives
-
-    @property
-    def equalities(self) -> Float[np.ndarray, " equalities"]:
-        """No equalities: the motion is on the path already."""
-        return np.zeros(0)
-
-    @property
-    def elastic(self) -> int:
-        """Number of limits; the other inequalities tie slack and epigraph variables."""
-        return self.program.elastic
 
     def hessian(
         self,
@@ -214,8 +176,7 @@ def linearise(program: MotionTerms, q: Float[np.ndarray, "time dof"]) -> MotionL
     functions = len(slopes) - len(sparsity.rows)
     function_gradients = np.zeros((functions, len(program.variables), instants))
     function_gradients[sparsity.rows, sparsity.columns] = slopes[functions:]
-    wholes = sum(each.epigraph_columns for each in program.whole_functions)
-    basis, spline, by_samples = _basis(program, values.curve.chain, normal, wholes)
+    basis, spline, by_samples = _basis(program, values.curve.chain, normal)
     gradients, ties, tie_rows, cones = _whole_functions(program, values, basis)
     for k, total in enumerate(program.totals):
         if total.kind == "sum":
@@ -240,6 +201,10 @@ def linearise(program: MotionTerms, q: Float[np.ndarray, "time dof"]) -> MotionL
         program=program,
         values=values,
         x=q,
+        unknowns=program.stencil.unknowns,
+        elastic=program.elastic,
+        unit=float(np.sqrt(program.stencil.unknowns / normal.shape[2])),  # rad, slides in arm lengths
+        objectives=values.objectives,
         normal=normal,
         path_jacobian=path_jacobian,
         basis=basis,
@@ -255,13 +220,14 @@ def linearise(program: MotionTerms, q: Float[np.ndarray, "time dof"]) -> MotionL
 
 
 def _basis(
-    program: MotionTerms, chain: np.ndarray, normal: np.ndarray, wholes: int
+    program: MotionTerms, chain: np.ndarray, normal: np.ndarray
 ) -> tuple[sparse.csr_array, sparse.csr_array, sparse.csr_array]:
     """Return derivatives by columns: of variables, spline state, and q.
 
     Their rows are variables · instants, states · instants, and dof · time.
     """
     stencil, instants, r = program.stencil, len(program.task.instants), normal.shape[2]
+    wholes = sum(each.epigraph_columns for each in program.whole_functions)
     columns = stencil.unknowns + program.slacks * instants + program.peaks + wholes
     begin = stencil.first_unknown[stencil.neighbours]
     moves = np.einsum("oik,ikja->ojika", stencil.coefficients, normal[stencil.neighbours])

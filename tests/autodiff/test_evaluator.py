@@ -5,13 +5,12 @@ from __future__ import annotations
 import threading
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 
 from paretoik.autodiff.differentiation import gradient, hessian
 from paretoik.autodiff.evaluator import BLOCK_SIZE, compile_evaluator
-from paretoik.autodiff.operations import NO_OPERAND, Fused, Op
-from paretoik.autodiff.tape import Tape, as_entry
+from paretoik.autodiff.operations import NO_OPERAND, Fused
+from paretoik.autodiff.tape import Tape
 from tests.autodiff.trees import KINKED, SMOOTH, points, seeds, taped, trees
 
 
@@ -55,24 +54,6 @@ def test_an_output_may_be_an_input_a_constant_or_another_output_again():
     outputs = [y.index, tape.constant(3.0), both.index, both.index, (both * 2).index, x.index]
     values = compile_evaluator(tape, outputs)(np.array([[1.0, 2.0], [10.0, 20.0]]))
     np.testing.assert_array_equal(values, [[10, 20], [3, 3], [11, 22], [11, 22], [22, 44], [1, 2]])
-
-
-@pytest.mark.parametrize("op", [op for op in Op if op > Op.INPUT], ids=lambda op: op.name.lower())
-def test_compiled_operations_are_those_that_fold_constants(op):
-    arity = 3 if op is Op.WHERE else 1 + (op in PAIRS)
-    at = np.array(np.meshgrid(*[[-2.0, -0.5, 0.0, 0.5, 1.0, np.nan]] * arity)).reshape(arity, -1)
-    if op is Op.POWER:
-        at = at[:, at[1] == 0.5]
-    tape = Tape()
-    variables = [tape.input() for _ in range(arity)]
-    results = compile_evaluator(tape, [tape.apply(op, *(v.index for v in variables))])(at)[0]
-    for lane, numbers in enumerate(at.T):
-        folded = tape.apply(op, *(as_entry(tape, number) for number in numbers))
-        np.testing.assert_allclose(results[lane], tape.values[folded], rtol=1e-14, atol=1e-300)
-
-
-PAIRS = {Op.ADD, Op.SUBTRACT, Op.MULTIPLY, Op.DIVIDE, Op.ARC_TANGENT, Op.POWER, Op.MASKED_MULTIPLY}
-PAIRS |= {Op.MAXIMUM, Op.MINIMUM, Op.LESS, Op.LESS_EQUAL}
 
 
 def test_one_evaluator_runs_in_many_threads_at_once():

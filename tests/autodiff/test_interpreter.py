@@ -35,6 +35,12 @@ def test_a_masked_product_is_zero_where_its_first_factor_is():
     np.testing.assert_array_equal(evaluated(Op.MASKED_MULTIPLY, first, second), expected)
 
 
+def test_a_choice_takes_its_second_operand_unless_the_first_is_zero():
+    condition, first = (each.ravel() for each in np.meshgrid(VALUES, VALUES))
+    chosen = evaluated(Op.WHERE, condition, first, np.full(condition.shape, 7.0))
+    np.testing.assert_array_equal(chosen, np.where(condition != 0, first, 7.0))
+
+
 def test_points_beyond_the_first_are_left_alone():
     tape = Tape()
     x = tape.input()

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from paretoik.nlp.banded.cholesky import factorise, solve, solve_columns
+from paretoik.nlp.banded.cholesky import allocate_matrix, factorise, solve, solve_columns
 
 dimensions = st.tuples(st.integers(1, 12), st.integers(1, 4), st.integers(0, 3), st.integers(0, 10_000))
 
@@ -26,20 +26,21 @@ def system(dimensions, *, border):
 
 
 def factorised(packed, B, C, negative):
-    parts = np.empty_like(packed), np.empty_like(B), np.empty_like(C)
-    return factorise(packed, B, C, *parts, negative), *parts
+    """Return whether the inertia is right, and the factorised matrix."""
+    matrix = allocate_matrix(*packed.shape, len(C))._replace(A=packed, B=B, C=C)
+    return factorise(matrix, negative), matrix
 
 
 @settings(max_examples=25)
 @given(dimensions)
 def test_the_solution_is_that_of_the_dense_matrix(dimensions):
     packed, A, B, C = system(dimensions, border=-1.0)
-    right_inertia, L, X, S = factorised(packed, B, C, len(C))
+    right_inertia, matrix = factorised(packed, B, C, len(C))
     assert right_inertia
     whole = np.block([[A, B.T], [B, C]])
     right = np.random.default_rng(1).normal(size=len(whole))
     x = right.copy()
-    solve(L, B, X, S, x)
+    solve(matrix, x)
     assert np.abs(whole @ x - right).max() <= 1e-11 * (1 + np.abs(whole).max() * np.abs(x).max())
 
 
@@ -66,12 +67,12 @@ def test_a_band_that_is_not_positive_definite_is_refused(dimensions):
 @given(dimensions, st.integers(1, 9))
 def test_columns_are_solved_to_the_bits_of_each_alone(dimensions, count):
     packed, _, B, C = system(dimensions, border=-1.0)
-    _, L, X, S = factorised(packed, B, C, len(C))
+    _, matrix = factorised(packed, B, C, len(C))
     right = np.random.default_rng(2).normal(size=(len(packed) + len(C), count + 2))
     columns = right.copy()
-    solve_columns(L, B, X, S, columns, count)
+    solve_columns(matrix, columns, count)
     for number in range(count):
         x = right[:, number].copy()
-        solve(L, B, X, S, x)
+        solve(matrix, x)
         np.testing.assert_array_equal(columns[:, number], x)
     np.testing.assert_array_equal(columns[:, count:], right[:, count:])

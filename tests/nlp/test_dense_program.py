@@ -1,10 +1,9 @@
-"""Sequential quadratic programming on small smooth programs: known minima, and a comparison with SciPy."""
+"""Small dense programs: derivatives of their rows, and a known minimum."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.optimize import minimize
 
 from paretoik.nlp.dense.dense_program import DenseProgram
 from paretoik.nlp.dense.traced_rows import trace_rows
@@ -42,34 +41,3 @@ def test_derivatives_are_those_of_the_rows():
     assert program.jacobian(z) == pytest.approx(slopes, rel=1e-8)
     bends = np.array([weights @ (program.jacobian(z + d) - program.jacobian(z - d)) for d in step]) / 2e-6
     assert program.hessian(z, weights) == pytest.approx(bends, rel=1e-7)
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_solution_is_no_worse_than_slsqps_from_the_same_start(seed):
-    rng = np.random.default_rng(seed)
-    a, b = rng.normal(size=(2, 4, 4))
-
-    def rows(z, parameters):
-        circle = sum(x * x for x in z) - 2.0
-        bent = [sum(a[i, j] * z[j] for j in range(4)) + 0.3 * np.sin(z[i]) + 1.0 for i in range(4)]
-        return [circle], bent
-
-    program, cost = trace_rows(4, 0, rows).at(), b[0]
-    start = rng.normal(size=4)
-    start *= np.sqrt(2) / np.linalg.norm(start)
-    ours = minimise_by_sqp(program, cost, start)
-    theirs = minimize(
-        lambda z: cost @ z,
-        start,
-        jac=lambda z: cost,
-        method="SLSQP",
-        constraints=[
-            {"type": "eq", "fun": lambda z: program.rows(z)[0], "jac": lambda z: program.jacobian(z)[:1]},
-            {"type": "ineq", "fun": lambda z: program.rows(z)[1], "jac": lambda z: program.jacobian(z)[1:]},
-        ],
-        options={"ftol": 1e-14, "maxiter": 500},
-    )
-    assert ours.violation[0] <= 1e-8
-    assert ours.status == [CONVERGED]
-    if theirs.success and np.linalg.norm(ours.x[0] - theirs.x) < 0.5:  # the same basin
-        assert cost @ ours.x[0] <= cost @ theirs.x + 1e-7

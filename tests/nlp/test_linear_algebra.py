@@ -76,6 +76,3 @@ def test_a_matrix_near_its_triangle_is_eliminated_and_one_past_a_fold_is_not(siz
     folded = matrix.copy()
     folded[0] *= -1.0  # the first pivot has the other sign
     assert not householder.eliminate(folded, right.copy(), triangle)
-
-
-# Small symmetric matrices, compiled, compared with LAPACK.

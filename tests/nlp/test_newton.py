@@ -6,17 +6,17 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from paretoik.nlp.banded.cholesky import allocate_matrix
 from paretoik.nlp.banded.interior_point import _factorise_definite
 
 
 def factorised(A, B, C, border, delta=0.0):
     """Return the last addition for a dense A, and the matrices with it."""
     band = np.array([[A[i, i - d] if i >= d else 0.0 for d in range(len(A))] for i in range(len(A))])
-    B, C = B.copy(), C.copy()
-    parts = np.empty_like(band), np.empty_like(B), np.empty_like(C)
+    matrix = allocate_matrix(*band.shape, len(C))._replace(A=band, B=B, C=C.copy())
     largest = float(np.abs(A).max())
-    added = _factorise_definite(band, B, C, *parts, border, largest, 1e-9, delta)
-    return added, np.diag(band[:, 0] - np.diag(A)) + A, C
+    added = _factorise_definite(matrix, border, largest, 1e-9, delta)
+    return added, np.diag(band[:, 0] - np.diag(A)) + A, matrix.C
 
 
 @settings(max_examples=30)

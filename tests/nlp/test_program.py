@@ -1,4 +1,4 @@
-"""Sparse products have the structure that their factors' structures define; violations of a program."""
+"""Sparse products have the structure that their factors' structures define."""
 
 from __future__ import annotations
 
@@ -24,6 +24,3 @@ def test_a_structural_product_is_the_product_and_keeps_sums_that_are_zero_by_cha
     product.check_format()
     np.testing.assert_array_equal(product.toarray(), left.toarray() @ right.toarray())
     assert Structure.of(product) == everywhere
-
-
-# Violations of a program: the largest of all excesses, each computed by hand.

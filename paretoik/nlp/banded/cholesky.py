@@ -1,31 +1,87 @@
-"""Linear systems with a banded matrix and a border, compiled.
+"""Symmetric matrices with a band and a border, compiled: Newton's method over time needs them.
 
-The matrix is [[A, B], [Bᵀ, C]]; Newton's method over time needs it.
-
-A (size, band) contains its lower half: A[i, d] is entry (i, i − d). The border couples unknowns that are far apart in
-time: the periodic boundary of a cycle, bounds on sums over all samples. If the band is as wide as its size, A is dense.
+The matrix is [[A, Bᵀ], [B, C]]. The border couples unknowns that are far apart in time: the periodic boundary of a
+cycle, bounds on sums over all samples. If the band is as wide as its size, A is dense.
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from paretoik.compilation.numba_cache import compiled
-from paretoik.nlp.linear_algebra import substitute_lu
+from paretoik.nlp.linear_algebra import clear, substitute_lu
 
 PIVOT_TOLERANCE = 1e-14  # smallest pivot, as a share of its diagonal entry
 
 
+class BorderedMatrix(NamedTuple):
+    """A matrix [[A, Bᵀ], [B, C]], and its factors if it is factorised."""
+
+    A: np.ndarray  # (size, band), the lower half: entry (i, i − d) is A[i, d]
+    B: np.ndarray  # (border, size)
+    C: np.ndarray  # (border, border)
+    L: np.ndarray  # (size, band): A = L Lᵀ
+    X: np.ndarray  # (border, size): A⁻¹ Bᵀ, by rows
+    S: np.ndarray  # (border, border): LU factors of C − B X
+
+
 @compiled
-def factorise(A, B, C, L, X, S, negative):
+def allocate_matrix(size, band, border):
+    """Return a matrix of zeros."""
+    return BorderedMatrix(
+        np.zeros((size, band)),
+        np.zeros((border, size)),
+        np.zeros((border, border)),
+        np.zeros((size, band)),
+        np.zeros((border, size)),
+        np.zeros((border, border)),
+    )
+
+
+@compiled
+def clear_matrix(matrix):
+    """Set all entries to 0."""
+    clear(matrix.A)
+    clear(matrix.B)
+    clear(matrix.C)
+
+
+@compiled
+def add_entry(matrix, row, column, value):
+    """Add a value to an entry of the lower half."""
+    size = len(matrix.A)
+    if row < size:
+        matrix.A[row, row - column] += value
+    elif column < size:
+        matrix.B[row - size, column] += value
+    else:
+        matrix.C[row - size, column - size] += value
+        if row != column:
+            matrix.C[column - size, row - size] += value
+
+
+@compiled
+def factorise(matrix, negative):
     """Factorise the matrix; return whether its inertia is right.
 
-    L of A = L Lᵀ, X = A⁻¹ B and the factors of S = C − Bᵀ X are written. The inertia is right if A is positive definite
-    and S has exactly ``negative`` negative eigenvalues.
+    It is right if A is positive definite and C − B A⁻¹ Bᵀ has exactly ``negative`` negative eigenvalues.
     """
-    if not _cholesky(A, L):
-        return False
-    size, borders = A.shape[0], C.shape[0]
+    A, B, C, L, X, S = matrix.A, matrix.B, matrix.C, matrix.L, matrix.X, matrix.S
+    (size, band), borders = A.shape, C.shape[0]
+    for i in range(size):  # Cholesky's factorisation
+        for d in range(min(i, band - 1), -1, -1):
+            j = i - d
+            total = A[i, d]
+            for k in range(max(0, i - band + 1), j):
+                total -= L[i, i - k] * L[j, j - k]
+            if d:
+                L[i, d] = total / L[j, 0]
+            elif total > PIVOT_TOLERANCE * abs(A[i, 0]):
+                L[i, 0] = np.sqrt(total)
+            else:
+                return False
     for e in range(borders):
         for i in range(size):
             X[e, i] = B[e, i]
@@ -50,11 +106,23 @@ def factorise(A, B, C, L, X, S, negative):
 
 
 @compiled
-def solve(L, B, X, S, x):
-    """Overwrite x with the solution of the factorised system.
+def _substitute(L, x):
+    """Overwrite x with (L Lᵀ)⁻¹ x."""
+    size, band = L.shape
+    for i in range(size):
+        for d in range(1, min(i, band - 1) + 1):
+            x[i] -= L[i, d] * x[i - d]
+        x[i] /= L[i, 0]
+    for i in range(size - 1, -1, -1):
+        for d in range(1, min(size - 1 - i, band - 1) + 1):
+            x[i] -= L[i + d, d] * x[i + d]
+        x[i] /= L[i, 0]
 
-    x has the banded part, then the border.
-    """
+
+@compiled
+def solve(matrix, x):
+    """Overwrite x, the banded part and then the border, with the solution of the factorised system."""
+    L, X, S = matrix.L, matrix.X, matrix.S
     size, borders = L.shape[0], S.shape[0]
     if borders:
         corner = np.empty(borders)
@@ -70,13 +138,11 @@ def solve(L, B, X, S, x):
         x[size + e] = corner[e]
 
 
-@compiled(level=3)  # this level vectorises over several columns
-def solve_columns(L, B, X, S, columns, count):
-    """Overwrite the first columns of a matrix with their solutions.
-
-    Each equals the result of ``solve`` bit for bit.
-    """
-    size, borders = L.shape[0], S.shape[0]
+@compiled
+def solve_columns(matrix, columns, count):
+    """Overwrite the first columns of a matrix with their solutions, each bit for bit the result of ``solve``."""
+    L, X, S = matrix.L, matrix.X, matrix.S
+    (size, band), borders = L.shape, S.shape[0]
     corner = np.empty((borders, count))
     for e in range(borders):
         for w in range(count):
@@ -90,7 +156,6 @@ def solve_columns(L, B, X, S, columns, count):
         for b in range(e + 1, borders):
             _subtract(corner[e], S[e, b], corner[b], count)
         _divide(corner[e], S[e, e], count)
-    size, band = L.shape
     for i in range(size):
         for d in range(1, min(i, band - 1) + 1):
             _subtract(columns[i], L[i, d], columns[i - d], count)
@@ -106,46 +171,13 @@ def solve_columns(L, B, X, S, columns, count):
             columns[size + e, w] = corner[e, w]
 
 
-@compiled(level=3)
+@compiled
 def _subtract(row, factor, other, count):
     for w in range(count):
         row[w] -= factor * other[w]
 
 
-@compiled(level=3)
+@compiled
 def _divide(row, divisor, count):
     for w in range(count):
         row[w] /= divisor
-
-
-@compiled
-def _cholesky(A, L):
-    """Write L of A = L Lᵀ; return whether A is definite."""
-    size, band = A.shape
-    for i in range(size):
-        for d in range(min(i, band - 1), -1, -1):
-            j = i - d
-            total = A[i, d]
-            for k in range(max(0, i - band + 1), j):
-                total -= L[i, i - k] * L[j, j - k]
-            if d:
-                L[i, d] = total / L[j, 0]
-            elif total > PIVOT_TOLERANCE * abs(A[i, 0]):
-                L[i, 0] = np.sqrt(total)
-            else:
-                return False
-    return True
-
-
-@compiled
-def _substitute(L, x):
-    """Overwrite x with A⁻¹ x."""
-    size, band = L.shape
-    for i in range(size):
-        for d in range(1, min(i, band - 1) + 1):
-            x[i] -= L[i, d] * x[i - d]
-        x[i] /= L[i, 0]
-    for i in range(size - 1, -1, -1):
-        for d in range(1, min(size - 1 - i, band - 1) + 1):
-            x[i] -= L[i + d, d] * x[i + d]
-        x[i] /= L[i, 0]

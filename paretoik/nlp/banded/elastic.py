@@ -48,9 +48,9 @@ def begin_slacks(c, mu, penalty, shortest, s, t, r):
 
 @compiled
 def step_slacks(c, s, t, ds, dt, length, trial_s, trial_t, trial_r):
-    """Write slacks after a step and their residuals.
+    """Write slacks after a step, negative if it is too long, and their residuals.
 
-    If the step is too long, they are negative. No slack becomes shorter than c allows.
+    No slack becomes shorter than c allows.
     """
     for i in range(len(c)):
         trial_s[i], trial_t[i] = s[i] + length * ds[i], t[i] + length * dt[i]
@@ -62,10 +62,7 @@ def step_slacks(c, s, t, ds, dt, length, trial_s, trial_t, trial_r):
 
 @compiled
 def merit_terms(s, t, mu, penalty):
-    """Return the slacks' part of the merit function.
-
-    Far from its bound, c adds only the barrier.
-    """
+    """Return the slacks' part of the merit function; c far from its bound adds only the barrier."""
     total = 0.0
     for i in range(len(s)):
         total += penalty * t[i] - mu * np.log(s[i]) - mu * np.log(t[i] * penalty / mu)
@@ -81,31 +78,15 @@ def central_multipliers(s, mu, penalty, z):
 
 @compiled
 def approach_central_path(s, mu, penalty, factor, z):
-    """Bring multipliers within a factor of the central path.
-
-    Multipliers within it do not change. Use this if rounding errors prevent a better x.
-    """
+    """Bring multipliers within a factor of the central path, if rounding errors prevent a better x."""
     for i in range(len(s)):
         central = mu / s[i]
         z[i] = min(max(z[i], central / factor), central * factor, (1 - MULTIPLIER_ROUNDING) * penalty)
 
 
 @compiled
-def complementarity_and_violation(c, s, z, mu):
-    """Return the largest |s z − μ| and the largest violation."""
-    complementarity, violation = 0.0, 0.0
-    for i in range(len(c)):
-        complementarity = max(complementarity, abs(s[i] * z[i] - mu))
-        violation = max(violation, -c[i])
-    return complementarity, violation
-
-
-@compiled
 def barrier_terms(s, t, r, z, mu, penalty, stiffness, force):
-    """Write each constraint's stiffness Σ and force in Newton's system.
-
-    The force replaces z on the right side.
-    """
+    """Write each constraint's stiffness Σ, and the force that replaces z on the right side of Newton's system."""
     for i in range(len(s)):
         w = penalty - z[i]
         stiffness[i] = 1.0 / (s[i] / z[i] + t[i] / w)
@@ -131,10 +112,9 @@ def newton_slacks(s, t, r, z, dz, dc, mu, penalty, ds, dt):
 
 @compiled
 def limit_implied_step(c, s, dc, mu, length, fraction):
-    """Return the merit terms' slope along dc, and the step length.
+    """Return the merit terms' slope along dc, and a step length that keeps all s positive, for slacks that follow c.
 
-    The length is at most ``length`` and keeps all s positive. This is for slacks that follow c. Fraction to the
-    boundary: Nocedal & Wright, Eq. 19.9.
+    Fraction to the boundary: Nocedal & Wright, Eq. 19.9.
     """
     slope = 0.0
     for i in range(len(c)):
@@ -159,9 +139,7 @@ def limit_step(s, t, ds, dt, mu, penalty, length, fraction):
 
 @compiled
 def step_multipliers(dz, s, t, mu, penalty, options, z):
-    """Move multipliers by Newton's step.
-
-    They stay positive and near the central path of the new slacks.
+    """Move multipliers by Newton's step; they stay positive and near the central path of the new slacks.
 
     Source: Wächter & Biegler 2006, Eq. 16.
     """

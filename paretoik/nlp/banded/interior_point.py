@@ -20,13 +20,12 @@ import numpy as np
 
 from paretoik.compilation.array_tuples import keep, refer
 from paretoik.compilation.numba_cache import compiled
-from paretoik.nlp.banded.cholesky import factorise, solve
+from paretoik.nlp.banded.cholesky import BorderedMatrix, allocate_matrix, clear_matrix, factorise, solve
 from paretoik.nlp.banded.elastic import (
     approach_central_path,
     barrier_terms,
     begin_slacks,
     central_multipliers,
-    complementarity_and_violation,
     limit_implied_step,
     limit_step,
     merit_terms,
@@ -53,7 +52,7 @@ from paretoik.nlp.banded.kernel import (
     retract,
     set_smoothing,
 )
-from paretoik.nlp.linear_algebra import clear, dot, finite_indices
+from paretoik.nlp.linear_algebra import dot, finite_indices
 from paretoik.nlp.program import CONVERGED, INTERRUPTED, ITERATION_LIMIT, NO_PROGRESS, NOT_FINITE, SINGULAR, VIOLATED
 
 # One iteration: its arrays, evaluation and Newton step, compiled.
@@ -84,12 +83,7 @@ class Iteration(NamedTuple):
     objective_weights: np.ndarray
     residual: np.ndarray  # (unknowns,) reduced gradient of the Lagrangian
     step: np.ndarray  # (unknowns + bounds,)
-    A: np.ndarray  # Newton's matrix; its factors follow
-    B: np.ndarray
-    C: np.ndarray
-    L: np.ndarray
-    X: np.ndarray
-    S: np.ndarray
+    matrix: BorderedMatrix  # Newton's matrix
     filter: np.ndarray  # (iterations + 1, 2): pairs of residual and merit; a step must be better in one of the two
 
 
@@ -102,9 +96,7 @@ class GoalArrays(NamedTuple):
 
 
 class Line(NamedTuple):
-    """A line to search.
-
-    It has its largest step and, at its start, the merit's slope, the merit, and the residual θ.
+    """A line to search: its largest step and, at its start, the merit's slope, the merit, and the residual θ.
 
     large_residual: largest θ at which only the merit decides
     """
@@ -117,10 +109,7 @@ class Line(NamedTuple):
 
 
 class Barrier(NamedTuple):
-    """The subproblem: barrier μ and penalty.
-
-    It has the violation when it was last halved, and the penalty at that time.
-    """
+    """The subproblem: barrier μ and penalty; the violation when it was last halved, and the penalty at that time."""
 
     mu: float
     penalty: float
@@ -130,10 +119,7 @@ class Barrier(NamedTuple):
 
 @compiled
 def allocate_iteration(size, band, border, inequalities, objectives, bounds, iterations):
-    """Return the arrays of an iteration.
-
-    ``bounds`` are the rows with a finite bound.
-    """
+    """Return the arrays of an iteration; ``bounds`` are the rows with a finite bound."""
     constraints, borders = inequalities + len(bounds), border + len(bounds)
     by_objective, by_constraint = np.zeros((4, objectives)), np.zeros((16, constraints))
     F, trial_F, dF, objective_weights = by_objective[0], by_objective[1], by_objective[2], by_objective[3]
@@ -143,25 +129,9 @@ def allocate_iteration(size, band, border, inequalities, objectives, bounds, ite
         c[13], c[14], objective_weights,
         np.zeros(size + border),
         np.zeros(size + borders),
-        np.zeros((size, band)),
-        np.zeros((borders, size)),
-        np.zeros((borders, borders)),
-        np.zeros((size, band)),
-        np.zeros((borders, size)),
-        np.zeros((borders, borders)),
+        allocate_matrix(size, band, borders),
         np.zeros((iterations + 1, 2)),
     )  # fmt: skip
-
-
-@compiled
-def all_finite(F, c):
-    """Return whether objectives and constraint values are finite."""
-    total = 0.0
-    for k in range(len(F)):
-        total += F[k]
-    for i in range(len(c)):
-        total += c[i]
-    return np.isfinite(total)
 
 
 @compiled
@@ -187,10 +157,7 @@ def accept_trial(it):
 
 @compiled
 def weigh_objectives(goal, bounds, multipliers, out):
-    """Write weights + rowsᵀ · (multipliers of the bounds).
-
-    The bounds' multipliers come last.
-    """
+    """Write weights + rowsᵀ · (multipliers of the bounds, which come last)."""
     inequalities = len(multipliers) - len(bounds)
     for k in range(len(goal.weights)):
         out[k] = goal.weights[k]
@@ -215,45 +182,41 @@ def residual_sum(r, options):
 
 @compiled
 def newton_step(kernel, work, it, options, goal, barrier, border, delta):
-    """Write Newton's step; return the next regularisation δ.
-
-    It is inf if no matrix has the right inertia.
-    """
+    """Write Newton's step; return the next regularisation δ, inf if no matrix has the right inertia."""
     unknowns, inequalities = len(it.residual), len(it.c) - len(it.bounds)
     barrier_terms(it.s, it.t, it.r, it.z, barrier.mu, barrier.penalty, it.stiffness, it.force)
-    clear(it.A)
-    clear(it.B)
-    clear(it.C)
-    largest = assemble(kernel, work, it.stiffness, it.A, it.B, it.C)
-    size = it.A.shape[0]
+    matrix = it.matrix
+    clear_matrix(matrix)
+    largest = assemble(kernel, work, it.stiffness, matrix.A, matrix.B, matrix.C)
+    size = len(matrix.A)
     for e in range(len(it.bounds)):  # a bound stays an equation: a row [rows ∂F, −1 / stiffness] of the border
         reduced_gradient(kernel, work, goal.rows[it.bounds[e]], it.force[:0], it.residual)
         for i in range(size):
-            it.B[border + e, i] = it.residual[i]
+            matrix.B[border + e, i] = it.residual[i]
         for i in range(border):
-            it.C[border + e, i] = it.C[i, border + e] = it.residual[size + i]
-        it.C[border + e, border + e] = -1.0 / it.stiffness[inequalities + e]
+            matrix.C[border + e, i] = matrix.C[i, border + e] = it.residual[size + i]
+        matrix.C[border + e, border + e] = -1.0 / it.stiffness[inequalities + e]
     weigh_objectives(goal, it.bounds, it.force, it.objective_weights)
     reduced_gradient(kernel, work, it.objective_weights, it.force, it.residual)
-    delta = _factorise_definite(it.A, it.B, it.C, it.L, it.X, it.S, border, largest, options.regularisation, delta)
+    delta = _factorise_definite(matrix, border, largest, options.regularisation, delta)
     if np.isfinite(delta):
         for i in range(len(it.step)):
             it.step[i] = -it.residual[i] if i < unknowns else 0.0
-        solve(it.L, it.B, it.X, it.S, it.step)
+        solve(matrix, it.step)
     return delta
 
 
 @compiled
-def _factorise_definite(A, B, C, L, X, S, border, largest, least, delta):
-    """Factorise with the smallest tried δ I that gives the right inertia.
+def _factorise_definite(matrix, border, largest, least, delta):
+    """Factorise with the smallest tried δ I that gives the right inertia, and return δ.
 
-    Returns δ. The first δ is a share ``least`` of ``largest``, or a quarter of the last one (Nocedal & Wright,
-    algorithm 3.3). Returns a 16th of the last δ if none is needed, inf if none serves: the matrix is not finite.
+    The first δ is a share ``least`` of ``largest``, or a quarter of the last one (Nocedal & Wright, algorithm 3.3).
+    Returns a 16th of the last δ if none is needed, inf if none serves: the matrix is not finite.
     """
-    added, largest_entry = 0.0, largest
+    A, C, added, largest_entry = matrix.A, matrix.C, 0.0, largest
     for i in range(A.shape[0]):
         largest_entry = max(largest_entry, abs(A[i, 0]))
-    while not factorise(A, B, C, L, X, S, C.shape[0] - border):
+    while not factorise(matrix, C.shape[0] - border):
         more = max(least * largest, delta / 4, 8 * added, 1e-300)
         if not more < 1e15 * largest_entry:
             return np.inf
@@ -266,11 +229,8 @@ def _factorise_definite(A, B, C, L, X, S, border, largest, least, delta):
 
 
 @compiled
-def search_direction(kernel, work, it, options, goal, barrier, dx):
-    """Write the step in x and the changes along it.
-
-    Returns its largest length and the merit's slope.
-    """
+def search_direction(kernel, work, it, options, goal, barrier, dx, infeasible):
+    """Write the step in x and the changes along it; return the line to search."""
     largest = expand_step(kernel, work, it.step, dx)
     length = min(1.0, kernel.longest_step / max(largest, 1e-300))
     directional_derivatives(kernel, work, dx, it.objective_changes, it.dc)
@@ -289,7 +249,9 @@ def search_direction(kernel, work, it, options, goal, barrier, dx):
         newton_slacks(it.s, it.t, it.r, it.z, it.dz, it.dc, mu, penalty, it.ds, it.dt)
         slope, length = limit_step(it.s, it.t, it.ds, it.dt, mu, penalty, length, fraction)
     slope += dot(goal.weights, it.objective_changes)
-    return length, min(slope, 0.0) if kernel.implied_slacks else slope
+    slope = min(slope, 0.0) if kernel.implied_slacks else slope
+    before = dot(goal.weights, it.objectives) + merit_terms(it.s, it.t, mu, penalty)
+    return Line(length, slope, before, residual_sum(it.r, options), infeasible)
 
 
 # Filter line search, compiled.
@@ -297,10 +259,9 @@ def search_direction(kernel, work, it, options, goal, barrier, dx):
 
 @compiled
 def search_line(kernel, work, it, options, goal, barrier, points, dx, line, entries):
-    """Write the trial point of the longest accepted step.
+    """Write the trial point of the longest accepted step; return (whether there is one, merit, filter entries).
 
-    Returns (whether there is one, merit, number of filter entries). ``points`` are x and the trial point. A step with a
-    predicted decrease below rounding is tried only at full length.
+    ``points`` are x and the trial point. A step with a predicted decrease below rounding is tried only at full length.
     """
     (x, trial), (length, slope, before, theta, infeasible) = points, line
     after, mu, penalty = before, barrier.mu, barrier.penalty
@@ -354,10 +315,9 @@ def _filter_accepts(theta, before, trial_theta, after, slope, length, infeasible
 
 @compiled(what="the interior-point method", seconds=25)
 def minimise(kernel, x, weights, rows, upper, options, stop):
-    """Minimise weights · F from x with rows · F ≤ upper.
+    """Minimise weights · F from x with rows · F ≤ upper, until ``stop[0]`` is not 0; an infinite bound is no bound.
 
-    It stops when ``stop[0]`` is not 0. An infinite bound is no bound. Returns (x, status, iterations, F, multipliers of
-    c, then of the finite bounds, stationarity, worst violation).
+    Returns (x, status, iterations, F, multipliers of c, then of the finite bounds, stationarity, worst violation).
     """
     weights, problem = weights.copy(), refer(kernel)
     size, band, border, inequalities = dimensions(problem, x)
@@ -393,33 +353,31 @@ def _iterate(kernel, work, it, options, goal, x, border, stop):
             status = SINGULAR
             break
         # errors and the test of convergence (Wächter & Biegler 2006, Eq. 5)
-        mean = _multiplier_scale(kernel, it.z)
-        stationarity = _stationarity(kernel, work, it, goal) / mean
-        complementarity, violation = complementarity_and_violation(it.c, it.s, it.z, barrier.mu)
-        complementarity /= mean
+        stationarity, complementarity, violation = _errors(kernel, work, it, goal, barrier.mu)
         solved = _subproblem_solved(barrier, stationarity, complementarity, flat, it, options)
         if solved and barrier.mu <= options.last_barrier and (flat or stationarity <= options.tolerance):
-            status = _final_status(barrier, violation, options)
+            largest = max(options.tolerance, _soft_violation(barrier, options))
+            status = CONVERGED if violation <= largest else VIOLATED
             break
         if iteration == options.iterations:
             break
         if solved:  # the next barrier or penalty (Eq. 7)
             stalled, entries = 0, 0
-            hopeless, barrier = _next_subproblem(kernel, barrier, stationarity, complementarity, violation, it, options)
+            worst = max(stationarity, complementarity)
+            hopeless, barrier = _next_subproblem(kernel, work, it, options, goal, barrier, x, worst, violation)
             if hopeless:
                 status = VIOLATED
                 break
-            _smooth(kernel, work, it, goal, barrier, x)
         # Newton's step and the filter line search along it
         delta = newton_step(kernel, work, it, options, goal, barrier, border, delta)
         if not np.isfinite(delta):
             status = NO_PROGRESS
             break
-        length, slope = search_direction(kernel, work, it, options, goal, barrier, dx)
-        before = dot(goal.weights, it.objectives) + merit_terms(it.s, it.t, barrier.mu, barrier.penalty)
-        theta = residual_sum(it.r, options)
-        flat = theta == 0.0 and _is_flat(slope, before, barrier, stalled, options)
-        line = Line(length, slope, before, theta, infeasible)
+        line = search_direction(kernel, work, it, options, goal, barrier, dx, infeasible)
+        slope, before, theta = line.slope, line.merit, line.residual
+        # flat: a step can gain next to nothing, by rounding or relative to μ, or several steps stalled
+        flat = is_negligible(slope, before, options) or -slope <= options.flat_barrier * barrier.mu
+        flat = theta == 0.0 and (flat or stalled >= options.stalled_steps)
         accepted, after, entries = search_line(kernel, work, it, options, goal, barrier, (x, trial), dx, line, entries)
         if accepted:
             gained = after < before - options.stalled_decrease * abs(before)
@@ -442,10 +400,7 @@ def _iterate(kernel, work, it, options, goal, x, border, stop):
 
 @compiled
 def _begin(kernel, work, it, options, goal, barrier, x):
-    """Restore and evaluate x.
-
-    Returns (status, violation, largest residual at which only the merit decides).
-    """
+    """Restore and evaluate x; return (status, violation, largest residual at which only the merit decides)."""
     set_smoothing(kernel, work, barrier.mu)
     violation = restore(kernel, work, x)
     evaluate_all(kernel, work, x, goal, it.bounds, it.objectives, it.c)
@@ -458,7 +413,12 @@ def _begin(kernel, work, it, options, goal, barrier, x):
     central_multipliers(it.s, barrier.mu, barrier.penalty, it.z)
     residuals = residual_sum(it.r, options)
     infeasible = options.filter_infeasible * max(1.0, residuals)
-    if not all_finite(it.objectives, it.c):
+    total = 0.0
+    for value in it.objectives:
+        total += value
+    for value in it.c:
+        total += value
+    if not np.isfinite(total):
         return NOT_FINITE, np.inf, infeasible
     return (VIOLATED, violation, infeasible) if violation > 0.0 else (ITERATION_LIMIT, np.inf, infeasible)
 
@@ -471,38 +431,18 @@ def _recentre(it, mu, penalty):
 
 
 @compiled
-def _smooth(kernel, work, it, goal, barrier, x):
-    """Smooth kinks for the current barrier, then evaluate and linearise again.
+def _errors(kernel, work, it, goal, mu):
+    """Return (stationarity, largest |s z − μ|, worst violation) at the linearised x.
 
-    Without kinks nothing is done.
+    The first two are divided by the mean of large multipliers. Source: Wächter & Biegler 2006, Eq. 5 and 6.
     """
-    if set_smoothing(kernel, work, barrier.mu):
-        evaluate_all(kernel, work, x, goal, it.bounds, it.objectives, it.c)
-        reset_slacks(it.c, barrier.mu, barrier.penalty, it.s, it.t, it.r)
-        linearise(kernel, work, x)
-        _stationarity(kernel, work, it, goal)
-
-
-@compiled
-def _is_flat(slope, before, barrier, stalled, options):
-    """Return whether a step can gain next to nothing.
-
-    Its predicted decrease is small relative to rounding or μ, or several steps stalled.
-    """
-    negligible = is_negligible(slope, before, options) or -slope <= options.flat_barrier * barrier.mu
-    return negligible or stalled >= options.stalled_steps
-
-
-@compiled
-def _multiplier_scale(kernel, z):
-    """Return the scale of errors: the mean of large multipliers.
-
-    Source: Wächter & Biegler 2006, Eq. 6.
-    """
-    total = 0.0
-    for i in range(len(z)):
-        total += z[i]
-    return max(1.0, total / (kernel.large_multiplier * max(1, len(z))))
+    total, complementarity, violation = 0.0, 0.0, 0.0
+    for i in range(len(it.z)):
+        total += it.z[i]
+        complementarity = max(complementarity, abs(it.s[i] * it.z[i] - mu))
+        violation = max(violation, -it.c[i])
+    mean = max(1.0, total / (kernel.large_multiplier * max(1, len(it.z))))
+    return _stationarity(kernel, work, it, goal) / mean, complementarity / mean, violation
 
 
 @compiled
@@ -516,10 +456,10 @@ def _stationarity(kernel, work, it, goal):
 
 @compiled
 def _subproblem_solved(barrier, stationarity, complementarity, flat, it, options):
-    """Return whether the barrier subproblem is solved.
+    """Return whether the errors of the barrier subproblem are within tolerances.
 
-    Source: Wächter & Biegler 2006, Eq. 5. Its errors must be within tolerances. Stationarity is not checked if the
-    merit is ``flat``: it could only decrease by rounding errors.
+    Stationarity does not count if the merit is ``flat``: it could only decrease by rounding errors. Source: Wächter &
+    Biegler 2006, Eq. 5.
     """
     tolerance, largest = options.barrier_tolerance * barrier.mu, 0.0
     for i in range(len(it.r)):
@@ -535,15 +475,10 @@ def _soft_violation(barrier, options):
 
 
 @compiled
-def _final_status(barrier, violation, options):
-    return CONVERGED if violation <= max(options.tolerance, _soft_violation(barrier, options)) else VIOLATED
-
-
-@compiled
-def _next_subproblem(kernel, barrier, stationarity, complementarity, violation, it, options):
+def _next_subproblem(kernel, work, it, options, goal, barrier, x, worst, violation):
     """Return whether constraints are infeasible, and the next subproblem.
 
-    The penalty grows or the barrier falls. Constraints are infeasible if they cannot all be satisfied.
+    The penalty grows or the barrier falls below the ``worst`` error.
     """
     mu, penalty, before, helpful = barrier
     if mu <= options.penalty_barrier and violation > _soft_violation(barrier, options):
@@ -555,10 +490,15 @@ def _next_subproblem(kernel, barrier, stationarity, complementarity, violation, 
         _recentre(it, mu, penalty)
     else:
         mu = _next_barrier(mu, options)
-        while mu > options.last_barrier and max(stationarity, complementarity) <= options.barrier_tolerance * mu:
+        while mu > options.last_barrier and worst <= options.barrier_tolerance * mu:
             mu = _next_barrier(mu, options)
         if kernel.implied_slacks:
             reset_slacks(it.c, mu, penalty, it.s, it.t, it.r)
+    if set_smoothing(kernel, work, mu):  # evaluate and linearise again with kinks smoothed for this barrier
+        evaluate_all(kernel, work, x, goal, it.bounds, it.objectives, it.c)
+        reset_slacks(it.c, mu, penalty, it.s, it.t, it.r)
+        linearise(kernel, work, x)
+        _stationarity(kernel, work, it, goal)
     return False, Barrier(mu, penalty, before, helpful)
 
 

@@ -7,9 +7,8 @@ one program to compiled code:
     subject to  h(x) = 0,  c(x) ≥ 0,  rows · F(x) ≤ upper
 
 The method moves along h(x) = 0: ``linearise`` finds a basis Z of the null space of ∂h/∂x, steps are Z · (reduced
-step), and ``retract`` leads back. The Newton matrix, reduced to Z, is a banded block with a border, [[A, B], [Bᵀ, C]]:
-A (size, band) contains entry (i, i − d) at [i, d]; the band of a dense matrix is as wide as its size. numba chooses
-the implementation by the kernel's class when it compiles the method (``implement``), so no call is indirect.
+step), and ``retract`` leads back. The Newton matrix, reduced to Z, is banded with a border (``cholesky``). numba
+chooses the implementation by the kernel's class when it compiles the method (``implement``), so no call is indirect.
 Every kernel also has these fields:
 
 longest_step      longest step, in units of x
@@ -49,10 +48,7 @@ def dimensions(kernel: Any, x: Any) -> Any:
 
 
 def objective_scale(kernel: Any, weights: Any) -> Any:
-    """Return the size of weights · F.
-
-    Penalty, barrier and tolerances are relative to it.
-    """
+    """Return the size of weights · F, to which penalty, barrier and tolerances are relative."""
 
 
 def allocate_workspace(kernel: Any, x: Any) -> Any:
@@ -60,10 +56,7 @@ def allocate_workspace(kernel: Any, x: Any) -> Any:
 
 
 def add_auxiliary(kernel: Any, work: Any, x: Any) -> Any:
-    """Return a copy of x with auxiliary unknowns, if there are any.
-
-    They follow from x.
-    """
+    """Return a copy of x with the auxiliary unknowns that follow from it, if there are any."""
 
 
 def remove_auxiliary(kernel: Any, x: Any) -> Any:
@@ -71,17 +64,11 @@ def remove_auxiliary(kernel: Any, x: Any) -> Any:
 
 
 def set_smoothing(kernel: Any, work: Any, mu: Any) -> Any:
-    """Smooth kinks for a barrier μ.
-
-    Returns whether objectives and constraints depend on it.
-    """
+    """Smooth kinks for a barrier μ; return whether objectives and constraints depend on it."""
 
 
 def restore(kernel: Any, work: Any, x: Any) -> Any:
-    """Move x onto h(x) = 0, in place.
-
-    Returns the largest |h| that is left, 0 on success.
-    """
+    """Move x onto h(x) = 0, in place; return the largest |h| that is left, 0 on success."""
 
 
 def evaluate(kernel: Any, work: Any, x: Any, F: Any, c: Any) -> Any:
@@ -89,24 +76,15 @@ def evaluate(kernel: Any, work: Any, x: Any, F: Any, c: Any) -> Any:
 
 
 def linearise(kernel: Any, work: Any, x: Any) -> Any:
-    """Prepare first derivatives and the basis Z at x.
-
-    Returns False if ∂h/∂x lacks full rank.
-    """
+    """Prepare first derivatives and the basis Z at x; return False if ∂h/∂x lacks full rank."""
 
 
 def reduced_gradient(kernel: Any, work: Any, weights: Any, multipliers: Any, out: Any) -> Any:
-    """Write Zᵀ ∇(weights · F − multipliers · c).
-
-    Without multipliers c is left out.
-    """
+    """Write Zᵀ ∇(weights · F − multipliers · c); without multipliers c is left out."""
 
 
 def prepare_multipliers(kernel: Any, work: Any, weights: Any) -> Any:
-    """Prepare weights of the Hessian and multipliers of h.
-
-    They belong to the gradient that was reduced last.
-    """
+    """Prepare weights of the Hessian and multipliers of h, those of the gradient that was reduced last."""
 
 
 def residual_norm(kernel: Any, residual: Any) -> Any:
@@ -114,10 +92,7 @@ def residual_norm(kernel: Any, residual: Any) -> Any:
 
 
 def assemble(kernel: Any, work: Any, stiffness: Any, A: Any, B: Any, C: Any) -> Any:
-    """Write Zᵀ (∇²L + ∂cᵀ diag(stiffness) ∂c) Z; return its diagonal's size.
-
-    The size is the scale of δ I.
-    """
+    """Write Zᵀ (∇²L + ∂cᵀ diag(stiffness) ∂c) Z; return the size of its diagonal, the scale of δ I."""
 
 
 def expand_step(kernel: Any, work: Any, step: Any, dx: Any) -> Any:
@@ -133,14 +108,11 @@ def row_width(kernel: Any, work: Any) -> Any:
 
 
 def constraint_rows(kernel: Any, work: Any, columns: Any, entries: Any) -> Any:
-    """Write the rows of ∂c Z at the linearised x.
+    """Write the rows of ∂c Z at the linearised x: a row has ``entries`` at ``columns``.
 
-    A row has ``entries`` at ``columns``; unused entries are 0 at column 0.
+    Unused entries are 0 at column 0.
     """
 
 
 def retract(kernel: Any, work: Any, x: Any, dx: Any, length: Any, trial: Any) -> Any:
-    """Write the retraction of x + length · dx onto h = 0.
-
-    Returns whether it was reached.
-    """
+    """Write the retraction of x + length · dx onto h = 0; return whether it was reached."""

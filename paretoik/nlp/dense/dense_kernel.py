@@ -97,10 +97,9 @@ class DenseWorkspace(NamedTuple):
 
 @compiled
 def run_part(kernel, work, x, p, which, out):
-    """Write values, first or second derivatives of part p at x.
+    """Write values, first or second derivatives of part p at x into ``out``; ``which`` is their order.
 
-    They are written into ``out``; ``which`` is their order. The program of second derivatives also reads the
-    multipliers.
+    The program of second derivatives also reads the multipliers.
     """
     places, unknowns, parameters, rows = kernel.parts[p, 0], kernel.parts[p, 1], kernel.parts[p, 2], kernel.parts[p, 3]
     where, parameter, first = kernel.parts[p, 5], kernel.parts[p, 6], kernel.parts[p, 7]
@@ -153,10 +152,7 @@ def equality_error(kernel, work):
 
 @compiled
 def first_derivatives(kernel, work, x, equalities_only):
-    """Write the entries of ∂h and ∂c, and ∂h as a matrix.
-
-    If ``equalities_only``, only parts with equalities are evaluated.
-    """
+    """Write the entries of ∂h and ∂c, and ∂h as a matrix, from all parts or only those with equalities."""
     for p in range(len(kernel.parts)):
         if not equalities_only or kernel.parts[p, 4]:
             run_part(kernel, work, x, p, FIRST, work.first[kernel.begin_first[p] : kernel.begin_first[p + 1]])
@@ -173,48 +169,6 @@ def first_derivatives(kernel, work, x, equalities_only):
 # Levenberg–Marquardt method for the equalities of small programs, compiled.
 #
 #     minimise    ‖h + ∂h d‖² + λ ‖d‖²,  so that d = −∂hᵀ (∂h ∂hᵀ + λ I)⁻¹ h
-
-
-@compiled
-def restore_equalities(kernel, work, x):
-    """Move x onto h(x) = 0; return the largest |h| left.
-
-    It is 0 on success. Source: Nocedal & Wright, section 10.3.
-    """
-    damping = 0.0
-    evaluate_rows(kernel, work, x, True)
-    error = equality_error(kernel, work)
-    for _ in range(kernel.restorations):
-        if error <= kernel.equality_tolerance or not error < np.inf:
-            break
-        square = 0.0
-        for i in range(kernel.equalities):
-            work.right[i] = work.values[i]
-            square += work.values[i] ** 2
-        first_derivatives(kernel, work, x, True)
-        if not _damped_step(kernel, work, damping):
-            damping = max(1e-12, 10 * damping)
-            if damping > 1e12:
-                break
-            continue
-        for j in range(kernel.unknowns):
-            work.gradient[j] = x[j] - work.vector[j]
-        evaluate_rows(kernel, work, work.gradient, True)
-        error = equality_error(kernel, work)
-        after = 0.0
-        for i in range(kernel.equalities):
-            after += work.values[i] ** 2
-        if after < square:
-            for j in range(kernel.unknowns):
-                x[j] = work.gradient[j]
-            damping = damping / 10 if damping > 1e-12 else 0.0
-        else:
-            damping = max(1e-6, 10 * damping)
-            evaluate_rows(kernel, work, x, True)
-            error = equality_error(kernel, work)
-            if damping > 1e12:
-                break
-    return 0.0 if error <= 100 * kernel.equality_tolerance else error
 
 
 @compiled
@@ -257,18 +211,17 @@ def _damped_step(kernel, work, damping):
     return True
 
 
-__all__ = ["DenseKernel"]  # this file implements its steps
+# The steps of the interior-point method (``banded.kernel``).
 
 
 @implement(steps.dimensions, DenseKernel)
-def dimensions(kernel, x):
-    """Return (size, band, border) of the Newton matrix and the number of inequalities."""
+def _dimensions(kernel, x):
     size = kernel.unknowns - kernel.equalities
     return size, size, 0, kernel.inequalities
 
 
 @implement(steps.objective_scale, DenseKernel)
-def objective_scale(kernel, weights):
+def _objective_scale(kernel, weights):
     """Return the length of the gradient of weights · F, 1 instead of 0."""
     total = 0.0
     for j in range(kernel.unknowns):
@@ -280,8 +233,7 @@ def objective_scale(kernel, weights):
 
 
 @implement(steps.allocate_workspace, DenseKernel)
-def allocate_workspace(kernel, x):
-    """Return the workspace."""
+def _allocate_workspace(kernel, x):
     n, m = kernel.unknowns, kernel.equalities
     inputs, space = 1, 1
     for p in range(len(kernel.parts)):
@@ -310,32 +262,61 @@ def allocate_workspace(kernel, x):
 
 
 @implement(steps.add_auxiliary, DenseKernel)
-def add_auxiliary(kernel, work, x):
-    """Return a copy of x."""
+def _add_auxiliary(kernel, work, x):
     return x.copy()
 
 
 @implement(steps.remove_auxiliary, DenseKernel)
-def remove_auxiliary(kernel, x):
-    """Return x."""
+def _remove_auxiliary(kernel, x):
     return x
 
 
 @implement(steps.set_smoothing, DenseKernel)
-def set_smoothing(kernel, work, mu):
-    """Return False: nothing is smoothed."""
+def _set_smoothing(kernel, work, mu):
     return False
 
 
 @implement(steps.restore, DenseKernel)
-def restore(kernel, work, x):
-    """Move x onto h(x) = 0; return the largest |h| that is left."""
-    return restore_equalities(kernel, work, x)
+def _restore(kernel, work, x):
+    """Move x onto h(x) = 0 by Levenberg–Marquardt steps. Source: Nocedal & Wright, section 10.3."""
+    damping = 0.0
+    evaluate_rows(kernel, work, x, True)
+    error = equality_error(kernel, work)
+    for _ in range(kernel.restorations):
+        if error <= kernel.equality_tolerance or not error < np.inf:
+            break
+        square = 0.0
+        for i in range(kernel.equalities):
+            work.right[i] = work.values[i]
+            square += work.values[i] ** 2
+        first_derivatives(kernel, work, x, True)
+        if not _damped_step(kernel, work, damping):
+            damping = max(1e-12, 10 * damping)
+            if damping > 1e12:
+                break
+            continue
+        for j in range(kernel.unknowns):
+            work.gradient[j] = x[j] - work.vector[j]
+        evaluate_rows(kernel, work, work.gradient, True)
+        error = equality_error(kernel, work)
+        after = 0.0
+        for i in range(kernel.equalities):
+            after += work.values[i] ** 2
+        if after < square:
+            for j in range(kernel.unknowns):
+                x[j] = work.gradient[j]
+            damping = damping / 10 if damping > 1e-12 else 0.0
+        else:
+            damping = max(1e-6, 10 * damping)
+            evaluate_rows(kernel, work, x, True)
+            error = equality_error(kernel, work)
+            if damping > 1e12:
+                break
+    return 0.0 if error <= 100 * kernel.equality_tolerance else error
 
 
 @implement(steps.evaluate, DenseKernel)
-def evaluate(kernel, work, x, F, c):
-    """Write F and c at x."""
+def _evaluate(kernel, work, x, F, c):
     for k in range(len(F)):
         F[k] = 0.0
         for j in range(kernel.unknowns):
@@ -346,7 +327,7 @@ def evaluate(kernel, work, x, F, c):
 
 
 @implement(steps.linearise, DenseKernel)
-def linearise(kernel, work, x):
+def _linearise(kernel, work, x):
     """Write first derivatives and reflections of ∂hᵀ; False if rank is deficient."""
     for j in range(kernel.unknowns):
         work.point[j] = x[j]
@@ -358,7 +339,7 @@ def linearise(kernel, work, x):
 
 
 @implement(steps.reduced_gradient, DenseKernel)
-def reduced_gradient(kernel, work, weights, multipliers, out):
+def _reduced_gradient(kernel, work, weights, multipliers, out):
     """Write ∇(weights · F − multipliers · c) along the null space.
 
     The workspace has the whole gradient, rotated.
@@ -382,7 +363,7 @@ def reduced_gradient(kernel, work, weights, multipliers, out):
 
 
 @implement(steps.prepare_multipliers, DenseKernel)
-def prepare_multipliers(kernel, work, weights):
+def _prepare_multipliers(kernel, work, weights):
     """Write the multipliers ν of h.
 
     They satisfy ∂hᵀ ν = −(gradient across the null space).
@@ -393,14 +374,12 @@ def prepare_multipliers(kernel, work, weights):
 
 
 @implement(steps.residual_norm, DenseKernel)
-def residual_norm(kernel, residual):
-    """Return the Euclidean length."""
+def _residual_norm(kernel, residual):
     return norm(residual)
 
 
 @implement(steps.assemble, DenseKernel)
-def assemble(kernel, work, stiffness, A, B, C):
-    """Write Zᵀ (∇²L + ∂cᵀ diag(stiffness) ∂c) Z; return the size of its diagonal."""
+def _assemble(kernel, work, stiffness, A, B, C):
     n, m, hessian = kernel.unknowns, kernel.equalities, work.hessian
     for i in range(n):
         for j in range(n):
@@ -432,8 +411,7 @@ def assemble(kernel, work, stiffness, A, B, C):
 
 
 @implement(steps.expand_step, DenseKernel)
-def expand_step(kernel, work, step, dx):
-    """Write dx = Z · step; return its largest entry."""
+def _expand_step(kernel, work, step, dx):
     m, largest = kernel.equalities, 0.0
     for j in range(kernel.unknowns):
         dx[j] = step[j - m] if j >= m else 0.0
@@ -444,8 +422,7 @@ def expand_step(kernel, work, step, dx):
 
 
 @implement(steps.directional_derivatives, DenseKernel)
-def directional_derivatives(kernel, work, dx, dF, dc):
-    """Write the derivatives of F and c along dx."""
+def _directional_derivatives(kernel, work, dx, dF, dc):
     for k in range(len(dF)):
         dF[k] = 0.0
         for j in range(kernel.unknowns):
@@ -458,14 +435,12 @@ def directional_derivatives(kernel, work, dx, dF, dc):
 
 
 @implement(steps.row_width, DenseKernel)
-def row_width(kernel, work):
-    """Return the number of columns of the null space."""
+def _row_width(kernel, work):
     return kernel.unknowns - kernel.equalities
 
 
 @implement(steps.constraint_rows, DenseKernel)
-def constraint_rows(kernel, work, columns, entries):
-    """Write the rows of inequalities along the null space."""
+def _constraint_rows(kernel, work, columns, entries):
     m, row = kernel.equalities, np.zeros(kernel.unknowns)
     for i in range(kernel.inequalities):
         for j in range(kernel.unknowns):
@@ -478,7 +453,7 @@ def constraint_rows(kernel, work, columns, entries):
 
 
 @implement(steps.retract, DenseKernel)
-def retract(kernel, work, x, dx, length, trial):
+def _retract(kernel, work, x, dx, length, trial):
     """Write the point on h = 0 after a step.
 
     Newton steps go across the null space at x.
@@ -527,43 +502,32 @@ def dense_kernel(program: AssembledRows, costs: Float[np.ndarray, "objectives un
 
 @lru_cache(maxsize=64)
 def _kernel(whole: AssembledRows) -> DenseKernel:
-    unknowns, parts = whole.unknowns, whole.parts
-    equalities = sum(part.program.equalities * len(part.where) for part in parts)
-    inequalities = sum(part.program.inequalities * len(part.where) for part in parts)
-    first_h, first_c = 0, equalities
-    tables, rows, first, second = [], [], [], []
+    """Return the kernel without objectives."""
+    parts, equalities = whole.parts, whole.equalities
+    tables, first, second = [], [], []
     begin = np.zeros(3, dtype=np.int64)
-    for part in parts:
-        program, places = part.program, len(part.where)
-        lane = np.arange(places)
-        row = np.concatenate(
-            [
-                first_h + np.arange(program.equalities)[:, None] + program.equalities * lane,
-                first_c + np.arange(program.inequalities)[:, None] + program.inequalities * lane,
-            ]
-        )
-        first_h, first_c = first_h + program.equalities * places, first_c + program.inequalities * places
-        counts = [places, part.where.shape[1], part.parameters.shape[1], len(row)]
+    for part, row in zip(parts, whole.places, strict=True):
+        program, where = part.program, part.where.T
+        counts = [where.shape[1], len(where), part.parameters.shape[1], len(row)]
         tables.append([*counts, program.equalities > 0, *begin])
-        begin += part.where.size, part.parameters.size, row.size
-        rows.append(row.ravel())
+        begin += where.size, part.parameters.size, row.size
         (i, j), (a, b) = program.jacobian_pattern, program.hessian_pattern
-        first.append((row[i].ravel(), part.where.T[j].ravel()))
-        second.append((part.where.T[a].ravel(), part.where.T[b].ravel()))
+        first.append((row[i].ravel(), where[j].ravel()))
+        second.append((where[a].ravel(), where[b].ravel()))
     first_row, first_column = np.concatenate(first, axis=1).astype(np.int64)
     second_row, second_column = np.concatenate(second, axis=1).astype(np.int64)
     order = np.lexsort((first_column, first_row))
     by_row = order[first_row[order] >= equalities]
     return DenseKernel(
-        unknowns=unknowns,
+        unknowns=whole.unknowns,
         equalities=equalities,
-        inequalities=inequalities,
-        objectives=np.zeros((0, unknowns)),
+        inequalities=whole.inequalities,
+        objectives=np.zeros((0, whole.unknowns)),
         **_concatenate_evaluators(parts),
         parts=np.array(tables, dtype=np.int64),
         where=np.concatenate([part.where.T.ravel() for part in parts]).astype(np.int64),
         parameters=np.concatenate([part.parameters.T.ravel() for part in parts]),
-        row=np.concatenate(rows).astype(np.int64),
+        row=np.concatenate([row.ravel() for row in whole.places]).astype(np.int64),
         begin_first=np.cumsum([0, *(len(pair[0]) for pair in first)]),
         first_row=first_row,
         first_column=first_column,
@@ -571,27 +535,20 @@ def _kernel(whole: AssembledRows) -> DenseKernel:
         second_row=second_row,
         second_column=second_column,
         by_row=by_row,
-        begin_row=np.searchsorted(first_row[by_row], equalities + np.arange(inequalities + 1)),
+        begin_row=np.searchsorted(first_row[by_row], equalities + np.arange(whole.inequalities + 1)),
     )
 
 
 def _concatenate_evaluators(parts: Sequence[Part]) -> dict[str, Any]:
-    """Return the joined arrays of all evaluators.
-
-    A table has the beginning and the end of each.
-    """
-    arrays: list[list[np.ndarray]] = [[], [], [], []]
-    ends, programs = np.zeros(4, dtype=np.int64), []
-    for part in parts:
-        table = []
-        for evaluator in (part.program.values, part.program.jacobian_entries, part.program.hessian_entries):
-            each = (evaluator.code, evaluator.constants, evaluator.inputs, evaluator.outputs)
-            sizes = np.array([len(array) for array in each])
-            table.append([*np.stack([ends, ends + sizes], axis=1).ravel(), evaluator.registers, len(evaluator.outputs)])
-            ends = ends + sizes
-            for collected, array in zip(arrays, each, strict=True):
-                collected.append(array)
-        programs.append(table)
+    """Return the joined arrays of all evaluators, with a table of where each begins and ends."""
     names = ("code", "constants", "inputs", "outputs")
-    joined = {name: np.concatenate(collected) for name, collected in zip(names, arrays, strict=True)}
-    return joined | {"programs": np.array(programs, dtype=np.int64)}
+    orders = [(part.program.values, part.program.jacobian_entries, part.program.hessian_entries) for part in parts]
+    flat = [evaluator for each in orders for evaluator in each]
+    sizes = np.array([[len(getattr(each, name)) for name in names] for each in flat])
+    ends = np.cumsum(sizes, axis=0)
+    table = np.concatenate(
+        [np.stack([ends - sizes, ends], axis=2).reshape(len(flat), -1), [[e.registers, len(e.outputs)] for e in flat]],
+        axis=1,
+    )
+    joined = {name: np.concatenate([getattr(each, name) for each in flat]) for name in names}
+    return joined | {"programs": table.reshape(len(parts), 3, -1).astype(np.int64)}

@@ -9,7 +9,6 @@ Jacobian's pseudoinverse lead back to the equalities. Source: Nocedal & Wright, 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,17 +18,14 @@ from scipy import sparse
 
 from paretoik.errors import EvaluationFailed
 from paretoik.nlp.dense.traced_rows import AssembledRows
-from paretoik.nlp.program import dense_rows
+from paretoik.nlp.program import Linearisation, dense_rows
 
 EQUALITY_TOLERANCE = 1e-13  # largest error of a satisfied equality
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DenseProgram:
-    """A program with equalities, inequalities and objectives F = costs · z.
-
-    z are the unknowns.
-    """
+    """A program of unknowns z with equalities, inequalities and objectives F = costs · z."""
 
     rows: AssembledRows
     costs: Float[np.ndarray, "objectives unknowns"]
@@ -79,6 +75,8 @@ class DenseProgram:
         return DenseLinearisation(
             program=self,
             x=x,
+            unknowns=basis.shape[1],
+            elastic=len(inequalities),
             objectives=self.costs @ x,
             equalities=equalities,
             inequalities=inequalities,
@@ -101,45 +99,19 @@ class DenseProgram:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class DenseLinearisation:
-    """A dense program to first order at z.
-
-    A step y leads to z + basis · y.
-    """
+class DenseLinearisation(Linearisation):
+    """A dense program to first order at z: a step y leads to z + basis · y; all inequalities are elastic."""
 
     program: DenseProgram
-    x: Float[np.ndarray, " unknowns"]
-    objectives: Float[np.ndarray, " objectives"]
-    equalities: Float[np.ndarray, " equalities"]
-    inequalities: Float[np.ndarray, " inequalities"]
     basis: Float[np.ndarray, "unknowns columns"]
     pseudoinverse: Float[np.ndarray, "unknowns equalities"]
-    gradients: Float[np.ndarray, "objectives columns"]
     inequality_jacobian: Float[np.ndarray, "inequalities unknowns"]
-    jacobian: sparse.csr_array
-    cones: tuple[()] = ()
-    unit: float = 1.0
-
-    @property
-    def columns(self) -> int:
-        """Number of entries of a step."""
-        return self.basis.shape[1]
-
-    @property
-    def unknowns(self) -> int:
-        """Number of entries of a step that the trust region bounds: all."""
-        return self.basis.shape[1]
-
-    @property
-    def elastic(self) -> int:
-        """Number of inequalities that may be violated on the way: all."""
-        return len(self.inequalities)
 
     def hessian(
         self,
         weights: Float[np.ndarray, " objectives"],
         multipliers: Float[np.ndarray, " inequalities"],
-        cone_multipliers: Sequence[np.ndarray] = (),
+        cone_multipliers: tuple[np.ndarray, ...] = (),
     ) -> sparse.csr_array:
         """Return the Hessian (columns, columns) of the Lagrangian along the basis."""
         assert not cone_multipliers, "dense programs have no cones"
@@ -149,10 +121,7 @@ class DenseLinearisation:
         return dense_rows(self.basis.T @ hessian @ self.basis)
 
     def retract(self, step: Float[np.ndarray, " columns"]) -> Float[np.ndarray, " unknowns"] | None:
-        """Return the point that a step leads to.
-
-        It is on the equalities or nearer to them; None if it is not finite.
-        """
+        """Return the point on the equalities, or nearer to them, that a step leads to; None if it is not finite."""
         x = self.x + self.basis @ step
         for _ in range(6):  # Gauss–Newton steps with one Jacobian
             equalities = self.program.rows.rows(x)[0]

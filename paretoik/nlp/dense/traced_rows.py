@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -82,27 +83,22 @@ def _pattern(entries: Iterable[tuple[int, int]]) -> tuple[np.ndarray, np.ndarray
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Part:
-    """Rows in several lanes, each with own unknowns and parameters.
-
-    ``where`` has the indices of the unknowns.
-    """
+    """Rows in several lanes, each with own unknowns, at the indices ``where``, and own parameters."""
 
     program: TracedRows
     where: Int[np.ndarray, "lanes unknowns"]
     parameters: Float[np.ndarray, "lanes parameters"]
 
-    def run(self, evaluator: Evaluator, z: np.ndarray, weights: np.ndarray | None) -> np.ndarray:
-        """Return the results (outputs, lanes) of one of its evaluators."""
+    def run(self, evaluator: Evaluator, z: np.ndarray, weights: np.ndarray | float = 0.0) -> np.ndarray:
+        """Return the results (outputs, lanes) of one of its evaluators; ``weights`` (rows, lanes) are those of rows."""
         rows = self.program.equalities + self.program.inequalities
-        factors = np.zeros((rows, len(self.where))) if weights is None else weights
+        factors = np.broadcast_to(weights, (rows, len(self.where)))
         return evaluator(np.concatenate([z[self.where].T, self.parameters.T, factors]))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AssembledRows:
-    """Equalities h(z) = 0 and inequalities c(z) ≥ 0 with derivatives.
-
-    The unknowns are of the order of 1.
+    """Equalities h(z) = 0 and inequalities c(z) ≥ 0 with derivatives; the unknowns are of the order of 1.
 
     Rows come from the parts: first the equalities of all parts, then the inequalities of all, lane by lane.
     """
@@ -110,35 +106,53 @@ class AssembledRows:
     unknowns: int
     parts: tuple[Part, ...]
 
+    @cached_property
+    def equalities(self) -> int:
+        """Number of equalities."""
+        return sum(part.program.equalities * len(part.where) for part in self.parts)
+
+    @cached_property
+    def inequalities(self) -> int:
+        """Number of inequalities."""
+        return sum(part.program.inequalities * len(part.where) for part in self.parts)
+
+    @cached_property
+    def places(self) -> list[Int[np.ndarray, "rows lanes"]]:
+        """Indices of every part's rows among all rows."""
+        places, h, c = [], 0, self.equalities
+        for part in self.parts:
+            equalities, inequalities, lane = (
+                part.program.equalities,
+                part.program.inequalities,
+                np.arange(len(part.where)),
+            )
+            first_h, first_c = h + equalities * lane, c + inequalities * lane
+            rows = np.arange(equalities)[:, None] + first_h, np.arange(inequalities)[:, None] + first_c
+            places.append(np.concatenate(rows))
+            h, c = h + equalities * len(lane), c + inequalities * len(lane)
+        return places
+
     def rows(self, z: Float[np.ndarray, " unknowns"]) -> tuple[np.ndarray, np.ndarray]:
         """Return h and c."""
-        values = [(part.program.equalities, part.run(part.program.values, z, None)) for part in self.parts]
-        equalities = [rows[:count].T.ravel() for count, rows in values]
-        return np.concatenate(equalities), np.concatenate([rows[count:].T.ravel() for count, rows in values])
+        values = np.empty(self.equalities + self.inequalities)
+        for part, places in zip(self.parts, self.places, strict=True):
+            values[places] = part.run(part.program.values, z)
+        return values[: self.equalities], values[self.equalities :]
 
     def jacobian(self, z: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, "rows unknowns"]:
         """Return the Jacobian of h, then c."""
-        equalities, inequalities = list[np.ndarray](), list[np.ndarray]()
-        for part in self.parts:
-            program, (row, column) = part.program, part.program.jacobian_pattern
-            jacobian = np.zeros((len(part.where), program.equalities + program.inequalities, self.unknowns))
-            lane = np.arange(len(part.where))[:, None]
-            jacobian[lane, row, part.where[:, column]] = part.run(program.jacobian_entries, z, None).T
-            equalities.append(jacobian[:, : program.equalities].reshape(-1, self.unknowns))
-            inequalities.append(jacobian[:, program.equalities :].reshape(-1, self.unknowns))
-        return np.concatenate([*equalities, *inequalities])
+        jacobian = np.zeros((self.equalities + self.inequalities, self.unknowns))
+        for part, places in zip(self.parts, self.places, strict=True):
+            row, column = part.program.jacobian_pattern
+            jacobian[places[row], part.where.T[column]] = part.run(part.program.jacobian_entries, z)
+        return jacobian
 
     def hessian(self, z: Float[np.ndarray, " unknowns"], weights: Float[np.ndarray, " rows"]) -> np.ndarray:
         """Return the Hessian (unknowns, unknowns) of weights · (h, c)."""
         hessian = np.zeros((self.unknowns, self.unknowns))
-        h, c = 0, sum(part.program.equalities * len(part.where) for part in self.parts)  # first rows of a part
-        for part in self.parts:
-            program, lanes = part.program, len(part.where)
-            ends = h + program.equalities * lanes, c + program.inequalities * lanes
-            factors = weights[h : ends[0]].reshape(lanes, -1), weights[c : ends[1]].reshape(lanes, -1)
-            h, c = ends
-            row, column = program.hessian_pattern
-            values = part.run(program.hessian_entries, z, np.concatenate(factors, axis=1).T).T
+        for part, places in zip(self.parts, self.places, strict=True):
+            row, column = part.program.hessian_pattern
+            values = part.run(part.program.hessian_entries, z, weights[places]).T
             np.add.at(hessian, (part.where[:, row], part.where[:, column]), values)
             off = row != column
             np.add.at(hessian, (part.where[:, column[off]], part.where[:, row[off]]), values[:, off])

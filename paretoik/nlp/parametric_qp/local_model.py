@@ -31,10 +31,7 @@ from paretoik.nlp.parametric_qp.homotopy import solve_from
 
 
 class LocalModel(NamedTuple):
-    """The program at a point.
-
-    In each matrix [[A, Bᵀ], [B, C]], A is banded (``banded.cholesky``).
-    """
+    """The program at a point; in each matrix [[A, Bᵀ], [B, C]], A is banded (``banded.cholesky``)."""
 
     objectives: np.ndarray  # (objectives,)
     gradients: np.ndarray  # (objectives, unknowns)
@@ -71,18 +68,16 @@ def allocate_model(kernel, work, x, objectives):
 
 @compiled
 def to_first_order(kernel, work, x, model):
-    """Write values and first derivatives at x.
-
-    Returns whether they are finite and h has full rank.
-    """
+    """Write values and first derivatives at x; return whether they are finite and ∂h has full rank."""
     evaluate(kernel, work, x, model.objectives, model.c)
     if not linearise(kernel, work, x):
         return False
     constraint_rows(kernel, work, model.columns, model.entries)
     total = 0.0
     for k in range(len(model.objectives)):
-        _choose(model.unit, k)
+        model.unit[k] = 1.0
         reduced_gradient(kernel, work, model.unit, model.stiffness[:0], model.reduced)
+        model.unit[k] = 0.0
         for j in range(len(model.reduced)):
             model.gradients[k, j] = model.reduced[j]
             total += model.reduced[j]
@@ -95,30 +90,8 @@ def to_first_order(kernel, work, x, model):
 
 
 @compiled
-def lagrangian_hessian(kernel, work, weights, multipliers, model):
-    """Write the Hessian of weights · F − multipliers · c.
-
-    It is taken at the linearised x.
-    """
-    _hessian(kernel, work, weights, multipliers, 0, model)
-
-
-@compiled
-def objective_hessians(kernel, work, model):
-    """Write the Hessian of every objective."""
-    for k in range(len(model.objectives)):
-        _choose(model.unit, k)
-        _hessian(kernel, work, model.unit, model.stiffness, 1 + k, model)
-
-
-@compiled
-def _choose(unit, k):
-    for i in range(len(unit)):
-        unit[i] = 1.0 if i == k else 0.0
-
-
-@compiled
-def _hessian(kernel, work, weights, multipliers, which, model):
+def lagrangian_hessian(kernel, work, weights, multipliers, model, which):
+    """Write the Hessian of weights · F − multipliers · c at the linearised x, as number ``which`` of the model."""
     A, B, C = model.A[which], model.B[which], model.C[which]
     clear(A)
     clear(B)
@@ -129,11 +102,17 @@ def _hessian(kernel, work, weights, multipliers, which, model):
 
 
 @compiled
-def add_product(model, which, factor, vector, out):
-    """Add factor · matrix · vector to ``out``.
+def objective_hessians(kernel, work, model):
+    """Write the Hessian of every objective."""
+    for k in range(len(model.objectives)):
+        model.unit[k] = 1.0
+        lagrangian_hessian(kernel, work, model.unit, model.stiffness, model, 1 + k)
+        model.unit[k] = 0.0
 
-    The matrix is one of the model's.
-    """
+
+@compiled
+def add_product(model, which, factor, vector, out):
+    """Add factor · matrix · vector to ``out`` for one of the model's matrices."""
     A, B, C = model.A[which], model.B[which], model.C[which]
     (size, band), border = A.shape, len(C)
     for i in range(size):
@@ -152,16 +131,14 @@ def add_product(model, which, factor, vector, out):
 
 @compiled(what="the derivatives of a program", seconds=10)
 def first_order(kernel, x, objectives):
-    """Return values and first derivatives at x.
-
-    They are (F, ∂F, c, columns and entries of ∂c, whether finite with ∂h of full rank).
-    """
+    """Return (F, ∂F, c, columns and entries of ∂c, whether they are finite and ∂h has full rank) at x."""
     problem = refer(kernel)
-    work = allocate_workspace(problem, x)
-    point = add_auxiliary(problem, refer(work), x)
-    model = allocate_model(problem, refer(work), x, objectives)
-    regular = to_first_order(problem, refer(work), point, refer(model))
-    keep(work)
+    arrays = allocate_workspace(problem, x)
+    work = refer(arrays)
+    point = add_auxiliary(problem, work, x)
+    model = allocate_model(problem, work, x, objectives)
+    regular = to_first_order(problem, work, point, refer(model))
+    keep(arrays)
     return model.objectives, model.gradients, model.c, model.columns, model.entries, regular
 
 
@@ -178,11 +155,10 @@ def first_order(kernel, x, objectives):
 
 @compiled
 def lead_to_optimum(model, initial, step, y, weights, rows, upper, predictions, options):
-    """Move a step to the optimum of the model, in place.
+    """Move a step to the optimum of the model, in place; return (multipliers, whether there is one, changes).
 
-    Returns (multipliers, whether there is an optimum, changes). ``model`` has the Hessian of the Lagrangian for
-    ``initial`` weights of the objectives. If the weights stay the same, Newton's first step uses only this Hessian.
-    ``predictions`` is the largest number of Newton steps.
+    ``model`` has the Hessian of the Lagrangian for ``initial`` weights of the objectives. If the weights stay the same,
+    Newton's first step uses only this Hessian. ``predictions`` is the largest number of Newton steps.
     """
     n, limits = model.gradients.shape[1], len(model.c)
     changes, last_multipliers = 0, y
@@ -203,7 +179,6 @@ def lead_to_optimum(model, initial, step, y, weights, rows, upper, predictions, 
                     C[e, f] = _entry(model.C[:, e, f], weighed, initial)
         # objectives' gradients, the goal's gradient, and values of limits and bounds of the model at a step. The goal's
         # gradient includes the curvature of limits: the Lagrangian's Hessian less the objectives' Hessians
-        n, limits = len(step), len(model.c)
         objectives, moved = model.objectives.copy(), norm(step) > 0.0
         move_objectives(model, step, gradients, objectives)
         for j in range(n):
@@ -221,7 +196,6 @@ def lead_to_optimum(model, initial, step, y, weights, rows, upper, predictions, 
             values[limits + e] = upper[e]
             for k in range(len(weights)):
                 values[limits + e] -= rows[e, k] * objectives[k]
-        for e in range(len(rows)):
             for j in range(n):
                 dense[e, j] = 0.0
                 for k in range(len(weights)):
@@ -261,10 +235,7 @@ def _entry(entries, weighed, initial):
 
 @compiled
 def move_objectives(model, step, gradients, objectives):
-    """Write gradients and values of the objectives' models at a step.
-
-    On input, the values are those at step 0.
-    """
+    """Write gradients and values of the objectives' models at a step; on input, values are those at step 0."""
     moved = norm(step) > 0.0
     for k in range(len(objectives)):
         for j in range(len(step)):

@@ -30,9 +30,9 @@ def solve_with_cvxpy(
     statement = state(Pattern.of(constraints), elastic, hessian)
     rows, cones = len(constraints.values), len(constraints.cones)
     numbers = parameter_values(gradient, hessian, constraints, radius, penalty, np.ones(rows))
-    statement.parameters.assign(numbers)
+    for parameter, value in zip(statement.parameters, numbers, strict=True):
+        parameter.value = value
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # cvxpy reads its own sparse parameters as dense ones
         warnings.filterwarnings("ignore", "Solution may be inaccurate")  # Clarabel stopped short of the tolerance
         tolerances = dict.fromkeys(("tol_gap_abs", "tol_gap_rel", "tol_feas"), tolerance)
         statement.problem.solve(solver="CLARABEL", **tolerances)
