@@ -46,7 +46,7 @@ def test_individuals_stand_at_the_position_and_move_along_the_directions(problem
     assert kinematics.forward_kinematics(problem.arm, at.q)[1][:, :2] == pytest.approx(
         np.tile(PLACE, (len(front), 1)), abs=1e-9
     )
-    columns, moving = kinematics.jacobian(problem.arm, at.q)[:, :2], problem.configurations.moving
+    columns, moving = kinematics.jacobian(problem.arm, at.q)[:, :2], problem.moving
     moved = np.einsum("paj,pkj->pka", columns, at.dq)
     assert moved == pytest.approx(at.values[:, moving, None] * np.array(WAYS)[moving], abs=1e-9)
     assert front.objectives[:, :2] == pytest.approx(at.values)
@@ -58,7 +58,7 @@ def test_individuals_stand_at_the_position_and_move_along_the_directions(problem
 def test_no_individual_does_more_than_the_directional_maximum(problem, refined):
     each = [
         pk.directional_maxima(problem.arm, problem.actuation, PLACE, [way], quantity=quantity).values
-        for way, quantity in zip(WAYS, problem.configurations.quantities, strict=True)
+        for way, quantity in zip(WAYS, problem.quantities, strict=True)
     ]
     maxima = np.concatenate(each)
     assert (refined.objectives[:, :2] <= maxima * (1 + 1e-9)).all()
