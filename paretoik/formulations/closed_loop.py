@@ -110,10 +110,7 @@ class ClosedLoopRun:
         return self.F * self.loop.signs
 
     def front(self, provenance: Mapping[str, Any]) -> Front:
-        """Return the motion as a front of one point.
-
-        Its objectives are the means over the steps.
-        """
+        """Return the motion as a front of one point. Its objectives are the means over the steps."""
         loop, motions = self.loop, self.task.motion(self.q[None])
         return Front(
             ids=np.zeros(1, dtype=np.int64),
@@ -134,10 +131,7 @@ class ClosedLoopRun:
 
 
 def explain_choice(front: Front) -> Choice:
-    """Return the motion of a closed loop's front as a choice.
-
-    The reason explains how the steps were chosen.
-    """
+    """Return the motion of a closed loop's front as a choice. The reason explains how the steps were chosen."""
     weights = ", ".join(f"{name} {weight:.0%}" for name, weight in front.provenance["settings"]["weights"].items())
     means = [front.quantity(axis, value) for axis, value in enumerate(front.objectives[0])]
     error = f"{front.provenance['position_error']:.4g} m"
@@ -156,10 +150,7 @@ def explain_choice(front: Front) -> Choice:
 def normalise_weights(
     weights: Weights | Sequence[float] | np.ndarray | None, names: tuple[str, ...]
 ) -> Float[np.ndarray, " n_obj"]:
-    """Return weights in the order of the names, with sum 1.
-
-    None means equal weights. Raises InvalidInput for invalid weights.
-    """
+    """Return weights in the order of the names, with sum 1; None means equal. Raises InvalidInput."""
     if isinstance(weights, Weights):
         unknown = [name for name in weights.weights if name not in names]
         if unknown:
@@ -278,10 +269,7 @@ class ClosedLoop:
         generations: int | None = None,
         seed: int | None = None,
     ) -> ClosedLoop:
-        """Return the same loop with other settings; None keeps the current one.
-
-        Raises InvalidInput, naming the setting that cannot be used.
-        """
+        """Return the same loop with other settings; None keeps the current one. Raises InvalidInput."""
         other = copy(self)
         if start is not None or (seed is not None and seed != self.seed):
             other.__dict__.pop("start", None)
@@ -305,10 +293,7 @@ class ClosedLoop:
 
     @cached_property
     def start(self) -> Float[np.ndarray, " dof"]:
-        """Joint positions at the beginning: given, or found on first use.
-
-        Raises Infeasible if no posture was found that is clear of the obstacles.
-        """
+        """Joint positions at the beginning: given, or found. Raises Infeasible if all postures collide."""
         return search_start(self.task, seed=self.seed) if self._given_start is None else self._given_start
 
     @property
@@ -322,10 +307,7 @@ class ClosedLoop:
         return self.task.redundancy * (self.task.arm.dof + 1)
 
     def __getattr__(self, name: str) -> Any:
-        """Raise InvalidInput for attributes of pymoo problems.
-
-        A loop has a search at every step.
-        """
+        """Raise InvalidInput for attributes of pymoo problems. A loop has a search at every step."""
         if name in ASKED_BY_PYMOO:
             self.evaluate()
         raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
@@ -364,10 +346,7 @@ class ClosedLoop:
         )
 
     def step_state(self, sample: int, history: Float[np.ndarray, "history dof"] | None = None) -> StepState:
-        """Return the state before the step to a sample.
-
-        ``history`` is that of ``control_step``.
-        """
+        """Return the state before the step to a sample. ``history`` is that of ``control_step``."""
         before = np.tile(self.start, (HISTORY, 1)) if history is None else history
         return state_before(self.task, sample, before, home=self.start, longest=self.longest)
 
@@ -384,21 +363,15 @@ class ClosedLoop:
         )
 
     def prepare(self) -> None:
-        """Search for the start and compile the search before the first step.
-
-        The first step then takes no longer than the others.
-        """
+        """Search for the start and compile the search before the first step."""
         search = self.step_evolution()
         search.generations = 1
         search(self.step_state(1))
 
     def steps(self, record_steps: Collection[int] = ()) -> Iterator[StepRecord]:
-        """Search, choose and step at one sample after the other.
+        """Search, choose and step at one sample after the other (Marcos et al. 2012, Fig. 1).
 
-        ``record_steps`` is that of ``run``.
-
-        Raises Infeasible, naming the step, if no configuration is admissible or none can be reached. Source: Marcos et
-        al. 2012, Fig. 1.
+        ``record_steps`` is that of ``run``. Raises Infeasible, naming the step, if no configuration is admissible.
         """
         search, history = self.step_evolution(), np.tile(self.start, (HISTORY, 1))
         for sample in range(1, len(self.task.times)):
@@ -457,9 +430,7 @@ class ClosedLoop:
         return ClosedLoopRun(loop=self, q=np.array(q), F=np.array(F), ranges=np.array(ranges), fronts=records)
 
     def select(self, front: Front, preference: Preference) -> Choice:
-        """Return the motion with these weights at every step.
-
-        Its settings are those recorded in ``front``.
+        """Return the motion with these weights at every step, else with the settings of ``front``.
 
         Raises InvalidInput for any other preference, and as ``run`` does.
         """
@@ -469,10 +440,7 @@ class ClosedLoop:
         return explain_choice(front)
 
     def reweigh(self, front: Front, preference: Preference) -> ClosedLoop | None:
-        """Return the loop of ``front`` with other weights.
-
-        None if the weights are the same.
-        """
+        """Return the loop of ``front`` with other weights. None if the weights are the same."""
         if not isinstance(preference, Weights):
             raise InvalidInput(f"select: preference must be Weights for a closed loop, got {shown(preference)}")
         weights, settings = normalise_weights(preference, self.names), dict(front.provenance.get("settings", {}))

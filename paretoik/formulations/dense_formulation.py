@@ -38,10 +38,7 @@ from paretoik.task.validation import motion_task
 def function_task(
     arm: Arm, path: Path, objectives: Sequence[Objective], constraints: Sequence[Constraint]
 ) -> MotionTask:
-    """Return a checked task with the user's functions, without limits.
-
-    Motions have as many samples as the path. Raises InvalidInput, naming the function, if one is not usable.
-    """
+    """Return a checked task with the user's functions, without limits. Raises InvalidInput."""
     checked = motion_task(
         arm,
         path,
@@ -158,10 +155,7 @@ class DenseFormulation(Formulation, Differentiable):
         return DenseProgram(rows=whole.rows, costs=whole.costs / divisors[:, None], objective_names=self.names)
 
     def add_functions(self, task: MotionTask) -> None:
-        """Append users' functions: the objectives and constraints of a task.
-
-        Raises InvalidInput for a name that is taken.
-        """
+        """Append the objectives and constraints of a task. Raises InvalidInput for a name that is taken."""
         taken = (*self.names, *self.constraint_names)
         added = [*(each.name for each in task.objectives), *task.limit_names]
         for name in (name for name in added if name in taken):
@@ -178,10 +172,7 @@ class DenseFormulation(Formulation, Differentiable):
         return np.zeros(len(genes))
 
     def front_points(self, front: Front) -> Points:
-        """Return the points of a front's genes.
-
-        Raises InvalidInput if the front has no genes.
-        """
+        """Return the points of a front's genes. Raises InvalidInput if the front has no genes."""
         if front.genes is None:
             raise InvalidInput(f"front must have the genes of {', '.join(self.names)}, got a front without")
         return self.points(np.array(front.genes))
@@ -202,10 +193,7 @@ class DenseFormulation(Formulation, Differentiable):
         return x, [self.program()] * len(x)
 
     def individuals(self, x: Points, genes: Genes | None = None) -> Individuals:
-        """Return points as individuals with the values that are certified.
-
-        If the genes of a point miss its objectives, the point is replaced by that of its genes.
-        """
+        """Return points as individuals; a point whose genes miss its objectives is replaced by theirs."""
         rows = self.genes(x) if genes is None else genes
         F, G = self.evaluate(rows, return_values_of=["F", "G"])
         objectives = np.array([self.program().evaluate(one)[0] for one in x])
@@ -220,10 +208,7 @@ class DenseFormulation(Formulation, Differentiable):
         )
 
     def values_between(self, front: Front, shares: Values) -> Float[np.ndarray, "gaps shares n_obj"]:
-        """Return minimised objectives between neighbours of a front.
-
-        inf if a point is impossible.
-        """
+        """Return minimised objectives between neighbours of a front. inf if a point is impossible."""
         x = self.front_points(front)
         between = x[:-1, None] + shares[:, None] * np.diff(x, axis=0)[:, None]
         F, G = self.evaluate(self.genes(between.reshape(-1, x.shape[1])), return_values_of=["F", "G"])
@@ -240,11 +225,7 @@ class DenseFormulation(Formulation, Differentiable):
     def cold_search(
         self, *, starts: int | None, seed: int, solver: Solver = "auto", observe: Observe | None = None
     ) -> StartSearch:
-        """Return the search for optima without initial points.
-
-        Each start whose arm the motors can hold is refined. ``starts`` is the number of starts, 48 if None. They are
-        drawn up to ten times, since the motors cannot hold the arm in some postures.
-        """
+        """Return the search for optima from ``starts`` starts, 48 if None, that the motors can hold."""
         starts, rng = COLD.starts if starts is None else starts, np.random.default_rng(seed)
         x = self.points(self.sample_starts(starts, rng))
         for _ in range(10):
@@ -266,10 +247,7 @@ class DenseFormulation(Formulation, Differentiable):
 
 
 def front_sliders(actuation: Actuation, shares: np.ndarray) -> np.ndarray:
-    """Return front sliders [m] at shares (..., dof) of their range.
-
-    0 if motors are at the joints.
-    """
+    """Return front sliders [m] at shares (..., dof) of their range. 0 if motors are at the joints."""
     if not isinstance(actuation, DistributedActuation):
         return np.zeros((*shares.shape[:-1], actuation.dof))
     low, high = actuation.front_bounds.T

@@ -216,7 +216,7 @@ class DirectionalMaxima(DenseFormulation):
     def _largest_values(self, q: Float[np.ndarray, "postures dof"]) -> Float[np.ndarray, " directions"]:
         """Return the highest speed [m/s] or force [N] along each direction, over all postures and sliders.
 
-        Raises InvalidInput, naming the direction, for a force that no motor bounds in any posture.
+        Raises InvalidInput, naming the direction, for a force that no motor bounds.
         """
         sizes, moving = np.empty(len(self.directions)), self.moving
         if moving.any():
@@ -326,10 +326,7 @@ class DirectionalMaxima(DenseFormulation):
         )
 
     def slider_speeds(self, at: Configuration, torque: np.ndarray) -> np.ndarray:
-        """Return slider speeds (points, directions, 2, dof) that turn the joints.
-
-        Each is in proportion to its highest speed.
-        """
+        """Return slider speeds (points, directions, 2, dof), each in proportion to its highest."""
         return motor_speeds(self.actuation, at.q[:, None], at.front[:, None], torque[:, None], at.dq)[0]
 
     @of_genes

@@ -87,10 +87,7 @@ class Encoding:
     def encode(
         self, task: MotionTask, which: Int[np.ndarray, " motions"], q: JointPaths
     ) -> tuple[Genes, Float[np.ndarray, " motions"]]:
-        """Return genes of motions around bases ``which``, and the spline's errors.
-
-        An error is the distance [rad, arm's length] between spline and motion.
-        """
+        """Return genes of motions around bases ``which``, and their distances [rad, arm's length]."""
         y = self.charts.coordinates(task, which, q) / self.radius[which][..., None]
         fitted = np.einsum("kt,ptr->prk", np.linalg.pinv(self.spline), y)
         deviation = np.abs(np.einsum("tk,prk->ptr", self.spline, fitted) - y) * self.radius[which][..., None]
@@ -98,10 +95,9 @@ class Encoding:
         return genes, deviation.max(axis=(1, 2))
 
     def encode_nearest(self, task: MotionTask, q: JointPaths) -> tuple[Genes, Float[np.ndarray, " motions"]]:
-        """Return genes of motions within bounds, and their errors.
+        """Return genes of motions within bounds, and their distances [rad, arm's length].
 
-        An error is the distance [rad, arm's length] between a motion and that of its genes. Each motion is encoded
-        around the base whose decoded genes are nearest to it in every joint at every sample.
+        A motion is encoded around the base whose decoded genes are nearest in every joint at every sample.
         """
         genes, deviation = np.zeros((len(q), len(self.bounds[0]))), np.full(len(q), np.inf)
         for base in range(self.bases):
@@ -113,10 +109,7 @@ class Encoding:
         return genes, deviation
 
     def sample(self, count: int, rng: np.random.Generator) -> Genes:
-        """Return genes of ``count`` smooth motions near the bases.
-
-        The first ones are the bases, then the bases take turns.
-        """
+        """Return genes of ``count`` smooth motions near the bases; the first ones are the bases."""
         which = np.arange(count) % self.bases
         shape = (count, self.redundancy, 1)
         tilt = rng.normal(size=shape) + rng.normal(size=shape) * np.linspace(-1, 1, self.coefficients)
@@ -125,10 +118,7 @@ class Encoding:
 
 
 def choose_coefficients(coefficients: int | None, samples: int) -> int:
-    """Return the number of spline coefficients; None means the default.
-
-    Raises InvalidInput if it is too small for a spline or too large for the samples.
-    """
+    """Return the number of spline coefficients; None means the default. Raises InvalidInput."""
     if coefficients is None:
         return int(np.clip(samples - 2, *OPTIONS.coefficients))
     check_size("coefficients", coefficients, OPTIONS.coefficients[0])
@@ -146,10 +136,7 @@ def encoding(task: MotionTask, base: Float[np.ndarray, "bases time dof"], coeffi
 
 
 def clamped_spline(t: Float[np.ndarray, " time"], coefficients: int) -> Float[np.ndarray, "time coefficients"]:
-    """Return the basis of a clamped cubic B-spline at times in [0, 1].
-
-    The spline begins and ends at its first and last coefficient.
-    """
+    """Return the basis of a clamped cubic B-spline at times in [0, 1]."""
     inner = np.linspace(0, 1, coefficients - OPTIONS.degree + 1)
     knots = np.concatenate([np.zeros(OPTIONS.degree), inner, np.ones(OPTIONS.degree)])
     basis: np.ndarray = BSpline.design_matrix(t, knots, OPTIONS.degree).toarray()
@@ -181,10 +168,7 @@ def _spline(task: MotionTask, coefficients: int) -> Float[np.ndarray, "time coef
 
 
 def _reach(task: MotionTask, charts: Charts) -> Float[np.ndarray, "bases time"]:
-    """Return each chart's reach: the largest radius completely on the path.
-
-    It is smoothed in time.
-    """
+    """Return each chart's reach: the largest radius completely on the path. It is smoothed in time."""
     from scipy.ndimage import gaussian_filter1d, minimum_filter1d  # imported here: needed at start-up only
 
     bases, times, _, redundancy = charts.null_space.shape

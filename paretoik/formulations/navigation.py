@@ -158,10 +158,9 @@ _STARTS: WeakKeyDictionary[Front, dict[tuple[int, bytes, bytes, bytes], Optimum 
 
 
 def navigate(problem: Any, front: Front, request: NavigationRequest) -> Front:
-    """Return the front with the certified point of a request.
+    """Return the front with the certified point of a request, or with a note about a better one.
 
-    If the front already has a better point, it gets a note about that one instead. Raises Infeasible if no point is
-    better in the requested objective.
+    Raises Infeasible if no point is better in the requested objective.
     """
     formulation: Differentiable = problem
     task = ProblemParts(problem).task
@@ -203,7 +202,7 @@ def navigate(problem: Any, front: Front, request: NavigationRequest) -> Front:
 def predict(problem: Any, front: Front, request: NavigationRequest) -> Prediction:
     """Return the predicted result of a move, by derivatives at its start.
 
-    Raises InvalidInput if optima cannot be followed, and Infeasible if derivatives give no prediction.
+    Raises InvalidInput if optima cannot be followed, Infeasible without a prediction.
     """
     formulation: Differentiable = problem
     with single_blas_thread():
@@ -249,10 +248,9 @@ def _aim(front: Front, request: NavigationRequest, program: Program) -> Aim:
 
 
 def natural_weights(front: Front, row: int) -> Float[np.ndarray, " n_obj"]:
-    """Return the weights of minimised objectives at a point, in natural units.
+    """Return the weights of minimised objectives at a point in natural units, the largest 1.
 
-    The largest weight is 1. The weights follow from the exchange rates, which do not depend on ranges; without exchange
-    rates, from the weights themselves.
+    They follow from the exchange rates, which do not depend on ranges; without these, from the weights.
     """
     assert front.certificates is not None
     weights = front.certificates.weights[row] / widths_of(front)

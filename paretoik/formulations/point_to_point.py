@@ -103,10 +103,7 @@ class InitialPaths:
 def range_excess(
     arm: Arm, actuation: Actuation, q: JointPaths, front: JointPaths
 ) -> tuple[Float[np.ndarray, " points"], Float[np.ndarray, " points"]]:
-    """Return the largest excess of joints and sliders over their bounds.
-
-    Joints in [rad, m], sliders as shares of the rod, at samples.
-    """
+    """Return the largest excess of joints [rad, m] and sliders [shares of the rod] over their bounds."""
     lower, upper = arm.position_limits.T
     joints = np.maximum(np.maximum(q - upper, lower - q).max(axis=(1, 2)), -1.0)
     if not isinstance(actuation, DistributedActuation):
@@ -130,10 +127,9 @@ def find_initial_paths(
     bases: int,
     seed: int,
 ) -> InitialPaths:
-    """Return paths from start to target that motors can hold.
+    """Return at most ``bases`` paths that motors can hold, the quickest first.
 
-    The quickest paths come first, at most ``bases``. Paths are straight, or bowed sideways if a straight one cannot be
-    followed. Raises OutOfReach and Infeasible if there are none; Infeasible names a joint.
+    Paths are straight, or bowed sideways if a straight one cannot be followed. Raises OutOfReach and Infeasible.
     """
     restricted, rng = restrict_to_rods(arm, actuation), np.random.default_rng(seed)
     basis = clamped_spline(np.linspace(0.0, 1.0, samples), coefficients)
@@ -170,10 +166,7 @@ def find_initial_paths(
 def _follow_lines(
     arm: Arm, actuation: Actuation, start: np.ndarray, target: np.ndarray, samples: int, rng: np.random.Generator
 ) -> tuple[MotionTask, Float[np.ndarray, "found time dof"]]:
-    """Return the first line that can be followed, and motions along it.
-
-    The straight line is tried before several bowed ones.
-    """
+    """Return the first line that can be followed, straight before bowed, and motions along it."""
     lines = [line(start, target, duration=1.0, samples=samples, timing="uniform")]
     sideways = np.linalg.svd((target - start)[None])[2][1:] * np.linalg.norm(target - start)
     for bow in PATHS.bows:
@@ -227,10 +220,9 @@ def _initial_sliders(actuation: Actuation, arm: Arm, basis: np.ndarray, coeffici
 
 
 def _least_violating(arm: Arm, actuation: Actuation, q: np.ndarray, worst: np.ndarray) -> np.ndarray:
-    """Return the paths that motors can hold at every sample.
+    """Return the paths that motors can hold at every sample, the least-violating first.
 
-    Samples are checked separately. The least-violating path comes first. Raises Infeasible, naming joint, torque and
-    limit, if there are none.
+    Raises Infeasible, naming joint, torque and limit, if there are none.
     """
     holdable = ~np.isnan(joint_speeds(actuation, q, gravity_torques(arm, q)).high).any(axis=(1, 2))
     if not holdable.any():
@@ -242,10 +234,7 @@ def _least_violating(arm: Arm, actuation: Actuation, q: np.ndarray, worst: np.nd
 
 
 def _fit_spline(basis: np.ndarray, samples: np.ndarray) -> np.ndarray:
-    """Return the coefficients nearest to samples (batch, time, dof).
-
-    Both ends are exact.
-    """
+    """Return the coefficients nearest to samples (batch, time, dof). Both ends are exact."""
     inner, ends = basis[:, 1:-1], basis[:, [0, -1]]
     outer = samples[:, [0, -1]]
     middle = np.linalg.pinv(inner) @ (samples - ends @ outer)
@@ -402,10 +391,7 @@ class PointToPoint(DenseFormulation):
         return spline @ q, spline @ front, error
 
     def sliders(self, genes: Genes) -> Float[np.ndarray, "points time 2 dof"] | None:
-        """Return front and back sliders at the samples [m], or None.
-
-        None without sliders.
-        """
+        """Return front and back sliders at the samples [m], or None. None without sliders."""
         if not isinstance(self.actuation, DistributedActuation):
             return None
         q, front, _ = self._samples(genes)
@@ -418,10 +404,7 @@ class PointToPoint(DenseFormulation):
         return self._motions(q, self._intervals(genes, minimum_timing(self.arm, self.actuation, q, front)))
 
     def _intervals(self, genes: Genes, timing: Timing) -> Float[np.ndarray, "points intervals"]:
-        """Return the intervals of individuals [s].
-
-        They are the least ones, or longer ones that the genes ask for.
-        """
+        """Return the intervals of individuals [s]. They are the least ones, or longer ones that the genes ask for."""
         if not self.own_times:
             return timing.intervals
         wishes = genes[:, -timing.intervals.shape[1] :] * (OPTIONS.longest_interval * self.initial_paths.pace)

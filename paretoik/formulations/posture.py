@@ -116,10 +116,7 @@ class Posture(Formulation):
         examine_functions(self.task, self.decode(np.random.default_rng(0).uniform(low, high, (16, arm.dof))))
 
     def algorithm(self, population: int, *, offspring: int | None = None, initial: Genes | None = None) -> Any:
-        """Return the paper's genetic algorithm, or MaxiMinNSGA2 for several objectives.
-
-        The paper's algorithm minimises only the error.
-        """
+        """Return the paper's genetic algorithm, or MaxiMinNSGA2 for several objectives."""
         if self.n_obj == 1:
             return elitist_algorithm(population, offspring=offspring, initial=initial)
         return MaxiMinNSGA2(pop_size=population, n_offsprings=offspring, sampling=initial)
@@ -130,10 +127,7 @@ class Posture(Formulation):
         return self.task.motion(np.repeat(genes[:, None], len(self.task.times), axis=1))
 
     def encode(self, motions: Motion) -> tuple[Genes, np.ndarray]:
-        """Return motions' first postures within bounds, and their errors.
-
-        An error is the distance [rad, m] between a posture and the motion.
-        """
+        """Return motions' first postures within bounds, and their distances [rad, m]."""
         check_motions(motions, self.task)
         first = np.array(motions.q[:, 0])
         genes = np.clip(first, self.xl, self.xu)

@@ -64,10 +64,7 @@ class LinkConstants:
 
 @dataclass(frozen=True, kw_only=True)
 class ArmConstants:
-    """Constants of an arm, as components.
-
-    They are the rotation and position of tool and base, and gravity in the base frame.
-    """
+    """Rotation and position of tool and base, and gravity in the base frame, as components."""
 
     links: tuple[LinkConstants, ...]
     tool: tuple[Matrix, Vector]
@@ -132,10 +129,9 @@ def _snap(rotation: np.ndarray) -> np.ndarray:
 
 @lru_cache(maxsize=256)
 def characteristic_length(arm: SerialChain) -> float:
-    """Return the length [m] of the stretched-out arm.
+    """Return the length [m] from the first joint to the tool, with slides at 0.
 
-    It is measured from the first joint to the tool, with slides at 0. If it is 0, it is replaced by the longest range
-    of a slide, or by 1 m if no slide is limited.
+    If it is 0: the longest range of a slide, or 1 m if no slide is limited.
     """
     offsets = [*arm.placements[1:], arm.tool]
     length = float(sum(np.linalg.norm(pose.position) for pose in offsets))
@@ -147,19 +143,13 @@ def characteristic_length(arm: SerialChain) -> float:
 
 @lru_cache(maxsize=256)
 def joint_scales(arm: SerialChain) -> Float[np.ndarray, " dof"]:
-    """Return the unit of each joint's distances.
-
-    It is 1 rad, or for a slide the arm's characteristic length [m].
-    """
+    """Return the unit of each joint: 1 rad, or for a slide the arm's length [m]."""
     return read_only(np.where(arm.periodic, 1.0, characteristic_length(arm)))
 
 
 @lru_cache(maxsize=256)
 def geometry_key(arm: SerialChain) -> tuple[object, ...]:
-    """Return a dictionary key of an arm's geometry.
-
-    Arms with the same link poses and scales have equal keys.
-    """
+    """Return a dictionary key of an arm's geometry. Arms with the same link poses and scales have equal keys."""
     poses = [*arm.placements, arm.tool, arm.base]
     numbers = np.concatenate([part for pose in poses for part in (pose.position, pose.quaternion)])
     return arm.joint_types, arm.is_planar, characteristic_length(arm), numbers.tobytes()
@@ -211,10 +201,7 @@ def frame_components(arm: SerialChain, links: LinkFrames, frame: Frame) -> tuple
 def jacobian_components(
     arm: SerialChain, links: LinkFrames, frame: Frame, position: Vector
 ) -> list[tuple[Vector, Vector]]:
-    """Return each joint's linear and angular Jacobian column.
-
-    The columns are for a frame at ``position``.
-    """
+    """Return each joint's linear and angular Jacobian column. The columns are for a frame at ``position``."""
     columns = []
     for i, link in enumerate(arm_constants(arm).links):
         axis = transpose(links.rotations[i])[2]
@@ -228,10 +215,7 @@ def jacobian_components(
 
 
 def forward_kinematics(arm: SerialChain, q: Joints, frame: str = TOOL_FRAME) -> tuple[Rotations, Positions]:
-    """Return rotation and position of a frame in the world.
-
-    Rotations are (*batch, 3, 3), positions (*batch, 3) [m], for q (*batch, dof).
-    """
+    """Return a frame's rotation (*batch, 3, 3) and position (*batch, 3) [m] in the world."""
     on_link = arm.frame(frame)
 
     def kernel(q: Sequence[Component]) -> list[Component]:
@@ -243,10 +227,7 @@ def forward_kinematics(arm: SerialChain, q: Joints, frame: str = TOOL_FRAME) -> 
 
 
 def jacobian(arm: SerialChain, q: Joints, frame: str = TOOL_FRAME) -> Jacobians:
-    """Return the geometric Jacobian (*batch, 6, dof) of a frame.
-
-    The linear rows come first; axes are those of the world.
-    """
+    """Return the geometric Jacobian (*batch, 6, dof) of a frame in world axes, linear rows first."""
     on_link = arm.frame(frame)
 
     def kernel(q: Sequence[Component]) -> list[Component]:

@@ -143,10 +143,7 @@ def select_chain(
 
 
 def find_zero_limits(chain: Chain) -> list[str]:
-    """Return messages for limits of 0 on the chain.
-
-    These are limits on velocity, effort, acceleration or jerk.
-    """
+    """Return messages for limits of 0 on the chain. These are limits on velocity, effort, acceleration or jerk."""
     return [
         f"joint {joint.name!r}: {name} limit must not be 0, got 0; zero_limits='unlimited' says that it means none"
         for joint in chain.moving
@@ -182,10 +179,7 @@ def _path(source: str, joints: Sequence[JointDescription], base: str, tip: str) 
 
 
 def _leader(robot: RobotDescription, joint: JointDescription, fixed: Collection[str]) -> tuple[str, float, float]:
-    """Return the leader at the end of a mimic chain, multiplier and offset.
-
-    A joint that mimics none is its own leader.
-    """
+    """Return the leader at the end of a mimic chain, or the joint itself, multiplier and offset."""
     name, multiplier, offset = joint.name, 1.0, 0.0
     passed = set[str]()
     while name in robot.joints and name not in fixed and name not in passed and (mimic := robot.joints[name].mimic):
@@ -204,8 +198,7 @@ def _sort_faults(
 ) -> tuple[list[Fault], list[str]]:
     """Return the faults of the chain's parts, and notices about other parts.
 
-    A notice has the fault and its consequence. A joint above the base must be readable if the direction of gravity
-    depends on it.
+    A joint above the base must be readable if the direction of gravity depends on it.
     """
     faults: list[Fault] = []
     notices: list[Fault] = []
@@ -248,10 +241,7 @@ TILT_TOLERANCE = 1e-9  # m/s² of gravity: rounding error of a base that is leve
 
 @dataclass(frozen=True, kw_only=True)
 class RobotReport:
-    """Faults, warnings and summary of a URDF.
-
-    Warnings are about parts that load but may have unexpected effects.
-    """
+    """Faults, warnings and summary of a URDF. Warnings are about parts that load but may have unexpected effects."""
 
     file: Path
     faults: tuple[str, ...]
@@ -265,10 +255,7 @@ class RobotReport:
 
 
 def report_text(report: RobotReport) -> str:
-    """Return the summary, grouped warnings and faults of a URDF as text.
-
-    There is one message per line; long lists are shortened to the first messages.
-    """
+    """Return the summary, grouped warnings and faults of a URDF, one message per line."""
     lines = [*report.summary, *(f"warning: {line}" for line in shorten_list(group_messages(report.warnings)))]
     lines += [f"fault: {line}" for line in shorten_list(report.faults)] or ["no faults"]
     return "\n".join(lines)
@@ -373,11 +360,7 @@ def _summarise(joint: JointDescription) -> str:
 def _build_arm(
     robot: RobotDescription, chain: Chain, repair: bool
 ) -> tuple[SerialChain | None, tuple[str, ...], tuple[str, ...]]:
-    """Return the arm of a chain, its faults, and notices.
-
-    If the chain has faults, there is no arm (None). Notices are about parts that the arm lacks. Gravity is (0, 0,
-    −9.81) m/s² in the world of the file's root.
-    """
+    """Return the arm of a chain (None if it has faults), its faults, and notices of missing parts."""
     moving, faults, notices = chain.moving, list(chain.faults), list(chain.notices)
     if not moving:
         faults.append((1, f"a joint between {chain.base!r} and {chain.tip!r} must move, got none"))
@@ -434,8 +417,8 @@ def _build_arm(
 def _place_links(chain: Chain) -> tuple[dict[str, Frame], tuple[Pose, ...]]:
     """Return the frames of all links, and the placements of moving joints.
 
-    A link's frame is given on the moving link that carries it. The frame of a moving link is that of its joint, turned
-    so that z is the joint's axis. Links on a misplaced joint have no frame.
+    A link's frame is given on the moving link that carries it. A moving link's frame is its joint's, turned so that z
+    is the axis. Links on a misplaced joint have no frame.
     """
 
     def at_rest(joint: JointDescription) -> Pose:
@@ -467,10 +450,9 @@ def _place_links(chain: Chain) -> tuple[dict[str, Frame], tuple[Pose, ...]]:
 def _merge_links(
     robot: RobotDescription, chain: Chain, frames: Mapping[str, Frame], number: int, repair: bool
 ) -> tuple[Body, list[Fault], list[Fault]]:
-    """Return the body that a moving joint carries, its faults, and notices.
+    """Return the body of a joint's link and all that is fixed to it, its faults, and notices.
 
-    The body is the joint's link and all that is fixed to the link. The inertia of this body must be that of a real one;
-    inertias of single links may be wrong.
+    This body's inertia must be that of a real one; inertias of single links may be wrong.
     """
     links = [robot.links[name] for name, frame in frames.items() if frame.link == number]
     wrong = {link.name: link.inertia_fault for link in links if link.inertia_fault is not None}

@@ -46,10 +46,7 @@ class LinkDescription:
 
 @dataclass(frozen=True, kw_only=True)
 class JointLimits:
-    """Limits of a joint, infinite if there are none.
-
-    The ``soft`` limits are those of the joint's safety controller, or None.
-    """
+    """Limits of a joint, infinite if there are none; ``soft``: of its safety controller, or None."""
 
     lower: float = -np.inf
     upper: float = np.inf
@@ -116,10 +113,7 @@ class RobotDescription:
         return [link for link in self.links if link not in parents]
 
     def trunk(self, base: str) -> list[str]:
-        """Return the links from ``base`` on that carry all leaves.
-
-        The leaves are those below ``base``. Only for a robot without faults.
-        """
+        """Return the links from ``base`` on that carry all leaves below it."""
         children: dict[str, list[str]] = {}
         for joint in self.joints.values():
             children.setdefault(joint.parent, []).append(joint.child)
@@ -129,10 +123,7 @@ class RobotDescription:
         return trunk
 
     def joints_below(self, link: str) -> list[JointDescription]:
-        """Return every joint below a link, parents first.
-
-        Only for a robot without faults.
-        """
+        """Return every joint below a link, parents first."""
         by_parent: dict[str, list[JointDescription]] = {}
         for joint in self.joints.values():
             by_parent.setdefault(joint.parent, []).append(joint)

@@ -37,10 +37,7 @@ from paretoik.robot.urdf_description import (
 
 
 def find_tree_faults(links: Mapping[str, LinkDescription], joints: Mapping[str, JointDescription]) -> list[Fault]:
-    """Return why links and joints are not one tree.
-
-    Each fault has its line.
-    """
+    """Return why links and joints are not one tree. Each fault has its line."""
     faults: list[Fault] = []
     parent_joint: dict[str, str] = {}
     for name, joint in joints.items():
@@ -78,10 +75,7 @@ def find_mimic_faults(joints: Mapping[str, JointDescription]) -> list[tuple[str,
 def _find_loops(
     joints: Mapping[str, JointDescription], successor: Callable[[JointDescription], str | None]
 ) -> list[list[str]]:
-    """Return each cycle of a graph of joints, once.
-
-    In the graph, each joint points to its ``successor``.
-    """
+    """Return each cycle of a graph of joints, once. In the graph, each joint points to its ``successor``."""
     visited: set[str] = set()
     loops = []
     for name in joints:
@@ -135,10 +129,9 @@ def is_macro(tag: str) -> bool:
 
 
 def parse_elements(data: bytes, source: str) -> tuple[Element, list[int]]:
-    """Return the ``<robot>`` element, and the lines of macros that were not read.
+    """Return the ``<robot>`` element without shapes, and the lines of macros that were not read.
 
-    The element has links and joints, without shapes. Raises InvalidRobot, naming ``source`` and the line, if data are
-    not the XML of a robot.
+    Raises InvalidRobot, naming ``source`` and the line, if data are not the XML of a robot.
     """
     reader = _XmlReader(source)
     try:
@@ -155,10 +148,7 @@ def parse_elements(data: bytes, source: str) -> tuple[Element, list[int]]:
 
 
 def read_bytes(file: Path) -> bytes:
-    """Return the content of a robot file.
-
-    Raises InvalidInput for a missing file, InvalidRobot for an empty or too large file.
-    """
+    """Return a file's content. Raises InvalidInput if it is missing, InvalidRobot if empty or too large."""
     try:
         if not file.is_file():
             raise InvalidInput(f"{file} must be a plain file, got {missing_file(file)}")
@@ -175,10 +165,7 @@ def read_bytes(file: Path) -> bytes:
 
 
 class _XmlReader:
-    """Handlers of the XML parser: collect links and joints, skip shapes.
-
-    They refuse XML that no robot file needs.
-    """
+    """Handlers of the XML parser: collect links and joints, skip shapes. They refuse XML that no robot file needs."""
 
     def __init__(self, source: str) -> None:
         self.source = source
@@ -245,10 +232,7 @@ OPTIONS = ValidationOptions()
 
 
 def read_robot(file: Path) -> RobotDescription:
-    """Return the robot of a URDF, with faults of links and joints.
-
-    Raises InvalidInput if there is no such file, InvalidRobot if it is not the XML of a robot.
-    """
+    """Return the robot of a URDF, with faults. Raises InvalidInput and InvalidRobot."""
     data = read_bytes(file)
     root, macros = parse_elements(data, str(file))
     reader = _Reader("", version=root.attributes.get("version", "1.0"))
@@ -282,10 +266,7 @@ def read_robot(file: Path) -> RobotDescription:
 
 @dataclass
 class _Reader:
-    """Reader of one ``owner``: reads elements, collects faults and warnings.
-
-    Faults and warnings have lines. The readers of links and joints share their warnings with the reader of the file.
-    """
+    """Reader of one ``owner``: reads elements, collects faults and warnings with their lines."""
 
     owner: str
     version: str
@@ -327,20 +308,14 @@ class _Reader:
         return elements
 
     def child(self, element: Element, tag: str) -> Element | None:
-        """Return the only child of a tag, None without one.
-
-        Several children are a fault.
-        """
+        """Return the only child of a tag, None without one. Several children are a fault."""
         children = element.find_all(tag)
         if len(children) > 1:
             self.fault(children[1], f"must have one <{tag}>, got {len(children)}")
         return children[0] if children else None
 
     def numbers(self, element: Element, name: str, default: str | None, count: int = 1) -> Numbers | None:
-        """Return ``count`` numbers of an attribute, none of them NaN.
-
-        If there are none, return None and add a fault.
-        """
+        """Return ``count`` numbers of an attribute, none NaN; None, with a fault, if there are none."""
         text = element.attributes.get(name, default)
         if text is None:
             self.fault(element, f"<{element.tag}> must have {name}, got none")
@@ -363,10 +338,7 @@ class _Reader:
         return values
 
     def origin(self, element: Element) -> Pose | None:
-        """Return the pose of a child ``<origin>``, the identity without one.
-
-        If the pose cannot be read, return None.
-        """
+        """Return the pose of a child ``<origin>``, the identity without one, None with a fault."""
         origin = self.child(element, "origin")
         if origin is None:
             return ORIGIN
@@ -382,10 +354,7 @@ class _Reader:
             return None
 
     def orientation(self, origin: Element) -> Numbers | None:
-        """Return the quaternion (w, x, y, z) of an origin.
-
-        It is read from rpy [rad], or from quat_xyzw of URDF 1.1.
-        """
+        """Return the quaternion (w, x, y, z) of an origin. It is read from rpy [rad], or from quat_xyzw of URDF 1.1."""
         if "quat_xyzw" not in origin.attributes:
             rpy = self.finite(origin, "rpy", "0 0 0", 3)
             if rpy is None:
@@ -404,10 +373,7 @@ class _Reader:
         return None if unit is None else (unit[3], *unit[:3])
 
     def direction(self, element: Element, name: str, values: Numbers) -> Numbers | None:
-        """Return numbers scaled to length 1.
-
-        If all are zero, return None and add a fault.
-        """
+        """Return numbers scaled to length 1. If all are zero, return None and add a fault."""
         largest = max(abs(value) for value in values)  # a first divisor, so that no square overflows or vanishes
         if largest == 0.0:
             self.fault(element, f"{name} must not be zero, got {' '.join(['0'] * len(values))}")
@@ -470,10 +436,7 @@ def _read_inertia(inertial: Element, mass: float | None, reader: _Reader) -> tup
 
 
 def _read_joint(name: str, element: Element, whole: _Reader) -> JointDescription:
-    """Return a joint.
-
-    Faults of its links are added to the ``whole`` file, because links and joints are then not a tree.
-    """
+    """Return a joint; faults of its ends, which make no tree, go to the ``whole`` file."""
     reader = whole.part(f"joint {name!r}")
     reader.no_macros(element)
     joint_type = element.attributes.get("type", "")

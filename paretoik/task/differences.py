@@ -60,10 +60,7 @@ def quadrature_weights(time: Series, differences: Differences) -> Series:
 
 
 def simpson_weights(time: Series) -> Series:
-    """Return the weights (*batch, time) [s] of Simpson's rule.
-
-    Every other time is a midpoint.
-    """
+    """Return the weights (*batch, time) [s] of Simpson's rule. Every other time is a midpoint."""
     sixth = (time[..., 2::2] - time[..., :-2:2]) / 6
     weights = np.zeros(time.shape)
     weights[..., :-2:2] += sixth
@@ -81,10 +78,7 @@ def with_midpoints(time: Series) -> Series:
 
 
 def _steps(values: Samples, time: Instants, *, cyclic: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Return the steps of values and of time between samples.
-
-    A cycle continues by one step at each end.
-    """
+    """Return the steps of values and of time between samples. A cycle continues by one step at each end."""
     change, step = np.diff(values, axis=-2), np.diff(time)[..., None]
     if not cyclic:
         return change, step
@@ -277,20 +271,14 @@ def _free_end(q: np.ndarray, control: np.ndarray, knots: np.ndarray) -> np.ndarr
 
 
 def _lagrange_factor(time: np.ndarray, k: int) -> np.ndarray:
-    """Return the weight of the value at time k in an extrapolation.
-
-    The value at the first time is extrapolated from the values at all other times.
-    """
+    """Return the weight of the value at time k in an extrapolation to the first time."""
     others = [j for j in range(1, time.shape[-1]) if j != k]
     shares = [(time[..., 0] - time[..., j]) / (time[..., k] - time[..., j]) for j in others]
     return np.prod(np.broadcast_arrays(np.ones(time.shape[:-1]), *shares), axis=0)
 
 
 def _polynomial_control_points(q: Samples, knots: np.ndarray, *, ends_at_rest: bool) -> np.ndarray:
-    """Return the control points of the polynomial through three or four samples.
-
-    The polynomial is at rest at its end if ``ends_at_rest``.
-    """
+    """Return the control points of the polynomial through three or four samples."""
     samples = q.shape[-2]
     unit = knots[..., -3:-2] - knots[..., 2:3]
     t = (knots - knots[..., 2:3]) / unit
@@ -306,9 +294,6 @@ def _polynomial_control_points(q: Samples, knots: np.ndarray, *, ends_at_rest: b
 
 
 def _polar_form(t: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 4"]:
-    """Return the polar forms of 1, t, t² and t³ at three times.
-
-    The polar forms give a cubic's control point.
-    """
+    """Return the polar forms of 1, t, t² and t³ at three times. The polar forms give a cubic's control point."""
     x, y, z = t[..., 0], t[..., 1], t[..., 2]
     return np.stack([np.ones_like(x), (x + y + z) / 3, (x * y + y * z + z * x) / 3, x * y * z], axis=-1)

@@ -48,11 +48,7 @@ SINE_TOLERANCE = 1e-12  # sine of a rotation below which its axis is only roundi
 
 
 def axis_times_sine(axes: str, between: Matrix) -> Vector:
-    """Return axis · sin(angle) of a rotation.
-
-    With "xyz+z-axis" it is that of the smallest rotation that moves z equally. It is given in the rotated axes, which
-    differ from the original axes by the free turn about z.
-    """
+    """Return axis · sin(angle) of a rotation; for "xyz+z-axis" the smallest that moves z equally."""
     (_, xy, xz), (yx, _, yz), (zx, zy, _) = between
     if axes == "xyz+z-axis":
         return zy, times(-1.0, zx), 0.0
@@ -60,10 +56,7 @@ def axis_times_sine(axes: str, between: Matrix) -> Vector:
 
 
 def orientation_error(axes: str, rotation: Matrix, desired: Matrix) -> Vector:
-    """Return the rotation vector of RᵀR_d.
-
-    With "xyz+z-axis" it is that of the smallest rotation that takes z to z_d.
-    """
+    """Return the rotation vector of RᵀR_d; for "xyz+z-axis" the smallest that takes z to z_d."""
     between = multiply(transpose(rotation), desired)
     if axes == "xyz+z-axis":
         x, y, z = transpose(between)[2]
@@ -88,10 +81,7 @@ def _is_half_turn(sine: Component, cosine: Component) -> Any:
 
 
 def _half_turn(between: Matrix) -> Vector:
-    """Return the rotation vector of a half turn.
-
-    R + 1 = 2 a aᵀ, so that any nonzero column gives the axis a.
-    """
+    """Return the rotation vector of a half turn. R + 1 = 2 a aᵀ, so that any nonzero column gives the axis a."""
     x, y, z = (tuple(plus(between[i][j], float(i == j)) for i in range(3)) for j in range(3))
     # the longest column, which has the largest diagonal entry; the others may be 0
     axis = _where(np.less_equal(z[2], y[1]), y, z)
@@ -192,10 +182,7 @@ class Task:
         return self.position_rows + 3 * self.has_orientation
 
     def targets(self, t: Times) -> Float[np.ndarray, "time numbers"]:
-        """Return the targets at times t [s].
-
-        Each is the position and, for a task with orientation, the rotation matrix row by row.
-        """
+        """Return positions at times t [s], with orientation also rotation matrices row by row."""
         positions, quaternions = self.path.at(t)
         columns = [positions[:, : self.position_rows]]
         if quaternions is not None and self.has_orientation:
@@ -239,10 +226,7 @@ class Task:
         return np.concatenate(columns, axis=1)
 
     def displacement_components(self, arm: Arm, links: LinkFrames, displacement: Components) -> list[Component]:
-        """Return a row of ``displacements`` in the coordinates of ``errors``.
-
-        The result has components.
-        """
+        """Return a row of ``displacements`` in the coordinates of ``errors``. The result has components."""
         components = list(displacement[: self.position_rows])
         if self.has_orientation:
             rotation, _ = frame_components(arm, links, frame_of(arm, self.frame))
@@ -262,10 +246,7 @@ class Task:
         return error
 
     def jacobian(self, arm: Arm, links: LinkFrames) -> list[list[Component]]:
-        """Return the Jacobian rows of the frame as components.
-
-        Newton's step solves J δq = error.
-        """
+        """Return the Jacobian rows of the frame as components. Newton's step solves J δq = error."""
         frame = frame_of(arm, self.frame)
         rotation, position = frame_components(arm, links, frame)
         columns = jacobian_components(arm, links, frame, position)
@@ -302,10 +283,7 @@ class Task:
 
 
 def error_unit(tasks: Sequence[Task]) -> str:
-    """Return the unit of the largest error of tasks.
-
-    The unit is m, or "m or rad" for tasks with orientation.
-    """
+    """Return the unit of the largest error of tasks. The unit is m, or "m or rad" for tasks with orientation."""
     return " or ".join(dict.fromkeys(row_units(tasks)))
 
 
@@ -315,10 +293,7 @@ def row_units(tasks: Sequence[Task]) -> list[str]:
 
 
 def describe_errors(tasks: Sequence[Task], errors: Float[np.ndarray, " rows"]) -> str:
-    """Return in words the largest task errors at a sample.
-
-    Errors of position are in m, of orientation in rad.
-    """
+    """Return in words the largest task errors at a sample. Errors of position are in m, of orientation in rad."""
     largest: dict[str, float] = {}
     for unit, error in zip(row_units(tasks), np.abs(errors), strict=True):
         largest[unit] = max(largest.get(unit, 0.0), float(error))

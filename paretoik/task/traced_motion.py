@@ -86,10 +86,7 @@ class TracedMotion:
 
     @cached_property
     def velocity_bounds(self) -> TracedArray:
-        """As ``Motion.velocity_bounds``, but shifted by half an interval.
-
-        A sample has the bound of the interval after it.
-        """
+        """As ``Motion.velocity_bounds``, but a sample has the bound of the interval after it."""
         if self.seconds is None or self.differences != "spline":
             return self.dq
         half = np.zeros(len(self.task.instants))
@@ -146,10 +143,7 @@ class TracedMotion:
 
     @cached_property
     def manipulability(self) -> TracedArray:
-        """As ``Motion.manipulability``, but without a kink.
-
-        Values are cut off only if rounding makes them negative.
-        """
+        """As ``Motion.manipulability``, but without a kink. Values are cut off only if rounding makes them negative."""
 
         def entries(q: list[Component], *_: object) -> list[Component]:
             if self.tasks:
@@ -208,10 +202,7 @@ class TracedMotion:
 
 @dataclass(frozen=True, eq=False)
 class OwnDuration:
-    """The duration of motions with their own times, traced at one sample.
-
-    There is one number per motion, not per sample.
-    """
+    """The duration of motions with their own times, traced at one sample."""
 
     number: TracedArray | None
 
@@ -247,20 +238,16 @@ def trace_sample(
 
 
 def trace_sample_again(motion: TracedMotion, scales: Float[np.ndarray, " dof"] | float = 1.0) -> TracedMotion:
-    """Return one sample of another motion of the task.
-
-    It is on the same tape and has its own inputs.
-    """
+    """Return one sample of another motion of the task. It is on the same tape and has its own inputs."""
     return _trace_inputs(motion.task, motion.trace, (), scales, motion.seconds, None)
 
 
 def trace_motion(
     task: Any, *, scales: Float[np.ndarray, " dof"] | float = 1.0, own_times: bool = False
 ) -> TracedMotion:
-    """Return a whole motion of a task.
+    """Return a whole motion of a task, for functions that combine several samples.
 
-    It is for functions that combine several samples. Parameters are those of ``trace_sample``; with ``own_times``, the
-    intervals are the last inputs.
+    Parameters are those of ``trace_sample``; with ``own_times``, the intervals are the last inputs.
     """
     count = len(task.instants)
     steps = (count - 1,) if own_times else None
@@ -275,10 +262,7 @@ def _trace_inputs(
     seconds: float | None,
     steps: tuple[int, ...] | None,
 ) -> TracedMotion:
-    """Return a motion of new inputs: joints and rates of a ``shape``.
-
-    If the motion has its own times, ``steps`` follow as inputs.
-    """
+    """Return a motion of new inputs: joints and rates of a ``shape``, then its ``steps``, if any."""
 
     def inputs(factor: Any, *size: int) -> TracedArray:
         return TracedArray(trace, (factor * trace.inputs(*size)).entries, shared=True)
@@ -292,10 +276,9 @@ def _trace_inputs(
 def trace_motion_function(
     motion: TracedMotion, name: str, function: Callable[[Any], Any], form: str
 ) -> list[Expression | float]:
-    """Return the values of a function of a whole motion.
+    """Return the value of a function of a whole motion, or one per sample of a series.
 
-    There is one value, or one per sample if the form is a series. Raises, by ``name``, InvalidInput for a function
-    without derivatives, EvaluationFailed for one that raises.
+    Raises, by ``name``, InvalidInput without derivatives, EvaluationFailed if it raises.
     """
     shape = motion.time.shape if form in ("integral", "peak") else ()
     wish = f"(time,), here {shape}," if shape else "()"
@@ -313,10 +296,9 @@ def trace_motion_function(
 
 
 def trace_sample_function(motion: TracedMotion, name: str, function: Callable[[Any], Any]) -> Expression | float | None:
-    """Return the value of a function at one sample.
+    """Return the value of a function at one sample; None if it combines several.
 
-    Returns None if the function combines several samples. Raises, by ``name``, InvalidInput for a function without
-    derivatives, EvaluationFailed for one that raises.
+    Raises, by ``name``, InvalidInput without derivatives, EvaluationFailed if it raises.
     """
     tape = motion.trace.tape
     try:
@@ -354,10 +336,7 @@ class OneInterval(NamedTuple):
 def has_kinks(
     term: Any, arm: Arm, tasks: tuple[Task, ...], obstacles: tuple[Obstacle, ...], link_radius: float
 ) -> bool:
-    """Return whether an objective or constraint of an instant has kinks.
-
-    It is False if the function cannot be traced, or combines several samples.
-    """
+    """Return whether a function of an instant has kinks; False if it cannot be traced."""
     motion = trace_sample(OneInterval(arm, tasks, obstacles, link_radius))
     try:
         value = trace_sample_function(motion, "kinks", term.function)

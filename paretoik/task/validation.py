@@ -54,7 +54,9 @@ def motion_task(
 ) -> MotionTask:
     """Return the motion task of all parts of a problem, checked.
 
-    If ``redundant``, tasks that leave no joint free are refused. Raises InvalidInput, naming the unusable part.
+    redundant: True to refuse tasks that leave no joint free
+
+    Raises InvalidInput, naming the unusable part.
     """
     check_arm("arm", arm)
     check_flag("cyclic", cyclic)
@@ -102,11 +104,7 @@ def motion_task(
 
 
 def _check_plane(arm: Arm, task: Task) -> None:
-    """Raise InvalidInput if a path without axes leaves a planar arm's plane.
-
-    No frame of the arm follows such paths. If the plane is level, poses may also be at z = 0, as ``Pose.planar`` makes
-    them.
-    """
+    """Raise InvalidInput if a path without axes leaves a planar arm's plane; poses may have z = 0."""
     if not arm.is_planar:
         return
     normal = arm.base.rotation[:, 2]
@@ -154,10 +152,7 @@ def _coordinates(vector: Float[np.ndarray, " coordinates"]) -> str:
 def _followed_tasks(
     arm: Arm, given: Path | Task | Sequence[Path | Task], *, redundant: bool, closed: bool, rests: bool
 ) -> tuple[Task, ...]:
-    """Return the checked tasks, each with its axes.
-
-    If required, paths must be ``closed``, or end at rest.
-    """
+    """Return the checked tasks, each with its axes. If required, paths must be ``closed``, or end at rest."""
     every = []
     for one in given if isinstance(given, list | tuple) else [given]:
         if not isinstance(one, Path | Task):
@@ -192,10 +187,7 @@ def _followed_tasks(
 
 
 def _check_immovable_links(task: MotionTask) -> None:
-    """Raise InvalidInput if an obstacle overlaps a link that never moves.
-
-    These links are the base and all links that no joint moves.
-    """
+    """Raise InvalidInput if an obstacle overlaps the base or another link that no joint moves."""
     if not task.obstacles:
         return
     lower, upper = task.arm.position_limits.T
@@ -226,19 +218,13 @@ def _check_decorated(kind: str, members: Sequence[Objective] | Sequence[Constrai
 
 
 def lacks_masses(arm: Arm) -> bool:
-    """Return whether torques and energies of an arm are meaningless.
-
-    They are if no link has mass, or for a URDF if a link has none.
-    """
+    """Return whether no link has mass, or for a URDF whether a link has none."""
     masses = [body.mass for body in arm.bodies]
     return not any(masses) or (arm.source is not None and not all(masses[:-1]))
 
 
 def _check_functions_without_masses(task: MotionTask) -> None:
-    """Raise InvalidInput if a function depends on torques or energies.
-
-    The error names the first such objective or constraint.
-    """
+    """Raise InvalidInput for an objective or constraint of torques or energies."""
     q = np.linspace(0.1, 0.7, len(task.times) * task.arm.dof).reshape(1, len(task.times), task.arm.dof)
     if task.cyclic:
         q[:, -1] = q[:, 0]
@@ -259,10 +245,7 @@ def _check_functions_without_masses(task: MotionTask) -> None:
 
 
 def _checked_start(task: MotionTask, given: object) -> np.ndarray:
-    """Return the joint positions at the start.
-
-    Raises InvalidInput if the start is off the path's first sample or beyond limits.
-    """
+    """Return the start. Raises InvalidInput if it is off the first sample or beyond limits."""
     arm = task.arm
     if given is None or isinstance(given, str):
         raise InvalidInput(f"start must be 'free' or {arm.dof} joint positions, got {shown(given)}")
