@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TypeAlias
 
 import numpy as np
@@ -13,7 +13,6 @@ from paretoik.arrays import Matrix3
 from paretoik.robot.pose import Pose
 
 OTHER_TYPES = ("fixed", "planar", "floating")
-INERTIA_ENTRIES = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 Numbers: TypeAlias = tuple[float, ...]
 Fault: TypeAlias = tuple[int, str]
@@ -34,14 +33,9 @@ class LinkDescription:
     name: str
     mass: float = 0.0
     origin: Pose = ORIGIN
-    inertia_entries: Numbers = (0.0,) * 6  # as INERTIA_ENTRIES [kg m²]
+    inertia: Matrix3 = field(default_factory=lambda: np.zeros((3, 3)))  # kg m²
     inertia_fault: Fault | None = None
     faults: tuple[Fault, ...] = ()
-
-    @property
-    def inertia(self) -> Matrix3:
-        """Inertia about the centre of gravity in the axes of the inertial frame [kg m²]."""
-        return inertia_matrix(self.inertia_entries)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,32 +108,22 @@ class RobotDescription:
 
     def trunk(self, base: str) -> list[str]:
         """Return the links from ``base`` on that carry all leaves below it."""
-        children: dict[str, list[str]] = {}
-        for joint in self.joints.values():
-            children.setdefault(joint.parent, []).append(joint.child)
         trunk = [base]
-        while len(below := children.get(trunk[-1], [])) == 1:
-            trunk += below
+        while len(below := self._joints_of(trunk[-1])) == 1:
+            trunk.append(below[0].child)
         return trunk
 
     def joints_below(self, link: str) -> list[JointDescription]:
         """Return every joint below a link, parents first."""
-        by_parent: dict[str, list[JointDescription]] = {}
-        for joint in self.joints.values():
-            by_parent.setdefault(joint.parent, []).append(joint)
-        below: list[JointDescription] = []
-        stack = [link]
+        below, stack = list[JointDescription](), [link]
         while stack:
-            joints = by_parent.get(stack.pop(), [])
+            joints = self._joints_of(stack.pop())
             below += joints
             stack += [joint.child for joint in joints]
         return below
 
-
-def inertia_matrix(entries: Numbers) -> Matrix3:
-    """Return the symmetric matrix of ixx, ixy, ixz, iyy, iyz and izz."""
-    xx, xy, xz, yy, yz, zz = entries
-    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    def _joints_of(self, link: str) -> list[JointDescription]:
+        return [joint for joint in self.joints.values() if joint.parent == link]
 
 
 # Faults and warnings of a URDF, each with its line.
