@@ -203,7 +203,7 @@ class ControlStep(Formulation):
             longest=check_longest_step(longest_step),
         )
         self.task = self.state.ending
-        self.name_objectives(self.objectives)
+        self.add_objectives(self.objectives)
         kinds = {"joint step": "rad or m"} if self.state.bounded else {}
         kinds |= {"clearance": "m"} if whole.obstacles else {}
         self.constraint_names, self.constraint_units = tuple(kinds), tuple(kinds.values())

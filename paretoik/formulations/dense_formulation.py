@@ -120,9 +120,6 @@ class WholeProgram:
 # Formulations with a small, dense program.
 
 
-OBJECTIVE_TOLERANCE = 1e-6  # share of an objective's size over all points that genes may miss it by
-
-
 class DenseFormulation(Formulation, Differentiable):
     """A pymoo problem with a ``DenseProgram``.
 
@@ -161,9 +158,7 @@ class DenseFormulation(Formulation, Differentiable):
         for name in (name for name in added if name in taken):
             raise InvalidInput(f"{name}: functions must have names other than {', '.join(taken)}, got {name}")
         self.functions = task
-        self.names += tuple(each.name for each in task.objectives)
-        self.units += tuple(each.unit for each in task.objectives)
-        self.maximised += tuple(each.maximise for each in task.objectives)
+        self.add_objectives(task.objectives)
         self.constraint_names += task.limit_names
         self.constraint_units += ("of its range",) * len(task.limit_names)
 
@@ -197,7 +192,7 @@ class DenseFormulation(Formulation, Differentiable):
         rows = self.genes(x) if genes is None else genes
         F, G = self.evaluate(rows, return_values_of=["F", "G"])
         objectives = np.array([self.program().evaluate(one)[0] for one in x])
-        tolerance = OBJECTIVE_TOLERANCE * np.abs(objectives).max(axis=0, initial=0.0)
+        tolerance = 1e-6 * np.abs(objectives).max(axis=0, initial=0.0)  # of an objective's size over all points
         deviates = (np.abs(F - objectives) > tolerance).any(axis=1)
         return Individuals(
             x=np.where(deviates[:, None], self.points(rows), x),

@@ -89,9 +89,9 @@ class Formulation(Problem):  # type: ignore[misc]  # pymoo is not typed
     genes or sampling keep these.
     """
 
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    maximised: tuple[bool, ...]
+    names: tuple[str, ...] = ()
+    units: tuple[str, ...] = ()
+    maximised: tuple[bool, ...] = ()
     constraint_names: tuple[str, ...]
     _repr_html_ = html_representation
 
@@ -109,11 +109,11 @@ class Formulation(Problem):  # type: ignore[misc]  # pymoo is not typed
     def __str__(self) -> str:
         return repr(self)  # in place of pymoo's text
 
-    def name_objectives(self, objectives: Sequence[Objective | StepObjective]) -> None:
-        """Take names, units and senses of objectives."""
-        self.names = tuple(each.name for each in objectives)
-        self.units = tuple(each.unit for each in objectives)
-        self.maximised = tuple(each.maximise for each in objectives)
+    def add_objectives(self, objectives: Sequence[Objective | StepObjective]) -> None:
+        """Append names, units and senses of objectives."""
+        self.names += tuple(each.name for each in objectives)
+        self.units += tuple(each.unit for each in objectives)
+        self.maximised += tuple(each.maximise for each in objectives)
 
     def sampling(self) -> Sampling:
         """Return a pymoo sampling: first the problem's own starts, then random genes."""

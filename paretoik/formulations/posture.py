@@ -107,9 +107,8 @@ class Posture(Formulation):
         error = "tool_error" if turns else "position_error"
         if error in (taken := [each.name for each in objectives]):
             raise InvalidInput(f"objectives must have names other than {error}, got {', '.join(taken)}")
-        self.names = (error, *taken)
-        self.units = ("m + rad" if turns else "m", *(each.unit for each in objectives))
-        self.maximised = (False, *(each.maximise for each in objectives))
+        self.names, self.units, self.maximised = (error,), ("m + rad" if turns else "m",), (False,)
+        self.add_objectives(objectives)
         self.constraint_names = self.task.limit_names
         low, high = posture_bounds(self.task).T
         super().__init__(low, high)

@@ -217,7 +217,7 @@ class Tracking(Formulation, Differentiable):
             differences=differences,
         )
         warn_of_obstructed_path(self.task)
-        self.name_objectives(self.task.objectives)
+        self.add_objectives(self.task.objectives)
         self.constraint_names = ("tracking", "evaluation", *self.task.limit_names)
         self._encoded_with = coefficients, bases, seed
         self._encode_motions()

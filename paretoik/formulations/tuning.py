@@ -140,7 +140,7 @@ class Tuning(Formulation):
             link_radius=link_radius,
             differences="backward",
         )
-        self.name_objectives(objectives)
+        self.add_objectives(objectives)
         self.constraint_names = (*(("tracking",) if tolerance is not None else ()), *(c.name for c in constraints))
         if tolerance is not None and "tracking" in self.constraint_names[1:]:
             raise InvalidInput("constraints must have names other than tracking, got tracking")

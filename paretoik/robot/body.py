@@ -22,8 +22,6 @@ from paretoik.inputs import (
 )
 from paretoik.robot.pose import Pose
 
-INERTIA_TOLERANCE = 1e-15  # kg m²: less than the inertia of a grain of sand, and than the rounding of real files
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Body:
@@ -83,7 +81,7 @@ class Body:
 def inertia_fault(inertia: Matrix3) -> str | None:
     """Return why a tensor is no real body's inertia, or None."""
     size = float(np.abs(inertia).max())
-    if size < INERTIA_TOLERANCE:
+    if size < 1e-15:  # kg m²: less than the inertia of a grain of sand, and than the rounding of real files
         return None
     if np.abs(inertia - inertia.T).max() > 1e-9 * size:
         return f"inertia must be symmetric, got {shown(inertia.tolist())}"
@@ -133,9 +131,6 @@ JointType: TypeAlias = Literal["revolute", "continuous", "prismatic"]
 JOINT_TYPES: tuple[JointType, ...] = ("revolute", "continuous", "prismatic")
 TOOL_FRAME, BASE_FRAME = OWN_FRAMES = ("<tool>", "<base>")  # frames of every arm; no joint or link has these names
 OTHER_NAMES = ("tool", "base")  # names of the same frames, unless a joint or link has them
-
-
-MOST_JOINTS = 1000  # more are a mistake, and their Jacobians fill the memory
 
 
 def limit_rows(name: str, limits: object, count: int) -> Float[np.ndarray, "dof 2"]:
@@ -202,8 +197,8 @@ def type_tuple(types: object, count: int) -> tuple[JointType, ...]:
 def number_array(name: str, values: object, count: int | None, *, positive: bool = False) -> np.ndarray:
     """Return finite numbers (count,), one per joint, any number but 0 if None. Raises InvalidInput."""
     array = real_array(name, values)
-    if count is None and array.ndim == 1 and array.size > MOST_JOINTS:
-        raise InvalidInput(f"{name} must be for at most {MOST_JOINTS} joints, got {array.size}")
+    if count is None and array.ndim == 1 and array.size > 1000:  # a mistake, and their Jacobians fill the memory
+        raise InvalidInput(f"{name} must be for at most 1000 joints, got {array.size}")
     if array.ndim != 1 or (count is not None and len(array) != count) or not np.all(np.isfinite(array)):
         wish = "a list of finite numbers" if count is None else f"{count} finite numbers, one per joint"
         raise InvalidInput(f"{name} must be {wish}, got {shown(values)}")

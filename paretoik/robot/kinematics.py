@@ -38,9 +38,6 @@ from paretoik.robot.pose import Frame
 # Constants of an arm as components.
 
 
-ROTATION_TOLERANCE = 1e-15  # entries of a rotation this close to 0 or ±1 come from rounded right angles
-
-
 @dataclass(frozen=True, kw_only=True)
 class LinkConstants:
     """Constants of one joint and the link it moves, as components.
@@ -120,8 +117,9 @@ def _regroup_inertias(arm: SerialChain) -> list[np.ndarray]:
 
 
 def _snap(rotation: np.ndarray) -> np.ndarray:
+    """Return a rotation whose entries that are 0 or ±1 within 1e-15 are exact: they come from right angles."""
     nearest = np.round(rotation)
-    return np.where(np.abs(rotation - nearest) < ROTATION_TOLERANCE, nearest, rotation)
+    return np.where(np.abs(rotation - nearest) < 1e-15, nearest, rotation)
 
 
 # Scales of joint and tool positions, which make numbers independent of units.

@@ -115,10 +115,11 @@ def select_chain(
             leader, multiplier, offset = leaders[joint.name]
             frozen[joint.name] = multiplier * float(fixed.get(leader, 0.0)) + offset
             leads = f", though it mimics {leader!r}" if leader in free else ""
-            notices.append(_frozen_notice(joint, frozen[joint.name], joint in path) + leads)
+            where, still = "on" if joint in path else "off", joint.frozen_text(frozen[joint.name])
+            notices.append(f"joint {joint.name!r}: {where} the chain, {still}{leads}")
     if start != root:
         notices.insert(0, f"base {start!r} is not the root {root!r}: what is above it is left out")
-    narrowed = [_take_soft_limits(joint) for joint in moving]
+    narrowed = [replace(joint, limits=joint.limits.narrowed) for joint in moving]
     if not soft and (unused := [old.name for old, new in zip(moving, narrowed, strict=True) if old != new]):
         notices.append(f"soft limits of {len(unused)} joints, from {unused[0]!r} on, are not used: soft=True uses them")
     if soft:
@@ -216,27 +217,7 @@ def _sort_faults(
     return faults, list(list_messages(notices))
 
 
-def _take_soft_limits(joint: JointDescription) -> JointDescription:
-    """Return a joint with limits narrowed to its safety controller's, if any."""
-    if joint.limits.soft is None:
-        return joint
-    lower, upper = max(joint.limits.lower, joint.limits.soft[0]), min(joint.limits.upper, joint.limits.soft[1])
-    return replace(joint, limits=replace(joint.limits, lower=lower, upper=upper))
-
-
-def _frozen_notice(joint: JointDescription, value: float, on_chain: bool) -> str:
-    where = "on" if on_chain else "off"
-    if joint.type not in JOINT_TYPES:
-        return f"joint {joint.name!r}: {where} the chain, frozen where its {joint.type} motion is zero"
-    unit = "m" if joint.type == "prismatic" else "rad"
-    outside = "" if joint.limits.lower <= value <= joint.limits.upper else ", outside its limits"
-    return f"joint {joint.name!r}: {where} the chain, frozen at {value:g} {unit}{outside}"
-
-
 # From a URDF to an arm.
-
-
-TILT_TOLERANCE = 1e-9  # m/s² of gravity: rounding error of a base that is level
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -305,7 +286,7 @@ def check_robot(
     else:
         chain = select_chain(str(file), robot, base, tip, fixed, soft=soft)
         summary.append(f"chain {chain.base} to {chain.tip}: {len(chain.moving)} moving joints")
-        summary += [_summarise(joint) for joint in chain.moving]
+        summary += [f"  {joint.text}" for joint in chain.moving]
         _, faults, notices = _build_arm(robot, chain, repair_inertias)
     warnings = (*robot.warnings, *notices, *find_zero_limits(chain))
     return RobotReport(file=file, faults=faults, warnings=warnings, summary=tuple(summary))
@@ -347,16 +328,6 @@ def _check_options(fixed: Mapping[str, float] | None, soft: bool, repair_inertia
     return dict(fixed or {})
 
 
-def _summarise(joint: JointDescription) -> str:
-    length, force = ("m", "N") if joint.type == "prismatic" else ("rad", "N m")
-    limits = joint.limits
-    positions = f"{limits.lower:g} to {limits.upper:g} {length}"
-    parts = [positions if np.isfinite(limits.upper - limits.lower) else "no end"]
-    parts += [f"{limits.velocity:g} {length}/s", f"{limits.effort:g} {force}"]
-    parts += [f"{limits.acceleration:g} {length}/s²"] * bool(np.isfinite(limits.acceleration))
-    return f"  {joint.name}: {joint.type}, {', '.join(parts)}"
-
-
 def _build_arm(
     robot: RobotDescription, chain: Chain, repair: bool
 ) -> tuple[SerialChain | None, tuple[str, ...], tuple[str, ...]]:
@@ -385,7 +356,7 @@ def _build_arm(
     if faults:
         return None, list_messages(faults), tuple(notices)
     gravity = frames[robot.roots[0]].pose.rotation @ np.array(EARTH_GRAVITY)
-    if np.abs(gravity - EARTH_GRAVITY).max() > TILT_TOLERANCE:
+    if np.abs(gravity - EARTH_GRAVITY).max() > 1e-9:  # m/s²: rounding error of a base that is level
         axes = ", ".join(f"{value:.4g}" for value in gravity)
         text = f"gravity is ({axes}) m/s² in its axes; mounted(base=...) keeps that unless it gets gravity, too"
         notices.append(f"base {chain.base!r} is tilted against the root {robot.roots[0]!r}: {text}")

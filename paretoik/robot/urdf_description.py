@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -50,6 +50,12 @@ class JointLimits:
     jerk: float = np.inf
     soft: tuple[float, float] | None = None
 
+    @property
+    def narrowed(self) -> JointLimits:
+        """Limits that satisfy the soft ones too."""
+        low, high = self.soft or (-np.inf, np.inf)
+        return replace(self, lower=max(self.lower, low), upper=min(self.upper, high))
+
 
 @dataclass(frozen=True, kw_only=True)
 class JointDescription:
@@ -71,6 +77,28 @@ class JointDescription:
     line: int = 1
     faults: tuple[Fault, ...] = ()
     misplaced: bool = False
+
+    @property
+    def units(self) -> tuple[str, str]:
+        """Units of positions and of efforts."""
+        return ("m", "N") if self.type == "prismatic" else ("rad", "N m")
+
+    @property
+    def text(self) -> str:
+        """Name, type and limits."""
+        (length, force), limits = self.units, self.limits
+        positions = f"{limits.lower:g} to {limits.upper:g} {length}"
+        parts = [positions if np.isfinite(limits.upper - limits.lower) else "no end"]
+        parts += [f"{limits.velocity:g} {length}/s", f"{limits.effort:g} {force}"]
+        parts += [f"{limits.acceleration:g} {length}/s²"] * bool(np.isfinite(limits.acceleration))
+        return f"{self.name}: {self.type}, {', '.join(parts)}"
+
+    def frozen_text(self, value: float) -> str:
+        """Return in words the position of a frozen joint."""
+        if self.type in OTHER_TYPES:
+            return f"frozen where its {self.type} motion is zero"
+        outside = "" if self.limits.lower <= value <= self.limits.upper else ", outside its limits"
+        return f"frozen at {value:g} {self.units[0]}{outside}"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -288,26 +288,20 @@ def _bounds(kind: str, limit: object, arm: Arm, samples: int) -> Bounds:
                 raise InvalidInput(f"{kind} limit of {joint} must be lower ≤ upper, got {sides[0]} and {sides[1]}")
             bounds[arm.joint_names.index(joint)] = sides
         return bounds[None]
-    lower, upper = limit if isinstance(limit, tuple) and len(limit) == 2 else (None, limit)
-    high = _side(kind, upper, arm, samples)
-    low = -high if lower is None else _side(kind, lower, arm, samples)
-    low, high = np.broadcast_arrays(low, high)
-    invalid = np.isnan(low) | np.isnan(high) | (low > high)
-    if invalid.any():
-        sample, joint = np.argwhere(invalid)[0]
+    arrays = list[np.ndarray]()
+    for side in limit if isinstance(limit, tuple) and len(limit) == 2 else (limit,):
+        array = real_array(f"{kind} limit", side)
+        if array.shape not in ((), (arm.dof,), (samples, arm.dof)):
+            raise InvalidInput(
+                f"{kind} limit must be one number, {arm.dof} (one per joint) or an array ({samples}, {arm.dof}), got "
+                f"shape {array.shape}; a lower and an upper limit are a tuple (lower, upper) of these, such as "
+                "tuple(arm.position_limits.T)"
+            )
+        arrays.append(np.broadcast_to(array, (samples if array.ndim == 2 else 1, arm.dof)))
+    low, high = np.broadcast_arrays(arrays[0] if len(arrays) == 2 else -arrays[0], arrays[-1])
+    for sample, joint in np.argwhere(~(low <= high)):
         raise InvalidInput(
             f"{kind} limit of {arm.joint_names[joint]} must be lower ≤ upper, got {low[sample, joint]} and "
             f"{high[sample, joint]}"
         )
     return np.stack([low, high], axis=-1)
-
-
-def _side(kind: str, values: object, arm: Arm, samples: int) -> np.ndarray:
-    array = real_array(f"{kind} limit", values)
-    if array.shape not in ((), (arm.dof,), (samples, arm.dof)):
-        raise InvalidInput(
-            f"{kind} limit must be one number, {arm.dof} (one per joint) or an array ({samples}, {arm.dof}), got shape "
-            f"{array.shape}; a lower and an upper limit are a tuple (lower, upper) of these, such as "
-            "tuple(arm.position_limits.T)"
-        )
-    return np.broadcast_to(array, (max(1, len(array) if array.ndim == 2 else 1), arm.dof))

@@ -289,10 +289,16 @@ class MotionTask:
         return {kind: np.flatnonzero(np.isfinite(each).any(axis=(0, 2))) for kind, each in self.bounds.items()}
 
     @cached_property
+    def limit_joints(self) -> tuple[tuple[str, int], ...]:
+        """Kind and joint of each column of ``violations``; name and −1 if it has no joint."""
+        joints = [(kind, int(joint)) for kind, joints in self.limited_joints.items() for joint in joints]
+        others = [*["clearance"] * bool(self.obstacles), *(each.name for each in self.constraints)]
+        return (*joints, *((name, -1) for name in others))
+
+    @cached_property
     def limit_names(self) -> tuple[str, ...]:
         """A name for each column of ``violations``."""
-        joints = tuple(f"{kind} of {self.arm.joint_names[j]}" for kind, js in self.limited_joints.items() for j in js)
-        return joints + (("clearance",) if self.obstacles else ()) + tuple(c.name for c in self.constraints)
+        return tuple(f"{kind} of {self.arm.joint_names[j]}" if j >= 0 else kind for kind, j in self.limit_joints)
 
     def violations(self, motion: Motion) -> Float[np.ndarray, "*batch limits"]:
         """Return the largest violation (*batch, limits) of every limit per range, at most 0 if satisfied."""
@@ -409,37 +415,29 @@ class MotionTask:
         elif name == "clearance":
             message = f"clearance is {self.min_clearance - motion.clearance.min():.3g} m short{where}"
         else:
-            message = f"{name} is {self._end(worst, motion) or ('exceeded' if where else 'violated')} {amount}{where}"
+            (kind, joint), side = self.limit_joints[worst], "exceeded" if where else "violated"
+            if kind == "position" and joint >= 0:
+                instant = self.worst_instant(worst, motion)
+                lower = np.broadcast_to(self.bounds_at(kind, motion.time)[..., joint, 0], len(motion.time))
+                is_below = motion.q[instant, joint] < lower[instant]
+                side = "below its lower limit" if is_below else "above its upper limit"
+            message = f"{name} is {side} {amount}{where}"
         others = np.flatnonzero(violations >= (1 - 1e-3) * violations[worst]).tolist()
         tied = [f"{self.limit_names[i]}{self._where(i, motion, numbers)}" for i in others if i != worst]
         return message + (f"; so is {' and '.join(tied)}" if tied else "")
 
     def worst_instant(self, limit: int, motion: Motion) -> int:
         """Return the instant of a limit's largest violation, −1 for a limit on the whole motion."""
-        kind, joint = self._joint_limit(limit)
+        kind, joint = self.limit_joints[limit]
         if joint >= 0:
             violation = relative_violation(kind, self.bounds_at(kind, motion.time), motion)
             return int(np.argmax(violation[..., joint]))
         return int(motion.clearance.argmin()) if kind == "clearance" else -1
 
-    def _joint_limit(self, limit: int) -> tuple[str, int]:
-        """Return kind and joint of a column of ``violations``; name and −1 if it has no joint."""
-        every = [(kind, int(joint)) for kind, joints in self.limited_joints.items() for joint in joints]
-        return every[limit] if limit < len(every) else (self.limit_names[limit], -1)
-
     def worst_sample(self, limit: int, motion: Motion) -> int:
         """Return the sample nearest to a limit's largest violation, −1 for the whole motion."""
         instant = self.worst_instant(limit, motion := motion.instants)
         return instant if instant < 0 else int(np.argmin(np.abs(self.times - motion.time[instant])))
-
-    def _end(self, limit: int, motion: Motion) -> str:
-        """Return in words the exceeded side of a position limit. The text is "" for other limits."""
-        kind, joint = self._joint_limit(limit)
-        if kind != "position" or joint < 0:
-            return ""
-        instant = self.worst_instant(limit, motion)
-        lower = np.broadcast_to(self.bounds_at(kind, motion.time)[..., joint, 0], len(motion.time))
-        return "below its lower limit" if motion.q[instant, joint] < lower[instant] else "above its upper limit"
 
     def _where(self, limit: int, motion: Motion, numbers: Int[np.ndarray, " time"] | None) -> str:
         """Return in words the time of a limit's largest violation. The text is "" for a limit on the whole motion."""

@@ -34,7 +34,6 @@ from paretoik.task.retraction import row_scales, task_errors
 from paretoik.task.task import Task, row_units
 
 START_TOLERANCE = 1e-6  # share of the arm's length, and rad: a start nearer than this is moved onto the path
-TILT_TOLERANCE = 1e-4  # rad: tilt of poses out of a planar arm's plane, twice the error of angles with four decimals
 
 
 def motion_task(
@@ -107,8 +106,8 @@ def _check_plane(arm: Arm, task: Task) -> None:
     """Raise InvalidInput if a path without axes leaves a planar arm's plane; poses may have z = 0."""
     if not arm.is_planar:
         return
-    normal = arm.base.rotation[:, 2]
-    if abs(normal[2]) < TILT_TOLERANCE:
+    normal, largest_tilt = arm.base.rotation[:, 2], 1e-4  # rad: twice the error of angles with four decimals
+    if abs(normal[2]) < largest_tilt:
         raise InvalidInput(
             f"path: the arm's plane must not be vertical, as x and y lead it, got {arm.name} in one with the "
             f"normal ({_coordinates(normal)}); a level one with mounted(gravity=(0, -9.81, 0)) weighs the same"
@@ -118,7 +117,7 @@ def _check_plane(arm: Arm, task: Task) -> None:
         return
     frame = arm.pose(np.zeros(arm.dof), frame=task.frame)
     tolerance = START_TOLERANCE * characteristic_length(arm)
-    is_level = float(np.hypot(*normal[:2])) <= TILT_TOLERANCE
+    is_level = float(np.hypot(*normal[:2])) <= largest_tilt
     plane = f"the plane z = {_coordinates(frame.position[2:])} m of {arm.name}"
     if not is_level:
         through = f"through ({_coordinates(frame.position)}) m with the normal ({_coordinates(normal)})"
@@ -133,9 +132,9 @@ def _check_plane(arm: Arm, task: Task) -> None:
         twist = relative[:, 1:] @ axis
         swing = np.linalg.norm(relative[:, 1:] - twist[:, None] * axis, axis=1)
         tilt = 2.0 * np.arctan2(swing, np.hypot(relative[:, 0], twist)).max()
-        if tilt > TILT_TOLERANCE:
+        if tilt > largest_tilt:
             raise InvalidInput(f"{wish}, or axes='xy', got one tilted out of it by {tilt:.3g} rad")
-        if abs(axis[2]) < TILT_TOLERANCE:
+        if abs(axis[2]) < largest_tilt:
             raise InvalidInput(f"{wish}, with a z axis that leaves it, or axes='xy', got poses whose z axis lies in it")
     distance = (points - frame.position) @ (np.sign(normal[2]) * normal)
     at_zero = path.quaternions is not None and is_level and np.abs(points[:, 2]).max() <= tolerance
