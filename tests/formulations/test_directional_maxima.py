@@ -65,31 +65,6 @@ def test_no_individual_does_more_than_the_directional_maximum(problem, refined):
     assert (refined.objectives[:, :2].max(axis=0) >= 0.8 * maxima).all()
 
 
-def test_genes_and_the_smooth_program_agree(problem, front):
-    program, z = problem.program(), problem.points(front.genes)
-    assert z @ program.costs.T == pytest.approx(front.minimised, abs=1e-12)
-    for one in z:
-        equal, room = program.rows.rows(one)
-        assert np.abs(equal).max() <= 1e-9
-        assert room.min() >= -1e-9
-    F, G = evaluated(problem, problem.genes(z))
-    assert pytest.approx(front.minimised, abs=1e-9) == F
-    assert G.max() <= 1e-9
-
-
-def test_refinement_makes_no_objective_worse_and_certifies(problem, front, refined):
-    certificates = refined.certificates
-    before = dict(zip(front.ids, front.minimised, strict=True))
-    for number, row in zip(refined.ids, refined.minimised, strict=True):
-        assert (row <= before[number] + 1e-7 * np.abs(before[number]).max()).all()
-    assert refined.minimised.sum() < front.minimised.sum()
-    assert certificates.violation.max() <= 1e-8
-    assert np.median(certificates.criticality) <= 1e-7
-    assert (certificates.status == "minimum").mean() >= 0.8
-    F, _ = evaluated(problem, np.array(refined.genes))
-    assert pytest.approx(refined.minimised, abs=1e-12) == F
-
-
 def test_exchange_rates_are_those_of_neighbouring_optima(problem, refined):
     """Ask for a little more and less of the first, with others held: the last one's cost bounds the rate."""
     program, rates, step, last = problem.program(), refined.certificates, 1e-6, problem.n_obj - 1
