@@ -135,7 +135,7 @@ class DenseFormulation(Formulation, Differentiable):
 
     @cached_property
     @abstractmethod
-    def _whole_program(self) -> WholeProgram:
+    def whole_program(self) -> WholeProgram:
         """Rows and costs of the program, with users' functions among them."""
 
     @abstractmethod
@@ -148,7 +148,7 @@ class DenseFormulation(Formulation, Differentiable):
 
     def program(self, scales: Float[np.ndarray, " n_obj"] | None = None) -> DenseProgram:
         """Return the nonlinear program, its objectives divided by ``scales``."""
-        whole, divisors = self._whole_program, np.ones(self.n_obj) if scales is None else scales
+        whole, divisors = self.whole_program, np.ones(self.n_obj) if scales is None else scales
         return DenseProgram(rows=whole.rows, costs=whole.costs / divisors[:, None], objective_names=self.names)
 
     def add_functions(self, task: MotionTask) -> None:

@@ -338,7 +338,7 @@ class DirectionalMaxima(DenseFormulation):
         return self.functions.motion(np.repeat(q[:, None], len(self.functions.times), axis=1))
 
     @cached_property
-    def _whole_program(self) -> WholeProgram:
+    def whole_program(self) -> WholeProgram:
         """Rows and costs of posture, sliders and speeds."""
         program, count = self._unscaled, len(self.directions)
         costs = np.zeros((count + self.power, program.unknowns))
@@ -371,7 +371,7 @@ class DirectionalMaxima(DenseFormulation):
             z[:, program.slices["work"]] = work.reshape(len(genes), -1)
             z[:, program.slices["power"]] = work.sum(axis=-1).max(axis=1, keepdims=True)
         return np.concatenate(
-            [z / program.scale(self.sizes), self._whole_program.own.values(self._motions(at.q))], axis=1
+            [z / program.scale(self.sizes), self.whole_program.own.values(self._motions(at.q))], axis=1
         )
 
     def genes(self, x: Float[np.ndarray, "points unknowns"]) -> Genes:

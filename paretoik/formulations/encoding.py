@@ -131,20 +131,7 @@ def choose_coefficients(coefficients: int | None, samples: int) -> int:
 
 def encoding(task: MotionTask, base: Float[np.ndarray, "bases time dof"], coefficients: int) -> Encoding:
     """Return the encoding around base motions, with the measured charts' reach."""
-    charts = build_charts(task, base)
-    return Encoding(charts=charts, radius=_reach(task, charts), spline=_spline(task, coefficients))
-
-
-def clamped_spline(t: Float[np.ndarray, " time"], coefficients: int) -> Float[np.ndarray, "time coefficients"]:
-    """Return the basis of a clamped cubic B-spline at times in [0, 1]."""
-    inner = np.linspace(0, 1, coefficients - OPTIONS.degree + 1)
-    knots = np.concatenate([np.zeros(OPTIONS.degree), inner, np.ones(OPTIONS.degree)])
-    basis: np.ndarray = BSpline.design_matrix(t, knots, OPTIONS.degree).toarray()
-    return basis
-
-
-def _spline(task: MotionTask, coefficients: int) -> Float[np.ndarray, "time coefficients"]:
-    """Return the C² cubic basis of a task's coordinates."""
+    # the C² cubic basis of the task's coordinates
     t, degree = task.times / task.times[-1], OPTIONS.degree
     has_start = task.start is not None
     count = coefficients + has_start
@@ -158,13 +145,21 @@ def _spline(task: MotionTask, coefficients: int) -> Float[np.ndarray, "time coef
         basis = clamped_spline(t, count + task.ends_at_rest)
         if task.ends_at_rest:
             basis = np.concatenate([basis[:, :-2], basis[:, -2:].sum(axis=1, keepdims=True)], axis=1)
-    if not has_start:
-        return basis
-    # Without this member all others are zero at the first sample, and as local as before.
-    pivot = int(np.argmax(basis[0]))
-    remainder = basis - np.outer(basis[:, pivot], basis[0] / basis[0, pivot])
-    remainder[0] = 0.0
-    return np.delete(remainder, pivot, axis=1)
+    if has_start:  # without this member all others are zero at the first sample, and as local as before
+        pivot = int(np.argmax(basis[0]))
+        remainder = basis - np.outer(basis[:, pivot], basis[0] / basis[0, pivot])
+        remainder[0] = 0.0
+        basis = np.delete(remainder, pivot, axis=1)
+    charts = build_charts(task, base)
+    return Encoding(charts=charts, radius=_reach(task, charts), spline=basis)
+
+
+def clamped_spline(t: Float[np.ndarray, " time"], coefficients: int) -> Float[np.ndarray, "time coefficients"]:
+    """Return the basis of a clamped cubic B-spline at times in [0, 1]."""
+    inner = np.linspace(0, 1, coefficients - OPTIONS.degree + 1)
+    knots = np.concatenate([np.zeros(OPTIONS.degree), inner, np.ones(OPTIONS.degree)])
+    basis: np.ndarray = BSpline.design_matrix(t, knots, OPTIONS.degree).toarray()
+    return basis
 
 
 def _reach(task: MotionTask, charts: Charts) -> Float[np.ndarray, "bases time"]:

@@ -15,7 +15,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from paretoik.arrays import Genes, JointPaths
 from paretoik.capability.actuation import Actuation, DistributedActuation, check_actuation
@@ -85,20 +85,6 @@ class InitialPaths:
         samples = times * (len(self.spline) - 1) + 1
         return clamped_spline(np.linspace(0.0, 1.0, samples), self.spline.shape[1])
 
-    def retract_ends(
-        self, q: JointPaths, which: Int[np.ndarray, " points"], ends: Sequence[MotionTask]
-    ) -> Float[np.ndarray, " points"]:
-        """Move spline ends to the tool's targets; return the remaining errors.
-
-        ``which``: bases of the splines
-        """
-        error = np.zeros(len(q))
-        for end, stationary in zip((0, -1), ends, strict=True):
-            retracted = retract(self.arm, stationary.tasks, q[:, end], stationary.targets[0], self.across[which, end])
-            q[:, end] = retracted.q
-            error = np.maximum(error, retracted.error)
-        return error
-
 
 def range_excess(
     arm: Arm, actuation: Actuation, q: JointPaths, front: JointPaths
@@ -143,7 +129,13 @@ def find_initial_paths(
     worst = np.nan_to_num(np.maximum(np.maximum(excess[0], timing.overload), excess[1]), nan=1e3)
     feasible = np.flatnonzero((worst <= 0) & np.isfinite(timing.duration))
     if not len(feasible):  # a search may still find feasible sliders: keep the least-violating paths
-        feasible = _least_violating(arm, actuation, q, worst)[:bases]
+        holdable = ~np.isnan(joint_speeds(actuation, q, gravity_torques(arm, q)).high).any(axis=(1, 2))
+        if not holdable.any():
+            index = int(np.argmin(worst))
+            load = gravity_torques(arm, q[index])
+            sample = int(np.isnan(joint_speeds(actuation, q[index], load).high).any(axis=1).argmax())
+            raise overload_error(actuation, arm, q[index, sample], load[sample])
+        feasible = np.flatnonzero(holdable)[np.argsort(worst[holdable])][:bases]
     order = feasible[np.argsort(np.nan_to_num(timing.duration[feasible], nan=np.inf), kind="stable")]
     rows = [int(order[0])]  # the first few that are far enough from each other
     for row in order[1:]:
@@ -217,20 +209,6 @@ def _initial_sliders(actuation: Actuation, arm: Arm, basis: np.ndarray, coeffici
     middle = np.clip(_fit_spline(basis, middles), 0.0, 1.0)
     candidates = [best, steady, middle, *(np.repeat(one[None], len(best), axis=0) for one in fixed)]
     return np.stack(candidates, axis=1).reshape(-1, *best.shape[1:])
-
-
-def _least_violating(arm: Arm, actuation: Actuation, q: np.ndarray, worst: np.ndarray) -> np.ndarray:
-    """Return the paths that motors can hold at every sample, the least-violating first.
-
-    Raises Infeasible, naming joint, torque and limit, if there are none.
-    """
-    holdable = ~np.isnan(joint_speeds(actuation, q, gravity_torques(arm, q)).high).any(axis=(1, 2))
-    if not holdable.any():
-        index = int(np.argmin(worst))
-        load = gravity_torques(arm, q[index])
-        sample = int(np.isnan(joint_speeds(actuation, q[index], load).high).any(axis=1).argmax())
-        raise overload_error(actuation, arm, q[index, sample], load[sample])
-    return np.flatnonzero(holdable)[np.argsort(worst[holdable])]
 
 
 def _fit_spline(basis: np.ndarray, samples: np.ndarray) -> np.ndarray:
@@ -344,6 +322,7 @@ class PointToPoint(DenseFormulation):
         if np.linalg.norm(ends[1] - ends[0]) < 1e-9:
             raise InvalidInput(f"target must be another place than the start, got {ends[1].tolist()} m twice")
         self.arm, self.actuation, self.start, self.target = arm, actuation, *ends
+        self.ends = stationary_task(arm, self.start), stationary_task(arm, self.target)
         check_flag("energy", energy)
         if energy:
             require_weight(arm)
@@ -372,7 +351,10 @@ class PointToPoint(DenseFormulation):
         """
         paths, which = self.initial_paths, self.base_indices(genes)
         q = paths.q[which] + genes[:, 1 : 1 + paths.size].reshape(len(genes), *paths.q.shape[1:])
-        error = paths.retract_ends(q, which, self._ends)
+        error = np.zeros(len(q))
+        for end, at_rest in zip((0, -1), self.ends, strict=True):
+            retracted = retract(self.arm, at_rest.tasks, q[:, end], at_rest.targets[0], paths.across[which, end])
+            q[:, end], error = retracted.q, np.maximum(error, retracted.error)
         if not isinstance(self.actuation, DistributedActuation):
             return q, np.zeros_like(q), error
         return q, front_sliders(self.actuation, genes[:, 1 + paths.size : 1 + 2 * paths.size].reshape(q.shape)), error
@@ -421,7 +403,7 @@ class PointToPoint(DenseFormulation):
         q, front, _ = self.profiles(genes)
         timing = minimum_timing(self.arm, self.actuation, paths.spline @ q, paths.spline @ front)
         intervals = self._intervals(genes, timing)
-        extra = self._whole_program.own.values(self._motions(paths.spline @ q, intervals))
+        extra = self.whole_program.own.values(self._motions(paths.spline @ q, intervals))
         return np.concatenate([self._unscaled.unknowns(q, front, intervals, timing.work), extra], axis=1)
 
     def genes(self, x: Float[np.ndarray, "points unknowns"]) -> Genes:
@@ -468,10 +450,6 @@ class PointToPoint(DenseFormulation):
         return np.clip(rows, self.xl, self.xu)
 
     @cached_property
-    def _ends(self) -> tuple[MotionTask, MotionTask]:
-        return stationary_task(self.arm, self.start), stationary_task(self.arm, self.target)
-
-    @cached_property
     def _unscaled(self) -> PointToPointProgram:
         paths = self.initial_paths
         return PointToPointProgram(
@@ -492,7 +470,7 @@ class PointToPoint(DenseFormulation):
         return self._motions(q, minimum_timing(self.arm, self.actuation, q, front).intervals)
 
     @cached_property
-    def _whole_program(self) -> WholeProgram:
+    def whole_program(self) -> WholeProgram:
         """Rows and costs of coefficients, intervals and work."""
         program = self._unscaled
         return WholeProgram(

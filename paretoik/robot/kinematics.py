@@ -42,7 +42,7 @@ from paretoik.robot.pose import Frame
 class LinkConstants:
     """Constants of one joint and the link it moves, as components.
 
-    Inertial parameters are base parameters about the link's origin, see ``_regroup_inertias``.
+    Inertial parameters are base parameters about the link's origin, see ``base_parameters``.
 
     mass: mass [kg]
     first_moment: ∫ r dm [kg m]
@@ -82,7 +82,7 @@ def arm_constants(arm: SerialChain) -> ArmConstants:
             second_moments=to_matrix(inertia[:3, :3]),
             inertia=to_matrix(np.trace(inertia[:3, :3]) * np.eye(3) - inertia[:3, :3]),
         )
-        for joint_type, placement, inertia in zip(arm.joint_types, arm.placements, _regroup_inertias(arm), strict=True)
+        for joint_type, placement, inertia in zip(arm.joint_types, arm.placements, base_parameters(arm), strict=True)
     )
     tool, base = ((to_matrix(_snap(pose.rotation)), to_vector(pose.position)) for pose in (arm.tool, arm.base))
     gravity = to_vector(_snap(arm.base.rotation).T @ arm.gravity)
@@ -96,7 +96,7 @@ def joint_cosines_and_sines(
     return [(1.0, 0.0) if link.prismatic else (np.cos(x), np.sin(x)) for link, x in zip(links, q, strict=True)]
 
 
-def _regroup_inertias(arm: SerialChain) -> list[np.ndarray]:
+def base_parameters(arm: SerialChain) -> list[np.ndarray]:
     """Return each link's pseudo-inertia (4, 4), regrouped into base parameters.
 
     The moments that a joint does not move are added to the link before: mass on the axis of a rotational joint, and the

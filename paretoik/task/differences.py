@@ -262,19 +262,17 @@ def _free_end(q: np.ndarray, control: np.ndarray, knots: np.ndarray) -> np.ndarr
     units = np.broadcast_to(np.eye(count), (*knots.shape[:-1], count, count))
     position, _, acceleration, _ = _values_at_knots(units, knots)
     time = knots[..., 2:count]
-    ahead = np.stack([_lagrange_factor(time, k) for k in range(1, count - 2)], axis=-1)[..., None, :]
+    factors = list[np.ndarray]()  # Lagrange's factors of an extrapolation to the first time
+    for k in range(1, count - 2):
+        others = [j for j in range(1, time.shape[-1]) if j != k]
+        shares = [(time[..., 0] - time[..., j]) / (time[..., k] - time[..., j]) for j in others]
+        factors.append(np.prod(np.broadcast_arrays(np.ones(time.shape[:-1]), *shares), axis=0))
+    ahead = np.stack(factors, axis=-1)[..., None, :]
     bend = acceleration[..., :1, :] - ahead @ acceleration[..., 1:, :]
     rows = np.concatenate([position[..., :1, :], bend], axis=-2)
     right = np.concatenate([q, np.zeros_like(q)], axis=-2) - rows[..., 2:] @ control
     end: np.ndarray = np.linalg.solve(rows[..., :2], right)
     return end
-
-
-def _lagrange_factor(time: np.ndarray, k: int) -> np.ndarray:
-    """Return the weight of the value at time k in an extrapolation to the first time."""
-    others = [j for j in range(1, time.shape[-1]) if j != k]
-    shares = [(time[..., 0] - time[..., j]) / (time[..., k] - time[..., j]) for j in others]
-    return np.prod(np.broadcast_arrays(np.ones(time.shape[:-1]), *shares), axis=0)
 
 
 def _polynomial_control_points(q: Samples, knots: np.ndarray, *, ends_at_rest: bool) -> np.ndarray:
@@ -287,13 +285,13 @@ def _polynomial_control_points(q: Samples, knots: np.ndarray, *, ends_at_rest: b
     if ends_at_rest:
         matrix = np.concatenate([matrix, np.broadcast_to(powers.astype(float), (*t.shape[:-1], 1, len(powers)))], -2)
         q = np.concatenate([q, np.zeros_like(q[..., :1, :])], axis=-2)
-    rows = np.stack([_polar_form(t[..., k : k + 3]) for k in range(samples + 2)], axis=-2)[..., : len(powers)]
+    rows = np.stack([polar_form(t[..., k : k + 3]) for k in range(samples + 2)], axis=-2)[..., : len(powers)]
     factors = np.swapaxes(np.linalg.solve(np.swapaxes(matrix, -1, -2), np.swapaxes(rows, -1, -2)), -1, -2)
     control: np.ndarray = factors @ q
     return control
 
 
-def _polar_form(t: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 4"]:
+def polar_form(t: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 4"]:
     """Return the polar forms of 1, t, t² and t³ at three times. The polar forms give a cubic's control point."""
     x, y, z = t[..., 0], t[..., 1], t[..., 2]
     return np.stack([np.ones_like(x), (x + y + z) / 3, (x * y + y * z + z * x) / 3, x * y * z], axis=-1)

@@ -89,7 +89,7 @@ def curve_on(motions: Motion, times: Pieces) -> tuple[Float[np.ndarray, "*batch 
     shape = (*motions.q.shape[:-2], *times.shape, motions.arm.dof)
 
     def slope(values: np.ndarray, order: int = 1) -> np.ndarray:
-        return _difference_matrix(times.shape[1], order) @ values / steps[:, None, None] ** order
+        return difference_matrix(times.shape[1], order) @ values / steps[:, None, None] ** order
 
     if all(isinstance(task.path.curve, SmoothCurve) for task in motions.tasks):
         q, dq, ddq = (part.reshape(shape) for part in motions.state(times.ravel()))
@@ -140,7 +140,7 @@ def _step_bounds(times: Pieces, values: Columns) -> tuple[np.ndarray, np.ndarray
 
 
 @cache
-def _difference_matrix(points: int, order: int) -> np.ndarray:
+def difference_matrix(points: int, order: int) -> np.ndarray:
     """Return the differentiation matrix of the polynomial through the nearest points. The points are 1 apart."""
     width = min(OPTIONS.width, points)
     first = np.clip(np.arange(points) - width // 2, 0, points - width)

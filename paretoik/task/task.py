@@ -67,8 +67,12 @@ def orientation_error(axes: str, rotation: Matrix, desired: Matrix) -> Vector:
     trace = plus(plus(between[0][0], between[1][1]), between[2][2])
     sine, cosine = np.sqrt(dot(vector, vector)), times(0.5, minus(trace, 1.0))
     opposite, error = _is_half_turn(sine, cosine), scale(vector, _angle_over_sine(sine, cosine))
-    x, y, z = (where(opposite, half, part) for half, part in zip(_half_turn(between), error, strict=True))
-    return x, y, z
+    # Half turns: R + 1 = 2 a aᵀ, so that any nonzero column gives the axis a. The longest column has the largest
+    # diagonal entry; the others may be 0.
+    first, second, third = (tuple(plus(between[i][j], float(i == j)) for i in range(3)) for j in range(3))
+    axis = _where(np.less_equal(third[2], second[1]), second, third)
+    axis = _where(np.less_equal(third[2], first[0]) * np.less_equal(second[1], first[0]), first, axis)
+    return _where(opposite, scale(axis, np.pi / np.sqrt(dot(axis, axis))), error)
 
 
 def _angle_over_sine(sine: Component, cosine: Component) -> Any:
@@ -78,15 +82,6 @@ def _angle_over_sine(sine: Component, cosine: Component) -> Any:
 
 def _is_half_turn(sine: Component, cosine: Component) -> Any:
     return np.multiply(np.less(sine, SINE_TOLERANCE), np.less(cosine, 0.0))
-
-
-def _half_turn(between: Matrix) -> Vector:
-    """Return the rotation vector of a half turn. R + 1 = 2 a aᵀ, so that any nonzero column gives the axis a."""
-    x, y, z = (tuple(plus(between[i][j], float(i == j)) for i in range(3)) for j in range(3))
-    # the longest column, which has the largest diagonal entry; the others may be 0
-    axis = _where(np.less_equal(z[2], y[1]), y, z)
-    axis = _where(np.less_equal(z[2], x[0]) * np.less_equal(y[1], x[0]), x, axis)
-    return scale(axis, np.pi / np.sqrt(dot(axis, axis)))
 
 
 def _where(condition: Component, first: Sequence[Component], second: Sequence[Component]) -> Vector:
