@@ -72,22 +72,16 @@ def read_times(task: MotionTask, motions: Motion) -> bool:
 class WholeProgram:
     """The rows and costs of a formulation, with users' functions.
 
-    base: rows without users' functions
-    base_costs: costs without users' functions
-    task: task with users' functions
-    near: some of the motions
-    lanes: map from the unknowns to motions
     intervals: indices of the unknown intervals, in units of ``pace``, if motions have their own times
-    pace: unit of the intervals [s]
     """
 
-    base: AssembledRows
-    base_costs: Float[np.ndarray, "objectives unknowns"]
-    task: MotionTask
-    near: Motion
-    lanes: LanesOf
+    base: AssembledRows  # rows without users' functions
+    base_costs: Float[np.ndarray, "objectives unknowns"]  # costs without users' functions
+    task: MotionTask  # task with users' functions
+    near: Motion  # some of the motions
+    lanes: LanesOf  # map from the unknowns to motions
     intervals: Int[np.ndarray, " intervals"]
-    pace: float = 1.0
+    pace: float = 1.0  # unit of the intervals [s]
 
     @cached_property
     def own(self) -> TermRows:

@@ -20,16 +20,13 @@ from paretoik.task.self_motion import Charts, build_charts
 class EncodingOptions:
     """Settings of the splines and of their charts.
 
-    degree: degree of the splines
-    coefficients: least number of coefficients, and the number on paths with enough samples
     radii: radii that are tried as a chart's reach
-    deviation: approximate size of the coefficients of sampled motions, as a share of the charts' reach
     """
 
-    degree: int = 3
-    coefficients: tuple[int, int] = (4, 12)
+    degree: int = 3  # degree of the splines
+    coefficients: tuple[int, int] = (4, 12)  # least number of coefficients, and the number on paths with enough samples
     radii: tuple[float, ...] = (0.03, 0.06, 0.12, 0.2, 0.3, 0.45, 0.65, 0.9, 1.2, 1.6)  # rad, arm's lengths; ascending
-    deviation: float = 0.3
+    deviation: float = 0.3  # approximate size of the coefficients of sampled motions, as a share of the charts' reach
 
 
 OPTIONS = EncodingOptions()

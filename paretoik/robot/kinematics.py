@@ -43,20 +43,15 @@ class LinkConstants:
     """Constants of one joint and the link it moves, as components.
 
     Inertial parameters are base parameters about the link's origin, see ``base_parameters``.
-
-    mass: mass [kg]
-    first_moment: ∫ r dm [kg m]
-    second_moments: ∫ r rᵀ dm [kg m²]
-    inertia: inertia [kg m²]
     """
 
     prismatic: bool
     rotation: Matrix
     translation: Vector
-    mass: float
-    first_moment: Vector
-    second_moments: Matrix
-    inertia: Matrix
+    mass: float  # mass [kg]
+    first_moment: Vector  # ∫ r dm [kg m]
+    second_moments: Matrix  # ∫ r rᵀ dm [kg m²]
+    inertia: Matrix  # inertia [kg m²]
 
 
 @dataclass(frozen=True, kw_only=True)

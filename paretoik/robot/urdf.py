@@ -57,19 +57,16 @@ from paretoik.tables import fit_screen, html_representation
 class Chain:
     """The joints of a robot: moving joints from base to tip, and frozen joints.
 
-    joints: all joints of the file, a parent before its children
     links, moving: links and moving joints from base to tip
-    above: joints between the root and the base, in order from the base
-    frozen: values [rad, m] of all other joints that could move, by name
     """
 
     base: str
     tip: str
     links: Sequence[str]
     moving: Sequence[JointDescription]
-    joints: Sequence[JointDescription]
-    above: Sequence[JointDescription]
-    frozen: Mapping[str, float]
+    joints: Sequence[JointDescription]  # all joints of the file, a parent before its children
+    above: Sequence[JointDescription]  # joints between the root and the base, in order from the base
+    frozen: Mapping[str, float]  # values [rad, m] of all other joints that could move, by name
     faults: Sequence[Fault]
     notices: Sequence[str]
 

@@ -24,9 +24,6 @@ ORIGIN = Pose(np.zeros(3))
 class LinkDescription:
     """A link: mass [kg], inertial frame, and inertia in this frame.
 
-    inertia_fault: reason why no real body has this inertia
-    faults: other faults; a link with other faults has no mass
-
     The inertial frame is a pose on the link.
     """
 
@@ -34,8 +31,8 @@ class LinkDescription:
     mass: float = 0.0
     origin: Pose = ORIGIN
     inertia: Matrix3 = field(default_factory=lambda: np.zeros((3, 3)))  # kg m²
-    inertia_fault: Fault | None = None
-    faults: tuple[Fault, ...] = ()
+    inertia_fault: Fault | None = None  # reason why no real body has this inertia
+    faults: tuple[Fault, ...] = ()  # other faults; a link with other faults has no mass
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,8 +58,6 @@ class JointLimits:
 class JointDescription:
     """A joint and its origin on the parent link.
 
-    misplaced: whether the origin or axis cannot be read, so that the place of the child is unknown
-
     The ``axis`` has length 1.
     """
 
@@ -76,7 +71,7 @@ class JointDescription:
     mimic: tuple[str, float, float] | None = None  # leader, multiplier, offset
     line: int = 1
     faults: tuple[Fault, ...] = ()
-    misplaced: bool = False
+    misplaced: bool = False  # whether the origin or axis cannot be read, so that the place of the child is unknown
 
     @property
     def units(self) -> tuple[str, str]:

@@ -145,17 +145,13 @@ class Spline:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Derivatives:
-    """Known derivatives of a motion at its samples, which replace differences.
-
-    velocity_bounds: velocities, or Bernstein coefficients that bound them
-    spline: state (q, dq, ddq) of the spline, if the motion is its projection
-    """
+    """Known derivatives of a motion at its samples, which replace differences."""
 
     dq: Samples
     ddq: Samples
     jerk: Samples
-    velocity_bounds: Samples
-    spline: tuple[Samples, ...] | None = None
+    velocity_bounds: Samples  # velocities, or Bernstein coefficients that bound them
+    spline: tuple[Samples, ...] | None = None  # state (q, dq, ddq) of the spline, if the motion is its projection
 
     def __post_init__(self) -> None:
         for values in (self.dq, self.ddq, self.jerk, self.velocity_bounds):

@@ -35,22 +35,14 @@ Columns = Float[np.ndarray, "pieces instants columns"]
 
 @dataclass(frozen=True, kw_only=True)
 class RefinementOptions:
-    """Settings of grids between samples.
+    """Settings of grids between samples."""
 
-    steps: number of steps of an interval between two samples, and of a step that is divided again
-    width: number of points of a finite difference
-    divisions: largest number of steps that are divided at once
-    rounds: largest number of divisions
-    rounding: share of a limit's range by which a bound may exceed the largest value
-    share: share of the largest value by which a bound may exceed it
-    """
-
-    steps: int = 8
-    width: int = 6
-    divisions: int = 64
-    rounds: int = 12
-    rounding: float = 1e-10
-    share: float = 1e-3
+    steps: int = 8  # number of steps of an interval between two samples, and of a step that is divided again
+    width: int = 6  # number of points of a finite difference
+    divisions: int = 64  # largest number of steps that are divided at once
+    rounds: int = 12  # largest number of divisions
+    rounding: float = 1e-10  # share of a limit's range by which a bound may exceed the largest value
+    share: float = 1e-3  # share of the largest value by which a bound may exceed it
 
 
 OPTIONS = RefinementOptions()
@@ -158,16 +150,11 @@ def difference_matrix(points: int, order: int) -> np.ndarray:
 
 @dataclass(frozen=True, kw_only=True)
 class SampleOptions:
-    """Settings of checks for under-resolved samples, and of added samples.
+    """Settings of checks for under-resolved samples, and of added samples."""
 
-    steps: number of steps between samples on the grid of the curve
-    doublings: largest number of times that the intervals of a path are doubled if a value is under-resolved
-    helped: largest share of the error after doubling for which intervals are doubled again
-    """
-
-    steps: int = 50
-    doublings: int = 3
-    helped: float = 0.5
+    steps: int = 50  # number of steps between samples on the grid of the curve
+    doublings: int = 3  # largest number of times that the intervals of a path are doubled if a value is under-resolved
+    helped: float = 0.5  # largest share of the error after doubling for which intervals are doubled again
 
 
 SAMPLES = SampleOptions()
@@ -175,22 +162,17 @@ SAMPLES = SampleOptions()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MotionTask:
-    """One checked motion problem, made with ``motion_task``.
+    """One checked motion problem, made with ``motion_task``."""
 
-    arm: arm with the position limits of the problem, the widest ones if they vary along the path
-    start: joint positions (dof,), or None for a free start
-    bounds: arrays (1 or time, dof, 2) of limits by kind
-    """
-
-    arm: Arm
+    arm: Arm  # arm with the position limits of the problem, the widest ones if they vary along the path
     tasks: tuple[Task, ...]
     objectives: tuple[Objective, ...]
     constraints: tuple[Constraint, ...]
-    bounds: dict[str, Bounds]
+    bounds: dict[str, Bounds]  # arrays (1 or time, dof, 2) of limits by kind
     obstacles: tuple[Obstacle, ...]
     link_radius: float
     min_clearance: float
-    start: Float[np.ndarray, " dof"] | None
+    start: Float[np.ndarray, " dof"] | None  # joint positions (dof,), or None for a free start
     ends_at_rest: bool
     cyclic: bool
     differences: Differences

@@ -35,15 +35,11 @@ OPTIONS = RetractionOptions()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Retraction:
-    """Postures after Newton's method.
-
-    error: largest task error [rad, or share of the arm's length]
-    on_path: whether a posture converged on the sheet that it started from
-    """
+    """Postures after Newton's method."""
 
     q: Float[np.ndarray, "*batch dof"]
-    error: Float[np.ndarray, "*batch"]
-    on_path: Bool[np.ndarray, "*batch"]
+    error: Float[np.ndarray, "*batch"]  # largest task error [rad, or share of the arm's length]
+    on_path: Bool[np.ndarray, "*batch"]  # whether a posture converged on the sheet that it started from
 
 
 def task_errors(

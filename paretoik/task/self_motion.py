@@ -231,14 +231,13 @@ class Charts:
     The retraction onto the path is along ``row_space``.
 
     null_space: bases of the null space of the tasks' Jacobian along each base motion, transported without turning
-    row_space: bases of its row space
 
     Both are orthonormal with slides in arm lengths, so that y = null_spaceᵀ (q − base).
     """
 
     base: Float[np.ndarray, "bases time dof"]
     null_space: Float[np.ndarray, "bases time dof redundancy"]
-    row_space: Float[np.ndarray, "bases time dof rows"]
+    row_space: Float[np.ndarray, "bases time dof rows"]  # bases of its row space
 
     def at(
         self, task: MotionTask, which: np.ndarray, y: Float[np.ndarray, "*batch time redundancy"]

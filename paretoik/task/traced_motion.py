@@ -39,20 +39,18 @@ KINKS = PIECEWISE | {Op.ABSOLUTE}
 class TracedMotion:
     """The attributes of ``Motion`` as expressions.
 
-    task: MotionTask, or a stand-in for one
-    seconds: duration [s]; None for a motion with its own times, which follows no task
     steps: intervals (time − 1,) [s] of a motion with its own times; their sum if one sample is traced
 
     Functions get this motion when derivatives are taken.
     """
 
-    task: Any
+    task: Any  # MotionTask, or a stand-in for one
     trace: Trace
     q: TracedArray
     dq: TracedArray
     ddq: TracedArray
     jerk: TracedArray
-    seconds: float | None
+    seconds: float | None  # duration [s]; None for a motion with its own times, which follows no task
     steps: TracedArray | None = None
 
     def __getattr__(self, name: str) -> Any:
