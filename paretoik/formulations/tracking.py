@@ -43,7 +43,7 @@ from paretoik.task.random_starts import rollout_starts
 from paretoik.task.retraction import relative_errors, task_errors
 from paretoik.task.self_motion import branch_labels
 from paretoik.task.task import Task, describe_errors
-from paretoik.task.validation import START_TOLERANCE, motion_task
+from paretoik.task.validation import START_TOLERANCE, motion_task, with_ends
 from paretoik.trajectory.infeasibility import explain_violation, require_feasible, warn_of_obstructed_path
 from paretoik.trajectory.levels import ObserveLevel, explained_interruption
 from paretoik.trajectory.motion_terms import joint_distance
@@ -203,7 +203,7 @@ class Tracking(Formulation, Differentiable):
         """Make the problem; the class describes the parameters."""
         check_size("bases", bases, 1)
         check_seed("seed", seed)
-        self.task = motion_task(
+        task = motion_task(
             arm,
             path,
             objectives=objectives,
@@ -211,11 +211,9 @@ class Tracking(Formulation, Differentiable):
             constraints=constraints,
             obstacles=obstacles,
             link_radius=link_radius,
-            start=start,
-            end_velocity=end_velocity,
-            cyclic=cyclic,
             differences=differences,
         )
+        self.task = with_ends(task, start=start, end_velocity=end_velocity, cyclic=cyclic)
         warn_of_obstructed_path(self.task)
         self.add_objectives(self.task.objectives)
         self.constraint_names = ("tracking", "evaluation", *self.task.limit_names)

@@ -18,7 +18,13 @@ from paretoik.robot.arm import Arm
 from paretoik.robot.kinematics import characteristic_length
 from paretoik.stop_flag import check_interruption
 from paretoik.tables import field_representation, html_representation
-from paretoik.task.differences import Derivatives, Differences, quadrature_weights, simpson_weights, with_midpoints
+from paretoik.task.differences import (
+    Derivatives,
+    Differences,
+    quadrature_weights,
+    simpson_weights,
+    with_midpoints,
+)
 from paretoik.task.limits import LIMIT_TOLERANCE, Bounds, Constraint, limit_ranges, relative_violation, usual_ranges
 from paretoik.task.motion import Motion
 from paretoik.task.objectives import Objective
