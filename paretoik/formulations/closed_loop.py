@@ -62,27 +62,13 @@ def mean_position_error(motion: AnyMotion) -> AnyValues:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ClosedLoopRun:
-    """Result of a closed loop: its motion and every step's choice.
+    """Result of a closed loop: its motion and every step's choice."""
 
-    Attributes
-    ----------
-    loop
-        Loop that was followed.
-    q
-        Joint positions (time, dof); they end early if the loop was stopped early.
-    F
-        Objectives of the choices (steps, n_obj), minimised.
-    ranges
-        Smallest and largest objectives on the front of each step (steps, n_obj, 2).
-    fronts
-        Records of the requested steps by sample, some with their generations.
-    """
-
-    loop: ClosedLoop
-    q: Float[np.ndarray, "time dof"]
-    F: Objectives
-    ranges: Float[np.ndarray, "steps n_obj 2"]
-    fronts: Mapping[int, StepRecord]
+    loop: ClosedLoop  # loop that was followed
+    q: Float[np.ndarray, "time dof"]  # joint positions, which end early if the loop was stopped early
+    F: Objectives  # objectives of the choices (steps, n_obj), minimised
+    ranges: Float[np.ndarray, "steps n_obj 2"]  # smallest and largest objectives on the front of each step
+    fronts: Mapping[int, StepRecord]  # records of the requested steps by sample, some with their generations
 
     @cached_property
     def task(self) -> MotionTask:

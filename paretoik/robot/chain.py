@@ -39,8 +39,8 @@ class SerialChain:
     placements: tuple[Pose, ...]
     bodies: tuple[Body, ...]
     tool: Pose
-    base: Pose
-    gravity: Vector3
+    base: Pose = field(default_factory=lambda: Pose(np.zeros(3)))
+    gravity: Vector3 = field(default_factory=lambda: np.array(EARTH_GRAVITY))
     position_limits: Float[np.ndarray, "dof 2"]
     velocity_limits: Float[np.ndarray, " dof"]
     torque_limits: Float[np.ndarray, " dof"]

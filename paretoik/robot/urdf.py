@@ -366,7 +366,6 @@ def _build_arm(
         placements=placements,
         bodies=tuple(body for body, _, _ in merged),
         tool=frames[chain.tip].pose,
-        base=ORIGIN,
         gravity=gravity,
         position_limits=np.array([[each.lower, each.upper] for each in limits]),
         velocity_limits=np.array([each.velocity or np.inf for each in limits]),

@@ -15,7 +15,6 @@ from paretoik.errors import Infeasible, InvalidInput
 from paretoik.inputs import (
     check_choice,
     check_flag,
-    check_instance,
     finite_array,
     finite_number,
     read_list,
@@ -131,8 +130,6 @@ class Motion:
         read_list("tasks", self.tasks, Task, "a tuple of tasks")
         check_obstacles(self.obstacles)
         check_link_radius(self.link_radius)
-        if self.derivatives is not None:
-            check_instance("derivatives", self.derivatives, Derivatives, "Derivatives or None")
         if self.cyclic:
             distance = np.abs(q[..., -1, :] - q[..., 0, :])
             if (distance / joint_scales(self.arm)).max(initial=0.0) > CLOSURE_TOLERANCE:

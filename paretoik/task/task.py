@@ -94,7 +94,13 @@ def _where(condition: Component, first: Sequence[Component], second: Sequence[Co
 
 Components: TypeAlias = Sequence[Component]
 Axes = Literal["xy", "xy+angle", "xyz", "xyz+z-axis", "pose"]
-ROWS: dict[str, int] = {"xy": 2, "xy+angle": 3, "xyz": 3, "xyz+z-axis": 5, "pose": 6}
+AXES: dict[str | None, tuple[int, tuple[int, ...]]] = {  # coordinates, and entries of the rotation vector
+    "xy": (2, ()),
+    "xy+angle": (2, (2,)),
+    "xyz": (3, ()),
+    "xyz+z-axis": (3, (0, 1)),
+    "pose": (3, (0, 1, 2)),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +129,7 @@ class Task:
         check_text("frame", self.frame)
         if self.axes is None:
             return
-        check_choice("axes", self.axes, ROWS)
+        check_choice("axes", self.axes, AXES)
         if self.has_orientation and self.path.quaternions is None:
             hint = "pk.line(pk.Pose.from_rpy(xyz, rpy), ...) is one of poses"
             raise InvalidInput(f"path must be one of poses for axes {shown(self.axes)}, got one of points; {hint}")
@@ -157,19 +163,29 @@ class Task:
         return self
 
     @property
-    def rows(self) -> int:
-        """Number of equations per sample."""
-        return ROWS[self.axes or ""]
-
-    @property
     def position_rows(self) -> int:
         """Number of equations of position [m]; the others are of orientation [rad]."""
-        return 2 if self.axes in ("xy", "xy+angle") else 3
+        return AXES[self.axes][0]
+
+    @property
+    def rotation_axes(self) -> tuple[int, ...]:
+        """Indices of the rotation vector's entries that are equations."""
+        return AXES[self.axes][1]
+
+    @property
+    def has_orientation(self) -> bool:
+        """Whether some equations are of orientation."""
+        return len(self.rotation_axes) > 0
+
+    @property
+    def rows(self) -> int:
+        """Number of equations per sample."""
+        return self.position_rows + len(self.rotation_axes)
 
     @property
     def target_size(self) -> int:
         """Number of columns of ``targets``."""
-        return {"xy": 2, "xyz": 3, "xy+angle": 11}.get(self.axes or "", 12)
+        return self.position_rows + 9 * self.has_orientation
 
     @property
     def displacement_size(self) -> int:
@@ -227,7 +243,7 @@ class Task:
             rotation, _ = frame_components(arm, links, frame_of(arm, self.frame))
             x, y, z = displacement[self.position_rows :]
             vector = apply_transposed(rotation, (x, y, z))
-            components += [vector[i] for i in self._rotation_axes]
+            components += [vector[i] for i in self.rotation_axes]
         return components
 
     def errors(self, arm: Arm, links: LinkFrames, target: Components) -> list[Component]:
@@ -237,7 +253,7 @@ class Task:
         error = [minus(target[i], position[i]) for i in range(size)]
         if self.has_orientation:
             vector = orientation_error(self.axes or "", rotation, _matrix(target[size:]))
-            error += [vector[i] for i in self._rotation_axes]
+            error += [vector[i] for i in self.rotation_axes]
         return error
 
     def jacobian(self, arm: Arm, links: LinkFrames) -> list[list[Component]]:
@@ -248,7 +264,7 @@ class Task:
         jacobian = [[linear[i] for linear, _ in columns] for i in range(self.position_rows)]
         if self.has_orientation:
             in_frame = [apply_transposed(rotation, angular) for _, angular in columns]
-            jacobian += [[angular[i] for angular in in_frame] for i in self._rotation_axes]
+            jacobian += [[angular[i] for angular in in_frame] for i in self.rotation_axes]
         return jacobian
 
     def equations(self, arm: Arm, links: LinkFrames, target: Components) -> list[Component]:
@@ -263,18 +279,8 @@ class Task:
         residuals = [minus(position[i], target[i]) for i in range(size)]
         if self.has_orientation:
             sines = axis_times_sine(self.axes or "", multiply(transpose(_matrix(target[size:])), rotation))
-            residuals += [sines[i] for i in self._rotation_axes]
+            residuals += [sines[i] for i in self.rotation_axes]
         return residuals
-
-    @property
-    def has_orientation(self) -> bool:
-        """Whether some equations are of orientation."""
-        return self.axes in ("xy+angle", "xyz+z-axis", "pose")
-
-    @property
-    def _rotation_axes(self) -> tuple[int, ...]:
-        """Indices of the rotation vector's entries that are equations."""
-        return {"xyz+z-axis": (0, 1), "xy+angle": (2,)}.get(self.axes or "", (0, 1, 2))
 
 
 def error_unit(tasks: Sequence[Task]) -> str:
