@@ -66,8 +66,6 @@ PATHS = InitialPathOptions()
 class InitialPaths:
     """Splines of joint positions, and of sliders as shares of their range."""
 
-    arm: Arm
-    actuation: Actuation
     q: Float[np.ndarray, "bases coefficients dof"]  # rad, m: coefficients of joint positions
     shares: Float[np.ndarray, "bases coefficients dof"]  # coefficients of sliders, as shares of their range
     spline: Float[np.ndarray, "time coefficients"]  # matrix from coefficients to samples
@@ -144,8 +142,6 @@ def find_initial_paths(
     # The directions in which the task changes at either end are those of the Jacobian's rows.
     jacobian = task_errors(task.arm, task.tasks, splines[:, [0, -1]], task.targets[[0, -1]])[1]
     return InitialPaths(
-        arm=arm,
-        actuation=actuation,
         q=splines[rows],
         shares=shares[rows],
         spline=basis,

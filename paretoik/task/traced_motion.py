@@ -281,11 +281,7 @@ def trace_motion_function(
     shape = motion.time.shape if form in ("integral", "peak") else ()
     wish = f"(time,), here {shape}," if shape else "()"
     try:
-        with user_function(name), limited_call(name):
-            value = function(motion)
-        array = value if isinstance(value, TracedArray) else np.asarray(value)
-        if array.dtype.kind not in "fiub":
-            raise InvalidInput(f"must return real numbers, got {array.dtype if array.ndim else repr(value)}")
+        array = _real_value(motion, name, function)
         if array.shape != shape:
             raise InvalidInput(f"({form}) must return shape {wish} where derivatives are taken, got {array.shape}")
     except InvalidInput as error:
@@ -300,11 +296,7 @@ def trace_sample_function(motion: TracedMotion, name: str, function: Callable[[A
     """
     tape = motion.trace.tape
     try:
-        with user_function(name), limited_call(name):
-            value = function(motion)
-        array = value if isinstance(value, TracedArray) else np.asarray(value)
-        if array.dtype.kind not in "fiub":
-            raise InvalidInput(f"must return real numbers, got {array.dtype if array.ndim else repr(value)}")
+        array = _real_value(motion, name, function)
         if isinstance(array, TracedArray) and array.entries.shape == ():
             return Expression(tape, as_entry(tape, array.entries))
         if isinstance(array, np.ndarray) and array.shape in ((), (motion.trace.samples,)):
@@ -314,6 +306,16 @@ def trace_sample_function(motion: TracedMotion, name: str, function: Callable[[A
         return None
     except InvalidInput as error:
         raise InvalidInput(f"{name}: {error}") from None
+
+
+def _real_value(motion: TracedMotion, name: str, function: Callable[[Any], Any]) -> TracedArray | np.ndarray:
+    """Return a function's value. Raises InvalidInput unless it is real, EvaluationFailed if the function raises."""
+    with user_function(name), limited_call(name):
+        value = function(motion)
+    array = value if isinstance(value, TracedArray) else np.asarray(value)
+    if array.dtype.kind not in "fiub":
+        raise InvalidInput(f"must return real numbers, got {array.dtype if array.ndim else repr(value)}")
+    return array
 
 
 class OneInterval(NamedTuple):
