@@ -184,7 +184,24 @@ def fit_spline(q: Samples, time: Instants, *, cyclic: bool, ends_at_rest: bool) 
     before, after = (step[..., -2:], step[..., :2]) if cyclic else (step[..., 1::-1], step[..., :-3:-1])
     first = time[..., :1] - np.cumsum(before[..., ::-1], axis=-1)[..., ::-1]
     knots = np.concatenate([first, time, time[..., -1:] + np.cumsum(after, axis=-1)], axis=-1)
-    control = _control_points(q, knots, cyclic=cyclic, ends_at_rest=ends_at_rest)
+    # control points (*batch, time + 2, columns), one beyond each end
+    if cyclic:
+        control = _inner_control_points(np.concatenate([q[..., -3:-1, :], q, q[..., 1:3, :]], axis=-2), knots)
+    elif q.shape[-2] < 5 - ends_at_rest:
+        control = _polynomial_control_points(q, knots, ends_at_rest=ends_at_rest)
+    else:
+        inner = _inner_control_points(q, knots[..., 2:-2])
+        near = min(4, inner.shape[-2])
+        if ends_at_rest:
+            rest = np.diff(knots)
+            share = (rest[..., -3] / (2 * rest[..., -3] + rest[..., -4]))[..., None, None]
+            last = (q[..., -1:, :] - share * inner[..., -1:, :]) / (1 - share)
+            inner = np.concatenate([inner, last, inner[..., -1:, :]], axis=-2)
+        else:
+            end = _free_end(q[..., -1:, :], inner[..., : -near - 1 : -1, :], -knots[..., : -near - 5 : -1])
+            inner = np.concatenate([inner, end[..., ::-1, :]], axis=-2)
+        start = _free_end(q[..., :1, :], inner[..., :near, :], knots[..., : near + 4])
+        control = np.concatenate([start, inner], axis=-2)
     position, velocity, acceleration, slopes = _values_at_knots(control, knots)
     return Spline(
         time=time,
@@ -215,26 +232,6 @@ def _interleave(samples: np.ndarray, middles: np.ndarray) -> np.ndarray:
     dense = np.empty((*samples.shape[:-2], 2 * samples.shape[-2] - 1, samples.shape[-1]))
     dense[..., ::2, :], dense[..., 1::2, :] = samples, middles
     return dense
-
-
-def _control_points(q: Samples, knots: np.ndarray, *, cyclic: bool, ends_at_rest: bool) -> np.ndarray:
-    """Return the control points (*batch, time + 2, columns), one beyond each end."""
-    if cyclic:
-        around = np.concatenate([q[..., -3:-1, :], q, q[..., 1:3, :]], axis=-2)
-        return _inner_control_points(around, knots)
-    if q.shape[-2] < 5 - ends_at_rest:
-        return _polynomial_control_points(q, knots, ends_at_rest=ends_at_rest)
-    inner = _inner_control_points(q, knots[..., 2:-2])
-    near = min(4, inner.shape[-2])
-    if ends_at_rest:
-        step = np.diff(knots)
-        share = (step[..., -3] / (2 * step[..., -3] + step[..., -4]))[..., None, None]
-        last = (q[..., -1:, :] - share * inner[..., -1:, :]) / (1 - share)
-        inner = np.concatenate([inner, last, inner[..., -1:, :]], axis=-2)
-    else:
-        end = _free_end(q[..., -1:, :], inner[..., : -near - 1 : -1, :], -knots[..., : -near - 5 : -1])
-        inner = np.concatenate([inner, end[..., ::-1, :]], axis=-2)
-    return np.concatenate([_free_end(q[..., :1, :], inner[..., :near, :], knots[..., : near + 4]), inner], axis=-2)
 
 
 def _inner_control_points(q: Samples, time: Instants) -> np.ndarray:
