@@ -217,7 +217,6 @@ class ClosedLoop:
         generations: int = 200,
         seed: int = 0,
     ) -> None:
-        """Make the problem; the class describes the parameters."""
         self.objectives = check_objectives(objectives)
         self.names = tuple(each.name for each in self.objectives)
         self.signs = np.array([each.sign for each in self.objectives])

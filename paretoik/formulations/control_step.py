@@ -172,7 +172,6 @@ class ControlStep(Formulation):
         limits: Limits | None = None,
         longest_step: float = 0.1,
     ) -> None:
-        """Make the problem; the class describes the parameters."""
         self.objectives = check_objectives(objectives)
         check_limits(limits, supported=("position", "velocity", "clearance"), where="in a control step")
         whole = motion_task(

@@ -167,7 +167,6 @@ class DirectionalMaxima(DenseFormulation):
         starts: int = 400,
         seed: int = 0,
     ) -> None:
-        """Make the problem; the class describes the parameters."""
         read_list("objectives", objectives, Objective, "a list of functions decorated with @objective")
         check_actuation(actuation, arm)
         check_size("starts", starts, 1)

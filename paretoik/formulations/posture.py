@@ -86,7 +86,6 @@ class Posture(Formulation):
         obstacles: Sequence[Obstacle] = (),
         link_radius: float = 0.0,
     ) -> None:
-        """Make the problem; the class describes the parameters."""
         read_list("objectives", objectives, Objective, "a list of functions decorated with @objective")
         check_limits(limits, supported=("position", "torque", "clearance"), where="of a posture")
         checked = motion_task(

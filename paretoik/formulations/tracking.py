@@ -200,7 +200,6 @@ class Tracking(Formulation, Differentiable):
         bases: int = 12,
         seed: int = 0,
     ) -> None:
-        """Make the problem; the class describes the parameters."""
         check_size("bases", bases, 1)
         check_seed("seed", seed)
         task = motion_task(

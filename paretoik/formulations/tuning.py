@@ -124,7 +124,6 @@ class Tuning(Formulation):
         link_radius: float = 0.0,
         seed: int = 0,
     ) -> None:
-        """Make the problem; the class describes the parameters."""
         if not isinstance(method, Method):
             raise InvalidInput(f"method must be one of pk.methods, such as DampedLeastSquares(), got {shown(method)}")
         check_choice("judged_by", judged_by, get_args(JudgedBy))

@@ -15,6 +15,7 @@ from paretoik.errors import Infeasible, InvalidInput
 from paretoik.inputs import (
     check_choice,
     check_flag,
+    check_instance,
     finite_array,
     finite_number,
     read_list,
@@ -130,6 +131,7 @@ class Motion:
         read_list("tasks", self.tasks, Task, "a tuple of tasks")
         check_obstacles(self.obstacles)
         check_link_radius(self.link_radius)
+        check_instance("derivatives", self.derivatives, Derivatives | None, "Derivatives or None")
         if self.cyclic:
             distance = np.abs(q[..., -1, :] - q[..., 0, :])
             if (distance / joint_scales(self.arm)).max(initial=0.0) > CLOSURE_TOLERANCE:
