@@ -96,10 +96,27 @@ def reach_error(task: MotionTask, rng: np.random.Generator, near: int) -> OutOfR
         _, error = _solve_from_random_starts(
             task, np.full(POSTURE_OPTIONS.thorough_starts, sample), rng, iterations=5 * POSTURE_OPTIONS.iterations
         )
-        if np.abs(error).max(axis=1).min() > ON_PATH_TOLERANCE:
-            nearest = error[int(np.argmin(np.sum(error**2, axis=1)))] * row_scales(task.arm, task.tasks)
-            where = f"sample {sample} ({task.times[sample]:.3g} s)"
-            return OutOfReach(f"path leaves reach at {where}: {_describe_error(task, sample, nearest)}", sample=sample)
+        if np.abs(error).max(axis=1).min() <= ON_PATH_TOLERANCE:
+            continue
+        nearest = error[int(np.argmin(np.sum(error**2, axis=1)))] * row_scales(task.arm, task.tasks)
+        # how far the nearest posture is from the sample, in the task with the largest error
+        errors, row, column = [], 0, 0
+        for part in task.tasks:
+            size = part.position_rows
+            target, residual = task.targets[sample, column : column + size], nearest[row : row + part.rows]
+            errors.append((float(np.linalg.norm(residual)), target, residual[:size], residual[size:]))
+            row, column = row + part.rows, column + part.target_size
+        _, target, off, turn = max(errors, key=lambda entry: entry[0])
+        rotation = f", there turned {np.linalg.norm(turn):.3g} rad away" if len(turn) else ""
+        distance, length = float(np.linalg.norm(off)), characteristic_length(task.arm)
+        is_far = distance > POSTURE_OPTIONS.other_units * length
+        units = f"; the arm is {length:.3g} m long: is the path in metres?" if is_far else ""
+        wanted, reached = ((np.round(place, 6) + 0.0).tolist() for place in (target, target - off))
+        return OutOfReach(
+            f"path leaves reach at sample {sample} ({task.times[sample]:.3g} s): {wanted} m is {distance:.3g} m from "
+            f"the nearest point found, {reached} m{rotation}{units}",
+            sample=sample,
+        )
     if task.cyclic:
         return Infeasible("no cyclic motion was found: every candidate that follows the path ends in another posture")
     q = sample_postures(task, 64, rng, sample=near)
@@ -108,25 +125,6 @@ def reach_error(task: MotionTask, rng: np.random.Generator, near: int) -> OutOfR
         f"every sample can be reached, but no continuous motion passes sample {near} ({task.times[near]:.3g} s): a "
         f"singularity, a gap between branches or samples too far apart (least condition number of the Jacobian there: "
         f"{condition:.3g})"
-    )
-
-
-def _describe_error(task: MotionTask, sample: int, error: Float[np.ndarray, " rows"]) -> str:
-    """Return in words how far the nearest posture is from a sample, for the worst task."""
-    errors, row, column = [], 0, 0
-    for part in task.tasks:
-        size = part.position_rows
-        target, residual = task.targets[sample, column : column + size], error[row : row + part.rows]
-        errors.append((float(np.linalg.norm(residual)), target, residual[:size], residual[size:]))
-        row, column = row + part.rows, column + part.target_size
-    _, target, off, turn = max(errors, key=lambda entry: entry[0])
-    rotation = f", there turned {np.linalg.norm(turn):.3g} rad away" if len(turn) else ""
-    distance, length = float(np.linalg.norm(off)), characteristic_length(task.arm)
-    units = f"; the arm is {length:.3g} m long: is the path in metres?"
-    units *= distance > POSTURE_OPTIONS.other_units * length
-    return (
-        f"{(np.round(target, 6) + 0.0).tolist()} m is {distance:.3g} m from the nearest point found, "
-        f"{(np.round(target - off, 6) + 0.0).tolist()} m{rotation}{units}"
     )
 
 
