@@ -18,6 +18,7 @@ from paretoik.formulations.formulation import Formulation
 from paretoik.formulations.motions import possible_values
 from paretoik.formulations.navigation import navigate, predict
 from paretoik.front.front import Front
+from paretoik.inputs import read_list
 from paretoik.nlp.dense.dense_program import DenseProgram
 from paretoik.nlp.dense.traced_rows import AssembledRows
 from paretoik.nlp.program import Program, Solver
@@ -39,6 +40,7 @@ def function_task(
     arm: Arm, path: Path, objectives: Sequence[Objective], constraints: Sequence[Constraint]
 ) -> MotionTask:
     """Return a checked task with the user's functions, without limits. Raises InvalidInput."""
+    read_list("objectives", objectives, Objective, "a list of functions decorated with @objective")
     checked = motion_task(
         arm,
         path,

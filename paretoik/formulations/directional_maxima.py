@@ -44,7 +44,7 @@ from paretoik.formulations.dense_formulation import (
     slider_shares,
 )
 from paretoik.formulations.formulation import of_genes
-from paretoik.inputs import check_flag, check_seed, check_size, finite_array, read_list
+from paretoik.inputs import check_flag, check_seed, check_size, finite_array
 from paretoik.robot import kinematics
 from paretoik.robot.arm import Arm
 from paretoik.robot.dynamics import gravity_torques
@@ -167,7 +167,6 @@ class DirectionalMaxima(DenseFormulation):
         starts: int = 400,
         seed: int = 0,
     ) -> None:
-        read_list("objectives", objectives, Objective, "a list of functions decorated with @objective")
         check_actuation(actuation, arm)
         check_size("starts", starts, 1)
         check_seed("seed", seed)

@@ -33,7 +33,7 @@ from paretoik.formulations.dense_formulation import (
 )
 from paretoik.formulations.encoding import clamped_spline
 from paretoik.formulations.formulation import of_genes
-from paretoik.inputs import check_flag, check_size, finite_array, read_list
+from paretoik.inputs import check_flag, check_size, finite_array
 from paretoik.robot.arm import Arm
 from paretoik.robot.dynamics import gravity_torques
 from paretoik.task.limits import LIMIT_TOLERANCE, Constraint
@@ -303,7 +303,6 @@ class PointToPoint(DenseFormulation):
         bases: int = 12,
         seed: int = 0,
     ) -> None:
-        read_list("objectives", objectives, Objective, "a list of functions decorated with @objective")
         check_actuation(actuation, arm)
         counts = {"samples": (samples, 5), "coefficients": (coefficients, 4), "bases": (bases, 1), "seed": (seed, 0)}
         for name, (value, least) in counts.items():

@@ -310,7 +310,7 @@ class _Reader:
     def number(
         self, element: Element, name: str, default: str | None = None, *, infinite: bool = False
     ) -> float | None:
-        """Return the one number of an attribute; None, with a fault, if there is none."""
+        """Return the one number of an attribute; None, with a fault, without one."""
         values = self.numbers(element, name, default, infinite=infinite)
         return values[0] if values else None
 
